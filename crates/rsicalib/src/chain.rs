@@ -1,0 +1,247 @@
+//! Forward kinematics of one chain, and what each joint does to its points.
+//!
+//! A chain is compiled to [`Step`]s: rigid placements, and turns and slides
+//! about the axes of the frame reached so far, driven by a channel or by a
+//! parameter of the geometry. A point `p` carried by the chain moves with step
+//! `s` as
+//!
+//! ```text
+//! ∂p/∂s = z_s × (p - o_s)    turn about the axis z_s through o_s          (21)
+//! ∂p/∂s = z_s                slide along z_s                              (22)
+//! ```
+
+use nalgebra::Isometry3;
+
+use crate::lanes::{Lanes, Vec3, cross, minus};
+use crate::terms::Weight as Whose;
+
+/// One axis of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axis {
+    /// First axis.
+    X,
+    /// Second axis.
+    Y,
+    /// Third axis: that of joints.
+    Z,
+}
+
+/// Turning or sliding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// About the axis, rad.
+    Turn,
+    /// Along the axis, length units.
+    Slide,
+}
+
+/// What drives a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// The joint coordinate of a channel.
+    Channel(usize),
+    /// A parameter of the model.
+    Parameter(usize),
+}
+
+/// One step from the base to the tip.
+#[derive(Debug, Clone)]
+pub enum Step {
+    /// A rigid placement: rotation, row by row, and translation.
+    Place([f64; 9], [f64; 3]),
+    /// A motion about or along one axis of the frame reached.
+    Move(Axis, Way, Source),
+    /// A mass: whose it is, its centre in the frame reached, and its weight.
+    Mass(Whose, [f64; 3], f64),
+}
+
+/// A frame of eight samples: three axes and an origin, in the base.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// The axes.
+    pub axes: [Vec3; 3],
+    /// The origin.
+    pub origin: Vec3,
+}
+
+/// What a motion turns or slides about, in the base.
+#[derive(Debug, Clone, Copy)]
+pub struct Lever {
+    /// Turn or slide.
+    pub way: Way,
+    /// What drives it.
+    pub source: Source,
+    /// Its axis.
+    pub axis: Vec3,
+    /// A point on the axis.
+    pub origin: Vec3,
+}
+
+impl Lever {
+    /// How a point carried by it moves, eqs. (21, 22).
+    #[inline(always)]
+    #[must_use]
+    pub fn moves(&self, point: &Vec3) -> Vec3 {
+        match self.way {
+            Way::Turn => cross(&self.axis, &minus(point, &self.origin)),
+            Way::Slide => self.axis,
+        }
+    }
+}
+
+/// A mass on a chain, in the base.
+#[derive(Debug, Clone, Copy)]
+pub struct Weight {
+    /// Whose it is.
+    pub whose: Whose,
+    /// Its centre.
+    pub at: Vec3,
+    /// How heavy it is.
+    pub weight: f64,
+    /// Levers before this index carry it.
+    pub levers: usize,
+}
+
+/// A chain at eight samples.
+#[derive(Debug, Clone)]
+pub struct Posture {
+    /// The frame at its end.
+    pub tip: Frame,
+    /// One lever per motion, base first.
+    pub levers: Vec<Lever>,
+    /// Its masses.
+    pub weights: Vec<Weight>,
+}
+
+impl Frame {
+    /// The base.
+    pub const BASE: Self = Self {
+        axes: [
+            [Lanes::ONE, Lanes::ZERO, Lanes::ZERO],
+            [Lanes::ZERO, Lanes::ONE, Lanes::ZERO],
+            [Lanes::ZERO, Lanes::ZERO, Lanes::ONE],
+        ],
+        origin: [Lanes::ZERO; 3],
+    };
+
+    /// A point of this frame, in the base.
+    #[inline(always)]
+    #[must_use]
+    pub fn point(&self, at: &[f64; 3]) -> Vec3 {
+        std::array::from_fn(|i| {
+            let [x, y, z] = &self.axes;
+            self.origin[i] + x[i] * at[0] + y[i] * at[1] + z[i] * at[2]
+        })
+    }
+
+    #[inline(always)]
+    fn place(&mut self, rotation: &[f64; 9], translation: &[f64; 3]) {
+        self.origin = self.point(translation);
+        let [x, y, z] = self.axes;
+        for (j, axis) in self.axes.iter_mut().enumerate() {
+            for i in 0..3 {
+                axis[i] = x[i] * rotation[j] + y[i] * rotation[3 + j] + z[i] * rotation[6 + j];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn turn(&mut self, axis: Axis, angle: Lanes) {
+        let (sin, cos) = angle.sin_cos();
+        let (a, b) = match axis {
+            Axis::X => (1, 2),
+            Axis::Y => (2, 0),
+            Axis::Z => (0, 1),
+        };
+        for i in 0..3 {
+            let (u, v) = (self.axes[a][i], self.axes[b][i]);
+            self.axes[a][i] = u * cos + v * sin;
+            self.axes[b][i] = v * cos - u * sin;
+        }
+    }
+
+    #[inline(always)]
+    fn slide(&mut self, axis: Axis, by: Lanes) {
+        let along = self.axes[axis as usize];
+        for i in 0..3 {
+            self.origin[i] += along[i] * by;
+        }
+    }
+}
+
+impl Posture {
+    /// Room for a chain; call [`Posture::take`] before reading it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { tip: Frame::BASE, levers: Vec::new(), weights: Vec::new() }
+    }
+
+    /// Walks the steps from the base to the tip.
+    ///
+    /// `angles` holds one joint coordinate per channel of the mechanism,
+    /// `parameters` the model's.
+    #[inline(always)]
+    pub fn take(&mut self, steps: &[Step], angles: &[Lanes], parameters: &[f64]) {
+        let mut frame = Frame::BASE;
+        self.levers.clear();
+        self.weights.clear();
+        for step in steps {
+            match step {
+                Step::Place(rotation, translation) => frame.place(rotation, translation),
+                Step::Move(axis, way, source) => {
+                    self.levers.push(Lever {
+                        way: *way,
+                        source: *source,
+                        axis: frame.axes[*axis as usize],
+                        origin: frame.origin,
+                    });
+                    let by = match *source {
+                        Source::Channel(c) => angles[c],
+                        Source::Parameter(p) => Lanes::splat(parameters[p]),
+                    };
+                    match way {
+                        Way::Turn => frame.turn(*axis, by),
+                        Way::Slide => frame.slide(*axis, by),
+                    }
+                }
+                Step::Mass(whose, at, weight) => self.weights.push(Weight {
+                    whose: *whose,
+                    at: frame.point(at),
+                    weight: *weight,
+                    levers: self.levers.len(),
+                }),
+            }
+        }
+        self.tip = frame;
+    }
+}
+
+impl Default for Posture {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Appends a placement, merged with the one before it.
+pub fn push_place(steps: &mut Vec<Step>, place: &Isometry3<f64>) {
+    let mut place = *place;
+    if let Some(Step::Place(r, t)) = steps.last() {
+        place = isometry(r, t) * place;
+        steps.pop();
+    }
+    if place == Isometry3::identity() {
+        return;
+    }
+    let m = place.rotation.to_rotation_matrix();
+    // Quarter turns are meant exactly: 6e-17 is the rounding of π/2.
+    let snap = |v: f64| if v.abs() < 1e-15 { 0.0 } else { v };
+    let rotation = std::array::from_fn(|k| snap(m[(k / 3, k % 3)]));
+    let t = place.translation;
+    steps.push(Step::Place(rotation, [snap(t.x), snap(t.y), snap(t.z)]));
+}
+
+fn isometry(r: &[f64; 9], t: &[f64; 3]) -> Isometry3<f64> {
+    let m = nalgebra::Matrix3::from_row_slice(r);
+    let rotation = nalgebra::Rotation3::from_matrix_unchecked(m);
+    Isometry3::from_parts((*t).into(), nalgebra::UnitQuaternion::from_rotation_matrix(&rotation))
+}

@@ -1,0 +1,28 @@
+//! Calibration of closed kinematic chains from their own joint readings.
+//!
+//! A closed mechanism with sensed joints satisfies `f(a*, β) = 0` in every pose,
+//! where `a*` are the true readings and `β` the parameters: offsets, gains and
+//! whatever else is not as drawn. Readings carry noise, `a = a* + e` with
+//! `e ~ N(0, Σ)`. The estimate minimises
+//!
+//! ```text
+//! Σ_samples eᵀ Σ⁻¹ e    subject to    f(a - e, β) = 0                      (1)
+//! ```
+
+pub mod chain;
+mod context;
+mod error;
+pub mod lanes;
+pub mod lm;
+pub mod mechanism;
+pub mod model;
+pub mod objective;
+pub mod readings;
+pub mod rsi;
+mod sums;
+pub mod terms;
+
+pub use error::Error;
+pub use mechanism::Mechanism;
+pub use model::{Instance, Model, Target};
+pub use readings::{Readings, Table};

@@ -1,0 +1,465 @@
+//! The two objectives: the paper's, and maximum likelihood.
+//!
+//! ```text
+//! algebraic       ½ Σ fᵀ f                                                (11)
+//! implicit loop   ½ Σ wᵀ S⁻¹ w,   S = A Σ Aᵀ + Π,   w = f(â) + A (a - â)  (51)
+//!                 â = a - Σ Aᵀ S⁻¹ w,   repeated until â stands still     (52)
+//! ```
+//!
+//! | symbol | here | |
+//! |---|---|---|
+//! | a, â | `raw`, `adjusted` | readings, and what they would be without noise |
+//! | Σ, Π | [`Noise`] | noise of the readings, and of the closure itself (play) |
+//! | S, L | `whiten` | covariance of the misclosure, and its Cholesky factor |
+//!
+//! Where (52) has converged, (51) equals `½ Σ eᵀ Σ⁻¹ e` over the noise `e = a - â`
+//! exactly, and `Xᵀ S⁻¹ w` is its exact gradient (the weight is differentiated
+//! too: by the envelope theorem nothing else is left). That is the full
+//! Gauss-Helmert estimate; `L⁻¹ X` serves as its Jacobian in [`crate::lm`].
+
+use std::sync::Mutex;
+
+use crate::lanes::{Lanes, WIDTH, dispatch};
+use crate::lm::{Curvature, Linearization, Problem};
+use crate::model::{Model, Want, Workspace};
+use crate::readings::Readings;
+use crate::sums::{Sums, over_chunks};
+
+/// Readings with the model that they are to fit.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<'a> {
+    /// The model; all parts share its parameters.
+    pub model: &'a Model,
+    /// The readings.
+    pub readings: &'a Readings,
+    /// False for each sample to leave out.
+    pub use_row: Option<&'a [bool]>,
+}
+
+impl Part<'_> {
+    /// One for each sample that counts, zero for the others.
+    #[inline(always)]
+    fn weight(&self, block: usize) -> Lanes {
+        let meta = &self.readings.blocks()[block];
+        Lanes(std::array::from_fn(|lane| {
+            let counts = lane < meta.live && self.use_row.is_none_or(|u| u[meta.rows[lane]]);
+            if counts { 1.0 } else { 0.0 }
+        }))
+    }
+}
+
+/// What is known of a parameter without readings: `β ~ N(mean, sd²)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// The parameter.
+    pub column: usize,
+    /// Its expectation.
+    pub mean: f64,
+    /// How far it may be from it.
+    pub sd: f64,
+}
+
+/// Noise of the readings and of the closure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of one reading of each channel, in its unit.
+    pub sigma: Vec<f64>,
+    /// Multiplies Π, the play that the mechanism declares.
+    pub play: f64,
+}
+
+/// The paper's objective (11), with priors.
+#[derive(Debug)]
+pub struct Algebraic<'a> {
+    part: Part<'a>,
+    priors: &'a [Prior],
+    /// For each equation, the parameters that it depends on.
+    active: Vec<Vec<usize>>,
+}
+
+impl<'a> Algebraic<'a> {
+    /// Of readings under a model.
+    #[must_use]
+    pub fn new(part: Part<'a>, priors: &'a [Prior]) -> Self {
+        let active = part.model.active();
+        Self { part, priors, active }
+    }
+}
+
+impl Problem for Algebraic<'_> {
+    fn parameters(&self) -> usize {
+        self.part.model.parameters
+    }
+
+    fn linearize(&self, x: &[f64]) -> Linearization {
+        let Part { model, readings, .. } = self.part;
+        let mut blocks = vec![(); readings.blocks().len()];
+        let one = |first: usize, chunk: &mut [()]| {
+            dispatch(
+                #[inline(always)]
+                || {
+                    let mut ws = Workspace::default();
+                    let mut sums = Sums::new(model.parameters);
+                    let want = Want { x: true, a: false };
+                    for block in first..first + chunk.len() {
+                        model.evaluate(readings, block, readings.raw(block), x, want, &mut ws);
+                        let weight = self.part.weight(block);
+                        for (k, active) in self.active.iter().enumerate() {
+                            let row = &mut ws.x[k * model.parameters..(k + 1) * model.parameters];
+                            for &i in active {
+                                row[i] = row[i] * weight;
+                            }
+                            sums.add(ws.f[k] * weight, row, active);
+                        }
+                    }
+                    sums
+                },
+            )
+        };
+        let sums = over_chunks(&mut blocks, 1, one, |a, b| a.merge(&b));
+        let sums = sums.unwrap_or_else(|| Sums::new(model.parameters));
+        let mut here = sums.finish();
+        add_priors(&mut here, self.priors, x);
+        here
+    }
+}
+
+/// Adds the observations that priors are.
+fn add_priors(here: &mut Linearization, priors: &[Prior], x: &[f64]) {
+    let Curvature::Gram(gram) = &mut here.curvature else { return };
+    for prior in priors {
+        let weight = prior.sd.powi(-2);
+        let off = x[prior.column] - prior.mean;
+        here.cost += 0.5 * weight * off * off;
+        here.gradient[prior.column] += weight * off;
+        gram[(prior.column, prior.column)] += weight;
+    }
+}
+
+/// The maximum-likelihood objective (51), with priors.
+#[derive(Debug)]
+pub struct Implicit<'a> {
+    parts: Vec<(Part<'a>, Noise)>,
+    priors: &'a [Prior],
+    /// `â` of every part, kept from one linearisation to the next.
+    adjusted: Mutex<Vec<Vec<Lanes>>>,
+}
+
+/// How often (52) is repeated at the most, and when it has converged.
+const INNER: usize = 20;
+/// Change of `â`, in standard deviations of a reading, that counts as none.
+const STILL: f64 = 1e-9;
+
+/// Residuals at a solution, sample by sample.
+#[derive(Debug, Clone, Default)]
+pub struct Residuals {
+    /// Equations of one sample.
+    pub equations: usize,
+    /// `L⁻¹ w`, sample by sample: standard normal if the model is right.
+    pub whitened: Vec<f64>,
+    /// Misclosure of the raw readings, in length units, sample by sample.
+    pub lengths: Vec<f64>,
+    /// `L⁻¹ A`, sample by sample, equation by equation, one per channel.
+    pub by_reading: Vec<f64>,
+    /// `L⁻¹ X`, sample by sample, equation by equation, one per parameter; if asked for.
+    pub by_parameter: Vec<f64>,
+    /// Iterations of (52) that the slowest block needed; [`INNER`] where one did not settle.
+    pub inner: usize,
+}
+
+impl<'a> Implicit<'a> {
+    /// Of readings under a model, with their noise; `rest` parts share the parameters.
+    #[must_use]
+    pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
+        let raw = |part: &Part| {
+            (0..part.readings.blocks().len())
+                .flat_map(|b| part.readings.raw(b).to_vec())
+                .collect::<Vec<_>>()
+        };
+        let adjusted = Mutex::new(parts.iter().map(|(part, _)| raw(part)).collect());
+        Self { parts, priors, adjusted }
+    }
+
+    /// Residuals of the first part at `x`; `by_parameter` only where asked for.
+    #[must_use]
+    pub fn residuals(&self, x: &[f64], by_parameter: bool) -> Residuals {
+        let (part, noise) = &self.parts[0];
+        let (model, readings) = (part.model, part.readings);
+        let (k, c, p) = (model.equations(), readings.channels, model.parameters);
+        let lengths = model.lengths();
+        let mut out = Residuals {
+            equations: k,
+            whitened: vec![0.0; readings.samples * k],
+            lengths: vec![0.0; readings.samples * k],
+            by_reading: vec![0.0; readings.samples * k * c],
+            by_parameter: if by_parameter {
+                vec![0.0; readings.samples * k * p]
+            } else {
+                Vec::new()
+            },
+            inner: 0,
+        };
+        let mut adjusted = lock(&self.adjusted);
+        dispatch(
+            #[inline(always)]
+            || {
+                let mut room = Room::new(model, noise);
+                for block in 0..readings.blocks().len() {
+                    let a_hat = &mut adjusted[0][block * c..(block + 1) * c];
+                    let raw = readings.raw(block);
+                    let meta = &readings.blocks()[block];
+                    let bare = Want { x: false, a: false };
+                    model.evaluate(readings, block, raw, x, bare, &mut room.ws);
+                    for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                        for e in 0..k {
+                            out.lengths[row * k + e] = room.ws.f[e].0[lane] * lengths[e];
+                        }
+                    }
+                    out.inner = out.inner.max(room.settle(part, block, x, a_hat, true));
+                    room.whiten_readings();
+                    for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                        for e in 0..k {
+                            out.whitened[row * k + e] = room.w[e].0[lane];
+                        }
+                        for (i, value) in room.ws.a.iter().enumerate() {
+                            out.by_reading[row * k * c + i] = value.0[lane];
+                        }
+                        if by_parameter {
+                            for (i, value) in room.ws.x.iter().enumerate() {
+                                out.by_parameter[row * k * p + i] = value.0[lane];
+                            }
+                        }
+                    }
+                }
+            },
+        );
+        out
+    }
+
+    /// Readings without their noise, row by row, as of the last linearisation.
+    #[must_use]
+    pub fn adjusted(&self) -> Vec<f64> {
+        let (part, _) = &self.parts[0];
+        let c = part.readings.channels;
+        let adjusted = lock(&self.adjusted);
+        let mut out = vec![0.0; part.readings.samples * c];
+        for (block, meta) in part.readings.blocks().iter().enumerate() {
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                for channel in 0..c {
+                    out[row * c + channel] = adjusted[0][block * c + channel].0[lane];
+                }
+            }
+        }
+        out
+    }
+}
+
+/// The state of a search; a panic elsewhere leaves it usable.
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+impl Problem for Implicit<'_> {
+    fn parameters(&self) -> usize {
+        self.parts[0].0.model.parameters
+    }
+
+    fn linearize(&self, x: &[f64]) -> Linearization {
+        let columns = self.parameters();
+        let all: Vec<usize> = (0..columns).collect();
+        let mut sums = Sums::new(columns);
+        let mut adjusted = lock(&self.adjusted);
+        for ((part, noise), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
+            let (model, channels) = (part.model, part.readings.channels);
+            let one = |first: usize, chunk: &mut [Lanes]| {
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        let mut room = Room::new(model, noise);
+                        let mut sums = Sums::new(columns);
+                        for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
+                            let block = first + i;
+                            room.settle(part, block, x, a_hat, true);
+                            let weight = part.weight(block);
+                            for k in 0..model.equations() {
+                                let row = &mut room.ws.x[k * columns..(k + 1) * columns];
+                                for value in row.iter_mut() {
+                                    *value = *value * weight;
+                                }
+                                sums.add(room.w[k] * weight, row, &all);
+                            }
+                        }
+                        sums
+                    },
+                )
+            };
+            if let Some(part) = over_chunks(adjusted, channels, one, |a, b| a.merge(&b)) {
+                sums.merge(&part);
+            }
+        }
+        let mut here = sums.finish();
+        add_priors(&mut here, self.priors, x);
+        here
+    }
+}
+
+/// Room to settle the readings of one block.
+struct Room {
+    ws: Workspace,
+    /// Whitened misclosure, `L⁻¹ w`.
+    w: Vec<Lanes>,
+    /// Cholesky factor of `S`, row by row, full square.
+    l: Vec<Lanes>,
+    lambda: Vec<Lanes>,
+    variance: Vec<f64>,
+    play: Vec<f64>,
+    still: Vec<f64>,
+}
+
+impl Room {
+    fn new(model: &Model, noise: &Noise) -> Self {
+        let k = model.equations();
+        Self {
+            ws: Workspace::default(),
+            w: vec![Lanes::ZERO; k],
+            l: vec![Lanes::ZERO; k * k],
+            lambda: vec![Lanes::ZERO; k],
+            variance: noise.sigma.iter().map(|s| s * s).collect(),
+            play: model.play().iter().map(|p| p * noise.play).collect(),
+            still: noise.sigma.iter().map(|s| STILL * s.max(f64::MIN_POSITIVE)).collect(),
+        }
+    }
+
+    /// Repeats (52) until the readings stand still, then whitens `w` and, if
+    /// wanted, `X`. Returns how often it was repeated.
+    #[inline(always)]
+    fn settle(
+        &mut self,
+        part: &Part,
+        block: usize,
+        x: &[f64],
+        a_hat: &mut [Lanes],
+        want_x: bool,
+    ) -> usize {
+        let (model, readings) = (part.model, part.readings);
+        let raw = readings.raw(block);
+        if a_hat.iter().any(|a| a.0.iter().any(|a| !a.is_finite())) {
+            a_hat.copy_from_slice(raw);
+        }
+        let mut repeats = 0;
+        loop {
+            repeats += 1;
+            let last = repeats == INNER;
+            // The last linearisation is where `â` already stands still.
+            let want = Want { x: want_x, a: true };
+            model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
+            self.misclosure(raw, a_hat);
+            self.factor();
+            let moved = self.adjust(raw, a_hat);
+            if !moved || last {
+                break;
+            }
+        }
+        if want_x {
+            self.whiten_parameters(model.parameters);
+        }
+        repeats
+    }
+
+    /// `w = f(â) + A (a - â)`
+    #[inline(always)]
+    fn misclosure(&mut self, raw: &[Lanes], a_hat: &[Lanes]) {
+        let c = raw.len();
+        for (k, w) in self.w.iter_mut().enumerate() {
+            *w = self.ws.f[k];
+            for i in 0..c {
+                *w += self.ws.a[k * c + i] * (raw[i] - a_hat[i]);
+            }
+        }
+    }
+
+    /// `S = A Σ Aᵀ + Π = L Lᵀ`, then `w ← L⁻¹ w`.
+    #[inline(always)]
+    fn factor(&mut self) {
+        let (n, c) = (self.w.len(), self.variance.len());
+        for i in 0..n {
+            for j in 0..=i {
+                let mut s = if i == j { Lanes::splat(self.play[i]) } else { Lanes::ZERO };
+                for (m, variance) in self.variance.iter().enumerate() {
+                    s += self.ws.a[i * c + m] * self.ws.a[j * c + m] * *variance;
+                }
+                for m in 0..j {
+                    s -= self.l[i * n + m] * self.l[j * n + m];
+                }
+                self.l[i * n + j] = if i == j { s.sqrt() } else { s / self.l[j * n + j] };
+            }
+        }
+        for i in 0..n {
+            for m in 0..i {
+                self.w[i] = self.w[i] - self.l[i * n + m] * self.w[m];
+            }
+            self.w[i] = self.w[i] / self.l[i * n + i];
+        }
+    }
+
+    /// `â ← a - Σ Aᵀ L⁻ᵀ (L⁻¹ w)`; true where it moved.
+    #[inline(always)]
+    fn adjust(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
+        let (n, c) = (self.w.len(), raw.len());
+        for i in (0..n).rev() {
+            let mut value = self.w[i];
+            for m in i + 1..n {
+                value -= self.l[m * n + i] * self.lambda[m];
+            }
+            self.lambda[i] = value / self.l[i * n + i];
+        }
+        let mut moved = false;
+        for i in 0..c {
+            let mut e = Lanes::ZERO;
+            for k in 0..n {
+                e += self.ws.a[k * c + i] * self.lambda[k];
+            }
+            let next = raw[i] - e * self.variance[i];
+            let change = (next - a_hat[i]).map(f64::abs);
+            let limit = self.still[i];
+            for lane in 0..WIDTH {
+                moved |= change.0[lane] > limit;
+            }
+            a_hat[i] = next;
+        }
+        moved
+    }
+
+    /// `X ← L⁻¹ X`
+    #[inline(always)]
+    fn whiten_parameters(&mut self, columns: usize) {
+        let n = self.w.len();
+        whiten_rows(&self.l, n, &mut self.ws.x, columns);
+    }
+
+    /// `A ← L⁻¹ A`
+    #[inline(always)]
+    fn whiten_readings(&mut self) {
+        let n = self.w.len();
+        let columns = self.variance.len();
+        whiten_rows(&self.l, n, &mut self.ws.a, columns);
+    }
+}
+
+/// Forward substitution on every column of `rows`, equation by equation.
+#[inline(always)]
+fn whiten_rows(l: &[Lanes], n: usize, rows: &mut [Lanes], columns: usize) {
+    for i in 0..n {
+        for m in 0..i {
+            let factor = l[i * n + m];
+            let (above, here) = rows.split_at_mut(i * columns);
+            for (value, known) in here[..columns].iter_mut().zip(&above[m * columns..]) {
+                *value -= factor * *known;
+            }
+        }
+        let inverse = Lanes::ONE / l[i * n + i];
+        for value in &mut rows[i * columns..(i + 1) * columns] {
+            *value = *value * inverse;
+        }
+    }
+}

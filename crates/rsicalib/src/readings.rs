@@ -1,0 +1,336 @@
+//! Readings: checked once on the way in, laid out for vector lanes.
+//!
+//! The unit of data is a *sample*, one reading of all channels; a pose is a
+//! label on samples. Samples are kept in blocks of [`WIDTH`], channel by
+//! channel, and no block mixes samples that touch different unknown points.
+//! What a sample needs from elsewhere, the direction of approach and the
+//! velocity, is *context*: computed once from the raw readings, then constant.
+
+use crate::lanes::{Lanes, WIDTH};
+use crate::{Error, Mechanism};
+
+/// Readings as they come, row by row.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    /// Readings, row by row, one per channel of the mechanism.
+    pub values: Vec<f64>,
+    /// Label of the held pose of each row; none for a recording in motion.
+    pub pose: Option<Vec<i64>>,
+    /// Time of each row [s].
+    pub time: Option<Vec<f64>>,
+    /// Temperature at each row [°C].
+    pub temperature: Option<Vec<f64>>,
+    /// Session of each row, counted from 0; none for a single one.
+    pub session: Option<Vec<usize>>,
+    /// For each key column of the mechanism, its text in each row.
+    pub keys: Vec<Vec<String>>,
+    /// For each value column of the mechanism, its number in each row.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// Readings of one mechanism, checked.
+#[derive(Debug, Clone)]
+pub struct Readings {
+    /// Samples.
+    pub samples: usize,
+    /// Channels.
+    pub channels: usize,
+    /// What users call each pose.
+    pub labels: Vec<i64>,
+    /// Number of the pose of each sample.
+    pub pose: Vec<usize>,
+    /// True where poses were held, each sampled one or more times.
+    pub held: bool,
+    /// True where there is a time column, so that velocities are per second.
+    pub timed: bool,
+    /// True where the temperature is known and changes.
+    pub tempered: bool,
+    /// Mean temperature [°C].
+    pub mean_temperature: Option<f64>,
+    /// Mean reading of each channel.
+    pub mean: Vec<f64>,
+    /// Lowest and highest reading of each channel.
+    pub span: Vec<[f64; 2]>,
+    /// Combinations of keys that occur.
+    pub groups: Vec<Vec<String>>,
+    /// Raw table, for whoever needs it row by row.
+    pub table: Table,
+    blocks: Vec<Block>,
+    raw: Vec<Lanes>,
+    approach: Vec<Lanes>,
+    velocity: Vec<Lanes>,
+    columns: Vec<Lanes>,
+}
+
+/// Eight samples, or fewer.
+#[derive(Debug, Clone)]
+pub struct Block {
+    /// Rows of the table; the last is repeated where the block is not full.
+    pub rows: [usize; WIDTH],
+    /// How many are real.
+    pub live: usize,
+    /// Which combination of keys they share: index into [`Readings::groups`].
+    pub group: usize,
+    /// Time of each, 0 to 1 over the session.
+    pub time: Lanes,
+    /// Temperature above the mean [K].
+    pub temperature: Lanes,
+    /// Number of the pose of each.
+    pub pose: Lanes,
+}
+
+impl Readings {
+    /// Checks a table and lays it out.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`] where columns differ in length, [`Error::Reading`] where
+    /// a reading is not a number in its channel's range, [`Error::Empty`].
+    pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
+        let channels = mechanism.channels.len();
+        let samples = check(mechanism, &table)?;
+        let (pose, labels) = number_poses(&table, samples);
+        let held = table.pose.is_some();
+        let (group, groups) = number_groups(&table, samples);
+        let time = session_time(&table, &pose, samples);
+        let mean_temperature =
+            table.temperature.as_ref().map(|t| t.iter().sum::<f64>() / samples as f64);
+        let temperature: Vec<f64> = match (&table.temperature, mean_temperature) {
+            (Some(t), Some(mean)) => t.iter().map(|t| t - mean).collect(),
+            _ => vec![0.0; samples],
+        };
+        let tempered = temperature.iter().any(|t| t.abs() > 0.05);
+
+        let column = |c: usize| table.values.iter().skip(c).step_by(channels).copied();
+        let mean = (0..channels).map(|c| column(c).sum::<f64>() / samples as f64).collect();
+        let span = (0..channels)
+            .map(|c| column(c).fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)]))
+            .collect();
+        let motion = crate::context::motion(&table, &pose, channels, held);
+
+        let mut readings = Self {
+            samples,
+            channels,
+            labels,
+            pose,
+            held,
+            timed: table.time.is_some(),
+            tempered,
+            mean_temperature,
+            mean,
+            span,
+            groups,
+            table,
+            blocks: Vec::new(),
+            raw: Vec::new(),
+            approach: Vec::new(),
+            velocity: Vec::new(),
+            columns: Vec::new(),
+        };
+        readings.lay_out(&group, &time, &temperature, &motion);
+        Ok(readings)
+    }
+
+    fn lay_out(
+        &mut self,
+        group: &[usize],
+        time: &[f64],
+        temperature: &[f64],
+        motion: &crate::context::Motion,
+    ) {
+        let mut order: Vec<usize> = (0..self.samples).collect();
+        order.sort_by_key(|&row| group[row]);
+        let mut first = 0;
+        while first < order.len() {
+            let mut last = first;
+            while last < order.len()
+                && last - first < WIDTH
+                && group[order[last]] == group[order[first]]
+            {
+                last += 1;
+            }
+            let rows: [usize; WIDTH] =
+                std::array::from_fn(|lane| order[(first + lane).min(last - 1)]);
+            let gather = |f: &dyn Fn(usize) -> f64| Lanes(rows.map(f));
+            for c in 0..self.channels {
+                self.raw.push(gather(&|r| self.table.values[r * self.channels + c]));
+                self.approach.push(gather(&|r| motion.approach[r * self.channels + c]));
+                self.velocity.push(gather(&|r| motion.velocity[r * self.channels + c]));
+            }
+            for column in &self.table.columns {
+                self.columns.push(Lanes(rows.map(|r| column[r])));
+            }
+            self.blocks.push(Block {
+                rows,
+                live: last - first,
+                group: group[order[first]],
+                time: gather(&|r| time[r]),
+                temperature: gather(&|r| temperature[r]),
+                pose: gather(&|r| self.pose[r] as f64),
+            });
+            first = last;
+        }
+    }
+
+    /// Number of poses.
+    #[must_use]
+    pub fn poses(&self) -> usize {
+        self.labels.len()
+    }
+
+    /// The blocks.
+    #[must_use]
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// Raw readings of a block, one lane per sample, channel by channel.
+    #[must_use]
+    #[inline(always)]
+    pub fn raw(&self, block: usize) -> &[Lanes] {
+        &self.raw[block * self.channels..(block + 1) * self.channels]
+    }
+
+    /// Direction of approach of each channel in a block: -1, 0, 1.
+    #[must_use]
+    #[inline(always)]
+    pub fn approach(&self, block: usize) -> &[Lanes] {
+        &self.approach[block * self.channels..(block + 1) * self.channels]
+    }
+
+    /// Velocity of each channel in a block, readings per second.
+    #[must_use]
+    #[inline(always)]
+    pub fn velocity(&self, block: usize) -> &[Lanes] {
+        &self.velocity[block * self.channels..(block + 1) * self.channels]
+    }
+
+    /// Measured distances of a block, one per value column.
+    #[must_use]
+    #[inline(always)]
+    pub fn columns(&self, block: usize) -> &[Lanes] {
+        let n = self.table.columns.len();
+        &self.columns[block * n..(block + 1) * n]
+    }
+
+    /// One row of raw readings.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[f64] {
+        &self.table.values[row * self.channels..(row + 1) * self.channels]
+    }
+
+    /// The rows of each pose, in order.
+    #[must_use]
+    pub fn rows_of_poses(&self) -> Vec<Vec<usize>> {
+        let mut rows = vec![Vec::new(); self.poses()];
+        for (row, &pose) in self.pose.iter().enumerate() {
+            rows[pose].push(row);
+        }
+        rows
+    }
+
+    /// The mean of all rows, a single sample: of a rest reading.
+    #[must_use]
+    pub fn mean_row(&self) -> &[f64] {
+        &self.mean
+    }
+}
+
+fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
+    let channels = mechanism.channels.len();
+    let samples = table.values.len() / channels;
+    if table.values.len() % channels != 0 {
+        return Err(shape("values", table.values.len(), (samples + 1) * channels));
+    }
+    if samples == 0 {
+        return Err(Error::Empty("the table has no rows".into()));
+    }
+    let same = |what: &str, found: usize| {
+        if found == samples { Ok(()) } else { Err(shape(what, found, samples)) }
+    };
+    same("pose", table.pose.as_ref().map_or(samples, Vec::len))?;
+    same("time", table.time.as_ref().map_or(samples, Vec::len))?;
+    same("temperature", table.temperature.as_ref().map_or(samples, Vec::len))?;
+    same("session", table.session.as_ref().map_or(samples, Vec::len))?;
+    let keys = mechanism.key_columns();
+    if table.keys.len() != keys.len() {
+        return Err(shape(&format!("keys ({})", keys.join(", ")), table.keys.len(), keys.len()));
+    }
+    for (name, column) in keys.iter().zip(&table.keys) {
+        same(name, column.len())?;
+    }
+    let values = mechanism.value_columns();
+    if table.columns.len() != values.len() {
+        let what = format!("columns ({})", values.join(", "));
+        return Err(shape(&what, table.columns.len(), values.len()));
+    }
+    for (name, column) in values.iter().zip(&table.columns) {
+        same(name, column.len())?;
+    }
+    for (row, values) in table.values.chunks_exact(channels).enumerate() {
+        for (channel, &found) in mechanism.channels.iter().zip(values) {
+            let [low, high] = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            if !(found.is_finite() && found >= low && found <= high) {
+                let channel = channel.name.clone();
+                return Err(Error::Reading { row, channel, found, low, high });
+            }
+        }
+    }
+    Ok(samples)
+}
+
+fn shape(what: &str, found: usize, expected: usize) -> Error {
+    Error::Shape { what: what.into(), found, expected }
+}
+
+/// Numbers poses in order of appearance, sessions apart.
+fn number_poses(table: &Table, samples: usize) -> (Vec<usize>, Vec<i64>) {
+    let Some(labels) = &table.pose else {
+        return ((0..samples).collect(), (1..=samples as i64).collect());
+    };
+    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
+    let mut seen = std::collections::HashMap::new();
+    let mut names = Vec::new();
+    let pose = (0..samples)
+        .map(|row| {
+            *seen.entry((session(row), labels[row])).or_insert_with(|| {
+                names.push(labels[row]);
+                names.len() - 1
+            })
+        })
+        .collect();
+    (pose, names)
+}
+
+/// Numbers the combinations of keys in order of appearance.
+fn number_groups(table: &Table, samples: usize) -> (Vec<usize>, Vec<Vec<String>>) {
+    let mut groups: Vec<Vec<String>> = Vec::new();
+    let mut seen = std::collections::HashMap::new();
+    let group = (0..samples)
+        .map(|row| {
+            let key: Vec<&String> = table.keys.iter().map(|column| &column[row]).collect();
+            *seen.entry(key).or_insert_with_key(|key| {
+                groups.push(key.iter().map(|k| (*k).clone()).collect());
+                groups.len() - 1
+            })
+        })
+        .collect();
+    (group, groups)
+}
+
+/// Time from 0 to 1 over each session: by the clock, else by the order of poses.
+fn session_time(table: &Table, pose: &[usize], samples: usize) -> Vec<f64> {
+    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
+    let clock = |row: usize| table.time.as_ref().map_or(pose[row] as f64, |t| t[row]);
+    let mut ends = std::collections::HashMap::new();
+    for row in 0..samples {
+        let end = ends.entry(session(row)).or_insert([f64::MAX, f64::MIN]);
+        *end = [end[0].min(clock(row)), end[1].max(clock(row))];
+    }
+    (0..samples)
+        .map(|row| {
+            let [first, last] = ends[&session(row)];
+            if last > first { (clock(row) - first) / (last - first) } else { 0.5 }
+        })
+        .collect()
+}

@@ -1,0 +1,131 @@
+//! Closed forms of the RSI hand controller, eqs. (1)-(8) of the paper.
+//!
+//! | symbol | here | |
+//! |---|---|---|
+//! | l1, l2, l3, l4 | [`L1`] … [`L4`] | Table I, inches |
+//! | θi0 | [`THETA_0`] | bearing of the base of arm i |
+//! | θij | `angles[i][j]` | joint angles, rad |
+//! | r_i | `wrists[i]` | wrist points in the base frame, inches |
+//!
+//! The generic kinematics of [`crate::chain`] do not use this file.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use crate::Error;
+
+/// Base circle, the DH length of the fixed row.
+pub const L1: f64 = -4.5;
+/// Shoulder to elbow.
+pub const L2: f64 = 3.2;
+/// Elbow to wrist.
+pub const L3: f64 = 3.971;
+/// Handle centre to wrist.
+pub const L4: f64 = 1.5;
+/// Bearing of each arm's base frame.
+pub const THETA_0: [f64; 3] = [PI, PI / 3.0, -PI / 3.0];
+/// Joint limits of Fig. 4, rad.
+pub const LIMITS: [[f64; 2]; 3] = [[-PI / 2.0, PI / 2.0], [-PI, 0.0], [-PI / 2.0, PI / 2.0]];
+
+/// Wrist points for joint angles, eq. (2): `r_i = A_i0 r_i0`.
+#[must_use]
+pub fn wrists(angles: &[[f64; 3]; 3]) -> [Vector3<f64>; 3] {
+    std::array::from_fn(|i| {
+        let [t1, t2, t3] = angles[i];
+        let reach = L3 * t3.cos();
+        let x = L2 * t1.cos() + reach * (t1 + t2).cos();
+        let y = L2 * t1.sin() + reach * (t1 + t2).sin();
+        arm_base(i) * Vector3::new(x, y, L3 * t3.sin()) + base_origin(i)
+    })
+}
+
+/// Handle pose `x y z rx ry rz` from three wrist points, eqs. (3)-(5).
+///
+/// Takes the triangle as it comes: for measured wrists that are not exactly
+/// `l4 √3` apart the axes are not exactly unit vectors, as in the paper.
+#[must_use]
+pub fn handle(r: &[Vector3<f64>; 3]) -> [f64; 6] {
+    let r_h = (r[0] + r[1] + r[2]) / 3.0; // (3)
+    let x_h = (r[0] - r_h) / L4; // (4)
+    let y_h = (r[2] - r[1]) / (L4 * 3.0_f64.sqrt());
+    let z_h = x_h.cross(&y_h);
+    let rz = x_h.y.atan2(x_h.x); // (5)
+    let ry = (-x_h.z).atan2(x_h.x * rz.cos() + x_h.y * rz.sin());
+    let rx = y_h.z.atan2(z_h.z);
+    [r_h.x, r_h.y, r_h.z, rx, ry, rz]
+}
+
+/// Handle pose for joint angles, eqs. (2)-(5).
+#[must_use]
+pub fn forward(angles: &[[f64; 3]; 3]) -> [f64; 6] {
+    handle(&wrists(angles))
+}
+
+/// Joint angles for a handle pose, eqs. (6)-(8), within the joint limits.
+///
+/// # Errors
+///
+/// [`Error::OutOfReach`] says which arm, and by how much it is too short or
+/// which joint is beyond its limit.
+pub fn inverse(pose: &[f64; 6]) -> Result<[[f64; 3]; 3], Error> {
+    let r_h = Vector3::new(pose[0], pose[1], pose[2]);
+    let turn = Rotation3::from_euler_angles(pose[3], pose[4], pose[5]); // (1)
+    let mut angles = [[0.0; 3]; 3];
+    for (i, angles) in angles.iter_mut().enumerate() {
+        let bearing = -2.0 * PI / 3.0 * i as f64;
+        let q = Vector3::new(L4 * bearing.cos(), L4 * bearing.sin(), 0.0);
+        let r_i0 = arm_base(i).transpose() * (r_h + turn * q - base_origin(i));
+        *angles = arm_angles(i, &r_i0)?;
+    }
+    Ok(angles)
+}
+
+/// Eqs. (6)-(8) for one arm; `r` is the wrist in frame i0.
+fn arm_angles(arm: usize, r: &Vector3<f64>) -> Result<[f64; 3], Error> {
+    let unreachable = |by: f64, unit: &str, why: String| Error::OutOfReach {
+        pose: 0,
+        arm: format!("arm{}", arm + 1),
+        by,
+        unit: unit.into(),
+        why,
+    };
+    if r.z.abs() > L3 {
+        let why = "sideways beyond the forearm".into();
+        return Err(unreachable(r.z.abs() - L3, "in", why));
+    }
+    let t3 = (r.z / L3).asin(); // (6)
+    let reach = L3 * t3.cos();
+    let rho = r.x.hypot(r.y);
+    if rho > L2 + reach {
+        return Err(unreachable(rho - L2 - reach, "in", "farther than the stretched arm".into()));
+    }
+    if rho < (L2 - reach).abs() {
+        let by = (L2 - reach).abs() - rho;
+        return Err(unreachable(by, "in", "nearer than the folded arm".into()));
+    }
+    let cos2 = (rho * rho - L2 * L2 - reach * reach) / (2.0 * L2 * reach);
+    let t2 = -cos2.clamp(-1.0, 1.0).acos(); // (7)
+    let cos1 = (rho * rho + L2 * L2 - reach * reach) / (2.0 * L2 * rho);
+    let t1 = r.y.atan2(r.x) + cos1.clamp(-1.0, 1.0).acos(); // (8)
+    let angles = [t1, t2, t3];
+    for (j, (angle, [low, high])) in angles.iter().zip(LIMITS).enumerate() {
+        let by = (low - angle).max(angle - high);
+        if by > 1e-12 {
+            return Err(unreachable(by, "rad", format!("limit of joint {}", j + 1)));
+        }
+    }
+    Ok(angles)
+}
+
+/// Rotation of `A_i0`: `Rz(θi0) Rx(π/2)`.
+fn arm_base(arm: usize) -> Matrix3<f64> {
+    let (s, c) = THETA_0[arm].sin_cos();
+    Matrix3::new(c, 0.0, s, s, 0.0, -c, 0.0, 1.0, 0.0)
+}
+
+/// Translation of `A_i0`.
+fn base_origin(arm: usize) -> Vector3<f64> {
+    let (s, c) = THETA_0[arm].sin_cos();
+    Vector3::new(L1 * c, L1 * s, 0.0)
+}

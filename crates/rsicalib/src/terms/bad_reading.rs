@@ -1,0 +1,43 @@
+//! [`BadReading`].
+
+use super::{Acts, Electronics, Info, Site, Term};
+use crate::lanes::Lanes;
+use crate::mechanism::Mechanism;
+
+term! {
+    /// A reading that is wrong in one pose.
+    ///
+    /// Adds `error` to the reading of one channel in all samples of one pose: a
+    /// wiper that bounced, a bit that flipped. The pose is searched for.
+    BadReading("bad_reading", Data, per Channel, needs Nothing) {
+        error: "reading" ~ 20.0,
+    }
+}
+
+impl Term for BadReading {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Electronics(&Self)
+    }
+
+    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
+        (0..poses).collect()
+    }
+}
+
+impl Electronics for BadReading {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        site.at_place() * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = site.at_place();
+    }
+
+    fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        let _ = (p, site, out); // the same in the whole pose
+    }
+}

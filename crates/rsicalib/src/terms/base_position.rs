@@ -1,0 +1,29 @@
+//! [`BasePosition`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// The base of a chain stands elsewhere than drawn.
+    ///
+    /// Moves the whole chain along the axes of the common base.
+    BasePosition("base_position", Geometry, per Chain, needs Nothing) {
+        x: "length" ~ 0.01,
+        y: "length" ~ 0.01,
+        z: "length" ~ 0.01,
+    }
+}
+
+impl Term for BasePosition {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[
+            (Spot::Base, Axis::X, Way::Slide),
+            (Spot::Base, Axis::Y, Way::Slide),
+            (Spot::Base, Axis::Z, Way::Slide),
+        ])
+    }
+}

@@ -1,0 +1,25 @@
+//! [`BaseTilt`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// The first joint axis of a chain is tilted.
+    ///
+    /// Turns the whole chain about the x and y axes of its first joint's frame; a
+    /// turn about z is the offset of that joint.
+    BaseTilt("base_tilt", Geometry, per Chain, needs Nothing) {
+        rx: "rad" ~ 4e-3,
+        ry: "rad" ~ 4e-3,
+    }
+}
+
+impl Term for BaseTilt {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[(Spot::Root, Axis::X, Way::Turn), (Spot::Root, Axis::Y, Way::Turn)])
+    }
+}

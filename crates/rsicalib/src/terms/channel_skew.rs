@@ -1,0 +1,44 @@
+//! [`ChannelSkew`].
+
+use super::{Acts, Electronics, Info, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Channels that are read one after the other.
+    ///
+    /// In motion, the n-th channel is read `n skew` after the first. Its reading at
+    /// the common instant is `a - n skew v`, with `v` its velocity.
+    ChannelSkew("channel_skew", Electronics, per All, needs Motion) {
+        skew: "s" ~ 2e-4,
+    }
+}
+
+impl Term for ChannelSkew {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Electronics(&Self)
+    }
+}
+
+impl Electronics for ChannelSkew {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        order(site) * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = order(site);
+    }
+
+    fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        let _ = (p, site, out); // the velocity is context: constant
+    }
+}
+
+/// `-n v`, with `n` counted from the middle channel.
+fn order(site: &Site) -> Lanes {
+    let n = site.channel as f64 - 0.5 * (site.scales.len() as f64 - 1.0);
+    site.velocity[site.channel] * -n
+}

@@ -1,0 +1,50 @@
+//! [`Crosstalk`].
+
+use super::{Acts, Electronics, Info, Site, Term};
+use crate::lanes::Lanes;
+use crate::mechanism::Mechanism;
+
+term! {
+    /// A channel that picks up part of a neighbouring one.
+    ///
+    /// Adds `share (b - middle)` to the reading, with `b` the reading of the
+    /// neighbour: a multiplexer that does not settle, or a shared return wire.
+    Crosstalk("crosstalk", Sensor, per Channel, needs Nothing) {
+        share: "1" ~ 5e-3,
+    }
+}
+
+impl Term for Crosstalk {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Electronics(&Self)
+    }
+
+    fn places(&self, mechanism: &Mechanism, channel: usize, _poses: usize) -> Vec<usize> {
+        let last = mechanism.channels.len() - 1;
+        let before = channel.checked_sub(1);
+        before.into_iter().chain((channel < last).then_some(channel + 1)).collect()
+    }
+}
+
+impl Electronics for Crosstalk {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        neighbour(site) * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = neighbour(site);
+    }
+
+    fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[site.place] += Lanes::splat(p[0]);
+    }
+}
+
+/// The neighbour's reading from the middle of its range.
+fn neighbour(site: &Site) -> Lanes {
+    site.readings[site.place] - Lanes::splat(site.scales[site.place].middle)
+}

@@ -1,0 +1,22 @@
+//! [`Distance`].
+
+use super::{Acts, Info, Term};
+
+term! {
+    /// A distance between two points that is not the drawn one.
+    ///
+    /// Adds `d` to the value of a distance closure: one side of a handle.
+    Distance("distance", Closure, per Closure, needs Nothing) {
+        d: "length" ~ 0.01,
+    }
+}
+
+impl Term for Distance {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Distance
+    }
+}

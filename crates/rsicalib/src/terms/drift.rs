@@ -1,0 +1,38 @@
+//! [`Drift`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Steady drift of a sensor during the session.
+    ///
+    /// Adds `rate (t - 1/2)` to the joint angle, where `t` runs from 0 to 1 over the
+    /// session: a pot that slips slowly, or warms up.
+    Drift("drift", Sensor, per Channel, needs Order) {
+        rate: "rad/session" ~ 5e-3,
+    }
+}
+
+impl Term for Drift {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for Drift {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        (site.time - Lanes::splat(0.5)) * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = site.time - Lanes::splat(0.5);
+    }
+
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
+}

@@ -1,0 +1,69 @@
+//! [`FreeCurve`].
+
+use std::f64::consts::PI;
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// A smooth error of a sensor whose shape nobody named.
+    ///
+    /// Adds `Σ_k c_k cos(k π s)` to the joint angle, where `s` runs from 0 to 1
+    /// over the readings that occur. Each coefficient is held by its typical size,
+    /// which falls as `k⁻²`: the cosine form of a cubic smoothing spline.
+    FreeCurve("free_curve", Sensor, per Channel, needs Nothing, penalised) {
+        c1: "rad" ~ 0.02,
+        c2: "rad" ~ 0.02,
+        c3: "rad" ~ 0.008_9,
+        c4: "rad" ~ 0.005,
+        c5: "rad" ~ 0.003_2,
+        c6: "rad" ~ 0.002_2,
+        c7: "rad" ~ 0.001_6,
+        c8: "rad" ~ 0.001_25,
+    }
+}
+
+impl Term for FreeCurve {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for FreeCurve {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        let mut sum = Lanes::ZERO;
+        for (k, c) in p.iter().enumerate() {
+            sum += (phase(site) * (k + 1) as f64).sin_cos().1 * *c;
+        }
+        sum
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = (phase(site) * (k + 1) as f64).sin_cos().1;
+        }
+    }
+
+    fn slope(&self, p: &[f64], site: &Site) -> Lanes {
+        let mut sum = Lanes::ZERO;
+        for (k, c) in p.iter().enumerate() {
+            let k = (k + 1) as f64;
+            sum -= (phase(site) * k).sin_cos().0 * (k * c);
+        }
+        sum * per_reading(site)
+    }
+}
+
+/// `π s`
+fn phase(site: &Site) -> Lanes {
+    (site.reading() - Lanes::splat(site.scale().span[0])) * per_reading(site)
+}
+
+fn per_reading(site: &Site) -> f64 {
+    let [low, high] = site.scale().span;
+    if high > low { PI / (high - low) } else { 0.0 }
+}

@@ -1,0 +1,38 @@
+//! [`Gain`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Joint angle per reading.
+    ///
+    /// The electrical angle of a potentiometer and the reference of its converter
+    /// vary by per cents. Reported as the paper's `k`, eq. (9).
+    Gain("gain", Sensor, per Channel, needs Nothing) {
+        gain: "rad/reading" ~ 3e-5,
+    }
+}
+
+impl Term for Gain {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for Gain {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        (site.reading() - Lanes::splat(site.scale().centre)) * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = site.reading() - Lanes::splat(site.scale().centre);
+    }
+
+    fn slope(&self, p: &[f64], _site: &Site) -> Lanes {
+        Lanes::splat(p[0])
+    }
+}

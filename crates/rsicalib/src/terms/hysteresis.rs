@@ -1,0 +1,38 @@
+//! [`Hysteresis`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Error of a sensor that depends on the direction of approach.
+    ///
+    /// Adds `h` to the joint angle where the reading rose to its value and `-h`
+    /// where it fell: play between shaft and wiper. Half the width of the loop.
+    Hysteresis("hysteresis", Sensor, per Channel, needs Approach) {
+        h: "rad" ~ 1e-3,
+    }
+}
+
+impl Term for Hysteresis {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for Hysteresis {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        site.approach[site.channel] * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = site.approach[site.channel];
+    }
+
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
+}

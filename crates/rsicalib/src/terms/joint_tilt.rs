@@ -1,0 +1,25 @@
+//! [`JointTilt`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// A joint axis that is tilted against the one before.
+    ///
+    /// Turns the far end of a row's body about its x and y axes: the error of the
+    /// Denavit-Hartenberg twist, and Hayati's angle.
+    JointTilt("joint_tilt", Geometry, per Row, needs Nothing) {
+        alpha: "rad" ~ 4e-3,
+        beta: "rad" ~ 4e-3,
+    }
+}
+
+impl Term for JointTilt {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[(Spot::End, Axis::X, Way::Turn), (Spot::End, Axis::Y, Way::Turn)])
+    }
+}

@@ -1,0 +1,36 @@
+//! [`LinkFrame`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// The whole frame of a link: three translations and three rotations.
+    ///
+    /// Complete geometry of a chain is this term at every row; the directions that
+    /// are redundant are found and left to their priors.
+    LinkFrame("link_frame", Geometry, per Row, needs Nothing) {
+        x: "length" ~ 1e-3,
+        y: "length" ~ 1e-3,
+        z: "length" ~ 1e-3,
+        rx: "rad" ~ 3e-3,
+        ry: "rad" ~ 3e-3,
+        rz: "rad" ~ 3e-3,
+    }
+}
+
+impl Term for LinkFrame {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[
+            (Spot::Joint, Axis::X, Way::Slide),
+            (Spot::Joint, Axis::Y, Way::Slide),
+            (Spot::Joint, Axis::Z, Way::Slide),
+            (Spot::End, Axis::X, Way::Turn),
+            (Spot::End, Axis::Y, Way::Turn),
+            (Spot::End, Axis::Z, Way::Turn),
+        ])
+    }
+}

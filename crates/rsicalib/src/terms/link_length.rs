@@ -1,0 +1,24 @@
+//! [`LinkLength`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// A link that is longer than drawn.
+    ///
+    /// Adds `a` along the x axis after the joint of a row: the Denavit-Hartenberg
+    /// length.
+    LinkLength("link_length", Geometry, per Row, needs Nothing) {
+        a: "length" ~ 0.01,
+    }
+}
+
+impl Term for LinkLength {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[(Spot::Joint, Axis::X, Way::Slide)])
+    }
+}

@@ -1,0 +1,24 @@
+//! [`LinkOffset`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// A link that is displaced along its joint axis.
+    ///
+    /// Adds `d` along the z axis after the joint of a row: the Denavit-Hartenberg
+    /// offset.
+    LinkOffset("link_offset", Geometry, per Row, needs Nothing) {
+        d: "length" ~ 0.01,
+    }
+}
+
+impl Term for LinkOffset {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[(Spot::Joint, Axis::Z, Way::Slide)])
+    }
+}

@@ -1,0 +1,440 @@
+//! Terms: the physical effects that a model is made of.
+//!
+//! The paper's model is the list `[offset, gain]`; closing the loop is adding
+//! to that list. A term says at which of four stages it acts, sees that stage's
+//! state of one sample and its context, adds its own, and knows nothing of
+//! other terms:
+//!
+//! ```text
+//! readings → electronics → sensor → geometry and load → closure
+//! ```
+//!
+//! A term is one file in this folder and one line in the registry at the foot
+//! of this one. Its parameters are zero where the effect is absent.
+
+use crate::chain::{Axis, Way};
+use crate::lanes::Lanes;
+use crate::mechanism::{Channel, Mechanism};
+
+/// Where the fault lies that a term describes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+pub enum Class {
+    /// One channel.
+    Sensor,
+    /// All channels alike.
+    Electronics,
+    /// Lengths and axes.
+    Geometry,
+    /// What closes the loop.
+    Closure,
+    /// Weight and stiffness.
+    Load,
+    /// A reading that is wrong.
+    Data,
+}
+
+/// What one instance of a term belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Per {
+    /// A channel: `a22`.
+    Channel,
+    /// A row of a chain: `arm2/2`.
+    Row,
+    /// A chain: `arm2`.
+    Chain,
+    /// A closure: `wrist1-wrist2`.
+    Closure,
+    /// The whole mechanism: `all`.
+    All,
+}
+
+/// What a term needs of the readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Needs {
+    /// Nothing but readings.
+    Nothing,
+    /// `time_s`, or the order of the poses.
+    Order,
+    /// A temperature that changes.
+    Temperature,
+    /// Held poses: the direction of approach of each.
+    Approach,
+    /// A recording in motion: velocities.
+    Motion,
+    /// The direction of gravity.
+    Gravity,
+    /// Link masses and the direction of gravity.
+    Masses,
+}
+
+impl Needs {
+    /// What is missing, in words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Nothing => "readings",
+            Self::Order => "order in time",
+            Self::Temperature => "temperature_c that changes",
+            Self::Approach => "pose before, to approach from",
+            Self::Motion => "recording in motion with time_s",
+            Self::Gravity => "direction of gravity in the mechanism",
+            Self::Masses => "link masses in the mechanism",
+        }
+    }
+}
+
+/// One parameter of a term.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; `length` stands for the mechanism's unit, `reading` for the channel's.
+    pub unit: &'static str,
+    /// A size that occurs in practice: scale of priors and of tests.
+    pub typical: f64,
+}
+
+/// Identity of a term.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Info {
+    /// What scripts call it.
+    pub id: &'static str,
+    /// Where the fault lies.
+    pub class: Class,
+    /// What an instance belongs to.
+    pub per: Per,
+    /// What it needs of the readings.
+    pub needs: Needs,
+    /// Its parameters.
+    pub parameters: &'static [Parameter],
+    /// What it is, from its source.
+    pub doc: &'static str,
+    /// True for a free shape, whose parameters are held by their typical size.
+    pub penalised: bool,
+}
+
+/// Constants of one channel that terms scale by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Reading about which offset and gain are told apart.
+    pub centre: f64,
+    /// Middle of the channel's range.
+    pub middle: f64,
+    /// Half its range, in readings.
+    pub half_range: f64,
+    /// Nominal gain.
+    pub gain: f64,
+    /// Nominal joint coordinate at the centre.
+    pub angle: f64,
+    /// Lowest and highest reading in these data.
+    pub span: [f64; 2],
+}
+
+impl Scale {
+    /// Scales of a channel whose readings spread over `span` about `centre`.
+    #[must_use]
+    pub fn of(channel: &Channel, centre: f64, span: [f64; 2]) -> Self {
+        Self {
+            centre,
+            middle: channel.middle(),
+            half_range: channel.half_range(),
+            gain: channel.gain,
+            angle: channel.angle(centre),
+            span,
+        }
+    }
+}
+
+/// What a term sees of eight samples.
+#[derive(Debug, Clone, Copy)]
+pub struct Site<'a> {
+    /// Readings that enter the stage, one per channel.
+    pub readings: &'a [Lanes],
+    /// The channel that is being corrected.
+    pub channel: usize,
+    /// Constants of each channel.
+    pub scales: &'a [Scale],
+    /// Time of each sample, 0 to 1 over its session.
+    pub time: Lanes,
+    /// Temperature above the mean of the session, K.
+    pub temperature: Lanes,
+    /// Direction from which each channel came to its reading: -1, 0, 1.
+    pub approach: &'a [Lanes],
+    /// Change of each reading, per second.
+    pub velocity: &'a [Lanes],
+    /// Number of each sample's pose.
+    pub pose: Lanes,
+    /// Where a searched term acts: a pose, or another channel.
+    pub place: usize,
+}
+
+impl Site<'_> {
+    /// Reading of the channel that is being corrected.
+    #[inline(always)]
+    #[must_use]
+    pub fn reading(&self) -> Lanes {
+        self.readings[self.channel]
+    }
+
+    /// Constants of the channel that is being corrected.
+    #[inline(always)]
+    #[must_use]
+    pub fn scale(&self) -> &Scale {
+        &self.scales[self.channel]
+    }
+
+    /// `u`: the reading from the middle of the range, in half ranges.
+    #[inline(always)]
+    #[must_use]
+    pub fn u(&self) -> Lanes {
+        let scale = self.scale();
+        (self.reading() - Lanes::splat(scale.middle)) * (1.0 / scale.half_range)
+    }
+
+    /// One where the sample belongs to pose `place`, zero elsewhere.
+    #[must_use]
+    pub fn at_place(&self) -> Lanes {
+        let place = self.place as f64;
+        self.pose.map(|p| if p == place { 1.0 } else { 0.0 })
+    }
+}
+
+/// A term that acts on readings: volts and counts.
+pub trait Electronics: Sync {
+    /// What it adds to the reading of `site.channel`.
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes;
+    /// Derivatives of the correction by `p`.
+    fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
+    /// Derivatives of the correction by every reading, added to `out`.
+    fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
+}
+
+/// A term that acts on one joint: reading to angle.
+pub trait Sensor: Sync {
+    /// What it adds to the joint coordinate [rad].
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes;
+    /// Derivatives of the correction by `p`.
+    fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
+    /// Derivative of the correction by the reading.
+    fn slope(&self, p: &[f64], site: &Site) -> Lanes;
+}
+
+/// Where along a row a geometry term moves it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Spot {
+    /// Before the first joint of a chain, along the axes of the base.
+    Base,
+    /// Before the first joint of a chain, about the axes of its frame.
+    Root,
+    /// After the joint of a row, before its body.
+    Joint,
+    /// After the translation of a row's body: about the next joint's origin.
+    End,
+    /// At the frame at the end of a chain.
+    Tip,
+}
+
+/// A motion that a geometry term frees, one per parameter.
+pub type Freedom = (Spot, Axis, Way);
+
+/// Whose weight bends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Weight {
+    /// A unit weight at the points that the chain carries.
+    Tip,
+    /// The link masses of the mechanism.
+    Links,
+}
+
+/// At which stage a term acts, and what it does there.
+#[derive(Clone, Copy)]
+pub enum Acts {
+    /// On readings.
+    Electronics(&'static dyn Electronics),
+    /// On one joint coordinate.
+    Sensor(&'static dyn Sensor),
+    /// On the bodies of a chain.
+    Geometry(&'static [Freedom]),
+    /// On joints, by their torque.
+    Load(Weight),
+    /// On the value of a distance.
+    Distance,
+}
+
+/// One physical term of the model.
+pub trait Term: Sync {
+    /// Identity, parameters, units and words.
+    fn info(&self) -> &'static Info;
+
+    /// At which stage it acts.
+    fn acts(&self) -> Acts;
+
+    /// Places to try for a target; terms without a search have one.
+    fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {
+        vec![0]
+    }
+}
+
+impl std::fmt::Debug for dyn Term {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.info().id)
+    }
+}
+
+impl PartialEq for dyn Term {
+    fn eq(&self, other: &Self) -> bool {
+        self.info().id == other.info().id
+    }
+}
+
+/// Declares a term: its identity from its doc comment and parameters.
+macro_rules! term {
+    (
+        $(#[doc = $doc:expr])*
+        $name:ident($id:literal, $class:ident, per $per:ident, needs $needs:ident $(, $flag:ident)?) {
+            $($parameter:ident: $unit:literal ~ $typical:expr),* $(,)?
+        }
+    ) => {
+        $(#[doc = $doc])*
+        #[derive(Debug, Clone, Copy)]
+        pub struct $name;
+
+        impl $name {
+            /// Identity of the term.
+            pub const INFO: $crate::terms::Info = $crate::terms::Info {
+                id: $id,
+                class: $crate::terms::Class::$class,
+                per: $crate::terms::Per::$per,
+                needs: $crate::terms::Needs::$needs,
+                parameters: &[$($crate::terms::Parameter {
+                    name: stringify!($parameter),
+                    unit: $unit,
+                    typical: $typical,
+                }),*],
+                doc: concat!($($doc, "\n"),*),
+                penalised: false $(|| term!(@$flag))?,
+            };
+        }
+    };
+    (@penalised) => { true };
+}
+
+/// Lists the terms, and makes the tests of the laws that each must pass.
+macro_rules! registry {
+    ($($module:ident::$name:ident),* $(,)?) => {
+        $(pub use $module::$name;)*
+
+        /// Every term there is, in the order of the stages.
+        pub static ALL: &[&dyn Term] = &[$(&$name),*];
+
+        #[cfg(test)]
+        mod contract {
+            $(mod $module {
+                use crate::terms::laws;
+                const TERM: &dyn crate::terms::Term = &crate::terms::$name;
+
+                #[test]
+                fn is_named_after_its_module() {
+                    assert_eq!(TERM.info().id, stringify!($module));
+                    laws::says_what_it_is(TERM);
+                }
+                #[test]
+                fn zero_parameters_change_nothing() {
+                    laws::zero_parameters_change_nothing(TERM);
+                }
+                #[test]
+                fn partials_match_differences() {
+                    laws::partials_match_differences(TERM);
+                }
+                #[test]
+                fn reading_derivatives_match_differences() {
+                    laws::reading_derivatives_match_differences(TERM);
+                }
+                #[test]
+                fn simulated_alone_it_is_found_again() {
+                    laws::simulated_alone_it_is_found_again(TERM);
+                }
+            })*
+        }
+    };
+}
+
+/// The term of an id.
+///
+/// # Errors
+///
+/// [`crate::Error::Unknown`] with the ids there are.
+pub fn find(id: &str) -> Result<&'static dyn Term, crate::Error> {
+    ALL.iter().copied().find(|t| t.info().id == id).ok_or_else(|| crate::Error::Unknown {
+        kind: "term",
+        found: id.into(),
+        known: ALL.iter().map(|t| t.info().id).collect::<Vec<_>>().join(", "),
+    })
+}
+
+#[cfg(test)]
+mod laws;
+
+// One `mod` and one registry line per term; the `mod`s stand outside the macro
+// because rustfmt does not look inside.
+mod bad_reading;
+mod base_position;
+mod base_tilt;
+mod channel_skew;
+mod crosstalk;
+mod cubic;
+mod curvature;
+mod distance;
+mod drift;
+mod free_curve;
+mod gain;
+mod hysteresis;
+mod joint_compliance;
+mod joint_tilt;
+mod lag;
+mod link_frame;
+mod link_length;
+mod link_offset;
+mod offset;
+mod once_per_turn;
+mod point_position;
+mod reference_drift;
+mod reference_temperature;
+mod sag;
+mod slip;
+mod temperature_gain;
+mod temperature_offset;
+mod twice_per_turn;
+
+registry! {
+    reference_drift::ReferenceDrift,
+    reference_temperature::ReferenceTemperature,
+    channel_skew::ChannelSkew,
+    crosstalk::Crosstalk,
+    lag::Lag,
+    bad_reading::BadReading,
+    offset::Offset,
+    gain::Gain,
+    curvature::Curvature,
+    cubic::Cubic,
+    once_per_turn::OncePerTurn,
+    twice_per_turn::TwicePerTurn,
+    free_curve::FreeCurve,
+    hysteresis::Hysteresis,
+    drift::Drift,
+    slip::Slip,
+    temperature_offset::TemperatureOffset,
+    temperature_gain::TemperatureGain,
+    link_length::LinkLength,
+    link_offset::LinkOffset,
+    joint_tilt::JointTilt,
+    link_frame::LinkFrame,
+    base_position::BasePosition,
+    base_tilt::BaseTilt,
+    point_position::PointPosition,
+    sag::Sag,
+    joint_compliance::JointCompliance,
+    distance::Distance,
+}

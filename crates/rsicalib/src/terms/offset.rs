@@ -1,0 +1,39 @@
+//! [`Offset`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Joint angle at the middle reading.
+    ///
+    /// A potentiometer is clamped to its shaft by hand, so the angle at which it
+    /// reads the middle of its range is not the drawn one. Reported as the paper's
+    /// `θ_off`, the angle at reading zero, eq. (9).
+    Offset("offset", Sensor, per Channel, needs Nothing) {
+        offset: "rad" ~ 0.05,
+    }
+}
+
+impl Term for Offset {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for Offset {
+    fn correction(&self, p: &[f64], _site: &Site) -> Lanes {
+        Lanes::splat(p[0])
+    }
+
+    fn partials(&self, _p: &[f64], _site: &Site, out: &mut [Lanes]) {
+        out[0] = Lanes::ONE;
+    }
+
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
+}

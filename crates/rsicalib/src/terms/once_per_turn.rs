@@ -1,0 +1,49 @@
+//! [`OncePerTurn`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Error of a sensor that comes back once per turn.
+    ///
+    /// Adds `a sin φ + b cos φ` to the joint angle, where `φ` is the nominal angle of the
+    /// sensor from the middle of its range. A track centred off the joint axis by `e` errs by `e/R` for a track of radius `R`.
+    OncePerTurn("once_per_turn", Sensor, per Channel, needs Nothing) {
+        a: "rad" ~ 0.01,
+        b: "rad" ~ 0.01,
+    }
+}
+
+impl Term for OncePerTurn {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for OncePerTurn {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        let (sin, cos) = phase(site).sin_cos();
+        sin * p[0] + cos * p[1]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        let (sin, cos) = phase(site).sin_cos();
+        out[0] = sin;
+        out[1] = cos;
+    }
+
+    fn slope(&self, p: &[f64], site: &Site) -> Lanes {
+        let (sin, cos) = phase(site).sin_cos();
+        (cos * p[0] - sin * p[1]) * (site.scale().gain)
+    }
+}
+
+/// `φ`, the nominal angle from the middle of the range.
+fn phase(site: &Site) -> Lanes {
+    let scale = site.scale();
+    (site.reading() - Lanes::splat(scale.middle)) * (scale.gain)
+}

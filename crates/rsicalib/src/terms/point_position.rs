@@ -1,0 +1,30 @@
+//! [`PointPosition`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// The points that a chain carries sit elsewhere than drawn.
+    ///
+    /// Moves them along the axes of the frame at the end of the chain: a tool of
+    /// which only the rough shape is known.
+    PointPosition("point_position", Geometry, per Chain, needs Nothing) {
+        x: "length" ~ 5e-3,
+        y: "length" ~ 5e-3,
+        z: "length" ~ 5e-3,
+    }
+}
+
+impl Term for PointPosition {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[
+            (Spot::Tip, Axis::X, Way::Slide),
+            (Spot::Tip, Axis::Y, Way::Slide),
+            (Spot::Tip, Axis::Z, Way::Slide),
+        ])
+    }
+}

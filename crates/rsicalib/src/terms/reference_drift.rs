@@ -1,0 +1,38 @@
+//! [`ReferenceDrift`].
+
+use super::{Acts, Electronics, Info, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Drift of the converter's reference during the session.
+    ///
+    /// Multiplies all readings by `1 + rate t`, where `t` runs from 0 to 1 over the
+    /// session: every channel is read against one reference.
+    ReferenceDrift("reference_drift", Electronics, per All, needs Order) {
+        rate: "1/session" ~ 2e-3,
+    }
+}
+
+impl Term for ReferenceDrift {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Electronics(&Self)
+    }
+}
+
+impl Electronics for ReferenceDrift {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        site.reading() * site.time * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = site.reading() * site.time;
+    }
+
+    fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[site.channel] += site.time * p[0];
+    }
+}

@@ -1,0 +1,38 @@
+//! [`ReferenceTemperature`].
+
+use super::{Acts, Electronics, Info, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// A converter's reference that follows the temperature.
+    ///
+    /// Multiplies all readings by `1 + rate T`, `T` the temperature above the mean of
+    /// the session.
+    ReferenceTemperature("reference_temperature", Electronics, per All, needs Temperature) {
+        rate: "1/K" ~ 3e-4,
+    }
+}
+
+impl Term for ReferenceTemperature {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Electronics(&Self)
+    }
+}
+
+impl Electronics for ReferenceTemperature {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        site.reading() * site.temperature * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = site.reading() * site.temperature;
+    }
+
+    fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[site.channel] += site.temperature * p[0];
+    }
+}

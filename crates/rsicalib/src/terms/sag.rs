@@ -1,0 +1,23 @@
+//! [`Sag`].
+
+use super::{Acts, Info, Term, Weight};
+
+term! {
+    /// A chain that bends under the weight at its end.
+    ///
+    /// Each joint gives by `compliance` times the torque of a unit weight at the
+    /// points that the chain carries.
+    Sag("sag", Load, per Chain, needs Gravity) {
+        compliance: "rad/length" ~ 1e-3,
+    }
+}
+
+impl Term for Sag {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Load(Weight::Tip)
+    }
+}

@@ -1,0 +1,49 @@
+//! [`Slip`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+use crate::mechanism::Mechanism;
+
+term! {
+    /// A sensor that jumped once.
+    ///
+    /// Adds `step` to the joint angle from one pose on: a set screw that gave way.
+    /// The pose is searched for, and the search paid for.
+    Slip("slip", Sensor, per Channel, needs Order) {
+        step: "rad" ~ 0.01,
+    }
+}
+
+impl Term for Slip {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+
+    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
+        (1..poses).collect()
+    }
+}
+
+impl Sensor for Slip {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        after(site) * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = after(site);
+    }
+
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
+}
+
+/// One from the pose of the slip on, zero before.
+fn after(site: &Site) -> Lanes {
+    let place = site.place as f64;
+    site.pose.map(|pose| if pose >= place { 1.0 } else { 0.0 })
+}

@@ -1,0 +1,44 @@
+//! [`TemperatureGain`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Gain of a sensor that follows the temperature.
+    ///
+    /// Adds `k (a - middle) rate T` to the joint angle, with the nominal gain `k` and
+    /// `T` the temperature above the mean of the session.
+    TemperatureGain("temperature_gain", Sensor, per Channel, needs Temperature) {
+        rate: "1/K" ~ 1e-3,
+    }
+}
+
+impl Term for TemperatureGain {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for TemperatureGain {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        swing(site) * site.temperature * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = swing(site) * site.temperature;
+    }
+
+    fn slope(&self, p: &[f64], site: &Site) -> Lanes {
+        site.temperature * (site.scale().gain * p[0])
+    }
+}
+
+/// Nominal angle from the middle of the range.
+fn swing(site: &Site) -> Lanes {
+    let scale = site.scale();
+    (site.reading() - Lanes::splat(scale.middle)) * scale.gain
+}

@@ -1,0 +1,38 @@
+//! [`TemperatureOffset`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Offset of a sensor that follows the temperature.
+    ///
+    /// Adds `rate T` to the joint angle, `T` the temperature above the mean of the
+    /// session.
+    TemperatureOffset("temperature_offset", Sensor, per Channel, needs Temperature) {
+        rate: "rad/K" ~ 1e-3,
+    }
+}
+
+impl Term for TemperatureOffset {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for TemperatureOffset {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        site.temperature * p[0]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = site.temperature;
+    }
+
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
+}

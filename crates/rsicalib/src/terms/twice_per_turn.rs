@@ -1,0 +1,49 @@
+//! [`TwicePerTurn`].
+
+use super::{Acts, Info, Sensor, Site, Term};
+use crate::lanes::Lanes;
+
+term! {
+    /// Error of a sensor that comes back twice per turn.
+    ///
+    /// Adds `a sin 2φ + b cos 2φ` to the joint angle, where `φ` is the nominal angle of the
+    /// sensor from the middle of its range. An oval track, or a shaft coupling at an angle, errs twice per turn.
+    TwicePerTurn("twice_per_turn", Sensor, per Channel, needs Nothing) {
+        a: "rad" ~ 0.01,
+        b: "rad" ~ 0.01,
+    }
+}
+
+impl Term for TwicePerTurn {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for TwicePerTurn {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        let (sin, cos) = phase(site).sin_cos();
+        sin * p[0] + cos * p[1]
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        let (sin, cos) = phase(site).sin_cos();
+        out[0] = sin;
+        out[1] = cos;
+    }
+
+    fn slope(&self, p: &[f64], site: &Site) -> Lanes {
+        let (sin, cos) = phase(site).sin_cos();
+        (cos * p[0] - sin * p[1]) * (2.0 * site.scale().gain)
+    }
+}
+
+/// `2φ`, the nominal angle from the middle of the range, doubled.
+fn phase(site: &Site) -> Lanes {
+    let scale = site.scale();
+    (site.reading() - Lanes::splat(scale.middle)) * (2.0 * scale.gain)
+}

@@ -1,0 +1,101 @@
+"""The exceptions: what went wrong, where, and what would have been right."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+__all__ = ["InputError", "RsicalibError", "Where"]
+
+
+class Where(TypedDict):
+    """Place of a fault in the input; what does not apply is None."""
+
+    file: str | None
+    """Path as it was given, or what stands for one (`arrays`)."""
+    line: int | None
+    """Line in a CSV file (the header is line 1), row elsewhere; both from 1."""
+    column: str | None
+    """Name of the column."""
+    found: str | None
+    """What stands there."""
+    expected: str | None
+    """What should stand there."""
+
+
+class RsicalibError(Exception):
+    """Anything that `rsicalib` raises on purpose."""
+
+
+class InputError(RsicalibError, ValueError):
+    """The data or the options cannot be used as they are.
+
+    Parameters
+    ----------
+    message : str
+        What was found, what was expected, and what to do about it.
+    where : Where, optional
+        The place, if the fault has one.
+
+    Attributes
+    ----------
+    message : str
+        As given; also what `str()` returns.
+    where : Where or None
+        Keys `file`, `line`, `column`, `found`, `expected`.
+
+    Examples
+    --------
+    >>> error = InputError.at("run.csv", line=7, column="a11", found="blank", expected="a number")
+    >>> str(error)
+    'run.csv, line 7, column a11: found blank, expected a number'
+    >>> error.where["line"]
+    7
+    """
+
+    def __init__(self, message: str, where: Where | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.where = where
+
+    @classmethod
+    def at(
+        cls,
+        file: str,
+        *,
+        found: str,
+        expected: str,
+        line: int | None = None,
+        column: str | None = None,
+        hint: str = "",
+        line_word: str = "line",
+    ) -> InputError:
+        """Write the message from the place, what was found and what was expected.
+
+        Parameters
+        ----------
+        file : str
+            Path as it was given.
+        found, expected : str
+            Both are quoted in the message and kept in `where`.
+        line : int, optional
+            Line or row, from 1.
+        column : str, optional
+            Name of the column.
+        hint : str, optional
+            A sentence on what to do.
+        line_word : {"line", "row"}
+            How the message calls `line`.
+
+        Returns
+        -------
+        InputError
+            Ready to be raised.
+        """
+        place = [file]
+        if line is not None:
+            place.append(f"{line_word} {line}")
+        if column is not None:
+            place.append(f"column {column}")
+        message = f"{', '.join(place)}: found {found}, expected {expected}"
+        where = Where(file=file, line=line, column=column, found=found, expected=expected)
+        return cls(f"{message}. {hint}" if hint else message, where)

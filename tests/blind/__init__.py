@@ -1,0 +1,1 @@
+"""Blind trials: devices with effects nobody declared, by mathematics the core does not share."""
