@@ -10,19 +10,30 @@
 //! ```
 
 pub mod chain;
+pub mod check;
 mod context;
 mod error;
+pub mod fit;
 pub mod lanes;
 pub mod lm;
 pub mod mechanism;
 pub mod model;
+pub mod noise;
 pub mod objective;
+pub mod observability;
+pub mod platform;
 pub mod readings;
+pub mod result;
 pub mod rsi;
+pub mod session;
+pub mod start;
+pub mod stats;
 mod sums;
 pub mod terms;
 
 pub use error::Error;
+pub use fit::{Fit, Method, Options, fit};
 pub use mechanism::Mechanism;
 pub use model::{Instance, Model, Target};
 pub use readings::{Readings, Table};
+pub use session::Session;

@@ -520,6 +520,57 @@ impl Model {
         self.equations
     }
 
+    /// The same terms, on other closures and readings: a part that shares parameters.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::new`].
+    pub fn like(other: &Self, mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
+        let centre: Vec<f64> = other.scales.iter().map(|s| s.centre).collect();
+        let mut model = Self::about(mechanism, readings, other.instances.clone(), &centre)?;
+        model.scales.clone_from(&other.scales);
+        Ok(model)
+    }
+
+    /// Parameter of a term of one parameter at a channel.
+    #[must_use]
+    pub fn column(&self, id: &str, channel: usize) -> Option<usize> {
+        let at = |i: &Instance| i.target == Target::Channel(channel) && i.term.info().id == id;
+        self.instances.iter().position(at).map(|k| self.first[k])
+    }
+
+    /// Puts each unknown point at the mean of where the chains touch it.
+    pub fn place_unknowns(&self, readings: &Readings, beta: &mut [f64]) {
+        let mut sums = vec![[0.0; 4]; self.unknown_names.len()];
+        let mut ws = Workspace::default();
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let want = Want { x: false, a: false };
+            self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
+            for closure in &self.closures {
+                let (touching, point) = match closure.ends {
+                    [End::Unknown(point), other] | [other, End::Unknown(point)] => (other, point),
+                    _ => continue,
+                };
+                if closure.kind != ClosureKind::Touch || matches!(touching, End::Unknown(_)) {
+                    continue;
+                }
+                let at = self.end_point(&touching, meta.group, beta, &ws.postures);
+                let sum = &mut sums[self.unknown[point][meta.group]];
+                for lane in 0..meta.live {
+                    for axis in 0..3 {
+                        sum[axis] += at[axis].0[lane];
+                    }
+                    sum[3] += 1.0;
+                }
+            }
+        }
+        for (k, sum) in sums.iter().enumerate().filter(|(_, s)| s[3] > 0.0) {
+            for axis in 0..3 {
+                beta[self.term_parameters + 3 * k + axis] = sum[axis] / sum[3];
+            }
+        }
+    }
+
     /// For each equation, the parameters that it may depend on, ascending.
     #[must_use]
     pub fn active(&self) -> Vec<Vec<usize>> {

@@ -236,6 +236,12 @@ impl<'a> Implicit<'a> {
         out
     }
 
+    /// Readings without their noise, block by block, as of the last linearisation.
+    #[must_use]
+    pub fn adjusted_blocks(&self) -> Vec<Lanes> {
+        lock(&self.adjusted)[0].clone()
+    }
+
     /// Readings without their noise, row by row, as of the last linearisation.
     #[must_use]
     pub fn adjusted(&self) -> Vec<f64> {

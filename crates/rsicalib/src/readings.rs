@@ -55,6 +55,8 @@ pub struct Readings {
     pub groups: Vec<Vec<String>>,
     /// Raw table, for whoever needs it row by row.
     pub table: Table,
+    /// First and last time of each session [s], or first and last pose.
+    pub clock: Vec<[f64; 2]>,
     blocks: Vec<Block>,
     raw: Vec<Lanes>,
     approach: Vec<Lanes>,
@@ -87,14 +89,30 @@ impl Readings {
     /// [`Error::Shape`] where columns differ in length, [`Error::Reading`] where
     /// a reading is not a number in its channel's range, [`Error::Empty`].
     pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
+        Self::beside(mechanism, table, None)
+    }
+
+    /// Readings beside those of a fit: times, temperatures and places in the
+    /// order of poses are told as `main` tells its own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub fn beside(mechanism: &Mechanism, table: Table, main: Option<&Self>) -> Result<Self, Error> {
         let channels = mechanism.channels.len();
         let samples = check(mechanism, &table)?;
         let (pose, labels) = number_poses(&table, samples);
         let held = table.pose.is_some();
         let (group, groups) = number_groups(&table, samples);
-        let time = session_time(&table, &pose, samples);
-        let mean_temperature =
-            table.temperature.as_ref().map(|t| t.iter().sum::<f64>() / samples as f64);
+        let clock = match main {
+            Some(main) => main.clock.clone(),
+            None => session_clock(&table, &pose, samples),
+        };
+        let time = session_time(&table, &pose, &clock, samples);
+        let mean_temperature = match main {
+            Some(main) => main.mean_temperature,
+            None => table.temperature.as_ref().map(|t| t.iter().sum::<f64>() / samples as f64),
+        };
         let temperature: Vec<f64> = match (&table.temperature, mean_temperature) {
             (Some(t), Some(mean)) => t.iter().map(|t| t - mean).collect(),
             _ => vec![0.0; samples],
@@ -121,13 +139,18 @@ impl Readings {
             span,
             groups,
             table,
+            clock,
             blocks: Vec::new(),
             raw: Vec::new(),
             approach: Vec::new(),
             velocity: Vec::new(),
             columns: Vec::new(),
         };
-        readings.lay_out(&group, &time, &temperature, &motion);
+        let order: Vec<f64> = match main {
+            Some(main) => (0..samples).map(|row| main.place_of(&readings.table, row)).collect(),
+            None => readings.pose.iter().map(|&p| p as f64).collect(),
+        };
+        readings.lay_out(&group, &time, &temperature, &order, &motion);
         Ok(readings)
     }
 
@@ -136,6 +159,7 @@ impl Readings {
         group: &[usize],
         time: &[f64],
         temperature: &[f64],
+        pose: &[f64],
         motion: &crate::context::Motion,
     ) {
         let mut order: Vec<usize> = (0..self.samples).collect();
@@ -166,10 +190,20 @@ impl Readings {
                 group: group[order[first]],
                 time: gather(&|r| time[r]),
                 temperature: gather(&|r| temperature[r]),
-                pose: gather(&|r| self.pose[r] as f64),
+                pose: gather(&|r| pose[r]),
             });
             first = last;
         }
+    }
+
+    /// Where a row of another table falls in the order of these poses: half-way
+    /// between two of them, by the clock; after the last one without a clock.
+    fn place_of(&self, other: &Table, row: usize) -> f64 {
+        let (Some(mine), Some(theirs)) = (&self.table.time, &other.time) else {
+            return self.poses() as f64 - 0.5;
+        };
+        let before = mine.partition_point(|t| *t <= theirs[row]);
+        before.checked_sub(1).map_or(-0.5, |r| self.pose[r] as f64 + 0.5)
     }
 
     /// Number of poses.
@@ -318,19 +352,36 @@ fn number_groups(table: &Table, samples: usize) -> (Vec<usize>, Vec<Vec<String>>
     (group, groups)
 }
 
-/// Time from 0 to 1 over each session: by the clock, else by the order of poses.
-fn session_time(table: &Table, pose: &[usize], samples: usize) -> Vec<f64> {
-    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
-    let clock = |row: usize| table.time.as_ref().map_or(pose[row] as f64, |t| t[row]);
-    let mut ends = std::collections::HashMap::new();
+fn session_of(table: &Table, row: usize) -> usize {
+    table.session.as_ref().map_or(0, |s| s[row])
+}
+
+/// Time by the clock, else by the order of poses.
+fn clock_of(table: &Table, pose: &[usize], row: usize) -> f64 {
+    table.time.as_ref().map_or(pose[row] as f64, |t| t[row])
+}
+
+/// First and last time of each session.
+fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]> {
+    let mut ends: Vec<[f64; 2]> = Vec::new();
     for row in 0..samples {
-        let end = ends.entry(session(row)).or_insert([f64::MAX, f64::MIN]);
-        *end = [end[0].min(clock(row)), end[1].max(clock(row))];
+        let session = session_of(table, row);
+        if ends.len() <= session {
+            ends.resize(session + 1, [f64::MAX, f64::MIN]);
+        }
+        let at = clock_of(table, pose, row);
+        ends[session] = [ends[session][0].min(at), ends[session][1].max(at)];
     }
+    ends
+}
+
+/// Time from 0 to 1 over each session.
+fn session_time(table: &Table, pose: &[usize], clock: &[[f64; 2]], samples: usize) -> Vec<f64> {
     (0..samples)
         .map(|row| {
-            let [first, last] = ends[&session(row)];
-            if last > first { (clock(row) - first) / (last - first) } else { 0.5 }
+            let [first, last] = clock[session_of(table, row).min(clock.len() - 1)];
+            let at = clock_of(table, pose, row);
+            if last > first { (at - first) / (last - first) } else { 0.5 }
         })
         .collect()
 }

@@ -58,20 +58,28 @@ impl Sums {
     }
 
     /// Adds up the lanes.
+    ///
+    /// A column that is zero but for rounding, below ε times the largest, is made
+    /// zero: a turn about an axis through the only point that it carries moves
+    /// nothing, and would otherwise be sent round 1e12 times.
     #[must_use]
     pub fn finish(&self) -> Linearization {
         let n = self.columns;
+        let entry = |i: usize, j: usize| self.gram[i * (i + 1) / 2 + j].sum();
+        let diagonal: Vec<f64> = (0..n).map(|i| entry(i, i)).collect();
+        let rounding = diagonal.iter().fold(0.0, |m, d| d.max(m)) * f64::EPSILON.powi(2);
+        let silent: Vec<bool> = diagonal.iter().map(|d| *d <= rounding).collect();
         let mut gram = faer::Mat::zeros(n, n);
-        for i in 0..n {
-            for j in 0..=i {
-                let value = self.gram[i * (i + 1) / 2 + j].sum();
-                gram[(i, j)] = value;
-                gram[(j, i)] = value;
+        for i in (0..n).filter(|&i| !silent[i]) {
+            for j in (0..=i).filter(|&j| !silent[j]) {
+                gram[(i, j)] = entry(i, j);
+                gram[(j, i)] = gram[(i, j)];
             }
         }
+        let gradient = self.gradient.iter().zip(&silent);
         Linearization {
             cost: self.cost.sum(),
-            gradient: self.gradient.iter().map(|g| g.sum()).collect(),
+            gradient: gradient.map(|(g, silent)| if *silent { 0.0 } else { g.sum() }).collect(),
             curvature: Curvature::Gram(gram),
         }
     }

@@ -24,9 +24,10 @@ impl Term for Crosstalk {
     }
 
     fn places(&self, mechanism: &Mechanism, channel: usize, _poses: usize) -> Vec<usize> {
-        let last = mechanism.channels.len() - 1;
-        let before = channel.checked_sub(1);
-        before.into_iter().chain((channel < last).then_some(channel + 1)).collect()
+        // An encoder does not share a converter with a potentiometer.
+        let unit = |c: usize| mechanism.channels.get(c).map(|c| &c.unit);
+        let beside = [channel.wrapping_sub(1), channel + 1].into_iter();
+        beside.filter(|&c| unit(c).is_some() && unit(c) == unit(channel)).collect()
     }
 }
 

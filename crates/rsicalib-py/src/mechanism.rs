@@ -1,0 +1,131 @@
+//! Mechanisms and terms.
+
+use pyo3::prelude::*;
+use pyo3::types::PyAny;
+use pythonize::pythonize;
+use rsicalib::Mechanism;
+use rsicalib::model::targets;
+use rsicalib::terms::{ALL, Class};
+use serde::Serialize;
+
+use crate::error::PyError;
+
+/// A mechanism: channels, chains, points, closures, platform, rest.
+#[pyclass(frozen, skip_from_py_object, name = "Mechanism", module = "rsicalib")]
+#[derive(Clone)]
+pub struct PyMechanism(pub Mechanism);
+
+#[pymethods]
+impl PyMechanism {
+    /// The RSI 6-DOF hand controller.
+    #[staticmethod]
+    fn rsi() -> Self {
+        Self(Mechanism::rsi())
+    }
+
+    /// Reads a mechanism from TOML text; chains in rows, not as URDF.
+    #[staticmethod]
+    fn from_toml(text: &str) -> Result<Self, PyError> {
+        Ok(Self(Mechanism::from_toml(text)?))
+    }
+
+    /// The mechanism as TOML text that `from_toml` reads back.
+    fn to_toml(&self) -> String {
+        self.0.to_toml()
+    }
+
+    /// The mechanism as plain values, keys as in the TOML.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize(py, &self.0)?)
+    }
+
+    /// What people call it.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Unit of every length.
+    #[getter]
+    fn length_unit(&self) -> &str {
+        &self.0.length_unit
+    }
+
+    /// Text columns of the readings that its unknown points need.
+    #[getter]
+    fn key_columns(&self) -> Vec<String> {
+        self.0.key_columns()
+    }
+
+    /// Columns of the readings that hold measured distances.
+    #[getter]
+    fn value_columns(&self) -> Vec<String> {
+        self.0.value_columns()
+    }
+
+    /// Joint coordinates that hold the platform at a pose, one per channel [rad].
+    fn inverse(&self, pose: [f64; 6]) -> Result<Vec<f64>, PyError> {
+        Ok(rsicalib::platform::inverse(&self.0, &pose)?)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Mechanism({:?})", self.0.name)
+    }
+}
+
+#[derive(Serialize)]
+struct ParameterView {
+    name: &'static str,
+    unit: &'static str,
+    typical: f64,
+}
+
+#[derive(Serialize)]
+struct TermView {
+    id: &'static str,
+    class: Class,
+    doc: String,
+    needs: &'static str,
+    parameters: Vec<ParameterView>,
+    targets: Vec<String>,
+}
+
+/// Every term there is, with its targets in a mechanism.
+#[pyfunction]
+pub fn terms<'py>(py: Python<'py>, mechanism: &PyMechanism) -> PyResult<Bound<'py, PyAny>> {
+    let views: Vec<TermView> = ALL
+        .iter()
+        .map(|term| {
+            let info = term.info();
+            let lines = info.doc.lines().map(|l| l.strip_prefix(' ').unwrap_or(l));
+            TermView {
+                id: info.id,
+                class: info.class,
+                doc: lines.collect::<Vec<_>>().join("\n"),
+                needs: info.needs.words(),
+                parameters: info
+                    .parameters
+                    .iter()
+                    .map(|p| ParameterView { name: p.name, unit: p.unit, typical: p.typical })
+                    .collect(),
+                targets: targets(*term, &mechanism.0)
+                    .iter()
+                    .map(|t| t.name(&mechanism.0))
+                    .collect(),
+            }
+        })
+        .collect();
+    Ok(pythonize(py, &views)?)
+}
+
+/// Joint angles of the hand controller for a pose, eqs. (6)-(8): shape (3, 3) [rad].
+#[pyfunction]
+pub fn rsi_inverse(pose: [f64; 6]) -> Result<[[f64; 3]; 3], PyError> {
+    Ok(rsicalib::rsi::inverse(&pose)?)
+}
+
+/// Handle pose of the hand controller for joint angles, eqs. (2)-(5).
+#[pyfunction]
+pub fn rsi_forward(angles: [[f64; 3]; 3]) -> [f64; 6] {
+    rsicalib::rsi::forward(&angles)
+}

@@ -1,0 +1,168 @@
+//! Sessions and fits.
+
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyAny;
+use pythonize::pythonize;
+use rsicalib::result::{FitReport, estimates};
+use rsicalib::{Fit, Method, Options, Session, Table, fit};
+use serde::Serialize;
+
+use crate::error::PyError;
+use crate::mechanism::PyMechanism;
+
+/// Readings of one mechanism, with what is known beside them.
+#[pyclass(frozen, skip_from_py_object, name = "Session", module = "rsicalib._core")]
+pub struct PySession(pub Arc<Session>);
+
+/// A fitted model.
+#[pyclass(frozen, skip_from_py_object, name = "Fit", module = "rsicalib._core")]
+pub struct PyFit {
+    pub session: Arc<Session>,
+    pub fit: Fit,
+}
+
+/// One table of readings, as Python holds it.
+#[derive(FromPyObject)]
+pub struct PyTable<'py> {
+    #[pyo3(item)]
+    values: PyReadonlyArray2<'py, f64>,
+    #[pyo3(item)]
+    pose: Option<PyReadonlyArray1<'py, i64>>,
+    #[pyo3(item)]
+    time: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(item)]
+    temperature: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(item)]
+    session: Option<Vec<usize>>,
+    #[pyo3(item)]
+    keys: Vec<Vec<String>>,
+    #[pyo3(item)]
+    columns: Vec<Vec<f64>>,
+}
+
+impl PyTable<'_> {
+    /// The same values, owned by Rust.
+    pub fn table(&self) -> Table {
+        let column =
+            |c: &Option<PyReadonlyArray1<'_, f64>>| c.as_ref().map(|c| c.as_array().to_vec());
+        Table {
+            values: self.values.as_array().iter().copied().collect(),
+            pose: self.pose.as_ref().map(|p| p.as_array().to_vec()),
+            time: column(&self.time),
+            temperature: column(&self.temperature),
+            session: self.session.clone(),
+            keys: self.keys.clone(),
+            columns: self.columns.clone(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct FitView {
+    fit: FitReport,
+    #[serde(flatten)]
+    estimates: rsicalib::result::Estimates,
+}
+
+#[pymethods]
+impl PySession {
+    /// Checks readings against a mechanism and gathers the options.
+    #[new]
+    #[pyo3(signature = (mechanism, table, *, rest=None, terms=None, closures=None, method=None,
+                        noise=None, starts=None, max_iterations=None, xtol=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn new(
+        mechanism: &PyMechanism,
+        table: PyTable<'_>,
+        rest: Option<PyReadonlyArray2<'_, f64>>,
+        terms: Option<Vec<String>>,
+        closures: Option<Vec<String>>,
+        method: Option<&str>,
+        noise: Option<Vec<f64>>,
+        starts: Option<usize>,
+        max_iterations: Option<usize>,
+        xtol: Option<f64>,
+    ) -> Result<Self, PyError> {
+        let mut options = Options { terms, closures, noise, ..Options::default() };
+        options.method = match method {
+            None | Some("implicit_loop") => Method::ImplicitLoop,
+            Some("algebraic") => Method::Algebraic,
+            Some(other) => {
+                return Err(rsicalib::Error::Option {
+                    name: "method",
+                    found: other.into(),
+                    expected: "implicit_loop or algebraic".into(),
+                }
+                .into());
+            }
+        };
+        options.starts = starts.unwrap_or(options.starts);
+        options.lm.max_iterations = max_iterations.unwrap_or(options.lm.max_iterations);
+        options.lm.xtol = xtol.unwrap_or(options.lm.xtol);
+        let rest = rest.map(|r| r.as_array().iter().copied().collect());
+        Ok(Self(Arc::new(Session::new(&mechanism.0, table.table(), rest, options)?)))
+    }
+
+    /// Fits the terms that the options ask for.
+    fn fit(&self, py: Python<'_>) -> PyResult<PyFit> {
+        let session = Arc::clone(&self.0);
+        let fit = py
+            .detach(|| session.instances().and_then(|i| fit(&session, i, None)))
+            .map_err(PyError::from)?;
+        Ok(PyFit { session, fit })
+    }
+}
+
+#[pymethods]
+impl PyFit {
+    /// The fit in the shape of the JSON.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let view = FitView {
+            fit: FitReport::of(&self.fit),
+            estimates: estimates(&self.session, &self.fit),
+        };
+        Ok(pythonize(py, &view)?)
+    }
+
+    /// Error on known poses: `(poses, position rms, orientation rms)`.
+    #[pyo3(signature = (table, poses, align=false))]
+    fn check<'py>(
+        &self,
+        py: Python<'py>,
+        table: PyTable<'_>,
+        poses: PyReadonlyArray2<'_, f64>,
+        align: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let known: Vec<[f64; 6]> =
+            poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect();
+        let check = rsicalib::check::check(&self.session, &self.fit, &table.table(), &known, align)
+            .map_err(PyError::from)?;
+        Ok(pythonize(py, &check)?)
+    }
+
+    /// Platform pose of every row of a table: shape (n, 6).
+    fn forward<'py>(
+        &self,
+        py: Python<'py>,
+        table: PyTable<'_>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let poses = rsicalib::check::platform_poses(
+            &self.session,
+            &self.fit,
+            &self.fit.beta,
+            table.table(),
+        )
+        .map_err(PyError::from)?;
+        let flat: Vec<f64> = poses.iter().flatten().copied().collect();
+        PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
+    }
+
+    /// Whitened residuals: shape (samples, equations), standard normal if the model is right.
+    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let r = &self.fit.residuals;
+        PyArray1::from_slice(py, &r.whitened).reshape([r.whitened.len() / r.equations, r.equations])
+    }
+}

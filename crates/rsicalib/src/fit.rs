@@ -1,0 +1,398 @@
+//! The answer: estimates, covariance, lack of fit, why it stopped.
+
+use faer::Mat;
+
+use crate::lm::{self, Problem, Termination};
+use crate::model::{Instance, Model};
+use crate::noise::{Groups, Scatter, Source};
+use crate::objective::{Algebraic, Implicit, Noise, Part, Prior, Residuals};
+use crate::session::Session;
+use crate::start::{self, Try};
+use crate::{Error, stats};
+
+/// Which objective.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Maximum likelihood, noise in the readings.
+    #[default]
+    ImplicitLoop,
+    /// The paper's least squares, noise in the misclosure.
+    Algebraic,
+}
+
+/// How to fit.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Terms to identify; none: as the mechanism says.
+    pub terms: Option<Vec<String>>,
+    /// Only these closures.
+    pub closures: Option<Vec<String>>,
+    /// The objective.
+    pub method: Method,
+    /// Standard deviation of one reading of each channel, where it is known.
+    pub noise: Option<Vec<f64>>,
+    /// Starts to try at the most.
+    pub starts: usize,
+    /// A start whose χ² per degree of freedom is below this ends the search.
+    pub good_start: f64,
+    /// The solver.
+    pub lm: lm::Options,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            terms: None,
+            closures: None,
+            method: Method::default(),
+            noise: None,
+            starts: 60,
+            good_start: 50.0,
+            lm: lm::Options { xtol: 1e-10, ..lm::Options::default() },
+        }
+    }
+}
+
+/// Noise as it was estimated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NoiseEstimate {
+    /// Where it is from.
+    pub source: Source,
+    /// Standard deviation of one reading of each channel, quantisation included.
+    pub sigma: Vec<f64>,
+    /// Multiplies the variance of declared play.
+    pub play: f64,
+    /// Degrees of freedom; infinite where it was declared.
+    pub dof: f64,
+    /// Correlation of neighbouring samples.
+    pub correlation: f64,
+    /// Variance of a pose's mean over that of independent samples.
+    pub inflation: f64,
+}
+
+/// A fitted model.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The model.
+    pub model: Model,
+    /// Its parameters.
+    pub beta: Vec<f64>,
+    /// What was known of them without readings.
+    pub priors: Vec<Prior>,
+    /// The noise.
+    pub noise: NoiseEstimate,
+    /// `Xᵀ S⁻¹ X` and priors, in units of the estimated noise.
+    pub gram: Mat<f64>,
+    /// Covariance of the parameters; pseudo-inverse where directions are unobservable.
+    pub covariance: Mat<f64>,
+    /// Parameters that take part in an unobservable direction.
+    pub unknowable: Vec<bool>,
+    /// χ² between poses.
+    pub chi2: f64,
+    /// Its degrees of freedom.
+    pub dof: f64,
+    /// Probability of a larger χ²; none where nothing but the fit gives the noise.
+    pub p_value: Option<f64>,
+    /// χ² of all samples.
+    pub total: f64,
+    /// Root mean square error of the closures, in length units.
+    pub rms_misclosure: f64,
+    /// Condition number, unit columns.
+    pub condition: f64,
+    /// Why the search ended.
+    pub termination: Termination,
+    /// Linearisations made.
+    pub iterations: usize,
+    /// Starts that were tried.
+    pub starts: Vec<Try>,
+    /// Whitened residuals and their derivatives.
+    pub residuals: Residuals,
+    /// Readings without their noise, row by row.
+    pub adjusted: Vec<f64>,
+    /// True where every joint still moves.
+    pub plausible: bool,
+}
+
+/// Fits these instances, from a start of their own or from an earlier fit.
+///
+/// # Errors
+///
+/// [`Error::TooFew`] where there are fewer equations than parameters.
+pub fn fit(session: &Session, instances: Vec<Instance>, from: Option<&Fit>) -> Result<Fit, Error> {
+    let model = Model::new(&session.mechanism, &session.readings, instances)?;
+    let priors = session.priors(&model.instances);
+    let equations = model.equations() * session.use_row.iter().filter(|u| **u).count();
+    if equations + priors.len() < model.parameters {
+        return Err(Error::TooFew {
+            parameters: model.parameters,
+            equations,
+            poses: session.readings.poses(),
+        });
+    }
+    let guess = first_noise(session, from);
+    let (beta, starts) = match from {
+        Some(fit) => (carry_over(fit, &model), fit.starts.clone()),
+        None => begin(session, &model, &guess),
+    };
+    solve(session, model, priors, beta, starts, guess)
+}
+
+/// The parameters of an earlier fit, where the new model has them too.
+#[must_use]
+pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
+    let mut beta = model.nominal();
+    for (instance, &first) in model.instances.iter().zip(&model.first) {
+        if let Some(k) = fit.model.instances.iter().position(|i| i == instance) {
+            let old = fit.model.first[k];
+            beta[first..first + instance.width()]
+                .copy_from_slice(&fit.beta[old..old + instance.width()]);
+        }
+    }
+    let (old, new) = (fit.model.term_parameters, model.term_parameters);
+    if fit.model.unknown_names == model.unknown_names {
+        beta[new..].copy_from_slice(&fit.beta[old..]);
+    }
+    beta
+}
+
+/// Noise to begin with, up to scale.
+fn first_noise(session: &Session, from: Option<&Fit>) -> Noise {
+    if let Some(fit) = from {
+        return Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
+    }
+    let channels = &session.mechanism.channels;
+    let sigma = match &session.options.noise {
+        Some(sigma) => sigma.clone(),
+        None => channels
+            .iter()
+            .map(|c| c.noise.unwrap_or(if c.unit == "count" { 1.0 } else { 1e-5 / c.gain.abs() }))
+            .collect(),
+    };
+    Noise { sigma, play: 1.0 }
+}
+
+/// A start by the algebraic fit, unknown points by where the chains touch them.
+fn begin(session: &Session, model: &Model, noise: &Noise) -> (Vec<f64>, Vec<Try>) {
+    if !model.unknown_names.is_empty() {
+        let mut beta = start::anchored(session, model, &vec![1.0; model.scales.len()]);
+        model.place_unknowns(&session.readings, &mut beta);
+        return (beta, Vec::new());
+    }
+    let dof = (model.equations() * session.readings.samples) as f64;
+    start::search(session, model, |outcome| {
+        let part = Part { model, readings: &session.readings, use_row: Some(&session.use_row) };
+        let implicit = Implicit::new(vec![(part, noise.clone())], &[]);
+        2.0 * implicit.linearize(&outcome.x).cost / dof
+    })
+}
+
+fn solve(
+    session: &Session,
+    model: Model,
+    priors: Vec<Prior>,
+    start: Vec<f64>,
+    starts: Vec<Try>,
+    mut noise: Noise,
+) -> Result<Fit, Error> {
+    let held = match &session.held {
+        Some((mechanism, readings)) => Some((Model::like(&model, mechanism, readings)?, readings)),
+        None => None,
+    };
+    let part = Part { model: &model, readings: &session.readings, use_row: Some(&session.use_row) };
+    let mut beta = start;
+    let groups = Groups::of(&session.readings, &session.use_row);
+    let declared = session.options.noise.is_some()
+        || session.mechanism.channels.iter().all(|c| c.noise.is_some());
+    let mut answer = None;
+    for _ in 0..3 {
+        let mut parts = vec![(part, noise.clone())];
+        if let Some((model, readings)) = &held {
+            parts.push((Part { model, readings, use_row: None }, noise.clone()));
+        }
+        let problem = Implicit::new(parts, &priors);
+        let outcome = match session.options.method {
+            Method::ImplicitLoop => lm::minimize(&problem, &beta, &session.options.lm),
+            Method::Algebraic => {
+                let paper =
+                    lm::minimize(&Algebraic::new(part, &priors), &beta, &session.options.lm);
+                lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
+            }
+        };
+        beta.clone_from(&outcome.x);
+        let residuals = problem.residuals(&beta, false);
+        let estimate = estimate_noise(session, &groups, &residuals, &noise, declared, beta.len());
+        let scale = estimate.sigma[0] / noise.sigma[0];
+        let adjusted = problem.adjusted();
+        answer = Some((outcome, residuals, estimate.clone(), scale, adjusted));
+        let sensitive = !priors.is_empty() || held.is_some();
+        if (scale - 1.0).abs() < 1e-3 || !sensitive {
+            break;
+        }
+        noise = Noise { sigma: estimate.sigma, play: estimate.play };
+    }
+    let Some((outcome, residuals, noise, scale, adjusted)) = answer else {
+        return Err(Error::Empty("no fit".into()));
+    };
+    Ok(conclude(
+        session, model, priors, outcome, residuals, noise, scale, adjusted, starts, &groups,
+    ))
+}
+
+/// The noise that these residuals show, by the best source there is.
+fn estimate_noise(
+    session: &Session,
+    groups: &Groups,
+    residuals: &Residuals,
+    used: &Noise,
+    declared: bool,
+    parameters: usize,
+) -> NoiseEstimate {
+    let Scatter { within, dof, correlation, inflation } = groups.scatter(residuals);
+    let scaled = |s: f64, source, dof| NoiseEstimate {
+        source,
+        sigma: used.sigma.iter().map(|v| v * s).collect(),
+        play: used.play * s * s,
+        dof,
+        correlation,
+        inflation,
+    };
+    if declared {
+        return scaled(1.0, Source::Declared, f64::INFINITY);
+    }
+    let channels = &session.mechanism.channels;
+    let rounding = channels[0].quantisation().sqrt() / used.sigma[0];
+    if dof >= 8.0 {
+        let s = (within / dof).sqrt();
+        if s < rounding {
+            return scaled(rounding, Source::Quantisation, f64::INFINITY);
+        }
+        let source = if session.readings.held { Source::Repeats } else { Source::Neighbours };
+        // Correlated samples are fewer than they seem.
+        let effective = dof * (1.0 - correlation.max(0.0)) / (1.0 + correlation.max(0.0));
+        return scaled(s, source, effective.max(1.0));
+    }
+    let k = residuals.equations;
+    let live: Vec<usize> = (0..session.readings.samples).filter(|&r| session.use_row[r]).collect();
+    let total: f64 =
+        live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
+    let free = ((live.len() * k) as f64 - parameters as f64).max(1.0);
+    let s = (total / free).sqrt().max(rounding).max(f64::MIN_POSITIVE);
+    scaled(s, Source::Fit, free)
+}
+
+#[expect(clippy::too_many_arguments, reason = "the last step gathers what the others made")]
+fn conclude(
+    session: &Session,
+    model: Model,
+    priors: Vec<Prior>,
+    outcome: lm::Outcome,
+    mut residuals: Residuals,
+    noise: NoiseEstimate,
+    scale: f64,
+    adjusted: Vec<f64>,
+    starts: Vec<Try>,
+    groups: &Groups,
+) -> Fit {
+    // From the noise that the fit used to the noise that it found.
+    for values in [&mut residuals.whitened, &mut residuals.by_reading] {
+        values.iter_mut().for_each(|v| *v /= scale);
+    }
+    let gram = outcome.linearization.gram();
+    let n = gram.nrows();
+    let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
+
+    let k = residuals.equations;
+    let live: Vec<usize> = (0..session.readings.samples).filter(|&r| session.use_row[r]).collect();
+    let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
+    let total: f64 = live.iter().map(of).sum();
+    let (mut chi2, mut dof) = (total, (live.len() * k) as f64 - free_parameters(&gram, &priors));
+    if matches!(
+        noise.source,
+        Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
+    ) {
+        let scatter = groups.scatter(&residuals);
+        chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
+        dof -= scatter.dof;
+    }
+    let p_value = (noise.source.independent() && dof >= 1.0)
+        .then(|| stats::f_tail(chi2 / dof, dof, noise.dof));
+
+    let (covariance, unknowable, condition) = invert(&gram);
+    let covariance = Mat::from_fn(n, n, |i, j| covariance[(i, j)] * noise.inflation);
+    let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
+    let rms_misclosure =
+        (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
+    let plausible = !start::collapsed(&model, &outcome.x);
+    Fit {
+        model,
+        beta: outcome.x,
+        priors,
+        noise,
+        gram,
+        covariance,
+        unknowable,
+        chi2,
+        dof,
+        p_value,
+        total,
+        rms_misclosure,
+        condition,
+        termination: outcome.termination,
+        iterations: outcome.iterations,
+        starts,
+        residuals,
+        adjusted,
+        plausible,
+    }
+}
+
+/// Parameters that the data pay for: priors take part of those they hold.
+#[must_use]
+pub fn free_parameters(gram: &Mat<f64>, priors: &[Prior]) -> f64 {
+    let n = gram.nrows();
+    if priors.is_empty() {
+        return n as f64;
+    }
+    let (covariance, ..) = invert(gram);
+    let held: f64 = priors.iter().map(|p| covariance[(p.column, p.column)] / (p.sd * p.sd)).sum();
+    n as f64 - held
+}
+
+/// Eigenvalues below this fraction of the largest, unit columns, are zero.
+const RANK: f64 = 1e-11;
+
+/// Pseudo-inverse of a Gram matrix, the parameters that it cannot tell apart,
+/// and the condition number of its Jacobian with unit columns.
+#[must_use]
+pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
+    let n = gram.nrows();
+    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
+    let unit = Mat::from_fn(n, n, |i, j| {
+        let norm = norms[i] * norms[j];
+        if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
+    });
+    let mut unknowable: Vec<bool> = norms.iter().map(|v| *v == 0.0 || !v.is_finite()).collect();
+    let Ok(eigen) = unit.self_adjoint_eigen(faer::Side::Lower) else {
+        return (Mat::zeros(n, n), vec![true; n], f64::INFINITY);
+    };
+    let values = eigen.S().column_vector();
+    let vectors = eigen.U();
+    let largest = if n > 0 { values[n - 1] } else { 1.0 };
+    let smallest = if n > 0 { values[0].max(0.0) } else { 1.0 };
+    for k in 0..n {
+        if values[k] < RANK * largest {
+            for i in 0..n {
+                unknowable[i] |= vectors[(i, k)].abs() > 1e-3;
+            }
+        }
+    }
+    let inverse = Mat::from_fn(n, n, |i, j| {
+        let sum: f64 = (0..n)
+            .filter(|&k| values[k] >= RANK * largest)
+            .map(|k| vectors[(i, k)] * vectors[(j, k)] / values[k])
+            .sum();
+        let norm = norms[i] * norms[j];
+        if norm > 0.0 { sum / norm } else { 0.0 }
+    });
+    (inverse, unknowable, (largest / smallest).sqrt())
+}

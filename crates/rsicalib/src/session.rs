@@ -1,0 +1,133 @@
+//! A session: one mechanism, its readings, and what else is known of them.
+
+use crate::fit::Options;
+use crate::model::{Instance, Target};
+use crate::objective::Prior;
+use crate::readings::{Readings, Table};
+use crate::terms::Acts;
+use crate::{Error, Mechanism, platform};
+
+/// Readings to fit, with everything that is known beside them.
+#[derive(Debug, Clone)]
+pub struct Session {
+    /// The mechanism.
+    pub mechanism: Mechanism,
+    /// Its readings.
+    pub readings: Readings,
+    /// A reading of the rest pose, averaged, one per channel.
+    pub rest: Option<Vec<f64>>,
+    /// Joint coordinates in the rest pose, one per channel.
+    pub rest_angles: Option<Vec<f64>>,
+    /// False for each sample to leave out.
+    pub use_row: Vec<bool>,
+    /// The options.
+    pub options: Options,
+    /// The mechanism held at rest, and its one reading, where the rest pose is
+    /// declared with a tolerance and so is an observation.
+    pub held: Option<(Mechanism, Readings)>,
+}
+
+impl Session {
+    /// Gathers what is known.
+    ///
+    /// `rest` holds readings of the rest pose, row by row.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`] and [`Mechanism::validate`].
+    pub fn new(
+        mechanism: &Mechanism,
+        table: Table,
+        rest: Option<Vec<f64>>,
+        options: Options,
+    ) -> Result<Self, Error> {
+        let mechanism = match &options.closures {
+            Some(names) => mechanism.with_closures(names)?,
+            None => mechanism.clone(),
+        };
+        mechanism.validate()?;
+        let readings = Readings::new(&mechanism, table)?;
+        let rest = match rest {
+            Some(values) => {
+                let bare =
+                    Mechanism { points: Vec::new(), closures: Vec::new(), ..mechanism.clone() };
+                Some(Readings::new(&bare, Table { values, ..Table::default() })?.mean)
+            }
+            None => None,
+        };
+        let rest_angles = match &mechanism.rest {
+            Some(r) if !mechanism.platform.is_empty() => {
+                platform::inverse(&mechanism, &r.pose).ok()
+            }
+            _ => None,
+        };
+        let held = match (&mechanism.rest, &rest) {
+            (Some(declared), Some(row)) if declared.sd.is_some() => {
+                let held = platform::held_at(&mechanism, &declared.pose, declared.sd);
+                let table = Table { values: row.clone(), ..Table::default() };
+                Some((held.clone(), Readings::new(&held, table)?))
+            }
+            _ => None,
+        };
+        let use_row = vec![true; readings.samples];
+        Ok(Self { mechanism, readings, rest, rest_angles, use_row, options, held })
+    }
+
+    /// The instances that the options, or else the mechanism, ask for.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::model::parse`].
+    pub fn instances(&self) -> Result<Vec<Instance>, Error> {
+        let terms = self.options.terms.as_ref().unwrap_or(&self.mechanism.model.terms);
+        crate::model::parse(&self.mechanism, &self.readings, terms)
+    }
+
+    /// Reading at which the rest angles are taken to hold, one per channel.
+    ///
+    /// Without a reading of the rest pose, where the nominal sensor has it.
+    #[must_use]
+    pub fn anchor(&self) -> Vec<(f64, f64)> {
+        let nominal = |c: usize| {
+            let channel = &self.mechanism.channels[c];
+            match &self.rest_angles {
+                Some(angles) => ((angles[c] - channel.offset) / channel.gain, angles[c]),
+                None => (self.readings.mean[c], channel.angle(self.readings.mean[c])),
+            }
+        };
+        (0..self.mechanism.channels.len())
+            .map(|c| match (&self.rest, &self.rest_angles) {
+                (Some(rest), Some(angles)) => (rest[c], angles[c]),
+                _ => nominal(c),
+            })
+            .collect()
+    }
+
+    /// Priors of a list of instances: what holds a free shape, and what the
+    /// mechanism declares.
+    #[must_use]
+    pub fn priors(&self, instances: &[Instance]) -> Vec<Prior> {
+        let mut priors = Vec::new();
+        let mut first = 0;
+        for instance in instances {
+            let info = instance.term.info();
+            let declared = self.mechanism.model.sd.get(info.id).copied();
+            let drawing = match instance.target {
+                Target::Closure(k) => self.mechanism.closures[k].sd,
+                _ => None,
+            };
+            // Complete geometry has redundant directions: drawings are trusted as far as they go.
+            let redundant = info.id == "link_frame" || info.id == "joint_compliance";
+            let tolerant = info.penalised
+                || (redundant && matches!(instance.term.acts(), Acts::Geometry(_) | Acts::Load(_)));
+            for (k, parameter) in info.parameters.iter().enumerate() {
+                let sd = declared.or(drawing).or(tolerant.then_some(parameter.typical));
+                if let Some(sd) = sd {
+                    priors.push(Prior { column: first + k, mean: 0.0, sd });
+                }
+            }
+            first += instance.width();
+        }
+        priors
+    }
+}

@@ -1,0 +1,340 @@
+//! Devices to test on: the hand controller, and mechanisms drawn at random.
+//!
+//! Shared by `tests/*.rs` and by the laws of the terms, which is why names come
+//! from `super`: whoever includes this file says whether that is the crate or
+//! its user.
+
+use std::f64::consts::PI;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::lanes::{Lanes, WIDTH};
+use super::mechanism::{Chain, Channel, Closure, ClosureKind, Motion, Point, Row, Value};
+use super::model::{Want, Workspace};
+use super::{Instance, Mechanism, Model, Readings, Table, rsi};
+
+/// Seeded numbers: SplitMix64.
+pub struct Rng(u64);
+
+impl Rng {
+    /// A sequence of its own for each seed.
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15))
+    }
+
+    /// Between `low` and `high`.
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        low + (high - low) * ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Standard normal, by Box and Muller.
+    pub fn normal(&mut self) -> f64 {
+        (-2.0 * self.uniform(0.0, 1.0).max(1e-300).ln()).sqrt()
+            * (2.0 * PI * self.uniform(0.0, 1.0)).cos()
+    }
+}
+
+/// How the readings were taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum How {
+    /// Held poses in any order, each sampled twice.
+    Held,
+    /// One recording of a smooth motion.
+    Moving,
+}
+
+/// A mechanism, and readings that close its loops as it is drawn.
+#[derive(Debug, Clone)]
+pub struct Device {
+    /// The mechanism.
+    pub mechanism: Mechanism,
+    /// Readings, with time and temperature.
+    pub table: Table,
+    /// Where its unknown points are.
+    pub points: Vec<f64>,
+}
+
+impl Device {
+    /// The readings, checked.
+    pub fn readings(&self) -> Readings {
+        Readings::new(&self.mechanism, self.table.clone()).expect("the table fits the mechanism")
+    }
+
+    /// The model of some terms, and all its parameters: theirs, and the points.
+    pub fn model(
+        &self,
+        readings: &Readings,
+        instances: &[Instance],
+        terms: &[f64],
+    ) -> (Model, Vec<f64>) {
+        let model = Model::new(&self.mechanism, readings, instances.to_vec()).expect("provided");
+        let beta = [terms, &self.points].concat();
+        assert_eq!(beta.len(), model.parameters);
+        (model, beta)
+    }
+
+    /// Moves the readings until they close the loops under some terms.
+    ///
+    /// Velocities, directions and spans follow the readings, so this repeats
+    /// until both stand still.
+    pub fn close(&mut self, instances: &[Instance], terms: &[f64]) {
+        for _ in 0..40 {
+            let readings = self.readings();
+            let (model, beta) = self.model(&readings, instances, terms);
+            let values = assemble(&model, &readings, &beta);
+            let gains = self.mechanism.channels.iter().map(|c| c.gain).cycle();
+            let change = values.iter().zip(&self.table.values).zip(gains);
+            let change = change.fold(0.0_f64, |m, ((a, b), gain)| m.max(((a - b) * gain).abs()));
+            self.table.values = values;
+            if change < 1e-13 {
+                return;
+            }
+        }
+        panic!("readings and their context do not settle");
+    }
+}
+
+/// Readings nearest to those given that close the loops: Newton's method.
+fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<f64> {
+    let (k, c) = (model.equations(), readings.channels);
+    let mut values = readings.table.values.clone();
+    let mut ws = Workspace::default();
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let mut a: Vec<Lanes> = readings.raw(block).to_vec();
+        let mut longest = f64::INFINITY;
+        for _ in 0..60 {
+            model.evaluate(readings, block, &a, beta, Want { x: false, a: true }, &mut ws);
+            longest = 0.0;
+            for lane in 0..WIDTH {
+                // One radian of each joint, in readings, as its unit.
+                let unit = |j: usize| 1.0 / model.scales[j].gain;
+                let f = DVector::from_fn(k, |i, _| ws.f[i].0[lane]);
+                let g = DMatrix::from_fn(k, c, |i, j| ws.a[i * c + j].0[lane] * unit(j));
+                let lambda =
+                    (&g * g.transpose()).cholesky().expect("independent closures").solve(&f);
+                let step = g.transpose() * lambda;
+                let short = (0.2 / step.amax()).min(1.0);
+                longest = step.amax().max(longest);
+                for j in 0..c {
+                    a[j].0[lane] -= step[j] * unit(j) * short;
+                }
+            }
+            if longest < 1e-14 {
+                break;
+            }
+        }
+        assert!(longest < 1e-11, "block {block} does not assemble: {longest:e}");
+        for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+            for j in 0..c {
+                values[row * c + j] = a[j].0[lane];
+            }
+        }
+    }
+    values
+}
+
+/// Rows of every device: not a whole number of blocks.
+const ROWS: usize = 116;
+
+/// A table of the joint coordinates that `at` gives for each row, with context.
+fn table(mechanism: &Mechanism, how: How, mut at: impl FnMut(usize) -> Vec<f64>) -> Table {
+    let mut values = Vec::new();
+    for row in 0..ROWS {
+        let q = at(row);
+        values.extend(mechanism.channels.iter().zip(q).map(|(c, q)| (q - c.offset) / c.gain));
+    }
+    let clock = (0..ROWS).map(|row| 0.02 * row as f64 + 1e-4 * (row % 3) as f64);
+    Table {
+        values,
+        pose: (how == How::Held).then(|| (0..ROWS).map(|row| 10 + row as i64 / 2).collect()),
+        time: Some(clock.collect()),
+        temperature: Some((0..ROWS).map(|row| 21.0 + 2.0 * (row as f64 * 0.071).sin()).collect()),
+        ..Table::default()
+    }
+}
+
+/// `n` numbers in -1 … 1: drawn anew for each held pose, or smooth in time.
+fn wander(rng: &mut Rng, how: How, n: usize) -> impl FnMut(usize) -> Vec<f64> + use<> {
+    let pace: Vec<[f64; 2]> =
+        (0..n).map(|_| [rng.uniform(0.05, 0.11), rng.uniform(-PI, PI)]).collect();
+    let mut rng = Rng::new(rng.uniform(0.0, 1e9) as u64);
+    move |row| match how {
+        How::Held => (0..n).map(|_| rng.uniform(-1.0, 1.0)).collect(),
+        How::Moving => pace.iter().map(|[w, phase]| (w * row as f64 + phase).sin()).collect(),
+    }
+}
+
+/// The hand controller, moved about within ±2 in and ±0.45 rad.
+pub fn hand_controller(how: How, seed: u64) -> Device {
+    let mechanism = Mechanism::rsi();
+    let mut wander = wander(&mut Rng::new(seed), how, 6);
+    // A recording may not skip what is out of reach, so it keeps to the middle.
+    let reach = if how == How::Held { 1.0 } else { 0.7 };
+    let table = table(&mechanism, how, |row| {
+        loop {
+            let w = wander(row).into_iter().map(|w| w * reach).collect::<Vec<_>>();
+            let [x, y, z] = [2.0 * w[0], 2.0 * w[1], -2.9 + 1.6 * w[2]];
+            let pose = [x, y, z, 0.45 * w[3], 0.45 * w[4], 0.45 * w[5]];
+            if let Ok(angles) = rsi::inverse(&pose) {
+                return angles.concat();
+            }
+            assert!(how == How::Held, "the recording leaves the workspace: {pose:?}");
+        }
+    });
+    Device { mechanism, table, points: Vec::new() }
+}
+
+/// A mechanism of 2 to 4 chains: turning and sliding joints, channels in counts
+/// and in radians, masses, distances known and measured, and two unknown points
+/// that the last chain touches.
+pub fn random(chains: usize, how: How, seed: u64) -> Device {
+    let mut rng = Rng::new(seed);
+    let mut mechanism = Mechanism {
+        name: format!("random {seed}"),
+        gravity: Some([0.3, -0.2, -0.9]),
+        platform: Default::default(),
+        rest: None,
+        channels: Vec::new(),
+        chains: Vec::new(),
+        points: Vec::new(),
+        closures: Vec::new(),
+        ..Mechanism::rsi()
+    };
+    let mut centre = Vec::new();
+    for k in 0..chains {
+        let joints = if k + 1 == chains { 6 } else { 4 };
+        let chain = random_chain(&mut rng, &mut mechanism, k, joints, &mut centre);
+        mechanism.chains.push(chain);
+        mechanism.points.push(point(&mut rng, &format!("tip{k}"), Some(k)));
+    }
+    mechanism.points.push(point(&mut rng, "side", Some(0)));
+    mechanism.points.push(point(&mut rng, "post", None));
+    let socket = Point { name: "socket".into(), unknown: vec!["at".into()], ..Point::default() };
+    mechanism.points.push(socket);
+
+    let distance = |a: &str, b: &str| Closure {
+        name: format!("{a}-{b}"),
+        kind: ClosureKind::Distance,
+        between: [a.into(), b.into()],
+        value: Some(Value::Known(1.0)),
+        noise: Some(2e-3),
+        sd: None,
+    };
+    for k in 1..chains {
+        mechanism.closures.push(distance(&format!("tip{}", k - 1), &format!("tip{k}")));
+    }
+    mechanism.closures.push(distance("post", "side"));
+    let last = format!("tip{}", chains - 1);
+    let touch = Closure { kind: ClosureKind::Touch, value: None, ..distance(&last, "socket") };
+    mechanism.closures.push(touch);
+
+    // Distances and unknown points as they are in the middle of the readings.
+    let middle = places(&mechanism, &centre);
+    let aside: Vec<f64> = centre.iter().map(|q| q + rng.uniform(-0.3, 0.3)).collect();
+    let tip = chains - 1;
+    let points = [middle[tip], places(&mechanism, &aside)[tip]].concat();
+    for closure in 0..chains {
+        let ends = mechanism.closures[closure].between.clone();
+        let [a, b] = ends.map(|name| middle[mechanism.point_index(&name).expect("a point")]);
+        let value = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+        mechanism.closures[closure].value = Some(Value::Known(value));
+    }
+
+    let mut wander = wander(&mut rng, how, centre.len());
+    let mut table = table(&mechanism, how, |row| {
+        centre.iter().zip(wander(row)).map(|(q, w)| q + 0.35 * w).collect()
+    });
+    table.keys = vec![(0..ROWS).map(|row| format!("socket{}", row / 4 % 2)).collect()];
+    if let Some(Value::Known(value)) = mechanism.closures[0].value {
+        mechanism.closures[0].value = Some(Value::Column("bar".into()));
+        table.columns = vec![(0..ROWS).map(|r| value * (1.0 + 0.02 * (r as f64).sin())).collect()];
+    }
+    let mut device = Device { mechanism, table, points };
+    device.close(&[], &[]);
+    device
+}
+
+fn random_chain(
+    rng: &mut Rng,
+    mechanism: &mut Mechanism,
+    k: usize,
+    joints: usize,
+    centre: &mut Vec<f64>,
+) -> Chain {
+    let bearing = 2.0 * PI * k as f64 / 3.0 + rng.uniform(-0.3, 0.3);
+    let foot =
+        Row { theta: bearing, a: 3.0, d: rng.uniform(-0.5, 0.5), alpha: 0.6, ..Row::default() };
+    let mut rows = vec![foot];
+    for j in 0..joints {
+        let slides = j == 2 && k % 2 == 0;
+        let encoder = j == 1;
+        let name = format!("q{}{}", k + 1, j + 1);
+        let q = if slides { rng.uniform(0.5, 1.0) } else { rng.uniform(-1.0, 1.0) };
+        let gain = match (slides, encoder) {
+            (true, _) => 6e-4,
+            (_, true) => 1.0,
+            _ => rng.uniform(1.2e-3, 1.6e-3) * if j % 2 == 0 { -1.0 } else { 1.0 },
+        };
+        mechanism.channels.push(Channel {
+            name: name.clone(),
+            unit: if encoder { "rad" } else { "count" }.into(),
+            range: (!encoder).then_some([0.0, 4095.0]),
+            gain,
+            offset: if encoder { 0.1 } else { q - gain * 2048.0 },
+            limits: None,
+            noise: None,
+        });
+        centre.push(q);
+        rows.push(Row {
+            channel: Some(name),
+            joint: if slides { Motion::Prismatic } else { Motion::Revolute },
+            theta: rng.uniform(-0.5, 0.5),
+            d: rng.uniform(-0.4, 0.4),
+            a: rng.uniform(0.8, 1.6),
+            alpha: rng.uniform(0.4, 1.5) * if j % 2 == 0 { 1.0 } else { -1.0 },
+            xyz: std::array::from_fn(|_| if j == 1 { rng.uniform(-0.2, 0.2) } else { 0.0 }),
+            rpy: std::array::from_fn(|_| if j == 1 { rng.uniform(-0.5, 0.5) } else { 0.0 }),
+            mass: (j != 1).then(|| rng.uniform(0.5, 2.0)),
+            com: std::array::from_fn(|_| rng.uniform(-0.5, 0.5)),
+            ..Row::default()
+        });
+    }
+    Chain { name: format!("chain{}", k + 1), rows }
+}
+
+fn point(rng: &mut Rng, name: &str, chain: Option<usize>) -> Point {
+    Point {
+        name: name.into(),
+        chain: chain.map(|k| format!("chain{}", k + 1)),
+        at: Some(std::array::from_fn(|_| rng.uniform(-1.0, 1.0))),
+        unknown: Vec::new(),
+    }
+}
+
+/// Where the known points are, for joint coordinates.
+fn places(mechanism: &Mechanism, q: &[f64]) -> Vec<[f64; 3]> {
+    let values = mechanism.channels.iter().zip(q).map(|(c, q)| (q - c.offset) / c.gain).collect();
+    let table = Table { values, keys: vec![vec![String::new()]], ..Table::default() };
+    let readings = Readings::new(mechanism, table).expect("one row");
+    let model = Model::new(mechanism, &readings, Vec::new()).expect("no terms");
+    let mut ws = Workspace::default();
+    let bare = Want { x: false, a: false };
+    model.evaluate(&readings, 0, readings.raw(0), &[0.0; 3], bare, &mut ws);
+    let points = model.points(&ws).into_iter();
+    points.map(|p| p.map_or([0.0; 3], |p| p.map(|x| x.0[0]))).collect()
+}
+
+/// Derivative of a vector at zero, by differences.
+///
+/// Richardson's extrapolation of central differences of step `h` and `h/2`,
+/// which errs by `h⁴ f⁽⁵⁾/480` and the rounding of `f` over `h`.
+pub fn derivative(mut f: impl FnMut(f64) -> Vec<f64>, h: f64) -> Vec<f64> {
+    let mut central = |h: f64| -> Vec<f64> {
+        f(h).iter().zip(f(-h)).map(|(plus, minus)| (plus - minus) / (2.0 * h)).collect()
+    };
+    let (wide, narrow) = (central(h), central(0.5 * h));
+    narrow.iter().zip(wide).map(|(n, w)| (4.0 * n - w) / 3.0).collect()
+}
