@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-__all__ = ["InputError", "RsicalibError", "Where"]
+__all__ = ["InputError", "RsicalibError", "UndeterminedError", "Where"]
 
 
 class Where(TypedDict):
@@ -99,3 +99,15 @@ class InputError(RsicalibError, ValueError):
         message = f"{', '.join(place)}: found {found}, expected {expected}"
         where = Where(file=file, line=line, column=column, found=found, expected=expected)
         return cls(f"{message}. {hint}" if hint else message, where)
+
+
+class UndeterminedError(RsicalibError):
+    """The data cannot determine what was asked, not even in part.
+
+    Where an answer exists that only lacks some parameters, it is returned with
+    the verdict `undetermined` instead.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message

@@ -310,7 +310,7 @@ def write_urdf(
             else:
                 tip = edits.add_link(tip, wanted)
     for move in path.moves:
-        gain = gains.get(move.channel, 1.0)
+        gain = float(gains.get(move.channel, 1.0))
         if gain != 1.0:
             edits.notes.append(
                 f'channel "{move.channel}": a URDF has no place for the gain {gain!r}; '
@@ -344,11 +344,10 @@ def _calibrated(
     rows: Sequence[Mapping[str, Any]], path: JointPath, offsets: Mapping[str, float], file: str
 ) -> list[Matrix]:
     """What lies before, between and after the joints of calibrated rows, offsets included."""
-    found = [(row["channel"], row.get("joint", "revolute")) for row in rows if row.get("channel")]
-    expected = [(move.channel, move.kind) for move in path.moves]
-    if found != expected:
-        words = (listed(f"{kind} {channel}" for channel, kind in c) for c in (found, expected))
-        refuse(file, "rows", found=next(words), expected=next(words))
+    joints = [f"{r.get('joint', 'revolute')} {r['channel']}" for r in rows if r.get("channel")]
+    own = [f"{move.kind} {move.channel}" for move in path.moves]
+    if joints != own:
+        refuse(file, "rows", found=listed(joints), expected=listed(own))
     out = [np.eye(4)]
     for i, row in enumerate(rows):
         numbers = [row.get(key, 0.0) for key in ("theta", "d", "a", "alpha")]

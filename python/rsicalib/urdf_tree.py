@@ -343,7 +343,8 @@ class Robot:
                 expected = f"one of the links {listed(self.links)}"
                 refuse(self.file, place, line=element.line, found=found, expected=expected)
             ends.append(link)
-        return Joint(name, kind, *ends, element, self.file)
+        parent, child = ends
+        return Joint(name, kind, parent, child, element, self.file)
 
     def path(self, base: str, tip: str) -> list[Step]:
         """Walk from one link to another: up to where their branches meet, then down.

@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 mod python {
     pyo3::import_exception!(rsicalib.errors, InputError);
+    pyo3::import_exception!(rsicalib.errors, UndeterminedError);
 }
 
 /// Carries a core error to Python.
@@ -17,6 +18,10 @@ impl From<rsicalib::Error> for PyError {
 
 impl From<PyError> for PyErr {
     fn from(error: PyError) -> Self {
-        python::InputError::new_err(error.0.to_string())
+        let message = error.0.to_string();
+        match error.0 {
+            rsicalib::Error::TooFew { .. } => python::UndeterminedError::new_err(message),
+            _ => python::InputError::new_err(message),
+        }
     }
 }

@@ -1,6 +1,8 @@
 //! Python bindings: conversions only.
 
+mod apply;
 mod error;
+mod experiments;
 mod mechanism;
 mod session;
 
@@ -11,10 +13,17 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<mechanism::PyMechanism>()?;
+    module.add_class::<mechanism::PyChannel>()?;
     module.add_class::<session::PySession>()?;
     module.add_class::<session::PyFit>()?;
     module.add_function(wrap_pyfunction!(mechanism::terms, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_inverse, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_forward, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::minimize, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::misclosure, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::jacobian, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::forward, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::check, module)?)?;
     Ok(())
 }

@@ -1,5 +1,7 @@
 //! Mechanisms and terms.
 
+use std::collections::HashMap;
+
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
@@ -14,6 +16,47 @@ use crate::error::PyError;
 #[pyclass(frozen, skip_from_py_object, name = "Mechanism", module = "rsicalib")]
 #[derive(Clone)]
 pub struct PyMechanism(pub Mechanism);
+
+/// A sensor: `angle = gain * reading + offset`.
+#[pyclass(frozen, get_all, skip_from_py_object, name = "Channel", module = "rsicalib")]
+#[derive(Clone)]
+pub struct PyChannel {
+    /// Column of the readings.
+    name: String,
+    /// Unit of a reading: `count`, `rad`, `m`, ...
+    unit: String,
+    /// Lowest and highest reading, if bounded.
+    range: Option<(f64, f64)>,
+    /// Nominal joint coordinate per reading: rad, or length.
+    gain: f64,
+    /// Nominal joint coordinate at reading zero.
+    offset: f64,
+    /// Joint limits, in the joint's coordinate.
+    limits: Option<(f64, f64)>,
+    /// Standard deviation of one reading, where it is known.
+    noise: Option<f64>,
+}
+
+impl From<&rsicalib::mechanism::Channel> for PyChannel {
+    fn from(c: &rsicalib::mechanism::Channel) -> Self {
+        Self {
+            name: c.name.clone(),
+            unit: c.unit.clone(),
+            range: c.range.map(Into::into),
+            gain: c.gain,
+            offset: c.offset,
+            limits: c.limits.map(Into::into),
+            noise: c.noise,
+        }
+    }
+}
+
+#[pymethods]
+impl PyChannel {
+    fn __repr__(&self) -> String {
+        format!("Channel({:?}, unit={:?}, gain={:e})", self.name, self.unit, self.gain)
+    }
+}
 
 #[pymethods]
 impl PyMechanism {
@@ -49,6 +92,23 @@ impl PyMechanism {
     #[getter]
     fn length_unit(&self) -> &str {
         &self.0.length_unit
+    }
+
+    /// Its sensors, in the order of the columns of readings.
+    #[getter]
+    fn channels(&self) -> Vec<PyChannel> {
+        self.0.channels.iter().map(PyChannel::from).collect()
+    }
+
+    /// The same mechanism with sensors of another gain and offset: `{name: (gain, offset)}`.
+    fn with_sensors(&self, sensors: HashMap<String, (f64, f64)>) -> Result<Self, PyError> {
+        let mut mechanism = self.0.clone();
+        for (name, (gain, offset)) in sensors {
+            let c = mechanism.channel_index(&name)?;
+            (mechanism.channels[c].gain, mechanism.channels[c].offset) = (gain, offset);
+        }
+        mechanism.validate()?;
+        Ok(Self(mechanism))
     }
 
     /// Text columns of the readings that its unknown points need.

@@ -7,6 +7,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
 use rsicalib::result::{FitReport, estimates};
+use rsicalib::trace::Search;
+use rsicalib::verdict::Known;
 use rsicalib::{Fit, Method, Options, Session, Table, fit};
 use serde::Serialize;
 
@@ -60,6 +62,16 @@ impl PyTable<'_> {
     }
 }
 
+/// Poses, row by row.
+pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
+    poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
+}
+
+/// Poses of an array of shape (n, 6).
+fn rows_of_six(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
+    poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
+}
+
 #[derive(Serialize)]
 struct FitView {
     fit: FitReport,
@@ -106,6 +118,39 @@ impl PySession {
         Ok(Self(Arc::new(Session::new(&mechanism.0, table.table(), rest, options)?)))
     }
 
+    /// What reported parameters refer to: `centre` and `span` of each channel, `temperature`.
+    fn reference<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize(py, &rsicalib::apply::Reference::of(&self.0.readings))?)
+    }
+
+    /// Closes the loop; `check` is a table and its known poses.
+    #[pyo3(signature = (check=None, align=false, without=None, alpha=None))]
+    fn trace<'py>(
+        &self,
+        py: Python<'py>,
+        check: Option<(PyTable<'_>, PyReadonlyArray2<'_, f64>)>,
+        align: bool,
+        without: Option<Vec<String>>,
+        alpha: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let known = check.map(|(table, poses)| Known {
+            table: table.table(),
+            poses: rows_of_six(&poses),
+            align,
+        });
+        let default = Search::default();
+        let search = Search {
+            alpha: alpha.unwrap_or(default.alpha),
+            without: without.unwrap_or_default(),
+            ..default
+        };
+        let session = Arc::clone(&self.0);
+        let report = py
+            .detach(|| rsicalib::verdict::report(&session, &search, known.as_ref()))
+            .map_err(PyError::from)?;
+        Ok(pythonize(py, &report)?)
+    }
+
     /// Fits the terms that the options ask for.
     fn fit(&self, py: Python<'_>) -> PyResult<PyFit> {
         let session = Arc::clone(&self.0);
@@ -136,8 +181,7 @@ impl PyFit {
         poses: PyReadonlyArray2<'_, f64>,
         align: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let known: Vec<[f64; 6]> =
-            poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect();
+        let known = poses_of(&poses);
         let check = rsicalib::check::check(&self.session, &self.fit, &table.table(), &known, align)
             .map_err(PyError::from)?;
         Ok(pythonize(py, &check)?)

@@ -2,13 +2,14 @@
 
 use nalgebra::{Rotation3, Vector3};
 
+use crate::Error;
 use crate::fit::Fit;
+use crate::lanes::Vec3;
 use crate::model::{Model, Want, Workspace};
 use crate::objective::{Implicit, Noise, Part};
 use crate::platform::rigid_fit;
 use crate::readings::{Readings, Table};
 use crate::session::Session;
-use crate::{Error, lm::Problem};
 
 /// Error of the platform pose: root mean square over components, as in Table VI.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +94,7 @@ pub fn platform_poses(
             why: "poses need the points that carry it",
         });
     }
-    let readings = Readings::beside(mechanism, table, Some(&session.readings))?;
+    let readings = Readings::beside(mechanism, table, &session.readings)?;
     let model = Model::like(&fit.model, mechanism, &readings)?;
     Ok(poses_of(&model, &readings, beta, &fit.noise.sigma, fit.noise.play))
 }
@@ -107,12 +108,26 @@ pub fn poses_of(
     sigma: &[f64],
     play: f64,
 ) -> Vec<[f64; 6]> {
-    let noise = Noise { sigma: sigma.to_vec(), play };
-    let part = Part { model, readings, use_row: None };
-    let problem = Implicit::new(vec![(part, noise)], &[]);
-    problem.linearize(beta);
-    let settled = problem.adjusted_blocks();
     let mut poses = vec![[f64::NAN; 6]; readings.samples];
+    for (row, pose) in some_poses(model, readings, beta, sigma, play, 1) {
+        poses[row] = pose;
+    }
+    poses
+}
+
+/// Platform poses of every `stride`-th block of readings, with their rows.
+#[must_use]
+pub fn some_poses(
+    model: &Model,
+    readings: &Readings,
+    beta: &[f64],
+    sigma: &[f64],
+    play: f64,
+    stride: usize,
+) -> Vec<(usize, [f64; 6])> {
+    let noise = Noise { sigma: sigma.to_vec(), play };
+    let problem = Implicit::new(vec![(Part { model, readings, weights: None }, noise)], &[]);
+    let mut poses = Vec::with_capacity(readings.samples / stride + 1);
     let mut ws = Workspace::default();
     let names: Vec<usize> = (0..model.mechanism.points.len())
         .filter(|&p| model.mechanism.platform.contains_key(&model.mechanism.points[p].name))
@@ -121,18 +136,14 @@ pub fn poses_of(
         .iter()
         .map(|&p| Vector3::from(model.mechanism.platform[&model.mechanism.points[p].name]))
         .collect();
-    for (block, meta) in readings.blocks().iter().enumerate() {
-        let a = &settled[block * readings.channels..(block + 1) * readings.channels];
-        model.evaluate(readings, block, a, beta, Want { x: false, a: false }, &mut ws);
+    for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
+        let a = problem.settled(block, beta);
+        model.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
         let points = model.points(&ws);
         for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
-            let r: Vec<Vector3<f64>> = names
-                .iter()
-                .filter_map(|&p| {
-                    points[p].map(|at| Vector3::new(at[0].0[lane], at[1].0[lane], at[2].0[lane]))
-                })
-                .collect();
-            poses[row] = rigid_fit(&q, &r);
+            let place = |at: Vec3| Vector3::new(at[0].0[lane], at[1].0[lane], at[2].0[lane]);
+            let r: Vec<Vector3<f64>> = names.iter().filter_map(|&p| points[p].map(place)).collect();
+            poses.push((row, rigid_fit(&q, &r)));
         }
     }
     poses
@@ -152,15 +163,29 @@ pub fn check(
     align: bool,
 ) -> Result<Check, Error> {
     let channels = session.mechanism.channels.len();
+    compare(channels, table, known, align, |t| platform_poses(session, fit, &fit.beta, t))
+}
+
+/// Error of the poses that `found` gives for the mean readings of each known pose.
+///
+/// # Errors
+///
+/// Those of `found`; [`Error::Shape`] unless there is a pose for each row.
+pub fn compare(
+    channels: usize,
+    table: &Table,
+    known: &[[f64; 6]],
+    align: bool,
+    found: impl Fn(Table) -> Result<Vec<[f64; 6]>, Error>,
+) -> Result<Check, Error> {
     let rows = table.values.len() / channels;
     if known.len() != rows {
         return Err(Error::Shape { what: "poses".into(), found: known.len(), expected: rows });
     }
     let (averaged, groups) = average(table, channels);
-    let found = platform_poses(session, fit, &fit.beta, averaged)?;
     let pairs: Vec<([f64; 6], [f64; 6])> = groups
         .iter()
-        .zip(found)
+        .zip(found(averaged)?)
         .map(|(rows, pose)| (known[rows[0]], pose))
         .filter(|(known, _)| known.iter().all(|v| v.is_finite()))
         .collect();

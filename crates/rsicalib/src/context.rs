@@ -4,10 +4,16 @@
 //! pose before; for a recording, that of the velocity. Velocities are slopes of
 //! a local parabola, so that noise of a reading hardly enters them.
 
+use crate::mechanism::Channel;
 use crate::readings::Table;
 
-/// Changes slower than this many readings from pose to pose have no direction.
+/// Changes by fewer counts than this from pose to pose have no direction.
 const STANDSTILL: f64 = 3.0;
+
+/// [`STANDSTILL`] in the unit of a channel: of an encoder, what it is of 4096 counts.
+fn standstill(channel: &Channel) -> f64 {
+    if channel.unit == "count" { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
+}
 
 /// Rows to either side in the local fit of a velocity.
 const REACH: usize = 8;
@@ -23,11 +29,13 @@ pub struct Motion {
 
 /// Computes the context of every row.
 #[must_use]
-pub fn motion(table: &Table, pose: &[usize], channels: usize, held: bool) -> Motion {
-    if held { held_poses(table, pose, channels) } else { recording(table, channels) }
+pub fn motion(table: &Table, pose: &[usize], channels: &[Channel], held: bool) -> Motion {
+    let still: Vec<f64> = channels.iter().map(standstill).collect();
+    if held { held_poses(table, pose, &still) } else { recording(table, &still) }
 }
 
-fn held_poses(table: &Table, pose: &[usize], channels: usize) -> Motion {
+fn held_poses(table: &Table, pose: &[usize], still: &[f64]) -> Motion {
+    let channels = still.len();
     let poses = pose.iter().max().map_or(0, |p| p + 1);
     let mut mean = vec![0.0; poses * channels];
     let mut count = vec![0.0_f64; poses];
@@ -49,14 +57,15 @@ fn held_poses(table: &Table, pose: &[usize], channels: usize) -> Motion {
         }
         for c in 0..channels {
             from[p * channels + c] =
-                direction(mean[p * channels + c] - mean[before * channels + c], STANDSTILL);
+                direction(mean[p * channels + c] - mean[before * channels + c], still[c]);
         }
     }
     let approach = pose.iter().flat_map(|&p| from[p * channels..(p + 1) * channels].to_vec());
     Motion { approach: approach.collect(), velocity: vec![0.0; pose.len() * channels] }
 }
 
-fn recording(table: &Table, channels: usize) -> Motion {
+fn recording(table: &Table, still: &[f64]) -> Motion {
+    let channels = still.len();
     let rows = table.values.len() / channels;
     let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
     let clock = |row: usize| table.time.as_ref().map_or(row as f64, |t| t[row]);
@@ -74,7 +83,7 @@ fn recording(table: &Table, channels: usize) -> Motion {
             velocity[row * channels + c] = slope;
             // The sign of the change over the window; noise alone has none.
             let reach = near.last().map_or(0.0, |&l| clock(l) - clock(near[0]));
-            approach[row * channels + c] = direction(slope * reach, STANDSTILL);
+            approach[row * channels + c] = direction(slope * reach, still[c]);
         }
     }
     // Where a channel stands still it keeps the direction in which it came.

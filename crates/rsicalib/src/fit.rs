@@ -31,6 +31,8 @@ pub struct Options {
     pub method: Method,
     /// Standard deviation of one reading of each channel, where it is known.
     pub noise: Option<Vec<f64>>,
+    /// Multiplies the variance of the play that the mechanism declares.
+    pub play: f64,
     /// Starts to try at the most.
     pub starts: usize,
     /// A start whose χ² per degree of freedom is below this ends the search.
@@ -46,6 +48,7 @@ impl Default for Options {
             closures: None,
             method: Method::default(),
             noise: None,
+            play: 1.0,
             starts: 60,
             good_start: 50.0,
             lm: lm::Options { xtol: 1e-10, ..lm::Options::default() },
@@ -119,9 +122,9 @@ pub struct Fit {
 ///
 /// [`Error::TooFew`] where there are fewer equations than parameters.
 pub fn fit(session: &Session, instances: Vec<Instance>, from: Option<&Fit>) -> Result<Fit, Error> {
-    let model = Model::new(&session.mechanism, &session.readings, instances)?;
+    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
     let priors = session.priors(&model.instances);
-    let equations = model.equations() * session.use_row.iter().filter(|u| **u).count();
+    let equations = model.equations() * session.weights.iter().filter(|w| **w > 0.0).count();
     if equations + priors.len() < model.parameters {
         return Err(Error::TooFew {
             parameters: model.parameters,
@@ -157,17 +160,16 @@ pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
 
 /// Noise to begin with, up to scale.
 fn first_noise(session: &Session, from: Option<&Fit>) -> Noise {
+    if let (Some(sigma), play) = (&session.options.noise, session.options.play) {
+        return Noise { sigma: sigma.clone(), play };
+    }
     if let Some(fit) = from {
         return Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
     }
     let channels = &session.mechanism.channels;
-    let sigma = match &session.options.noise {
-        Some(sigma) => sigma.clone(),
-        None => channels
-            .iter()
-            .map(|c| c.noise.unwrap_or(if c.unit == "count" { 1.0 } else { 1e-5 / c.gain.abs() }))
-            .collect(),
-    };
+    let guess = |unit: &str, gain: f64| if unit == "count" { 1.0 } else { 1e-5 / gain.abs() };
+    let sigma =
+        channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(&c.unit, c.gain))).collect();
     Noise { sigma, play: 1.0 }
 }
 
@@ -180,7 +182,7 @@ fn begin(session: &Session, model: &Model, noise: &Noise) -> (Vec<f64>, Vec<Try>
     }
     let dof = (model.equations() * session.readings.samples) as f64;
     start::search(session, model, |outcome| {
-        let part = Part { model, readings: &session.readings, use_row: Some(&session.use_row) };
+        let part = Part { model, readings: &session.readings, weights: Some(&session.weights) };
         let implicit = Implicit::new(vec![(part, noise.clone())], &[]);
         2.0 * implicit.linearize(&outcome.x).cost / dof
     })
@@ -198,16 +200,16 @@ fn solve(
         Some((mechanism, readings)) => Some((Model::like(&model, mechanism, readings)?, readings)),
         None => None,
     };
-    let part = Part { model: &model, readings: &session.readings, use_row: Some(&session.use_row) };
+    let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
     let mut beta = start;
-    let groups = Groups::of(&session.readings, &session.use_row);
+    let groups = Groups::of(&session.readings, &session.weights);
     let declared = session.options.noise.is_some()
         || session.mechanism.channels.iter().all(|c| c.noise.is_some());
     let mut answer = None;
     for _ in 0..3 {
         let mut parts = vec![(part, noise.clone())];
         if let Some((model, readings)) = &held {
-            parts.push((Part { model, readings, use_row: None }, noise.clone()));
+            parts.push((Part { model, readings, weights: None }, noise.clone()));
         }
         let problem = Implicit::new(parts, &priors);
         let outcome = match session.options.method {
@@ -272,7 +274,8 @@ fn estimate_noise(
         return scaled(s, source, effective.max(1.0));
     }
     let k = residuals.equations;
-    let live: Vec<usize> = (0..session.readings.samples).filter(|&r| session.use_row[r]).collect();
+    let live: Vec<usize> =
+        (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
     let total: f64 =
         live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
     let free = ((live.len() * k) as f64 - parameters as f64).max(1.0);
@@ -302,7 +305,8 @@ fn conclude(
     let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
 
     let k = residuals.equations;
-    let live: Vec<usize> = (0..session.readings.samples).filter(|&r| session.use_row[r]).collect();
+    let live: Vec<usize> =
+        (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
     let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
     let total: f64 = live.iter().map(of).sum();
     let (mut chi2, mut dof) = (total, (live.len() * k) as f64 - free_parameters(&gram, &priors));

@@ -9,11 +9,15 @@
 //! Σ_samples eᵀ Σ⁻¹ e    subject to    f(a - e, β) = 0                      (1)
 //! ```
 
+pub mod algebraic;
+pub mod apply;
+pub mod bad;
 pub mod chain;
 pub mod check;
 mod context;
 mod error;
 pub mod fit;
+pub mod fixture;
 pub mod lanes;
 pub mod lm;
 pub mod mechanism;
@@ -25,11 +29,14 @@ pub mod platform;
 pub mod readings;
 pub mod result;
 pub mod rsi;
+pub mod scan;
 pub mod session;
 pub mod start;
 pub mod stats;
 mod sums;
 pub mod terms;
+pub mod trace;
+pub mod verdict;
 
 pub use error::Error;
 pub use fit::{Fit, Method, Options, fit};

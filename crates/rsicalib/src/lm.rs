@@ -23,6 +23,8 @@
 use faer::linalg::solvers::{Llt, Qr, Solve};
 use faer::{Mat, Side};
 
+use crate::lanes::dispatch;
+
 /// A least-squares problem.
 pub trait Problem {
     /// Number of parameters.
@@ -104,15 +106,7 @@ impl Linearization {
     fn damped_step(&self, damping: f64, scale: &[f64]) -> Option<Vec<f64>> {
         let n = self.gradient.len();
         let step: Vec<f64> = match &self.curvature {
-            Curvature::Gram(h) => {
-                let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);
-                let damped =
-                    Mat::from_fn(n, n, |i, j| unit(i, j) + if i == j { damping } else { 0.0 });
-                let factor = Llt::new(damped.as_ref(), Side::Lower).ok()?;
-                let rhs = Mat::from_fn(n, 1, |i, _| -self.gradient[i] / scale[i]);
-                let s = factor.solve(rhs);
-                (0..n).map(|i| s[(i, 0)] / scale[i]).collect()
-            }
+            Curvature::Gram(h) => solve_damped(h, &self.gradient, damping, scale)?,
             Curvature::Factor(r, qtr) => {
                 let stacked = Mat::from_fn(r.nrows() + n, n, |i, j| {
                     if i < r.nrows() {
@@ -136,6 +130,67 @@ impl Linearization {
         };
         step.iter().all(|s| s.is_finite()).then_some(step)
     }
+}
+
+/// Solves (31) from `JᵀJ` in unit columns; none where it is not positive definite.
+fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> Option<Vec<f64>> {
+    let n = gradient.len();
+    if n > SMALL {
+        let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);
+        let damped = Mat::from_fn(n, n, |i, j| unit(i, j) + if i == j { damping } else { 0.0 });
+        let factor = Llt::new(damped.as_ref(), Side::Lower).ok()?;
+        let s = factor.solve(Mat::from_fn(n, 1, |i, _| -gradient[i] / scale[i]));
+        return Some((0..n).map(|i| s[(i, 0)] / scale[i]).collect());
+    }
+    // Columns of the lower triangle, the right-hand side as one more row below them.
+    let rows = n + 1;
+    let inverse: Vec<f64> = scale.iter().map(|s| 1.0 / s).collect();
+    let mut l = vec![0.0; rows * n];
+    for (j, column) in l.chunks_exact_mut(rows).enumerate() {
+        for i in j..n {
+            column[i] = h[(i, j)] * inverse[i] * inverse[j];
+        }
+        column[j] += damping;
+        column[n] = -gradient[j] * inverse[j];
+    }
+    dispatch(
+        #[inline(always)]
+        || factor_in_place(&mut l, n),
+    )
+    .then_some(())?;
+    let mut s = vec![0.0; n];
+    for j in (0..n).rev() {
+        let column = &l[j * rows..(j + 1) * rows];
+        let known: f64 = (j + 1..n).map(|i| column[i] * s[i]).sum();
+        s[j] = (column[n] - known) / column[j];
+    }
+    s.iter_mut().zip(&inverse).for_each(|(s, inverse)| *s *= inverse);
+    Some(s)
+}
+
+/// Below this many parameters faer's general Cholesky costs more than the work.
+const SMALL: usize = 48;
+
+/// Cholesky of the columns of a lower triangle with one more row, right-looking.
+#[inline(always)]
+fn factor_in_place(l: &mut [f64], n: usize) -> bool {
+    let rows = n + 1;
+    for j in 0..n {
+        let (head, tail) = l.split_at_mut((j + 1) * rows);
+        let column = &mut head[j * rows..];
+        if !(column[j] > 0.0) {
+            return false; // a NaN lands here too
+        }
+        let pivot = 1.0 / column[j].sqrt();
+        column[j..].iter_mut().for_each(|v| *v *= pivot);
+        for (k, next) in (j + 1..n).zip(tail.chunks_exact_mut(rows)) {
+            let factor = column[k];
+            for (a, b) in next[k..].iter_mut().zip(&column[k..]) {
+                *a -= factor * b;
+            }
+        }
+    }
+    true
 }
 
 /// Least squares by Householder QR; `a` has full column rank.
@@ -312,7 +367,15 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &Options) -> Out
         let there = problem.linearize(&trial);
         let promised = promise(&here, &step, damping, &scale);
         let gained = here.cost - there.cost;
-        let ratio = gained / promised; // (32)
+        // Near the minimum the cost tells no step from its own rounding, but the gradient does.
+        let near = damping == NEGLIGIBLE && promised.max(gained.abs()) <= NEAR * here.cost;
+        let ratio = if !near {
+            gained / promised // (32)
+        } else if full_promise(&there, &scale) < promised {
+            1.0
+        } else {
+            return end(x, here, iteration, Termination::Stalled);
+        };
 
         let flat = gained.abs() <= options.ftol * here.cost && promised <= options.ftol * here.cost;
         let small = damping == NEGLIGIBLE && length <= options.xtol * weighted_norm(&x, &scale);
@@ -338,6 +401,20 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &Options) -> Out
     end(x, here, options.max_iterations, Termination::MaxIterations)
 }
 
+/// Below this fraction of the cost its rounding may hide what a full step gains.
+const NEAR: f64 = 1e-8;
+
+/// What the linear model promises of a full step: half the gradient's norm by `(JᵀJ)⁻¹`.
+fn full_promise(here: &Linearization, scale: &[f64]) -> f64 {
+    let step = here.damped_step(NEGLIGIBLE, scale);
+    step.map_or(f64::NAN, |step| promise(here, &step, NEGLIGIBLE, scale))
+}
+
+/// Norm of the gradient by unit columns.
+fn steepness(here: &Linearization, scale: &[f64]) -> f64 {
+    here.gradient.iter().zip(scale).map(|(g, s)| (g / s).powi(2)).sum::<f64>().sqrt()
+}
+
 /// A damping that changes no digit of a step.
 const NEGLIGIBLE: f64 = f64::EPSILON * f64::EPSILON;
 
@@ -356,8 +433,7 @@ fn step_within(here: &Linearization, scale: &[f64], radius: f64) -> Option<(f64,
         Some((_, length)) => (0.0, 1.0 / length),
         None => (0.0, 0.0),
     };
-    let steepest: f64 = here.gradient.iter().zip(scale).map(|(g, s)| (g / s).powi(2)).sum();
-    let mut high = (steepest.sqrt() / radius, f64::INFINITY);
+    let mut high = (steepness(here, scale) / radius, f64::INFINITY);
     let mut damping = (1e-3 * high.0).max(low.0);
     for _ in 0..60 {
         match solve(damping) {

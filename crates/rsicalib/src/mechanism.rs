@@ -454,6 +454,12 @@ impl Mechanism {
     ///
     /// [`Error::Mechanism`] with the place, what stands there and what could.
     pub fn validate(&self) -> Result<(), Error> {
+        if let Some(gravity) = &self.gravity {
+            finite(gravity.iter(), || "gravity".into())?;
+            if gravity.iter().all(|g| *g == 0.0) {
+                return Err(refuse("gravity".into(), "[0, 0, 0]".into(), "a direction".into()));
+            }
+        }
         unique("channel", self.channels.iter().map(|c| &c.name))?;
         unique("chain", self.chains.iter().map(|c| &c.name))?;
         unique("point", self.points.iter().map(|p| &p.name))?;
@@ -479,6 +485,10 @@ impl Mechanism {
                 let numbers = [row.theta, row.d, row.a, row.alpha];
                 let all = numbers.iter().chain(&row.xyz).chain(&row.rpy).chain(&row.com);
                 finite(all, place)?;
+                if let Some(mass) = row.mass.filter(|m| !(m.is_finite() && *m >= 0.0)) {
+                    let expected = "a number of 0 or more".into();
+                    return Err(refuse(place(), format!("mass {mass}"), expected));
+                }
                 let Some(name) = &row.channel else { continue };
                 if self.channels.iter().all(|c| c.name != *name) {
                     let known = list(self.channels.iter().map(|c| &c.name));
@@ -504,7 +514,7 @@ impl Mechanism {
     fn check_point(&self, point: &Point) -> Result<(), Error> {
         let place = || format!("point {:?}", point.name);
         if let Some(chain) = &point.chain {
-            self.chain_index(chain)?;
+            known(self.chain_index(chain), place)?;
         }
         match (&point.at, point.unknown.is_empty()) {
             (Some(at), true) => finite(at.iter(), place),
@@ -539,17 +549,22 @@ impl Mechanism {
         if a.contains('[') && b.contains('[') {
             return Ok(()); // between unknown points of a group: resolved with the readings
         }
-        self.point_index(a)?;
-        self.point_index(b).map(|_| ())
+        known(self.point_index(a), place)?;
+        known(self.point_index(b), place)
     }
 
     fn check_platform(&self) -> Result<(), Error> {
         for (name, at) in &self.platform {
-            self.point_index(name)?;
+            known(self.point_index(name), || "platform".into())?;
             finite(at.iter(), || format!("platform, {name}"))?;
         }
         if let Some(rest) = &self.rest {
             finite(rest.pose.iter(), || "rest, pose".into())?;
+        }
+        let rest = self.rest.iter().filter_map(|rest| Some(("rest", rest.sd?)));
+        let model = self.model.sd.iter().map(|(term, sd)| (term.as_str(), *sd));
+        for (what, sd) in rest.chain(model).filter(|(_, sd)| !(sd.is_finite() && *sd > 0.0)) {
+            return Err(refuse(format!("{what}, sd"), sd.to_string(), "a positive number".into()));
         }
         if self.closures.is_empty() {
             return Err(refuse("closure".into(), "none".into(), "at least one".into()));
@@ -581,6 +596,16 @@ impl Mechanism {
 
 fn refuse(place: String, found: String, expected: String) -> Error {
     Error::Mechanism { place, found, expected }
+}
+
+/// A name that leads nowhere, with the place that bears it.
+fn known(found: Result<usize, Error>, place: impl Fn() -> String) -> Result<(), Error> {
+    match found {
+        Err(Error::Unknown { kind, found, known }) => {
+            Err(refuse(place(), format!("{kind} {found:?}"), known))
+        }
+        other => other.map(|_| ()),
+    }
 }
 
 fn list<'a>(names: impl Iterator<Item = &'a String>) -> String {

@@ -86,6 +86,8 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
         Per::All => vec![Target::All],
         Per::Channel => (0..mechanism.channels.len())
             .filter(|&c| term.info().needs != Needs::Masses || carries_mass(mechanism, c))
+            // Of two poses a search has places to try, unless there can be none.
+            .filter(|&c| !term.places(mechanism, c, 2).is_empty())
             .map(Target::Channel)
             .collect(),
         Per::Chain => (0..mechanism.chains.len()).map(Target::Chain).collect(),
@@ -146,11 +148,16 @@ pub fn parse(
             let places = term.places(mechanism, channel, readings.poses());
             let place = match place {
                 None => places.first().copied().unwrap_or(0),
-                Some(name) => places
-                    .iter()
-                    .copied()
-                    .find(|&p| place_name(term, mechanism, readings, p) == name)
-                    .ok_or_else(|| unknown(name))?,
+                Some(name) => {
+                    let names = places.iter().map(|&p| place_name(term, mechanism, readings, p));
+                    let names: Vec<String> = names.collect();
+                    let at = names.iter().position(|n| n == name);
+                    places[at.ok_or_else(|| Error::Unknown {
+                        kind: "place",
+                        found: name.into(),
+                        known: names.join(", "),
+                    })?]
+                }
             };
             let instance = Instance { term, target, place };
             if !instances.contains(&instance) {
@@ -191,7 +198,7 @@ enum End {
 struct CompiledClosure {
     kind: ClosureKind,
     ends: [End; 2],
-    /// Known value; or a column of the readings.
+    /// Known value; the mean of the column where it is one of the readings.
     value: f64,
     column: Option<usize>,
     /// Parameter of a `distance` term, if there is one.
@@ -327,7 +334,12 @@ impl Model {
         Self::about(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
     }
 
-    fn about(
+    /// As [`Model::new`], with offsets told at readings `centre`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::new`].
+    pub fn about(
         mechanism: &Mechanism,
         readings: &Readings,
         instances: Vec<Instance>,
@@ -370,7 +382,7 @@ impl Model {
         };
         model.compile_terms();
         model.compile_chains()?;
-        model.compile_closures()?;
+        model.compile_closures(readings)?;
         Ok(model)
     }
 
@@ -465,15 +477,19 @@ impl Model {
         }
     }
 
-    fn compile_closures(&mut self) -> Result<(), Error> {
+    fn compile_closures(&mut self, readings: &Readings) -> Result<(), Error> {
         let value_columns = self.mechanism.value_columns();
+        let mean = |column: usize| {
+            readings.table.columns[column].iter().sum::<f64>() / readings.samples as f64
+        };
         let mut equation = 0;
         for (k, closure) in self.mechanism.closures.iter().enumerate() {
             let ends = [self.end(&closure.between[0])?, self.end(&closure.between[1])?];
             let (value, column) = match &closure.value {
                 Some(Value::Known(value)) => (*value, None),
                 Some(Value::Column(name)) => {
-                    (0.0, value_columns.iter().position(|column| column == name))
+                    let column = value_columns.iter().position(|column| column == name);
+                    (column.map_or(0.0, mean), column)
                 }
                 None => (0.0, None),
             };
@@ -620,8 +636,8 @@ impl Model {
         let mut lengths = Vec::with_capacity(self.equations);
         for closure in &self.closures {
             let scale = match closure.kind {
-                ClosureKind::Distance if closure.column.is_none() => 1.0 / (2.0 * closure.value),
-                _ => 1.0,
+                ClosureKind::Distance => 1.0 / (2.0 * closure.value),
+                ClosureKind::Touch => 1.0,
             };
             lengths.extend(std::iter::repeat_n(scale, closure.kind.equations()));
         }

@@ -75,18 +75,18 @@ pub struct Groups {
 impl Groups {
     /// The groups of these readings, of the rows in use.
     #[must_use]
-    pub fn of(readings: &Readings, use_row: &[bool]) -> Self {
+    pub fn of(readings: &Readings, weights: &[f64]) -> Self {
         if readings.held {
             let mut rows = readings.rows_of_poses();
             for rows in &mut rows {
-                rows.retain(|&r| use_row[r]);
+                rows.retain(|&r| weights[r] > 0.0);
             }
             return Self { rows, order: 1 };
         }
         if !readings.timed {
             return Self { rows: Vec::new(), order: 1 };
         }
-        let live: Vec<usize> = (0..readings.samples).filter(|&r| use_row[r]).collect();
+        let live: Vec<usize> = (0..readings.samples).filter(|&r| weights[r] > 0.0).collect();
         let rows = live.chunks_exact(STRETCH).map(<[usize]>::to_vec).collect();
         Self { rows, order: 2 }
     }

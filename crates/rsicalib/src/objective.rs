@@ -32,18 +32,20 @@ pub struct Part<'a> {
     pub model: &'a Model,
     /// The readings.
     pub readings: &'a Readings,
-    /// False for each sample to leave out.
-    pub use_row: Option<&'a [bool]>,
+    /// How much each sample counts: the root of what its variance is divided by;
+    /// zero for a sample that is left out. None: each counts once.
+    pub weights: Option<&'a [f64]>,
 }
 
 impl Part<'_> {
-    /// One for each sample that counts, zero for the others.
+    /// How much each sample of a block counts.
     #[inline(always)]
     fn weight(&self, block: usize) -> Lanes {
         let meta = &self.readings.blocks()[block];
         Lanes(std::array::from_fn(|lane| {
-            let counts = lane < meta.live && self.use_row.is_none_or(|u| u[meta.rows[lane]]);
-            if counts { 1.0 } else { 0.0 }
+            let live = lane < meta.live;
+            let weight = self.weights.map_or(1.0, |w| w[meta.rows[lane]]);
+            if live { weight } else { 0.0 }
         }))
     }
 }
@@ -147,6 +149,8 @@ pub struct Implicit<'a> {
 
 /// How often (52) is repeated at the most, and when it has converged.
 const INNER: usize = 20;
+/// Parameters that are cheap enough to differentiate in every repeat.
+const FEW: usize = 40;
 /// Change of `â`, in standard deviations of a reading, that counts as none.
 const STILL: f64 = 1e-9;
 
@@ -215,18 +219,20 @@ impl<'a> Implicit<'a> {
                             out.lengths[row * k + e] = room.ws.f[e].0[lane] * lengths[e];
                         }
                     }
-                    out.inner = out.inner.max(room.settle(part, block, x, a_hat, true));
+                    out.inner = out.inner.max(room.settle(part, block, x, a_hat, by_parameter));
                     room.whiten_readings();
+                    let weight = part.weight(block);
                     for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                        let weight = weight.0[lane];
                         for e in 0..k {
-                            out.whitened[row * k + e] = room.w[e].0[lane];
+                            out.whitened[row * k + e] = room.w[e].0[lane] * weight;
                         }
                         for (i, value) in room.ws.a.iter().enumerate() {
-                            out.by_reading[row * k * c + i] = value.0[lane];
+                            out.by_reading[row * k * c + i] = value.0[lane] * weight;
                         }
                         if by_parameter {
                             for (i, value) in room.ws.x.iter().enumerate() {
-                                out.by_parameter[row * k * p + i] = value.0[lane];
+                                out.by_parameter[row * k * p + i] = value.0[lane] * weight;
                             }
                         }
                     }
@@ -236,10 +242,16 @@ impl<'a> Implicit<'a> {
         out
     }
 
-    /// Readings without their noise, block by block, as of the last linearisation.
+    /// Readings of one block without their noise, at `x`.
     #[must_use]
-    pub fn adjusted_blocks(&self) -> Vec<Lanes> {
-        lock(&self.adjusted)[0].clone()
+    pub fn settled(&self, block: usize, x: &[f64]) -> Vec<Lanes> {
+        let (part, noise) = &self.parts[0];
+        let mut a_hat = part.readings.raw(block).to_vec();
+        dispatch(
+            #[inline(always)]
+            || Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false),
+        );
+        a_hat
     }
 
     /// Readings without their noise, row by row, as of the last linearisation.
@@ -263,6 +275,38 @@ impl<'a> Implicit<'a> {
 /// The state of a search; a panic elsewhere leaves it usable.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+impl Implicit<'_> {
+    /// Visits every block of the first part at `x`: whitened misclosure, whitened
+    /// `X`, equation by equation, and the weights, in the order of the blocks.
+    pub(crate) fn sweep<S: Send>(
+        &self,
+        x: &[f64],
+        zero: impl Fn() -> S + Sync,
+        visit: impl Fn(&mut S, &[Lanes], &mut [Lanes], Lanes) + Sync,
+        merge: impl FnMut(&mut S, S),
+    ) -> Option<S> {
+        let (part, noise) = &self.parts[0];
+        let channels = part.readings.channels;
+        let mut adjusted = lock(&self.adjusted);
+        let one = |first: usize, chunk: &mut [Lanes]| {
+            dispatch(
+                #[inline(always)]
+                || {
+                    let mut room = Room::new(part.model, noise);
+                    let mut sums = zero();
+                    for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
+                        room.settle(part, first + i, x, a_hat, true);
+                        let weight = part.weight(first + i);
+                        visit(&mut sums, &room.w, &mut room.ws.x, weight);
+                    }
+                    sums
+                },
+            )
+        };
+        over_chunks(&mut adjusted[0], channels, one, merge)
+    }
 }
 
 impl Problem for Implicit<'_> {
@@ -356,8 +400,8 @@ impl Room {
         loop {
             repeats += 1;
             let last = repeats == INNER;
-            // The last linearisation is where `â` already stands still.
-            let want = Want { x: want_x, a: true };
+            // Many parameters are differentiated once, where `â` already stands still.
+            let want = Want { x: want_x && model.parameters <= FEW, a: true };
             model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
             self.misclosure(raw, a_hat);
             self.factor();
@@ -367,6 +411,10 @@ impl Room {
             }
         }
         if want_x {
+            if model.parameters > FEW {
+                let want = Want { x: true, a: true };
+                model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
+            }
             self.whiten_parameters(model.parameters);
         }
         repeats

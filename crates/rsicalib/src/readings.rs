@@ -89,7 +89,7 @@ impl Readings {
     /// [`Error::Shape`] where columns differ in length, [`Error::Reading`] where
     /// a reading is not a number in its channel's range, [`Error::Empty`].
     pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
-        Self::beside(mechanism, table, None)
+        Self::build(mechanism, table, None, true)
     }
 
     /// Readings beside those of a fit: times, temperatures and places in the
@@ -98,7 +98,57 @@ impl Readings {
     /// # Errors
     ///
     /// As [`Readings::new`].
-    pub fn beside(mechanism: &Mechanism, table: Table, main: Option<&Self>) -> Result<Self, Error> {
+    pub fn beside(mechanism: &Mechanism, table: Table, main: &Self) -> Result<Self, Error> {
+        Self::build(mechanism, table, Some(main), false)
+    }
+
+    /// One sample for each held pose, the mean of those that count, and how many did.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub fn averaged(
+        &self,
+        mechanism: &Mechanism,
+        weights: &[f64],
+    ) -> Result<(Self, Vec<f64>), Error> {
+        let rows_of_poses = self.rows_of_poses();
+        let mut live = Vec::with_capacity(rows_of_poses.len());
+        let mut used = Vec::with_capacity(rows_of_poses.len());
+        for rows in rows_of_poses {
+            let counted: Vec<usize> = rows.iter().copied().filter(|&r| weights[r] > 0.0).collect();
+            live.push(counted.len() as f64);
+            used.push(if counted.is_empty() { rows } else { counted });
+        }
+        let mean = |f: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            used.iter().map(|u| u.iter().map(|&r| f(r)).sum::<f64>() / u.len() as f64).collect()
+        };
+        let channels = self.channels;
+        let by_channel: Vec<Vec<f64>> =
+            (0..channels).map(|c| mean(&|r| self.table.values[r * channels + c])).collect();
+        let table = Table {
+            values: (0..used.len()).flat_map(|p| by_channel.iter().map(move |c| c[p])).collect(),
+            pose: Some(self.labels.clone()),
+            time: self.table.time.as_ref().map(|t| mean(&|r| t[r])),
+            temperature: self.table.temperature.as_ref().map(|t| mean(&|r| t[r])),
+            session: self.table.session.as_ref().map(|s| used.iter().map(|u| s[u[0]]).collect()),
+            keys: self
+                .table
+                .keys
+                .iter()
+                .map(|k| used.iter().map(|u| k[u[0]].clone()).collect())
+                .collect(),
+            columns: self.table.columns.iter().map(|v| mean(&|r| v[r])).collect(),
+        };
+        Ok((Self::build(mechanism, table, Some(self), true)?, live))
+    }
+
+    fn build(
+        mechanism: &Mechanism,
+        table: Table,
+        main: Option<&Self>,
+        own_poses: bool,
+    ) -> Result<Self, Error> {
         let channels = mechanism.channels.len();
         let samples = check(mechanism, &table)?;
         let (pose, labels) = number_poses(&table, samples);
@@ -124,7 +174,7 @@ impl Readings {
         let span = (0..channels)
             .map(|c| column(c).fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)]))
             .collect();
-        let motion = crate::context::motion(&table, &pose, channels, held);
+        let motion = crate::context::motion(&table, &pose, &mechanism.channels, held);
 
         let mut readings = Self {
             samples,
@@ -147,8 +197,10 @@ impl Readings {
             columns: Vec::new(),
         };
         let order: Vec<f64> = match main {
-            Some(main) => (0..samples).map(|row| main.place_of(&readings.table, row)).collect(),
-            None => readings.pose.iter().map(|&p| p as f64).collect(),
+            Some(main) if !own_poses => {
+                (0..samples).map(|row| main.place_of(&readings.table, row)).collect()
+            }
+            _ => readings.pose.iter().map(|&p| p as f64).collect(),
         };
         readings.lay_out(&group, &time, &temperature, &order, &motion);
         Ok(readings)
@@ -204,6 +256,14 @@ impl Readings {
         };
         let before = mine.partition_point(|t| *t <= theirs[row]);
         before.checked_sub(1).map_or(-0.5, |r| self.pose[r] as f64 + 0.5)
+    }
+
+    /// Counts temperatures from `mean` [°C] instead of their own mean.
+    pub fn count_temperature_from(&mut self, mean: f64) {
+        let Some(own) = self.mean_temperature.replace(mean) else { return };
+        for block in &mut self.blocks {
+            block.temperature = block.temperature + Lanes::splat(own - mean);
+        }
     }
 
     /// Number of poses.

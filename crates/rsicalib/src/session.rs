@@ -18,8 +18,10 @@ pub struct Session {
     pub rest: Option<Vec<f64>>,
     /// Joint coordinates in the rest pose, one per channel.
     pub rest_angles: Option<Vec<f64>>,
-    /// False for each sample to leave out.
-    pub use_row: Vec<bool>,
+    /// How much each sample counts; zero for one that is left out.
+    pub weights: Vec<f64>,
+    /// Readings at which offsets are told from gains: the mean of each channel.
+    pub centre: Vec<f64>,
     /// The options.
     pub options: Options,
     /// The mechanism held at rest, and its one reading, where the rest pose is
@@ -69,8 +71,9 @@ impl Session {
             }
             _ => None,
         };
-        let use_row = vec![true; readings.samples];
-        Ok(Self { mechanism, readings, rest, rest_angles, use_row, options, held })
+        let weights = vec![1.0; readings.samples];
+        let centre = readings.mean.clone();
+        Ok(Self { mechanism, readings, rest, rest_angles, weights, centre, options, held })
     }
 
     /// The instances that the options, or else the mechanism, ask for.

@@ -66,7 +66,7 @@ pub fn search(
     good: impl Fn(&Outcome) -> f64,
 ) -> (Vec<f64>, Vec<Try>) {
     let priors = session.priors(&model.instances);
-    let part = Part { model, readings: &session.readings, use_row: Some(&session.use_row) };
+    let part = Part { model, readings: &session.readings, weights: Some(&session.weights) };
     let problem = Algebraic::new(part, &priors);
     let options = lm::Options { max_iterations: 60, xtol: 1e-8, ..session.options.lm.clone() };
     let mut tries = Vec::new();

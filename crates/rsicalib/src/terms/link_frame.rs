@@ -8,7 +8,7 @@ term! {
     ///
     /// Complete geometry of a chain is this term at every row; the directions that
     /// are redundant are found and left to their priors.
-    LinkFrame("link_frame", Geometry, per Row, needs Nothing) {
+    LinkFrame("link_frame", Geometry, per Row, needs Nothing, broad) {
         x: "length" ~ 1e-3,
         y: "length" ~ 1e-3,
         z: "length" ~ 1e-3,

@@ -113,6 +113,9 @@ pub struct Info {
     pub doc: &'static str,
     /// True for a free shape, whose parameters are held by their typical size.
     pub penalised: bool,
+    /// True for a term that stands for many others at once: identified where it
+    /// is asked for, no candidate when a residual is traced.
+    pub broad: bool,
 }
 
 /// Constants of one channel that terms scale by.
@@ -314,11 +317,15 @@ macro_rules! term {
                     typical: $typical,
                 }),*],
                 doc: concat!($($doc, "\n"),*),
-                penalised: false $(|| term!(@$flag))?,
+                penalised: false $(|| term!(@penalised $flag))?,
+                broad: false $(|| term!(@broad $flag))?,
             };
         }
     };
-    (@penalised) => { true };
+    (@penalised penalised) => { true };
+    (@penalised $other:ident) => { false };
+    (@broad broad) => { true };
+    (@broad $other:ident) => { false };
 }
 
 /// Lists the terms, and makes the tests of the laws that each must pass.

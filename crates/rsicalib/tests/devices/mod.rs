@@ -10,7 +10,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::lanes::{Lanes, WIDTH};
 use super::mechanism::{Chain, Channel, Closure, ClosureKind, Motion, Point, Row, Value};
-use super::model::{Want, Workspace};
+use super::model::{self, Target, Want, Workspace};
+use super::terms::{self, Term};
 use super::{Instance, Mechanism, Model, Readings, Table, rsi};
 
 /// Seeded numbers: SplitMix64.
@@ -36,6 +37,24 @@ impl Rng {
             * (2.0 * PI * self.uniform(0.0, 1.0)).cos()
     }
 }
+
+/// Terms of every stage; those that a device has no data for are left out.
+pub const EVERY_STAGE: [&str; 14] = [
+    "reference_temperature",
+    "channel_skew",
+    "crosstalk",
+    "offset",
+    "gain",
+    "curvature",
+    "hysteresis",
+    "slip",
+    "link_length",
+    "joint_tilt",
+    "base_tilt",
+    "sag",
+    "joint_compliance",
+    "distance",
+];
 
 /// How the readings were taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,20 +95,45 @@ impl Device {
         (model, beta)
     }
 
+    /// Terms at all their targets, where they can be, with one to two typical
+    /// sizes of each parameter.
+    pub fn terms(&self, readings: &Readings, ids: &[&str], seed: u64) -> (Vec<Instance>, Vec<f64>) {
+        let (mut all, mut values) = (Vec::new(), Vec::new());
+        let mut rng = Rng::new(seed);
+        for term in ids.iter().map(|id| terms::find(id).expect("a term")) {
+            if model::provided(term, &self.mechanism, readings).is_ok() {
+                for instance in instances(term, &self.mechanism, readings) {
+                    values.extend(sizes(&instance, &self.mechanism, &mut rng));
+                    all.push(instance);
+                }
+            }
+        }
+        (all, values)
+    }
+
     /// Moves the readings until they close the loops under some terms.
     ///
     /// Velocities, directions and spans follow the readings, so this repeats
-    /// until both stand still.
+    /// until both stand still. A row between two directions of approach never
+    /// does: it is moved away.
     pub fn close(&mut self, instances: &[Instance], terms: &[f64]) {
-        for _ in 0..40 {
+        let gains: Vec<f64> = self.mechanism.channels.iter().map(|c| c.gain).collect();
+        for round in 1..=60 {
             let readings = self.readings();
             let (model, beta) = self.model(&readings, instances, terms);
             let values = assemble(&model, &readings, &beta);
-            let gains = self.mechanism.channels.iter().map(|c| c.gain).cycle();
-            let change = values.iter().zip(&self.table.values).zip(gains);
-            let change = change.fold(0.0_f64, |m, ((a, b), gain)| m.max(((a - b) * gain).abs()));
-            self.table.values = values;
-            if change < 1e-13 {
+            let rows = values.chunks_exact(gains.len());
+            let mut settled = true;
+            for (old, new) in self.table.values.chunks_exact_mut(gains.len()).zip(rows) {
+                let pairs = old.iter().zip(new).zip(&gains);
+                let step = pairs.fold(0.0, |m: f64, ((a, b), k)| ((a - b) * k).abs().max(m));
+                settled &= step < 1e-12;
+                let nudge = if round % 10 == 0 && step > 1e-5 { 0.02 } else { 0.0 };
+                for (old, (new, k)) in old.iter_mut().zip(new.iter().zip(&gains)) {
+                    *old = new + nudge / k;
+                }
+            }
+            if settled {
                 return;
             }
         }
@@ -325,6 +369,48 @@ fn places(mechanism: &Mechanism, q: &[f64]) -> Vec<[f64; 3]> {
     model.evaluate(&readings, 0, readings.raw(0), &[0.0; 3], bare, &mut ws);
     let points = model.points(&ws).into_iter();
     points.map(|p| p.map_or([0.0; 3], |p| p.map(|x| x.0[0]))).collect()
+}
+
+/// A term at one target, at the middle one of its places.
+pub fn instance(
+    term: &'static dyn Term,
+    target: Target,
+    mechanism: &Mechanism,
+    readings: &Readings,
+) -> Instance {
+    let channel = if let Target::Channel(c) = target { c } else { 0 };
+    let places = term.places(mechanism, channel, readings.poses());
+    Instance { term, target, place: places[places.len() / 2] }
+}
+
+/// A term at all its targets.
+pub fn instances(
+    term: &'static dyn Term,
+    mechanism: &Mechanism,
+    readings: &Readings,
+) -> Vec<Instance> {
+    let all = model::targets(term, mechanism).into_iter();
+    all.map(|target| instance(term, target, mechanism, readings)).collect()
+}
+
+/// One to two typical sizes of each parameter, of either sign.
+pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f64> {
+    // Typical sizes are meant for 4096 counts; an encoder has other readings.
+    let counts = match instance.target {
+        Target::Channel(c) => mechanism.channels[c].half_range() / 2047.5,
+        _ => 1.0,
+    };
+    let parameters = instance.term.info().parameters.iter();
+    parameters
+        .map(|p| {
+            let scale = match p.unit {
+                "reading" => counts,
+                "rad/reading" => 1.0 / counts,
+                _ => 1.0,
+            };
+            p.typical * scale * rng.uniform(1.0, 2.0) * rng.uniform(-1.0, 1.0).signum()
+        })
+        .collect()
 }
 
 /// Derivative of a vector at zero, by differences.

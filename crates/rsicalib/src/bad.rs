@@ -1,0 +1,57 @@
+//! Single bad samples among the repeats of a pose.
+//!
+//! Repeats of one pose differ by noise alone, whatever the model lacks, so a
+//! sample that stands off its siblings is judged before anything else:
+//!
+//! ```text
+//! |r_ps - median_p|²  against  χ²(K) at the scatter of all                 (81)
+//! ```
+
+use crate::fit::Fit;
+use crate::session::Session;
+use crate::stats;
+use crate::trace::Excluded;
+
+/// Probability of accusing any sample of a clean session.
+const ALPHA: f64 = 0.001;
+
+/// Finds samples that stand off their pose, and leaves them out of the session.
+pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
+    let k = fit.residuals.equations;
+    let poses = session.readings.rows_of_poses();
+    if !session.readings.held || poses.iter().all(|rows| rows.len() < 3) {
+        return Vec::new();
+    }
+    let mut off: Vec<(usize, usize, f64)> = Vec::new();
+    for (pose, rows) in poses.iter().enumerate().filter(|(_, rows)| rows.len() >= 3) {
+        let middle: Vec<f64> = (0..k)
+            .map(|e| median(rows.iter().map(|r| fit.residuals.whitened[r * k + e]).collect()))
+            .collect();
+        for &row in rows {
+            let far: f64 =
+                (0..k).map(|e| (fit.residuals.whitened[row * k + e] - middle[e]).powi(2)).sum();
+            off.push((pose, row, far));
+        }
+    }
+    // Scale by the median, which bad samples hardly move.
+    let typical = median(off.iter().map(|o| o.2).collect()) / stats::chi2_quantile(0.5, k as f64);
+    let limit = stats::chi2_quantile(ALPHA / off.len() as f64, k as f64) * typical * 1.25;
+    let mut excluded = Vec::new();
+    for &(pose, row, far) in off.iter().filter(|o| o.2 > limit) {
+        session.weights[row] = 0.0;
+        excluded.push(Excluded {
+            pose,
+            row: Some(row),
+            channel: None,
+            chain: None,
+            reason: format!("{:.0} σ off the other samples of its pose", (far / typical).sqrt()),
+        });
+    }
+    excluded
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
+}

@@ -1,0 +1,451 @@
+//! Scores of every effect that a model lacks, from one linearisation.
+//!
+//! A candidate with columns `Z` of the whitened Jacobian is projected off what is
+//! already fitted, `X`, and scored against the residual `r`:
+//!
+//! ```text
+//! M = ZᵀZ - ZᵀX (XᵀX)⁻¹ XᵀZ,    u = Zᵀr - ZᵀX (XᵀX)⁻¹ Xᵀr                 (71)
+//! T = uᵀ M⁻¹ u  ~  χ²(rank M)                                              (72)
+//! ```
+//!
+//! `T` is by how much χ² would fall to first order. A free shape, held by its
+//! typical size, has `M + Λ` in place of `M`, and fewer degrees of freedom.
+//!
+//! Bad readings and slips are thousands of candidates of one column each; their
+//! columns are those of the readings, `L⁻¹A`, in one pose or from one pose on, so
+//! running sums score them all.
+
+use faer::{Mat, Side};
+
+use crate::fit::Fit;
+use crate::lanes::Lanes;
+use crate::model::{Instance, Model, Target, provided, targets};
+use crate::objective::{Implicit, Noise, Part};
+use crate::session::Session;
+use crate::terms::{ALL, Class, Per, Term, find};
+use crate::{Error, stats};
+
+/// Kinds of candidates that share an error budget.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Named effects: a hundred or so.
+    Named,
+    /// A free curve on each channel.
+    Free,
+    /// A jump of one channel at one time: as many as poses and channels.
+    Slip,
+    /// A wrong reading: likewise.
+    Bad,
+}
+
+/// A candidate with its score.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scored {
+    /// The candidate; a whole pose is `bad_reading` at [`Target::All`].
+    pub instance: Instance,
+    /// Its family.
+    pub family: Family,
+    /// `T` of (72).
+    pub score: f64,
+    /// Its degrees of freedom.
+    pub width: f64,
+    /// Probability of a larger score by chance, this candidate alone.
+    pub p_value: f64,
+    /// `p_value` times the number of places looked at in its family.
+    pub corrected: f64,
+}
+
+/// Charge for each parameter, in units of χ².
+pub const CHARGE: f64 = 4.0;
+
+impl Scored {
+    /// What is left of the score after its parameters and its places are paid for.
+    #[must_use]
+    pub fn charged(&self) -> f64 {
+        let places = (self.corrected / self.p_value.max(f64::MIN_POSITIVE)).max(1.0);
+        self.score - CHARGE * self.width - 2.0 * places.ln().max(0.0)
+    }
+}
+
+/// Share of the error budget that each family has.
+const SHARES: [(Family, f64); 4] =
+    [(Family::Named, 0.55), (Family::Free, 0.10), (Family::Slip, 0.15), (Family::Bad, 0.20)];
+
+/// How scores are judged.
+#[derive(Debug, Clone, Copy)]
+pub struct Judge {
+    /// Degrees of freedom of the noise; infinite where it is known.
+    pub noise_dof: f64,
+    /// Degrees of freedom of the residual where nothing else gives the noise.
+    pub residual_dof: Option<f64>,
+}
+
+impl Judge {
+    /// Probability of a score of `width` degrees of freedom or more by chance.
+    #[must_use]
+    pub fn p_value(&self, score: f64, width: f64) -> f64 {
+        match self.residual_dof {
+            None => stats::f_tail(score / width, width, self.noise_dof),
+            Some(dof) => {
+                let left = ((dof - score) / (dof - width).max(1.0)).max(1e-12);
+                stats::f_tail(score / width / left, width, (dof - width).max(1.0))
+            }
+        }
+    }
+}
+
+/// Named and free candidates that mechanism and readings allow.
+#[must_use]
+pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Instance> {
+    let (mechanism, readings) = (&session.mechanism, &session.readings);
+    let searched = |term: &dyn Term| ["slip", "bad_reading"].contains(&term.info().id);
+    let mut all = Vec::new();
+    for term in ALL.iter().copied() {
+        let info = term.info();
+        if searched(term)
+            || info.broad
+            || without.iter().any(|w| w == info.id)
+            || provided(term, mechanism, readings).is_err()
+        {
+            continue;
+        }
+        for target in targets(term, mechanism) {
+            if info.per == Per::Row && !meaningful(session, info.id, target) {
+                continue;
+            }
+            let channel = if let Target::Channel(c) = target { c } else { 0 };
+            for place in term.places(mechanism, channel, readings.poses()) {
+                let instance = Instance { term, target, place };
+                if !fit.model.instances.contains(&instance) {
+                    all.push(instance);
+                }
+            }
+        }
+    }
+    all
+}
+
+/// False for rows where a term would repeat another: a body that carries no
+/// joint has no axis to tilt, and before the first joint the base tilts.
+fn meaningful(session: &Session, id: &str, target: Target) -> bool {
+    let Target::Row(chain, row) = target else { return true };
+    let rows = &session.mechanism.chains[chain].rows;
+    let first = rows.iter().position(|r| r.channel.is_some()).unwrap_or(0);
+    let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
+    id != "joint_tilt" || (row >= first && row < last)
+}
+
+/// Sums for (71) over all candidates.
+struct Sums {
+    /// `Zᵀr`.
+    gradient: Vec<Lanes>,
+    /// `ZᵀX`, candidate column by candidate column.
+    cross: Vec<Lanes>,
+    /// `ZᵀZ` of each candidate, full square.
+    square: Vec<Lanes>,
+    /// `Xᵀr`.
+    base: Vec<Lanes>,
+}
+
+/// Scores every candidate at a fit.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub fn scan(
+    session: &Session,
+    fit: &Fit,
+    judge: &Judge,
+    without: &[String],
+) -> Result<Vec<Scored>, Error> {
+    let named = candidates(session, fit, without);
+    let (inverse, ..) = crate::fit::invert(&fit.gram);
+    let mut scored = scan_named(session, fit, judge, &inverse, &named)?;
+    scored.extend(scan_places(session, fit, judge, &inverse, without)?);
+    Ok(scored)
+}
+
+/// Projected normal equations (71) of one candidate.
+#[derive(Debug, Clone)]
+pub struct Projected {
+    /// The candidate.
+    pub instance: Instance,
+    /// `M`.
+    pub square: Mat<f64>,
+    /// `ZᵀZ` before the projection.
+    pub raw: Vec<f64>,
+    /// `u`.
+    pub gradient: Vec<f64>,
+    /// `(XᵀX)⁻¹ XᵀZ`: how the fitted parameters absorb it, with a minus.
+    pub absorbed: Mat<f64>,
+}
+
+/// Eq. (71) for named candidates.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub fn project(
+    session: &Session,
+    fit: &Fit,
+    inverse: &Mat<f64>,
+    named: &[Instance],
+) -> Result<Vec<Projected>, Error> {
+    let mut instances = fit.model.instances.clone();
+    let base = fit.model.term_parameters;
+    instances.extend_from_slice(named);
+    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
+    let widths: Vec<usize> = named.iter().map(Instance::width).collect();
+    let extra: usize = widths.iter().sum();
+    let nuisance = model.parameters - model.term_parameters;
+    let n = base + nuisance;
+    let mut beta = model.nominal();
+    beta[..base].copy_from_slice(&fit.beta[..base]);
+    beta[base + extra..].copy_from_slice(&fit.beta[base..]);
+    // Columns of what is fitted, in the order of the fit.
+    let fitted: Vec<usize> = (0..base).chain(base + extra..model.parameters).collect();
+
+    let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
+    let noise = Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
+    let problem = Implicit::new(vec![(part, noise)], &[]);
+    let columns = model.parameters;
+    let squares: usize = widths.iter().map(|w| w * w).sum();
+    let zero = || Sums {
+        gradient: vec![Lanes::ZERO; extra],
+        cross: vec![Lanes::ZERO; extra * n],
+        square: vec![Lanes::ZERO; squares],
+        base: vec![Lanes::ZERO; n],
+    };
+    let visit = |sums: &mut Sums, w: &[Lanes], x: &mut [Lanes], weight: Lanes| {
+        for (k, residual) in w.iter().enumerate() {
+            let row = &mut x[k * columns..(k + 1) * columns];
+            for value in row.iter_mut() {
+                *value = *value * weight;
+            }
+            let residual = *residual * weight;
+            for (sum, &j) in sums.base.iter_mut().zip(&fitted) {
+                *sum += row[j] * residual;
+            }
+            for (i, z) in row[base..base + extra].iter().enumerate() {
+                sums.gradient[i] += *z * residual;
+                for (sum, &j) in sums.cross[i * n..(i + 1) * n].iter_mut().zip(&fitted) {
+                    *sum += *z * row[j];
+                }
+            }
+            let (mut at, mut first) = (0, base);
+            for &width in &widths {
+                for i in 0..width {
+                    for j in 0..width {
+                        sums.square[at] += row[first + i] * row[first + j];
+                        at += 1;
+                    }
+                }
+                first += width;
+            }
+        }
+    };
+    let merge = |a: &mut Sums, b: Sums| {
+        for (a, b) in [
+            (&mut a.gradient, &b.gradient),
+            (&mut a.cross, &b.cross),
+            (&mut a.square, &b.square),
+            (&mut a.base, &b.base),
+        ] {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += *b);
+        }
+    };
+    let sums = problem.sweep(&beta, zero, visit, merge).unwrap_or_else(zero);
+
+    // Priors pull on what is fitted: at the minimum their pull balances Xᵀr.
+    let mut base_gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
+    for prior in &fit.priors {
+        base_gradient[prior.column] += (fit.beta[prior.column] - prior.mean) * prior.sd.powi(-2);
+    }
+    let (mut at, mut first) = (0, 0);
+    let mut projected = Vec::with_capacity(named.len());
+    for (instance, &width) in named.iter().zip(&widths) {
+        let cross = Mat::from_fn(n, width, |j, i| sums.cross[(first + i) * n + j].sum());
+        let absorbed = inverse * &cross;
+        let raw = Mat::from_fn(width, width, |i, j| sums.square[at + i * width + j].sum());
+        let square = &raw - cross.transpose() * &absorbed;
+        let gradient = (0..width)
+            .map(|i| {
+                let pull: f64 = (0..n).map(|j| absorbed[(j, i)] * base_gradient[j]).sum();
+                -(sums.gradient[first + i].sum() - pull)
+            })
+            .collect();
+        let raw = (0..width).map(|i| raw[(i, i)]).collect();
+        projected.push(Projected { instance: *instance, square, raw, gradient, absorbed });
+        at += width * width;
+        first += width;
+    }
+    Ok(projected)
+}
+
+fn scan_named(
+    session: &Session,
+    fit: &Fit,
+    judge: &Judge,
+    inverse: &Mat<f64>,
+    named: &[Instance],
+) -> Result<Vec<Scored>, Error> {
+    let family = |i: &Instance| if i.term.info().penalised { Family::Free } else { Family::Named };
+    let count = |f: Family| named.iter().filter(|i| family(i) == f).count() as f64;
+    let places = [count(Family::Named), count(Family::Free)];
+    let mut scored = Vec::with_capacity(named.len());
+    for candidate in project(session, fit, inverse, named)? {
+        let family = family(&candidate.instance);
+        let (score, width, p_value) = judge_projected(&candidate, judge);
+        if width > 0.0 {
+            let corrected = p_value * places[usize::from(family == Family::Free)] / share(family);
+            scored.push(Scored {
+                instance: candidate.instance,
+                family,
+                score,
+                width,
+                p_value,
+                corrected,
+            });
+        }
+    }
+    Ok(scored)
+}
+
+fn share(family: Family) -> f64 {
+    SHARES.iter().find(|(f, _)| *f == family).map_or(1.0, |(_, share)| *share)
+}
+
+/// Fraction of a column's length that must be left after the projection.
+const VISIBLE: f64 = 1e-8;
+
+/// Eq. (72) for one candidate: score, degrees of freedom, probability.
+fn judge_projected(candidate: &Projected, judge: &Judge) -> (f64, f64, f64) {
+    let d = candidate.gradient.len();
+    let info = candidate.instance.term.info();
+    // In units of the columns before the projection, so that rank is told apart.
+    let norm: Vec<f64> = candidate.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect();
+    let held = |i: usize| {
+        if info.penalised { (info.parameters[i].typical * norm[i]).powi(-2) } else { 0.0 }
+    };
+    let square = Mat::from_fn(d, d, |i, j| {
+        candidate.square[(i, j)] / (norm[i] * norm[j]) + if i == j { held(i) } else { 0.0 }
+    });
+    let Ok(eigen) = square.self_adjoint_eigen(Side::Lower) else { return (0.0, 0.0, 1.0) };
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let (mut score, mut width, mut second) = (0.0, 0.0, 0.0);
+    for k in 0..d {
+        if values[k] < VISIBLE {
+            continue;
+        }
+        let along: f64 = (0..d).map(|i| vectors[(i, k)] * candidate.gradient[i] / norm[i]).sum();
+        score += along * along / values[k];
+        // Share of this direction that is data and not prior.
+        let prior: f64 = (0..d).map(|i| vectors[(i, k)].powi(2) * held(i)).sum();
+        let data = 1.0 - (prior / values[k]).min(1.0);
+        width += data;
+        second += data * data;
+    }
+    if width < 1e-6 {
+        return (0.0, 0.0, 1.0);
+    }
+    // Satterthwaite: a weighted sum of χ² as one with fewer degrees of freedom.
+    let scale = second / width;
+    let dof = width / scale;
+    (score, width, judge.p_value(score / scale, dof))
+}
+
+/// At most this many times are tried for a slip of one channel.
+const MOST_TIMES: usize = 256;
+
+/// Scores bad readings, bad poses and slips by running sums over poses.
+fn scan_places(
+    session: &Session,
+    fit: &Fit,
+    judge: &Judge,
+    inverse: &Mat<f64>,
+    without: &[String],
+) -> Result<Vec<Scored>, Error> {
+    let (readings, n, c) = (&session.readings, fit.model.parameters, session.readings.channels);
+    let part = Part { model: &fit.model, readings, weights: Some(&session.weights) };
+    let noise = Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
+    let residuals = Implicit::new(vec![(part, noise)], &[]).residuals(&fit.beta, true);
+    let k = residuals.equations;
+    let allowed = |id: &str| !without.iter().any(|w| w == id);
+    let (slip, bad) = (find("slip")?, find("bad_reading")?);
+    let has = |instance: &Instance| fit.model.instances.contains(instance);
+    let rows = readings.rows_of_poses();
+    let live: Vec<usize> =
+        (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| session.weights[r] > 0.0)).collect();
+    let mut scored = Vec::new();
+
+    // One column each: Zᵀr, ZᵀZ, ZᵀX.
+    let mut score_one = |instance: Instance, family, places: f64, r: f64, zz: f64, zx: &[f64]| {
+        let absorbed: f64 =
+            (0..n).map(|i| zx[i] * (0..n).map(|j| inverse[(i, j)] * zx[j]).sum::<f64>()).sum();
+        let left = zz - absorbed;
+        if left > 1e-3 * zz && !has(&instance) {
+            let score = r * r / left;
+            let p_value = judge.p_value(score, 1.0);
+            let corrected = p_value * places / share(family);
+            scored.push(Scored { instance, family, score, width: 1.0, p_value, corrected });
+        }
+    };
+    let tests_bad = (live.len() * (c + 1)) as f64;
+    let stride = live.len().div_ceil(MOST_TIMES).max(1);
+    let tests_slip = (live.len().saturating_sub(1) / stride * c) as f64;
+    let slips =
+        allowed("slip") && crate::model::provided(slip, &session.mechanism, readings).is_ok();
+    for channel in 0..c {
+        let target = Target::Channel(channel);
+        let (mut after_r, mut after_zz, mut after_zx) = (0.0, 0.0, vec![0.0; n]);
+        for (order, &pose) in live.iter().enumerate().rev() {
+            let (mut r, mut zz, mut zx) = (0.0, 0.0, vec![0.0; n]);
+            for &row in rows[pose].iter().filter(|&&r| session.weights[r] > 0.0) {
+                for e in 0..k {
+                    let z = residuals.by_reading[(row * k + e) * c + channel];
+                    r += z * residuals.whitened[row * k + e];
+                    zz += z * z;
+                    let x = &residuals.by_parameter[(row * k + e) * n..(row * k + e + 1) * n];
+                    zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
+                }
+            }
+            after_r += r;
+            after_zz += zz;
+            after_zx.iter_mut().zip(&zx).for_each(|(s, x)| *s += x);
+            if allowed("bad_reading") {
+                let instance = Instance { term: bad, target, place: pose };
+                score_one(instance, Family::Bad, tests_bad, r, zz, &zx);
+            }
+            if slips && order > 0 && order % stride == 0 {
+                let instance = Instance { term: slip, target, place: pose };
+                score_one(instance, Family::Slip, tests_slip, after_r, after_zz, &after_zx);
+            }
+        }
+    }
+    if allowed("bad_reading") && readings.held {
+        for &pose in &live {
+            let row = rows[pose][0];
+            if rows[pose].len() > 1 {
+                continue; // repeats: a pose is judged where it is averaged
+            }
+            let x = |e: usize, j: usize| residuals.by_parameter[(row * k + e) * n + j];
+            let x = Mat::from_fn(k, n, x);
+            let m = Mat::<f64>::identity(k, k) - &x * inverse * x.transpose();
+            let (m_inverse, ..) = crate::fit::invert(&m);
+            let r = Mat::from_fn(k, 1, |e, _| residuals.whitened[row * k + e]);
+            let score = (r.transpose() * m_inverse * &r)[(0, 0)];
+            let width = k as f64;
+            let p_value = judge.p_value(score, width);
+            let instance = Instance { term: bad, target: Target::All, place: pose };
+            let corrected = p_value * tests_bad / share(Family::Bad);
+            scored.push(Scored { instance, family: Family::Bad, score, width, p_value, corrected });
+        }
+    }
+    Ok(scored)
+}
+
+/// True for terms whose class says that a reading is wrong, not the device.
+#[must_use]
+pub fn is_data(instance: &Instance) -> bool {
+    instance.term.info().class == Class::Data
+}

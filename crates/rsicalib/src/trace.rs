@@ -1,0 +1,458 @@
+//! Closes the loop: from the residual to the effect that the model lacks.
+//!
+//! ```text
+//! fit → score every candidate → refit the best → keep it → again
+//! ```
+//!
+//! until nothing scores; after each addition a look back, at what is no longer
+//! needed and at what another effect explains better. Samples of a held pose are
+//! averaged for the search, whose noise is then known; the answer is fitted to
+//! all of them.
+
+use crate::fit::{Fit, Options, fit};
+use crate::model::{Instance, Target};
+use crate::noise::Source;
+use crate::scan::{self, CHARGE, Family, Judge, Scored};
+use crate::session::Session;
+use crate::{Error, bad};
+
+/// How to search.
+#[derive(Debug, Clone)]
+pub struct Search {
+    /// Probability of naming anything where nothing is missing.
+    pub alpha: f64,
+    /// Terms that are no candidates.
+    pub without: Vec<String>,
+    /// Effects to add at the most.
+    pub most: usize,
+    /// Candidates to refit in each step.
+    pub refits: usize,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self { alpha: 0.008, without: Vec::new(), most: 8, refits: 8 }
+    }
+}
+
+/// Effects that fit as well as the one named: refitted χ² within this, extra
+/// parameters charged.
+pub const AS_WELL: f64 = 6.0;
+
+/// One effect that was found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The effect.
+    pub instance: Instance,
+    /// Probability of its score by chance, corrected for the places looked at.
+    pub p_value: f64,
+    /// What fits as well.
+    pub also: Vec<Instance>,
+}
+
+/// Poses and samples that were left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Excluded {
+    /// Number of the pose.
+    pub pose: usize,
+    /// Row of a single bad sample; none: all samples of the pose.
+    pub row: Option<usize>,
+    /// The channel at fault; none where it cannot be told.
+    pub channel: Option<usize>,
+    /// The chain at fault; none where it cannot be told.
+    pub chain: Option<usize>,
+    /// Why.
+    pub reason: String,
+}
+
+/// What the search found.
+#[derive(Debug, Clone)]
+pub struct Traced {
+    /// The fit of all samples, as asked for.
+    pub before: Fit,
+    /// The fit of all samples with what was found.
+    pub after: Fit,
+    /// The session, bad samples left out.
+    pub session: Session,
+    /// The search's own session: one sample for each held pose.
+    pub small: Session,
+    /// The last fit of the search.
+    pub last: Fit,
+    /// Effects, in the order in which they were found.
+    pub found: Vec<Found>,
+    /// Readings that are wrong.
+    pub excluded: Vec<Excluded>,
+    /// The best that is left, whether or not it is above chance.
+    pub left: Option<Scored>,
+    /// How scores were judged.
+    pub judge: Judge,
+}
+
+/// Traces the residual of a session.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
+    let mut session = session.clone();
+    let base = session.instances()?;
+    let before = fit(&session, base.clone(), None)?;
+    let mut excluded = bad::samples(&mut session, &before);
+    let clean = if excluded.is_empty() {
+        before.clone()
+    } else {
+        fit(&session, base.clone(), Some(&before))?
+    };
+
+    let mut hunt = Hunt::new(&session, &clean, search)?;
+    let mut current = fit(&hunt.small, base, Some(&clean))?;
+    hunt.rescale(&mut current)?;
+    let mut found: Vec<(Instance, f64)> = Vec::new();
+    let mut left = None;
+    for _ in 0..=search.most {
+        let scored = scan::scan(&hunt.small, &current, &hunt.judge(&current), &search.without)?;
+        left = best_of(&scored);
+        if found.len() + excluded.len() >= search.most {
+            break;
+        }
+        let Some((step, next)) = hunt.step(&current, scored)? else { break };
+        if let Some(pose) = whole_pose(&step.instance) {
+            hunt.small.weights[pose] = 0.0;
+            excluded.push(hunt.excluded(pose, None, &step));
+            current = fit(&hunt.small, current.model.instances.clone(), Some(&current))?;
+            hunt.rescale(&mut current)?;
+            continue;
+        }
+        found.push((step.instance, step.corrected));
+        current = next;
+        hunt.rescale(&mut current)?;
+        current = hunt.look_back(current, &mut found)?;
+    }
+
+    hunt.merge_pairs(&mut current, &mut found)?;
+    // What fits as well as each effect, the others kept; and a better one, if there is.
+    let mut named = Vec::new();
+    for index in 0..found.len() {
+        let (better, also) = hunt.alternatives(&mut current, &mut found, index)?;
+        if better {
+            hunt.rescale(&mut current)?;
+        }
+        named.push(also);
+    }
+    let mut steps = Vec::new();
+    for ((instance, p_value), also) in found.iter().zip(named) {
+        if scan::is_data(instance) {
+            excluded.push(hunt.bad_reading(instance, &also));
+        } else {
+            steps.push(Found { instance: *instance, p_value: *p_value, also });
+        }
+    }
+    for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
+        for row in &session.readings.rows_of_poses()[pose.pose] {
+            session.weights[*row] = 0.0;
+        }
+    }
+    let after =
+        if current.model.instances.len() == clean.model.instances.len() && excluded.is_empty() {
+            clean.clone()
+        } else {
+            fit(&session, current.model.instances.clone(), Some(&expand(&clean, &current)))?
+        };
+    let judge = hunt.judge(&current);
+    let small = hunt.small;
+    Ok(Traced { before, after, session, small, last: current, found: steps, excluded, left, judge })
+}
+
+/// A fit to start from: the parameters of the search, the noise of all samples.
+fn expand(clean: &Fit, current: &Fit) -> Fit {
+    Fit { noise: clean.noise.clone(), ..current.clone() }
+}
+
+/// The pose of a candidate that says that the whole pose is wrong.
+fn whole_pose(instance: &Instance) -> Option<usize> {
+    (scan::is_data(instance) && instance.target == Target::All).then_some(instance.place)
+}
+
+/// The candidate least likely by chance.
+fn best_of(scored: &[Scored]) -> Option<Scored> {
+    scored.iter().copied().min_by(|a, b| a.corrected.total_cmp(&b.corrected))
+}
+
+/// The state of a search.
+struct Hunt<'a> {
+    small: Session,
+    search: &'a Search,
+    source: Source,
+    noise_dof: f64,
+}
+
+impl<'a> Hunt<'a> {
+    fn new(session: &Session, fit: &Fit, search: &'a Search) -> Result<Self, Error> {
+        let mut small = session.clone();
+        let mut sigma = fit.noise.sigma.clone();
+        if session.readings.held {
+            let (readings, counts) =
+                session.readings.averaged(&session.mechanism, &session.weights)?;
+            let usual = counts.iter().copied().fold(1.0, f64::max);
+            small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
+            small.readings = readings;
+            sigma.iter_mut().for_each(|s| *s *= (fit.noise.inflation / usual).sqrt());
+        }
+        small.options =
+            Options { noise: Some(sigma), play: fit.noise.play, ..session.options.clone() };
+        Ok(Self { small, search, source: fit.noise.source, noise_dof: fit.noise.dof })
+    }
+
+    fn judge(&self, fit: &Fit) -> Judge {
+        let residual_dof = (!self.source.independent()).then_some(fit.dof);
+        Judge { noise_dof: self.noise_dof, residual_dof }
+    }
+
+    /// Where nothing but the fit gives the noise, it shrinks as the model grows.
+    fn rescale(&mut self, current: &mut Fit) -> Result<(), Error> {
+        if self.source.independent() || current.dof < 1.0 {
+            return Ok(());
+        }
+        let scale = (current.total / current.dof).sqrt();
+        if let Some(sigma) = &mut self.small.options.noise {
+            sigma.iter_mut().for_each(|s| *s *= scale);
+        }
+        self.small.options.play *= scale * scale;
+        *current = fit(&self.small, current.model.instances.clone(), Some(current))?;
+        Ok(())
+    }
+
+    /// Refits the best candidates; the best of them, if any is above chance.
+    fn step(&self, current: &Fit, mut scored: Vec<Scored>) -> Result<Option<(Scored, Fit)>, Error> {
+        scored.retain(|s| s.corrected <= self.search.alpha);
+        scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        let mut best: Option<(f64, Scored, Fit)> = None;
+        for candidate in scored.into_iter().take(self.search.refits) {
+            if whole_pose(&candidate.instance).is_some() {
+                if best.is_none() {
+                    return Ok(Some((candidate, current.clone())));
+                }
+                continue;
+            }
+            let refit = self.with(current, candidate.instance)?;
+            let gain = self.gain(current, &refit, &candidate);
+            if best.as_ref().is_none_or(|(g, ..)| gain > *g) {
+                best = Some((gain, candidate, refit));
+            }
+        }
+        Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
+    }
+
+    /// The fit with one more effect.
+    fn with(&self, current: &Fit, instance: Instance) -> Result<Fit, Error> {
+        let mut instances = current.model.instances.clone();
+        instances.push(instance);
+        fit(&self.small, instances, Some(current))
+    }
+
+    /// By how much χ² fell, its parameters and places paid for.
+    fn gain(&self, before: &Fit, after: &Fit, candidate: &Scored) -> f64 {
+        let paid = candidate.score - candidate.charged();
+        if after.plausible && after.termination.converged() {
+            cost(before) - cost(after) - paid
+        } else {
+            f64::NEG_INFINITY
+        }
+    }
+
+    /// Drops what is no longer needed.
+    fn look_back(&self, current: Fit, found: &mut Vec<(Instance, f64)>) -> Result<Fit, Error> {
+        let mut current = current;
+        let mut index = 0;
+        while index + 1 < found.len() {
+            let instance = found[index].0;
+            let fewer: Vec<Instance> =
+                current.model.instances.iter().copied().filter(|i| *i != instance).collect();
+            let without = fit(&self.small, fewer, Some(&current))?;
+            let lost = cost(&without) - cost(&current);
+            let width = instance.width() as f64;
+            let p_value = self.judge(&current).p_value(lost.max(0.0), width);
+            if p_value * 1e3 > self.search.alpha * 10.0 {
+                found.remove(index);
+                current = without;
+            } else {
+                index += 1;
+            }
+        }
+        Ok(current)
+    }
+
+    /// Replaces two effects by one that explains as much, its places paid for:
+    /// the first of two may have been half of the truth.
+    fn merge_pairs(
+        &mut self,
+        current: &mut Fit,
+        found: &mut Vec<(Instance, f64)>,
+    ) -> Result<(), Error> {
+        let (mut a, mut b) = (0, 1);
+        while b < found.len() {
+            if let Some((one, fit)) = self.one_for_two(current, [found[a].0, found[b].0])? {
+                found.remove(b);
+                found[a] = (one.instance, one.corrected);
+                *current = fit;
+                self.rescale(current)?;
+                (a, b) = (0, 1);
+                continue;
+            }
+            a += 1;
+            if a == b {
+                (a, b) = (0, b + 1);
+            }
+        }
+        Ok(())
+    }
+
+    /// The one effect that does what two do, and its fit.
+    fn one_for_two(
+        &self,
+        current: &Fit,
+        pair: [Instance; 2],
+    ) -> Result<Option<(Scored, Fit)>, Error> {
+        let fewer: Vec<Instance> =
+            current.model.instances.iter().copied().filter(|i| !pair.contains(i)).collect();
+        let without = fit(&self.small, fewer, Some(current))?;
+        let mut scored =
+            scan::scan(&self.small, &without, &self.judge(&without), &self.search.without)?;
+        let paid = |s: &Scored| s.score - s.charged();
+        let price: f64 = scored.iter().filter(|s| pair.contains(&s.instance)).map(paid).sum();
+        let both = cost(&without) - cost(current) - price;
+        scored.retain(|s| {
+            !pair.contains(&s.instance)
+                && whole_pose(&s.instance).is_none()
+                && s.charged() > 0.5 * both
+                && s.corrected <= self.search.alpha
+        });
+        scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        let mut best: Option<(f64, Scored, Fit)> = None;
+        for candidate in scored.into_iter().take(self.search.refits) {
+            let refit = self.with(&without, candidate.instance)?;
+            let gain = self.gain(&without, &refit, &candidate);
+            if gain > both && best.as_ref().is_none_or(|(g, ..)| gain > *g) {
+                best = Some((gain, candidate, refit));
+            }
+        }
+        Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
+    }
+
+    /// What fits as well in place of one effect; true where something fits
+    /// better, which then takes its place.
+    fn alternatives(
+        &self,
+        current: &mut Fit,
+        found: &mut [(Instance, f64)],
+        index: usize,
+    ) -> Result<(bool, Vec<Instance>), Error> {
+        let own = found[index].0;
+        let fewer: Vec<Instance> =
+            current.model.instances.iter().copied().filter(|i| *i != own).collect();
+        let without = fit(&self.small, fewer, Some(current))?;
+        let judge = self.judge(&without);
+        let mut scored = scan::scan(&self.small, &without, &judge, &self.search.without)?;
+        let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
+            return Ok((false, Vec::new()));
+        };
+        let charge = |width: f64| CHARGE * width;
+        // Scores are first order: leave room for what refitting changes.
+        let room = AS_WELL + 10.0 + 0.25 * mine.score;
+        scored.retain(|s| {
+            s.instance != own
+                && same_kind(&s.instance, &own)
+                && whole_pose(&s.instance).is_none()
+                && s.score - charge(s.width) > mine.score - charge(mine.width) - room
+        });
+        scored.sort_by(|a, b| (b.score - charge(b.width)).total_cmp(&(a.score - charge(a.width))));
+        let mut rivals = Vec::new();
+        let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s.width);
+        let my_value = value(current, &mine);
+        for candidate in scored.into_iter().take(2 * self.search.refits) {
+            let refit = self.with(&without, candidate.instance)?;
+            if refit.plausible && refit.termination.converged() {
+                rivals.push((value(&refit, &candidate), candidate, refit));
+            }
+        }
+        rivals.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut best_value = my_value;
+        let mut better = false;
+        let mut also: Vec<(f64, Instance)> = vec![(my_value, own)];
+        if let Some((value, candidate, refit)) = rivals.first()
+            && *value > my_value + 0.5
+            && candidate.corrected <= self.search.alpha
+        {
+            found[index] = (candidate.instance, candidate.corrected);
+            *current = refit.clone();
+            best_value = *value;
+            better = true;
+        }
+        also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
+        let named = found[index].0;
+        also.retain(|(value, instance)| *instance != named && *value > best_value - AS_WELL);
+        Ok((better, also.into_iter().map(|(_, instance)| instance).collect()))
+    }
+
+    /// A bad reading, with the chain or channel as far as it can be told.
+    fn bad_reading(&self, instance: &Instance, also: &[Instance]) -> Excluded {
+        let Target::Channel(channel) = instance.target else {
+            return Excluded {
+                pose: instance.place,
+                row: None,
+                channel: None,
+                chain: None,
+                reason: String::new(),
+            };
+        };
+        let chain_of = |i: &Instance| match i.target {
+            Target::Channel(c) => self.small.mechanism.chain_of(c),
+            _ => None,
+        };
+        let here = |i: &&Instance| scan::is_data(i) && i.place == instance.place;
+        let others: Vec<&Instance> = also.iter().filter(here).collect();
+        let chain = chain_of(instance).filter(|c| others.iter().all(|o| chain_of(o) == Some(*c)));
+        let channel = others.is_empty().then_some(channel);
+        let what = match (channel, chain) {
+            (Some(c), _) => {
+                format!("channel {} reads wrong", self.small.mechanism.channels[c].name)
+            }
+            (None, Some(c)) => {
+                format!("a channel of {} reads wrong", self.small.mechanism.chains[c].name)
+            }
+            (None, None) => "a channel reads wrong; these equations cannot tell which".into(),
+        };
+        Excluded { pose: instance.place, row: None, channel, chain, reason: what }
+    }
+
+    fn excluded(&self, pose: usize, channel: Option<usize>, step: &Scored) -> Excluded {
+        Excluded {
+            pose,
+            row: None,
+            channel,
+            chain: None,
+            reason: format!(
+                "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",
+                step.p_value
+            ),
+        }
+    }
+}
+
+/// Bad readings are rivals of bad readings of the same pose, effects of effects.
+fn same_kind(a: &Instance, b: &Instance) -> bool {
+    scan::is_data(a) == scan::is_data(b) && (!scan::is_data(a) || a.place == b.place)
+}
+
+/// χ² with what priors add to it.
+#[must_use]
+pub fn cost(fit: &Fit) -> f64 {
+    let held: f64 = fit.priors.iter().map(|p| ((fit.beta[p.column] - p.mean) / p.sd).powi(2)).sum();
+    fit.total + held
+}
+
+/// True where a family is one whose places are searched.
+#[must_use]
+pub fn searched(family: Family) -> bool {
+    matches!(family, Family::Slip | Family::Bad)
+}

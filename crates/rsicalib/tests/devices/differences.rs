@@ -1,0 +1,104 @@
+//! Analytic derivatives of a model against differences.
+
+use std::ops::Range;
+
+use super::devices::derivative;
+use super::lanes::Lanes;
+use super::model::{Want, Workspace};
+use super::{Model, Readings};
+
+/// Checks columns of `X` in every sample.
+pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], columns: Range<usize>) {
+    let workspaces = every_block(model, readings, beta);
+    for column in columns {
+        let analytic: Vec<f64> = workspaces
+            .iter()
+            .flat_map(|ws| ws.x.iter().skip(column).step_by(model.parameters))
+            .flat_map(|lanes| lanes.0)
+            .collect();
+        let largest = largest(&analytic);
+        // A step that moves f by 0.02 in², or twice the size of the parameter.
+        let h = (0.02 / largest).min(2.0 * beta[column].abs());
+        let moved = |by: f64| {
+            let mut beta = beta.to_vec();
+            beta[column] += by;
+            misclosure(model, readings, &beta, 0, 0.0)
+        };
+        // Of angles h is near 1e-3: h⁴/480 of the fifth derivative is below 1e-11
+        // of the first, and rounding of f, 1e-14 · 100 in², over h too.
+        let tolerance = 1e-8 * largest + 1e-12 / h;
+        for (analytic, difference) in analytic.iter().zip(derivative(moved, h)) {
+            let column = column as isize - model.term_parameters as isize;
+            assert!(
+                (analytic - difference).abs() <= tolerance,
+                "{}, column {column} before the points: {analytic} should be {difference}",
+                model.mechanism.name,
+            );
+        }
+    }
+}
+
+/// Checks `A` in every sample.
+pub fn check_readings(model: &Model, readings: &Readings, beta: &[f64]) {
+    let workspaces = every_block(model, readings, beta);
+    for channel in 0..readings.channels {
+        let analytic: Vec<f64> = workspaces
+            .iter()
+            .flat_map(|ws| ws.a.iter().skip(channel).step_by(readings.channels))
+            .flat_map(|lanes| lanes.0)
+            .collect();
+        // 3e-4 rad, of the shortest wave of a free curve 4e-3 of its period: h⁴/480
+        // of the fifth derivative stays below 1e-10, as does rounding of f over h.
+        let h = 3e-4 / model.scales[channel].gain.abs();
+        let tolerance = 1e-8 * largest(&analytic);
+        let differences = derivative(|by| misclosure(model, readings, beta, channel, by), h);
+        for (analytic, difference) in analytic.iter().zip(differences) {
+            assert!(
+                (analytic - difference).abs() <= tolerance,
+                "{}, channel {channel}: {analytic} should be {difference}",
+                model.mechanism.name
+            );
+        }
+    }
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |m, v| v.abs().max(m))
+}
+
+/// Misclosure and all derivatives of one block.
+pub fn evaluated(
+    model: &Model,
+    readings: &Readings,
+    block: usize,
+    a: &[Lanes],
+    beta: &[f64],
+) -> Workspace {
+    let mut ws = Workspace::default();
+    model.evaluate(readings, block, a, beta, Want { x: true, a: true }, &mut ws);
+    ws
+}
+
+fn every_block(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<Workspace> {
+    let blocks = 0..readings.blocks().len();
+    blocks.map(|b| evaluated(model, readings, b, readings.raw(b), beta)).collect()
+}
+
+/// The misclosure of every sample with one channel read otherwise.
+fn misclosure(
+    model: &Model,
+    readings: &Readings,
+    beta: &[f64],
+    channel: usize,
+    by: f64,
+) -> Vec<f64> {
+    let mut f = Vec::new();
+    let mut ws = Workspace::default();
+    for block in 0..readings.blocks().len() {
+        let mut a = readings.raw(block).to_vec();
+        a[channel] += Lanes::splat(by);
+        model.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
+        f.extend(ws.f.iter().flat_map(|f| f.0));
+    }
+    f
+}

@@ -1,0 +1,298 @@
+//! Mechanisms as data: what is refused, and the text they are written as.
+
+use rsicalib::mechanism::{ClosureKind, Point, Rest, Row, Value};
+use rsicalib::{Error, Mechanism};
+
+/// The refusal of the hand controller with one thing changed.
+fn refusal(change: impl FnOnce(&mut Mechanism)) -> [String; 3] {
+    let mut mechanism = Mechanism::rsi();
+    change(&mut mechanism);
+    match mechanism.validate() {
+        Err(Error::Mechanism { place, found, expected }) => [place, found, expected],
+        other => panic!("should be refused with a place: {other:?}"),
+    }
+}
+
+const CHANNELS: &str = "a11, a12, a13, a21, a22, a23, a31, a32, a33";
+
+#[test]
+fn the_hand_controller_is_valid() {
+    assert_eq!(Mechanism::rsi().validate(), Ok(()));
+    let named = |n: &str| Mechanism::rsi().with_closures(&[n.to_string()]);
+    assert_eq!(named("wrist2-wrist3").expect("a closure").validate(), Ok(()));
+    assert!(matches!(named("wrist2"), Err(Error::Unknown { kind: "closure", .. })));
+}
+
+#[test]
+fn names_are_there_and_each_is_one_things_own() {
+    let own = |place: &str| [place, "the name again, or none", "one of its own"].map(String::from);
+    assert_eq!(refusal(|m| m.channels[4].name = "a11".into()), own("channel \"a11\""));
+    assert_eq!(refusal(|m| m.chains[1].name = "arm1".into()), own("chain \"arm1\""));
+    assert_eq!(refusal(|m| m.points[1].name = "wrist1".into()), own("point \"wrist1\""));
+    assert_eq!(refusal(|m| m.points[0].name = String::new()), own("point \"\""));
+    let name = "wrist1-wrist2";
+    assert_eq!(refusal(|m| m.closures[1].name = name.into()), own("closure \"wrist1-wrist2\""));
+    let none = |place: &str| [place, "none", "at least one"].map(String::from);
+    assert_eq!(refusal(|m| m.channels.clear()), none("channel"));
+    assert_eq!(refusal(|m| m.chains.clear()), none("chain"));
+    assert_eq!(refusal(|m| m.closures.clear()), none("closure"));
+}
+
+#[test]
+fn a_channel_has_numbers_that_can_be_used() {
+    let at = |found: &str, expected: &str| ["channel \"a12\"", found, expected].map(String::from);
+    assert_eq!(refusal(|m| m.channels[1].gain = f64::NAN), at("NaN", "a finite number"));
+    assert_eq!(refusal(|m| m.channels[1].offset = f64::INFINITY), at("inf", "a finite number"));
+    assert_eq!(refusal(|m| m.channels[1].gain = 0.0), at("gain 0", "a gain other than zero"));
+    let order = "the lower end before the upper";
+    assert_eq!(refusal(|m| m.channels[1].range = Some([9.0, 1.0])), at("[9, 1]", order));
+    assert_eq!(refusal(|m| m.channels[1].limits = Some([2.0, 2.0])), at("[2, 2]", order));
+    let positive = "a positive number";
+    assert_eq!(refusal(|m| m.channels[1].noise = Some(0.0)), at("noise 0", positive));
+}
+
+#[test]
+fn each_channel_senses_one_joint() {
+    let at = |row: usize| format!("chain \"arm2\", row {row}");
+    assert_eq!(
+        refusal(|m| m.chains[1].rows[1].channel = Some("b21".into())),
+        [at(2), "channel \"b21\"".into(), CHANNELS.into()]
+    );
+    assert_eq!(
+        refusal(|m| m.chains[1].rows[2].channel = Some("a21".into())),
+        [at(3), "channel \"a21\" again".into(), "each channel at one joint".into()]
+    );
+    assert_eq!(
+        refusal(|m| m.chains[1].rows[3].channel = None),
+        ["channel \"a23\"", "no joint that it senses", "a row of a chain that names it"]
+    );
+}
+
+#[test]
+fn a_row_has_numbers_that_can_be_used() {
+    let at =
+        |found: &str, expected: &str| ["chain \"arm1\", row 2", found, expected].map(String::from);
+    type Change = fn(&mut Row);
+    let changes: [Change; 7] = [
+        |r| r.theta = f64::NAN,
+        |r| r.d = f64::NAN,
+        |r| r.a = f64::NAN,
+        |r| r.alpha = f64::NAN,
+        |r| r.xyz[2] = f64::NAN,
+        |r| r.rpy[1] = f64::NAN,
+        |r| r.com[0] = f64::NAN,
+    ];
+    for change in changes {
+        assert_eq!(refusal(|m| change(&mut m.chains[0].rows[1])), at("NaN", "a finite number"));
+    }
+    let mass = |mass: f64| refusal(|m| m.chains[0].rows[1].mass = Some(mass));
+    assert_eq!(mass(-1.0), at("mass -1", "a number of 0 or more"));
+    assert_eq!(mass(f64::NAN), at("mass NaN", "a number of 0 or more"));
+}
+
+#[test]
+fn a_point_is_known_or_unknown_but_not_both() {
+    let place = "point \"wrist2\"".to_string();
+    let either = [
+        place.clone(),
+        "neither a place nor an unknown, or both".into(),
+        "`at = [x, y, z]`, or `unknown = [columns]` without a chain".into(),
+    ];
+    assert_eq!(refusal(|m| m.points[1].at = None), either);
+    assert_eq!(refusal(|m| m.points[1].unknown = vec!["at".into()]), either);
+    let on_chain = |m: &mut Mechanism| {
+        m.points[1] = Point { at: None, unknown: vec!["at".into()], ..m.points[1].clone() };
+    };
+    assert_eq!(refusal(on_chain), either);
+    assert_eq!(
+        refusal(|m| m.points[1].at = Some([0.0, f64::NAN, 0.0])),
+        [place.clone(), "NaN".into(), "a finite number".into()]
+    );
+    assert_eq!(
+        refusal(|m| m.points[1].chain = Some("arm7".into())),
+        [place, "chain \"arm7\"".into(), "arm1, arm2, arm3".into()]
+    );
+}
+
+#[test]
+fn a_closure_joins_two_points_that_are_there() {
+    let at = |found: &str, expected: &str| {
+        ["closure \"wrist2-wrist3\"", found, expected].map(String::from)
+    };
+    let points = "wrist1, wrist2, wrist3";
+    assert_eq!(
+        refusal(|m| m.closures[1].between[1] = "elbow".into()),
+        at("point \"elbow\"", points)
+    );
+    assert_eq!(
+        refusal(|m| m.closures[1].between[0] = "elbow".into()),
+        at("point \"elbow\"", points)
+    );
+    assert_eq!(
+        refusal(|m| m.closures[1].between[1] = "wrist2".into()),
+        at("\"wrist2\" twice", "two points")
+    );
+    let value = "a positive `value` for a distance, none for a touch";
+    assert_eq!(refusal(|m| m.closures[1].value = None), at("Distance with None", value));
+    for d in [0.0, -1.0, f64::NAN] {
+        let found = format!("Distance with Some(Known({d:?}))");
+        assert_eq!(refusal(|m| m.closures[1].value = Some(Value::Known(d))), at(&found, value));
+    }
+    let [_, found, _] = refusal(|m| m.closures[1].kind = ClosureKind::Touch);
+    assert!(found.starts_with("Touch with Some"), "{found}");
+    assert_eq!(refusal(|m| m.closures[1].noise = Some(-0.1)), at("-0.1", "a length of 0 or more"));
+    assert_eq!(refusal(|m| m.closures[1].sd = Some(f64::NAN)), at("NaN", "a length of 0 or more"));
+}
+
+#[test]
+fn what_is_optional_is_refused_where_it_is_wrong() {
+    assert_eq!(refusal(|m| m.gravity = Some([0.0; 3])), ["gravity", "[0, 0, 0]", "a direction"]);
+    assert_eq!(
+        refusal(|m| m.gravity = Some([0.0, f64::NAN, 0.0])),
+        ["gravity", "NaN", "a finite number"]
+    );
+    assert_eq!(
+        refusal(|m| m.platform.extend([("hat".into(), [0.0; 3])])),
+        ["platform", "point \"hat\"", "wrist1, wrist2, wrist3"]
+    );
+    assert_eq!(
+        refusal(|m| m.platform.extend([("wrist1".into(), [f64::NAN; 3])])),
+        ["platform, wrist1", "NaN", "a finite number"]
+    );
+    let rest = |pose, sd| refusal(|m| m.rest = Some(Rest { pose, sd }));
+    assert_eq!(rest([f64::NAN; 6], None), ["rest, pose", "NaN", "a finite number"]);
+    assert_eq!(rest([0.0; 6], Some(0.0)), ["rest, sd", "0", "a positive number"]);
+    assert_eq!(
+        refusal(|m| m.model.sd.extend([("gain".into(), -1.0)])),
+        ["gain, sd", "-1", "a positive number"]
+    );
+}
+
+#[cfg(feature = "toml")]
+mod text {
+    use super::*;
+
+    /// The example of the documentation, with the channels and points it leaves out.
+    const EXAMPLE: &str = r#"
+name = "RSI 6-DOF hand controller"
+length_unit = "in"
+gravity = [0, 0, -1]
+
+[[channel]]
+name = "a11"
+unit = "count"
+range = [0, 4095]
+gain = -1.448760e-3
+offset = 3.387
+limits = [-1.571, 1.571]
+
+[[channel]]
+name = "a12"
+unit = "rad"
+gain = 1.0
+offset = 0.0
+noise = 1e-5
+
+[[channel]]
+name = "a13"
+unit = "count"
+range = [0, 4095]
+gain = -1.448760e-3
+offset = 2.967
+
+[[chain]]
+name = "arm1"
+dh = [
+    {theta = 3.14159, a = -4.5, alpha = 1.5708},
+    {channel = "a11", a = 3.2},
+    {channel = "a12", alpha = 1.5708},
+    {channel = "a13"},
+]
+
+[[point]]
+name = "wrist1"
+chain = "arm1"
+at = [3.971, 0, 0]
+
+[[point]]
+name = "post"
+at = [0, 0, -2.666]
+
+[[point]]
+name = "socket"
+unknown = ["group", "at"]
+
+[[closure]]
+name = "wrist1-post"
+kind = "distance"
+between = ["wrist1", "post"]
+value = 2.598076
+
+[[closure]]
+name = "wrist1-bar"
+kind = "distance"
+between = ["post", "wrist1"]
+value = "bar_in"
+
+[[closure]]
+name = "wrist1-socket"
+kind = "touch"
+between = ["wrist1", "socket"]
+noise = 1e-4
+
+[platform]
+wrist1 = [1.5, 0, 0]
+
+[rest]
+pose = [0, 0, -2.666, 0, 0, 0]
+sd = 0.01
+
+[model]
+terms = ["offset", "gain"]
+"#;
+
+    #[test]
+    fn the_documented_example_is_read() {
+        let m = Mechanism::from_toml(EXAMPLE).expect("the example");
+        assert_eq!(m.gravity, Some([0.0, 0.0, -1.0]));
+        assert_eq!(m.channels[0].range, Some([0.0, 4095.0]));
+        assert_eq!((m.channels[1].noise, m.channels[1].range), (Some(1e-5), None));
+        assert_eq!(m.chains[0].rows[0].a, -4.5);
+        assert_eq!(m.chains[0].rows[1].channel.as_deref(), Some("a11"));
+        assert_eq!(m.points[0].at, Some([3.971, 0.0, 0.0]));
+        assert_eq!(m.key_columns(), ["group", "at"]);
+        assert_eq!(m.value_columns(), ["bar_in"]);
+        assert_eq!(m.closures[0].value, Some(Value::Known(2.598_076)));
+        assert_eq!(m.equations(), 5);
+        assert_eq!(m.rest.as_ref().and_then(|r| r.sd), Some(0.01));
+        assert_eq!(m.model.terms, ["offset", "gain"]);
+        assert_eq!(Mechanism::from_toml(&m.to_toml()), Ok(m));
+    }
+
+    #[test]
+    fn the_hand_controller_survives_being_written() {
+        let text = Mechanism::rsi().to_toml();
+        assert_eq!(Mechanism::from_toml(&text), Ok(Mechanism::rsi()), "{text}");
+    }
+
+    #[test]
+    fn text_that_is_no_mechanism_is_refused_with_its_line() {
+        let message = |from: &str, to: &str| {
+            assert!(EXAMPLE.contains(from));
+            Mechanism::from_toml(&EXAMPLE.replacen(from, to, 1)).expect_err("refused").to_string()
+        };
+        let text = message("gain = 1.0\n", "gain = \"one\"\n");
+        assert!(text.contains("line 17") && text.contains("gain"), "{text}");
+        let text = message("gain = 1.0\n", "gian = 1.0\n");
+        assert!(text.contains("line 17") && text.contains("gian"), "{text}");
+        let text = message("offset = 0.0\n", "");
+        assert!(text.contains("missing field `offset`"), "{text}");
+        let text = message("kind = \"touch\"", "kind = \"glue\"");
+        assert!(text.contains("glue") && text.contains("distance"), "{text}");
+        let text = message("between = [\"wrist1\", \"post\"]", "between = [\"wrist1\", \"pots\"]");
+        assert_eq!(
+            text,
+            "mechanism, closure \"wrist1-post\": found point \"pots\"; expected wrist1, post, socket"
+        );
+    }
+}

@@ -1,0 +1,5 @@
+"""`python -m rsicalib` is the command `rsicalib`."""
+
+from rsicalib.cli import main
+
+main()

@@ -1,0 +1,366 @@
+"""The command `rsicalib`: one verb per job.
+
+Results go to standard output, progress and warnings to standard error. What a
+verb returns is what it exits with:
+
+    0    a usable calibration: adequate, or explained after tracing
+    1    a defect of ours
+    2    the input or the options cannot be used
+    3    the data cannot determine what was asked
+    4    a calibration was found, but the residual is significant
+    130  interrupted
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from rsicalib import _core, api
+from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.files import forget_parts, write_text
+from rsicalib.records import to_json
+from rsicalib.results import Calibration, Result, Trace
+
+__all__ = ["main"]
+
+Args = argparse.Namespace
+T = TypeVar("T")
+
+
+# ------------------------------------------------------------------ verbs
+
+
+def calibrate(args: Args) -> int:
+    """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
+    options = {**_session(args), "method": args.method}
+    return _show(args, _interruptible(lambda: api.calibrate(args.readings, **options)))
+
+
+def trace(args: Args) -> int:
+    """Close the loop: residual, missing term, error before and after."""
+    options = {**_session(args), "without": args.without, "seed": args.seed}
+    return _show(args, _interruptible(lambda: api.trace(args.readings, **options)))
+
+
+def fixture(args: Args) -> int:
+    """Open loop, from known poses in the readings."""
+    found = api.fixture(
+        args.readings,
+        args.mechanism,
+        check=args.check,
+        align=args.align,
+        skip_bad_rows=args.skip_bad_rows,
+    )
+    return _show(args, found)
+
+
+def demo(args: Args) -> int:
+    """The main job on data that come with the package; writes a report, prints its path."""
+    if args.out is None:
+        args.out = Path("rsicalib-demo")
+    return _show(args, _interruptible(api.demo))
+
+
+def forward(args: Args) -> int:
+    """Readings to platform poses under a calibration, CSV on standard output."""
+    mechanism = api.load_mechanism(args.mechanism)
+    readings = api.load_readings(args.readings, mechanism, skip_bad_rows=args.skip_bad_rows)
+    _warn(args, readings.warnings)
+    poses = api.forward(readings, mechanism, args.calibration)
+    labels: dict[str, Any] = {"pose": readings.pose.tolist()}
+    if readings.sample is not None:
+        labels["sample"] = readings.sample.tolist()
+    if readings.time_s is not None:
+        labels["time_s"] = readings.time_s.tolist()
+    names = ["x", "y", "z", "rx", "ry", "rz"]
+    if args.json:
+        columns = {**labels, **dict(zip(names, poses.T, strict=True))}
+        document = {"format": "rsicalib.poses/1", "version": _core.__version__}
+        document |= {"mechanism": mechanism.name, "length_unit": mechanism.length_unit}
+        sys.stdout.write(to_json({**document, "columns": columns}))
+        return 0
+    lines = [",".join([*labels, *names])]
+    for head, pose in zip(zip(*labels.values(), strict=True), poses.tolist(), strict=True):
+        lines.append(",".join([*map(str, head), *(f"{v:.9g}" for v in pose)]))
+    sys.stdout.write("\n".join(lines) + "\n")
+    return 0
+
+
+def terms(args: Args) -> int:
+    """What can be identified."""
+    known = {term["id"]: term for term in api.terms(args.mechanism)}
+    if args.id is not None and args.id not in known:
+        raise InputError(f"found no term {args.id!r}, expected one of {', '.join(known)}")
+    if args.json:
+        chosen = list(known.values()) if args.id is None else [known[args.id]]
+        document = {"format": "rsicalib.terms/1", "version": _core.__version__, "terms": chosen}
+        sys.stdout.write(to_json(document))
+    elif args.id is None:
+        for term in known.values():
+            first = term["doc"].split("\n\n")[0].replace("\n", " ")
+            print(f"{term['id']:24} {term['class']:12} {first}")
+    else:
+        term = known[args.id]
+        print(f"{term['id']} ({term['class']})\n\n{term['doc'].strip()}\n")
+        for parameter in term["parameters"]:
+            line = f"  {parameter['name']:8} {parameter['unit']:12} typically {parameter['typical']:g}"
+            print(line)
+        print(f"\n  needs    {term['needs']}\n  targets  {', '.join(term['targets']) or 'none here'}")
+    return 0
+
+
+def mechanism(args: Args) -> int:
+    """Show a built-in mechanism, or check and show a file."""
+    loaded = api.load_mechanism(args.name)
+    sys.stdout.write(to_json(loaded.to_dict()) if args.json else loaded.to_toml())
+    return 0
+
+
+# ------------------------------------------------------------------ the parser
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}. See `{self.prog} --help`.")
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _noise(text: str) -> float | dict[str, float]:
+    try:
+        if "=" not in text:
+            return float(text)
+        pairs = (item.split("=", 1) for item in _names(text))
+        return {name.strip(): float(value) for name, value in pairs}
+    except ValueError:
+        expected = "a number, or a11=1.2,a12=1.1,…"
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected {expected}") from None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="rsicalib",
+        description="Calibration of closed kinematic chains from their own joint readings.",
+        epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
+        "3 not determined by the data, 4 the residual is significant, 130 interrupted",
+    )
+    parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+
+    def verb(run: Callable[[Args], int], **more: Any) -> argparse.ArgumentParser:
+        words = (run.__doc__ or "").strip().splitlines()[0]
+        name = run.__name__
+        sub = verbs.add_parser(name, help=words, description=words, **more)
+        sub.set_defaults(run=run)
+        sub.add_argument(
+            "--json",
+            action="store_true",
+            help="the result on standard output, and nothing else there",
+        )
+        sub.add_argument("--quiet", action="store_true", help="no summary, progress or warnings")
+        return sub
+
+    sub = verb(demo)
+    _add_out(sub)
+
+    for run in (calibrate, trace):
+        sub = verb(run)
+        sub.add_argument(
+            "readings", metavar="READINGS", nargs="+", help="CSV or Parquet; several are sessions"
+        )
+        _add_mechanism(sub)
+        sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
+        _add_check(sub)
+        sub.add_argument("--calibration", metavar="FILE", help="start from an earlier result")
+        sub.add_argument(
+            "--terms", metavar="TERM,…", type=_names, help="terms to identify: offset, curvature@a22"
+        )
+        if run is trace:
+            sub.add_argument(
+                "--without", metavar="TERM,…", type=_names, help="terms that are no candidates"
+            )
+        sub.add_argument(
+            "--noise",
+            metavar="COUNTS|a11=1.2,…",
+            type=_noise,
+            help="standard deviation of one sample, quantisation included",
+        )
+        if run is calibrate:
+            sub.add_argument(
+                "--method",
+                choices=("implicit_loop", "algebraic"),
+                help="noise in the readings, or the paper's least squares",
+            )
+        sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
+        sub.add_argument("--fit-groups", metavar="NAME,…", type=_names, help="only these groups")
+        sub.add_argument("--hold-out-groups", metavar="NAME,…", type=_names, help="not these groups")
+        sub.add_argument("--seed", type=int, help="of every random draw")
+        _add_skip(sub)
+        _add_out(sub)
+
+    sub = verb(fixture)
+    sub.add_argument("readings", metavar="READINGS", help="with the columns x y z rx ry rz")
+    _add_mechanism(sub)
+    _add_check(sub)
+    _add_skip(sub)
+    _add_out(sub)
+
+    sub = verb(forward)
+    sub.add_argument("readings", metavar="READINGS", help="CSV or Parquet")
+    _add_mechanism(sub)
+    sub.add_argument("--calibration", metavar="FILE", help="an earlier result; else as declared")
+    _add_skip(sub)
+
+    sub = verb(terms)
+    sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")
+    _add_mechanism(sub)
+
+    sub = verb(mechanism)
+    sub.add_argument("name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given")
+    return parser
+
+
+def _add_mechanism(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--mechanism", metavar="NAME|FILE", default="rsi", help="default: rsi")
+
+
+def _add_check(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--check", metavar="READINGS", help="known poses, never used in a fit")
+    words = "error on the check poses also after a rigid motion of the instrument"
+    sub.add_argument("--align", action="store_true", help=words)
+
+
+def _add_skip(sub: argparse.ArgumentParser) -> None:
+    words = "drop rows that cannot be used, and list them in the result"
+    sub.add_argument("--skip-bad-rows", action="store_true", help=words)
+
+
+def _add_out(sub: argparse.ArgumentParser) -> None:
+    words = "write result.json, report.html and report.txt there"
+    sub.add_argument("--out", metavar="DIR", type=Path, help=words)
+
+
+# ------------------------------------------------------------------ behind the verbs
+
+
+def _session(args: Args) -> dict[str, Any]:
+    """Options that `calibrate` and `trace` share, by the names they have in Python."""
+    names = ("mechanism", "rest", "check", "terms", "closures", "noise", "calibration", "align")
+    names += ("fit_groups", "hold_out_groups", "skip_bad_rows")
+    return {name: getattr(args, name) for name in names}
+
+
+def _show(args: Args, result: Calibration | Trace) -> int:
+    """Write what was asked for; the exit code."""
+    _warn(args, result.warnings)
+    if args.out is not None:
+        _write(args.out, result)
+    if args.json:
+        sys.stdout.write(result.to_json())
+    elif not args.quiet:
+        print(result.summary())
+        if args.out is not None:
+            print(f"\n{args.out / 'report.html'}")
+    return result.exit_code
+
+
+def _write(folder: Path, result: Result) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        found = f"'{folder}', which cannot be made ({error.strerror})"
+        raise InputError(f"--out: found {found}, expected a folder") from None
+    files = {
+        "result.json": result.to_json(),
+        "report.txt": result.summary() + "\n",
+        "report.html": result.report(),
+    }
+    for name, text in files.items():
+        write_text(folder / name, text)
+
+
+def _warn(args: Args, warnings: Sequence[str]) -> None:
+    if not args.quiet:
+        for warning in warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+
+
+def _interruptible(job: Callable[[], T]) -> T:
+    """Run a job of the core so that Ctrl-C is heard while it computes."""
+    out: list[T] = []
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            out.append(job())
+        except BaseException as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(0.2)
+    if errors:
+        raise errors[0]
+    return out[0]
+
+
+def main(argv: Sequence[str] | None = None) -> NoReturn:
+    """Run the command and leave.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments; those of the process where not given.
+    """
+    words = sys.argv[1:] if argv is None else list(argv)
+    code = 0
+    try:
+        code = _run(words)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read has seen enough; the interpreter must not complain on the way out.
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except KeyboardInterrupt:
+        forget_parts()
+        with contextlib.suppress(OSError):
+            print("interrupted", file=sys.stderr, flush=True)
+        os._exit(130)  # a job of the core may still be computing: nobody waits for it
+    sys.exit(code)
+
+
+def _run(words: list[str]) -> int:
+    as_json = "--json" in words
+    try:
+        args = _parser().parse_args(words)
+        run: Callable[[Args], int] = args.run
+        return run(args)
+    except InputError as error:
+        return _fail(2, "rsicalib.error/1", error.message, as_json, where=error.where)
+    except UndeterminedError as error:
+        return _fail(3, "rsicalib.error/1", error.message, as_json, where=None)
+    except (KeyboardInterrupt, SystemExit, BrokenPipeError):
+        raise
+    except BaseException:  # a panic of the core is no Exception
+        traceback.print_exc()
+        print("This is a defect of rsicalib; please report it with the lines above.", file=sys.stderr)
+        return 1
+
+
+def _fail(code: int, form: str, message: str, as_json: bool, **more: Any) -> int:
+    if as_json:
+        sys.stdout.write(to_json({"format": form, "message": message, **more}))
+    else:
+        print(f"error: {message}", file=sys.stderr)
+    return code

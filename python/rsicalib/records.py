@@ -1,0 +1,122 @@
+"""Values in the shape of the JSON: frozen dataclasses, and the way in and out of plain dictionaries."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, Self, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+__all__ = ["OMIT", "Record", "plain", "to_json"]
+
+OMIT = {"omit": True}
+"""Metadata of a field that does not stand in the JSON where it is None or empty."""
+
+
+class Record:
+    """A frozen dataclass that is read from, and written to, plain dictionaries.
+
+    Keys that a class does not know are ignored, so that results of later
+    versions can be read; None and NaN are the same: not known.
+    """
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Read a record, and the records in it.
+
+        Parameters
+        ----------
+        data : mapping
+            As `to_dict` writes it.
+
+        Returns
+        -------
+        Record
+            Of this class.
+
+        Raises
+        ------
+        KeyError
+            Something that has no default is missing.
+        """
+        kinds = _hints(cls)
+        keys = {f.name: f.metadata.get("key", f.name) for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+        return cls(**{n: _read(kinds[n], data[key]) for n, key in keys.items() if key in data})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Write the record as plain values: dictionaries, lists, numbers, text, None.
+
+        Returns
+        -------
+        dict
+            Keys in the order of the fields.
+        """
+        out = {}
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            value = plain(getattr(self, field.name))
+            if not (field.metadata.get("omit") and value in (None, [], {})):
+                out[field.metadata.get("key", field.name)] = value
+        return out
+
+
+def plain(value: Any) -> Any:
+    """Turn records, tuples and arrays into what JSON has; NaN and infinity into None."""
+    if isinstance(value, Record):
+        return value.to_dict()
+    if isinstance(value, Mapping):
+        return {str(key): plain(v) for key, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def to_json(value: Any) -> str:
+    """Write plain values as JSON that people can read: one entry of a list to a line."""
+    return _lines(plain(value), "") + "\n"
+
+
+def _lines(value: Any, indent: str) -> str:
+    inner = indent + "  "
+    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if not isinstance(value, dict | list) or not value or len(indent) + len(flat) <= 160:
+        return flat
+    if isinstance(value, dict):
+        items = [f"{json.dumps(k, ensure_ascii=False)}: {_lines(v, inner)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(inner + item for item in items) + f"\n{indent}}}"
+    if all(isinstance(v, int | float) for v in value):
+        return flat
+    return "[\n" + ",\n".join(inner + _lines(v, inner) for v in value) + f"\n{indent}]"
+
+
+@cache
+def _hints(cls: type) -> dict[str, Any]:
+    return get_type_hints(cls)
+
+
+def _read(kind: Any, value: Any) -> Any:
+    """The value as its annotation says: a record, a tuple of them, an array."""
+    if value is None:
+        return None
+    if get_origin(kind) in (Union, types.UnionType):
+        options = [k for k in get_args(kind) if k is not type(None)]
+        return _read(options[0], value)
+    if isinstance(kind, type) and issubclass(kind, Record):
+        return value if isinstance(value, kind) else kind.from_dict(value)
+    if get_origin(kind) is tuple:
+        return tuple(_read(get_args(kind)[0], v) for v in value)
+    if get_origin(kind) is np.ndarray:
+        array = np.array(value, dtype=np.float64)  # None becomes NaN
+        array.flags.writeable = False
+        return array
+    return value
