@@ -1,0 +1,53 @@
+"""Calibration of closed kinematic chains from their own joint readings.
+
+>>> import rsicalib
+>>> found = rsicalib.trace(
+...     rsicalib.DEMO / "readings.csv",
+...     rest=rsicalib.DEMO / "rest.csv",
+...     check=rsicalib.DEMO / "check.csv",
+... )
+>>> found.verdict
+'explained'
+"""
+
+from rsicalib._core import Channel, Mechanism, __version__
+from rsicalib.api import (
+    DEMO,
+    calibrate,
+    demo,
+    fixture,
+    forward,
+    inverse,
+    load_mechanism,
+    load_readings,
+    terms,
+    trace,
+)
+from rsicalib.data import Readings
+from rsicalib.errors import InputError, RsicalibError, UndeterminedError
+from rsicalib.results import Calibration, Parameter, Step, Trace, load_calibration
+
+__all__ = [
+    "DEMO",
+    "Calibration",
+    "Channel",
+    "InputError",
+    "Mechanism",
+    "Parameter",
+    "Readings",
+    "RsicalibError",
+    "Step",
+    "Trace",
+    "UndeterminedError",
+    "__version__",
+    "calibrate",
+    "demo",
+    "fixture",
+    "forward",
+    "inverse",
+    "load_calibration",
+    "load_mechanism",
+    "load_readings",
+    "terms",
+    "trace",
+]

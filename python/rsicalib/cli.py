@@ -111,9 +111,13 @@ def terms(args: Args) -> int:
         term = known[args.id]
         print(f"{term['id']} ({term['class']})\n\n{term['doc'].strip()}\n")
         for parameter in term["parameters"]:
-            line = f"  {parameter['name']:8} {parameter['unit']:12} typically {parameter['typical']:g}"
+            line = (
+                f"  {parameter['name']:8} {parameter['unit']:12} typically {parameter['typical']:g}"
+            )
             print(line)
-        print(f"\n  needs    {term['needs']}\n  targets  {', '.join(term['targets']) or 'none here'}")
+        print(
+            f"\n  needs    {term['needs']}\n  targets  {', '.join(term['targets']) or 'none here'}"
+        )
     return 0
 
 
@@ -183,7 +187,10 @@ def _parser() -> argparse.ArgumentParser:
         _add_check(sub)
         sub.add_argument("--calibration", metavar="FILE", help="start from an earlier result")
         sub.add_argument(
-            "--terms", metavar="TERM,…", type=_names, help="terms to identify: offset, curvature@a22"
+            "--terms",
+            metavar="TERM,…",
+            type=_names,
+            help="terms to identify: offset, curvature@a22",
         )
         if run is trace:
             sub.add_argument(
@@ -203,7 +210,9 @@ def _parser() -> argparse.ArgumentParser:
             )
         sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
         sub.add_argument("--fit-groups", metavar="NAME,…", type=_names, help="only these groups")
-        sub.add_argument("--hold-out-groups", metavar="NAME,…", type=_names, help="not these groups")
+        sub.add_argument(
+            "--hold-out-groups", metavar="NAME,…", type=_names, help="not these groups"
+        )
         sub.add_argument("--seed", type=int, help="of every random draw")
         _add_skip(sub)
         _add_out(sub)
@@ -226,7 +235,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_mechanism(sub)
 
     sub = verb(mechanism)
-    sub.add_argument("name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given")
+    sub.add_argument(
+        "name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given"
+    )
     return parser
 
 
@@ -354,7 +365,9 @@ def _run(words: list[str]) -> int:
         raise
     except BaseException:  # a panic of the core is no Exception
         traceback.print_exc()
-        print("This is a defect of rsicalib; please report it with the lines above.", file=sys.stderr)
+        print(
+            "This is a defect of rsicalib; please report it with the lines above.", file=sys.stderr
+        )
         return 1
 
 

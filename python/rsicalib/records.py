@@ -1,4 +1,4 @@
-"""Values in the shape of the JSON: frozen dataclasses, and the way in and out of plain dictionaries."""
+"""Values in the shape of the JSON: frozen dataclasses, to and from plain dictionaries."""
 
 from __future__ import annotations
 
@@ -92,7 +92,9 @@ def _lines(value: Any, indent: str) -> str:
     if not isinstance(value, dict | list) or not value or len(indent) + len(flat) <= 160:
         return flat
     if isinstance(value, dict):
-        items = [f"{json.dumps(k, ensure_ascii=False)}: {_lines(v, inner)}" for k, v in value.items()]
+        items = [
+            f"{json.dumps(k, ensure_ascii=False)}: {_lines(v, inner)}" for k, v in value.items()
+        ]
         return "{\n" + ",\n".join(inner + item for item in items) + f"\n{indent}}}"
     if all(isinstance(v, int | float) for v in value):
         return flat

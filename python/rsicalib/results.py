@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -221,7 +220,9 @@ class Step(Record):
     platform_rms: Rms | None = None
     """What it did to the platform pose, the other parameters having absorbed what they can."""
     curve: tuple[tuple[float, ...], ...] = field(default=(), metadata=OMIT)
-    """Rows of reading, correction [rad], and its standard deviation where known."""
+    """Rows of reading and correction [rad]."""
+    curve_sd: tuple[float, ...] = field(default=(), metadata=OMIT)
+    """Standard deviation of each correction [rad]."""
     held_out: HeldOut | None = None
 
 
@@ -433,8 +434,3 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
             except (KeyError, TypeError, ValueError, AttributeError) as error:
                 raise refuse(f"{form} that cannot be read ({error!r})") from None
     raise refuse(f"format {form!r}")
-
-
-def sd_of(parameter: Parameter) -> float:
-    """Standard deviation, infinite where it is not known."""
-    return math.inf if parameter.sd is None else parameter.sd

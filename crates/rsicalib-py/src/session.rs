@@ -67,11 +67,6 @@ pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
     poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
 }
 
-/// Poses of an array of shape (n, 6).
-fn rows_of_six(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
-    poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
-}
-
 #[derive(Serialize)]
 struct FitView {
     fit: FitReport,
@@ -135,7 +130,7 @@ impl PySession {
     ) -> PyResult<Bound<'py, PyAny>> {
         let known = check.map(|(table, poses)| Known {
             table: table.table(),
-            poses: rows_of_six(&poses),
+            poses: poses_of(&poses),
             align,
         });
         let default = Search::default();

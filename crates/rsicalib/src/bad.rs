@@ -24,9 +24,7 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
     }
     let mut off: Vec<(usize, usize, f64)> = Vec::new();
     for (pose, rows) in poses.iter().enumerate().filter(|(_, rows)| rows.len() >= 3) {
-        let middle: Vec<f64> = (0..k)
-            .map(|e| median(rows.iter().map(|r| fit.residuals.whitened[r * k + e]).collect()))
-            .collect();
+        let middle = middle_of(fit, rows);
         for &row in rows {
             let far: f64 =
                 (0..k).map(|e| (fit.residuals.whitened[row * k + e] - middle[e]).powi(2)).sum();
@@ -39,15 +37,50 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
     let mut excluded = Vec::new();
     for &(pose, row, far) in off.iter().filter(|o| o.2 > limit) {
         session.weights[row] = 0.0;
+        let middle = middle_of(fit, &poses[pose]);
+        let off: Vec<f64> =
+            (0..k).map(|e| fit.residuals.whitened[row * k + e] - middle[e]).collect();
+        let (channel, chain) = culprit(session, fit, row, &off, typical);
         excluded.push(Excluded {
             pose,
             row: Some(row),
-            channel: None,
-            chain: None,
+            channel,
+            chain,
             reason: format!("{:.0} σ off the other samples of its pose", (far / typical).sqrt()),
         });
     }
     excluded
+}
+
+/// Median residual of a pose, equation by equation.
+fn middle_of(fit: &Fit, rows: &[usize]) -> Vec<f64> {
+    let k = fit.residuals.equations;
+    let of = |e: usize| median(rows.iter().map(|r| fit.residuals.whitened[r * k + e]).collect());
+    (0..k).map(of).collect()
+}
+
+/// The channel whose error would move the misclosure so, and its chain, as far
+/// as they can be told.
+fn culprit(
+    session: &Session,
+    fit: &Fit,
+    row: usize,
+    off: &[f64],
+    typical: f64,
+) -> (Option<usize>, Option<usize>) {
+    let (k, c) = (off.len(), session.readings.channels);
+    let score = |channel: usize| {
+        let a = |e: usize| fit.residuals.by_reading[(row * k + e) * c + channel];
+        let along: f64 = (0..k).map(|e| a(e) * off[e]).sum();
+        let length: f64 = (0..k).map(|e| a(e) * a(e)).sum();
+        if length > 0.0 { along * along / length / typical } else { 0.0 }
+    };
+    let scores: Vec<f64> = (0..c).map(score).collect();
+    let best = scores.iter().copied().fold(0.0, f64::max);
+    let close: Vec<usize> = (0..c).filter(|&i| scores[i] > best - crate::trace::AS_WELL).collect();
+    let chain = session.mechanism.chain_of(close[0]);
+    let one_chain = close.iter().all(|&i| session.mechanism.chain_of(i) == chain);
+    ((close.len() == 1).then_some(close[0]), chain.filter(|_| one_chain))
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

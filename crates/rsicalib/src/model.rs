@@ -91,6 +91,10 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             .map(Target::Channel)
             .collect(),
         Per::Chain => (0..mechanism.chains.len()).map(Target::Chain).collect(),
+        Per::ChainOrAll => {
+            let chains = (0..mechanism.chains.len()).map(Target::Chain);
+            chains.chain([Target::All]).collect()
+        }
         Per::Closure => (0..mechanism.closures.len())
             .filter(|&c| mechanism.closures[c].kind == ClosureKind::Distance)
             .map(Target::Closure)
@@ -345,11 +349,22 @@ impl Model {
         instances: Vec<Instance>,
         centre: &[f64],
     ) -> Result<Self, Error> {
+        for instance in &instances {
+            provided(instance.term, mechanism, readings)?;
+        }
+        Self::compile(mechanism, readings, instances, centre)
+    }
+
+    fn compile(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+        centre: &[f64],
+    ) -> Result<Self, Error> {
         mechanism.validate()?;
         let mut first = Vec::with_capacity(instances.len());
         let mut term_parameters = 0;
         for instance in &instances {
-            provided(instance.term, mechanism, readings)?;
             first.push(term_parameters);
             term_parameters += instance.width();
         }
@@ -399,11 +414,12 @@ impl Model {
                     self.electronics.push(ElectronicsAt { term, channel, place, first, width });
                 }
                 Acts::Load(whose) => {
-                    let chain = match instance.target {
-                        Target::Chain(chain) => Some(chain),
-                        _ => channel.and_then(|c| self.mechanism.chain_of(c)),
+                    let chains = match instance.target {
+                        Target::All => (0..self.mechanism.chains.len()).collect(),
+                        Target::Chain(chain) => vec![chain],
+                        _ => channel.and_then(|c| self.mechanism.chain_of(c)).into_iter().collect(),
                     };
-                    if let Some(chain) = chain {
+                    for chain in chains {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
@@ -538,12 +554,15 @@ impl Model {
 
     /// The same terms, on other closures and readings: a part that shares parameters.
     ///
+    /// The readings may lack what a term needs: a rest pose has no velocity, and
+    /// what acts in motion does nothing there.
+    ///
     /// # Errors
     ///
     /// As [`Model::new`].
     pub fn like(other: &Self, mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
         let centre: Vec<f64> = other.scales.iter().map(|s| s.centre).collect();
-        let mut model = Self::about(mechanism, readings, other.instances.clone(), &centre)?;
+        let mut model = Self::compile(mechanism, readings, other.instances.clone(), &centre)?;
         model.scales.clone_from(&other.scales);
         Ok(model)
     }

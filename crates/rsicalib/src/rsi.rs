@@ -108,6 +108,7 @@ fn arm_angles(arm: usize, r: &Vector3<f64>) -> Result<[f64; 3], Error> {
     let t2 = -cos2.clamp(-1.0, 1.0).acos(); // (7)
     let cos1 = (rho * rho + L2 * L2 - reach * reach) / (2.0 * L2 * rho);
     let t1 = r.y.atan2(r.x) + cos1.clamp(-1.0, 1.0).acos(); // (8)
+    let t1 = if t1 > PI { t1 - 2.0 * PI } else { t1 };
     let angles = [t1, t2, t3];
     for (j, (angle, [low, high])) in angles.iter().zip(LIMITS).enumerate() {
         let by = (low - angle).max(angle - high);

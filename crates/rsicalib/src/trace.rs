@@ -356,18 +356,18 @@ impl<'a> Hunt<'a> {
         let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
             return Ok((false, Vec::new()));
         };
-        let charge = |width: f64| CHARGE * width;
         // Scores are first order: leave room for what refitting changes.
         let room = AS_WELL + 10.0 + 0.25 * mine.score;
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)
                 && whole_pose(&s.instance).is_none()
-                && s.score - charge(s.width) > mine.score - charge(mine.width) - room
+                && value_of(s) > value_of(&mine) - room
         });
-        scored.sort_by(|a, b| (b.score - charge(b.width)).total_cmp(&(a.score - charge(a.width))));
+        scored.sort_by(|a, b| value_of(b).total_cmp(&value_of(a)));
+        one_place_each(&mut scored);
         let mut rivals = Vec::new();
-        let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s.width);
+        let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
         let my_value = value(current, &mine);
         for candidate in scored.into_iter().take(2 * self.search.refits) {
             let refit = self.with(&without, candidate.instance)?;
@@ -437,6 +437,27 @@ impl<'a> Hunt<'a> {
             ),
         }
     }
+}
+
+/// What a candidate pays: its parameters, and the time that was searched for.
+fn charge(candidate: &Scored) -> f64 {
+    let time = if candidate.family == Family::Slip { CHARGE } else { 0.0 };
+    CHARGE * candidate.width + time
+}
+
+fn value_of(candidate: &Scored) -> f64 {
+    candidate.score - charge(candidate)
+}
+
+/// Keeps the best place of each searched term at each target; best first.
+fn one_place_each(scored: &mut Vec<Scored>) {
+    let mut seen: Vec<(&str, Target)> = Vec::new();
+    scored.retain(|s| {
+        let key = (s.instance.term.info().id, s.instance.target);
+        let new = !seen.contains(&key);
+        seen.push(key);
+        new
+    });
 }
 
 /// Bad readings are rivals of bad readings of the same pose, effects of effects.

@@ -163,7 +163,7 @@ fn equation_8_adds_the_arc_cosine() {
             let between =
                 ((rho * rho + L2 * L2 - reach * reach) / (2.0 * L2 * rho)).clamp(-1.0, 1.0).acos();
             let bearing = r.y.atan2(r.x);
-            // Angles are meant modulo a turn.
+            // A shaft that has turned once is where it was.
             assert!((bearing + between - t1).sin().abs() < 1e-9);
             let printed = reached([bearing - between, *t2, *t3]);
             // Wrong by twice that angle, seen from the shoulder.

@@ -11,10 +11,8 @@ mod differences;
 
 use faer::{Mat, Side};
 
-use self::devices::{
-    Device, EVERY_STAGE, How, Rng, hand_controller, instance, instances, random, sizes,
-};
-use self::differences::{check_parameters, check_readings, evaluated};
+use self::devices::{Device, How, Rng, hand_controller, instance, instances, random, sizes};
+use self::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use super::{Acts, Class, Needs, Term, find};
 use crate::lm::{self, Options, Problem};
 use crate::model::{self, MOST_PARAMETERS, Target, provided, targets};

@@ -44,6 +44,8 @@ pub enum Per {
     Row,
     /// A chain: `arm2`.
     Chain,
+    /// A chain, or all chains alike: `arm2`, `all`.
+    ChainOrAll,
     /// A closure: `wrist1-wrist2`.
     Closure,
     /// The whole mechanism: `all`.

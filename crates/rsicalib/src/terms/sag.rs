@@ -6,8 +6,8 @@ term! {
     /// A chain that bends under the weight at its end.
     ///
     /// Each joint gives by `compliance` times the torque of a unit weight at the
-    /// points that the chain carries.
-    Sag("sag", Load, per Chain, needs Gravity) {
+    /// points that the chain carries: of one chain, or of all alike.
+    Sag("sag", Load, per ChainOrAll, needs Gravity) {
         compliance: "rad/length" ~ 1e-3,
     }
 }

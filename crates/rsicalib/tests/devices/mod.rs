@@ -38,24 +38,6 @@ impl Rng {
     }
 }
 
-/// Terms of every stage; those that a device has no data for are left out.
-pub const EVERY_STAGE: [&str; 14] = [
-    "reference_temperature",
-    "channel_skew",
-    "crosstalk",
-    "offset",
-    "gain",
-    "curvature",
-    "hysteresis",
-    "slip",
-    "link_length",
-    "joint_tilt",
-    "base_tilt",
-    "sag",
-    "joint_compliance",
-    "distance",
-];
-
 /// How the readings were taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum How {

@@ -1,0 +1,153 @@
+"""What people look at: the terminal's lines, and one HTML file."""
+
+from __future__ import annotations
+
+import textwrap
+
+from rsicalib.page import page
+from rsicalib.results import Parameter, Result, Trace
+from rsicalib.words import (
+    advice,
+    comparison,
+    excluded_words,
+    name_of,
+    noise_words,
+    number,
+    plus_minus,
+    sentence,
+    size_words,
+)
+
+__all__ = ["html", "summary"]
+
+LINES = 25
+WIDTH = 100
+
+
+def html(result: Result) -> str:
+    """Write the report as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    result : Calibration or Trace
+        What was found.
+
+    Returns
+    -------
+    str
+        The document.
+    """
+    return page(result)
+
+
+def summary(result: Result) -> str:
+    """Write what was found in at most 25 lines for a terminal.
+
+    Parameters
+    ----------
+    result : Calibration or Trace
+        What was found.
+
+    Returns
+    -------
+    str
+        Lines without a line feed at the end.
+    """
+    head = textwrap.wrap(sentence(result), WIDTH)[:4]
+    data = result.readings
+    head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
+    head += [f"  {'noise':10}{noise_words(result)}"]
+    middle = _errors(result)
+    if isinstance(result, Trace):
+        middle = [*_found(result), *middle, *_left(result)]
+    tail = [line for text in advice(result)[:3] for line in _next(text)]
+    if tail:
+        tail = ["", *tail]
+    room = LINES - len(head) - len(tail) - 1
+    if not isinstance(result, Trace):
+        middle += ["", *_parameters(result.parameters, room - len(middle) - 1)]
+    if len(middle) > room:
+        middle = [*middle[: room - 1], f"  … {len(middle) - room + 1} more lines in the report"]
+    return "\n".join([*head, "", *middle, *tail][:LINES])
+
+
+def _next(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="→ ", subsequent_indent="  ")
+
+
+def _errors(result: Result) -> list[str]:
+    heads, rows = comparison(result)
+    if not rows:
+        return []
+    wide = max(len(row[0]) for row in rows) + 2
+    lines = [f"  {'':{wide}}{heads[0]:>14}{heads[1]:>14}"]
+    return lines + [f"  {name:{wide}}{old:>14}{new:>14}" for name, old, new in rows]
+
+
+def _found(result: Trace) -> list[str]:
+    lines = []
+    for step in result.steps[:3]:
+        lines.append(
+            f"  found     {name_of(step.term)} of {step.target}: {size_words(step)}"[:WIDTH]
+        )
+        if step.platform_rms is not None:
+            rms = step.platform_rms
+            cost = f"{number(rms.position, 2)} {result.length_unit}"
+            turn = f"{number(rms.orientation, 2)} rad"
+            lines.append(f"            it moved the platform by {cost} and {turn} (rms)")
+        if step.also_fits:
+            names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
+            more = "" if len(names) < 4 else f" and {len(names) - 3} more"
+            lines.append(f"            fits as well: {', '.join(names[:3])}{more}"[:WIDTH])
+    lines += [f"  left out  {excluded_words(e)}"[:WIDTH] for e in result.excluded[:3]]
+    return [*lines, ""] if lines else []
+
+
+def _left(result: Trace) -> list[str]:
+    lines = []
+    if result.unexplained is not None:
+        lines.append(f"  left over {result.unexplained.text}"[:WIDTH])
+    for hidden in result.could_hide[:1]:
+        rms = hidden.platform_rms
+        cost = (
+            ""
+            if rms is None
+            else f", {number(rms.position, 2)} {result.length_unit} at the platform"
+        )
+        size = f"{number(hidden.detectable, 2)} {hidden.unit}"
+        lines.append(
+            f"  could hide {name_of(hidden.term)} of {hidden.target} up to {size}{cost}"[:WIDTH]
+        )
+    return ["", *lines] if lines else []
+
+
+def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
+    """Offsets and gains side by side, by channel; then the others."""
+    sensors = {p.target: {} for p in parameters if p.term in ("offset", "gain")}  # type: dict[str, dict[str, Parameter]]
+    others = []
+    for p in parameters:
+        if p.term in ("offset", "gain"):
+            sensors[p.target][p.term] = p
+        else:
+            others.append(p)
+    lines = []
+    if sensors:
+        first = next(iter(sensors.values()))
+        units = [f"{t} [{first[t].unit}]" if t in first else "" for t in ("offset", "gain")]
+        lines.append(f"  {'± 95 %':10}{units[0]:>24}{units[1]:>32}")
+    for target, pair in sensors.items():
+        cells = []
+        for term in ("offset", "gain"):
+            p = pair.get(term)
+            half = None if p is None or p.sd is None else 1.96 * p.sd
+            value, width = plus_minus(p.value if p else None, half)
+            cells.append(f"{value} ± {width}")
+        lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>32}")
+    for p in others:
+        value, width = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
+        lines.append(
+            f"  {p.target:10}{name_of(p.term)} {p.name} = {value} ± {width} {p.unit}"[:WIDTH]
+        )
+    if len(lines) > room:
+        lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
+    return lines

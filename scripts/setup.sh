@@ -1,0 +1,27 @@
+# Sourced by ./demo and ./check, from the top of the checkout: a virtual environment in .venv
+# (an existing one is used as it is) with the package built into it. Touches nothing else.
+
+die() {
+    echo "$*" >&2
+    exit 1
+}
+
+find_python() {
+    for python in ${PYTHON:-} python3 python3.14 python3.13 python3.12 python3.11; do
+        if "$python" -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+            return
+        fi
+    done
+    die "no Python of 3.11 or later with the module venv; set PYTHON to one"
+}
+
+# setup [EXTRA]: the package, and what an extra of pyproject.toml asks for.
+setup() {
+    command -v cargo >/dev/null || die "no cargo; see https://rustup.rs"
+    if [ ! -x .venv/bin/python ]; then
+        find_python
+        "$python" -m venv .venv
+    fi
+    .venv/bin/python -m pip --disable-pip-version-check install --quiet "maturin>=1.9,<2"
+    VIRTUAL_ENV=$PWD/.venv .venv/bin/maturin develop --release --quiet ${1:+--extras "$1"} >&2
+}
