@@ -281,6 +281,29 @@ impl Paper {
         Ok(jacobian)
     }
 
+    /// What each offset and gain does to the points that the closures hold:
+    /// length per unit, root mean square over samples and the points it moves.
+    ///
+    /// # Errors
+    ///
+    /// As [`Paper::minimize`].
+    pub fn point_effects(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
+        let beta = self.parameters(offsets, gains)?;
+        let c = self.channels;
+        let (mut sums, mut moved) = (vec![0.0; 2 * c], vec![0_usize; c]);
+        self.visit(&beta, |row, lane, room| {
+            let counts = self.block(row / WIDTH);
+            for (i, by) in room.ends.iter().flat_map(|(_, moves)| moves) {
+                let square = dot(by, by).0[lane];
+                sums[*i] += square;
+                sums[c + i] += square * counts[*i].0[lane].powi(2);
+                moved[*i] += 1;
+            }
+        });
+        let mean = |(i, sum): (usize, f64)| (sum / moved[i % c].max(1) as f64).sqrt();
+        Ok(sums.into_iter().enumerate().map(mean).collect())
+    }
+
     /// `½ fᵀf`, its gradient and its Gram matrix as they are: what (12) is for.
     ///
     /// # Errors

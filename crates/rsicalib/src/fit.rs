@@ -123,7 +123,7 @@ pub struct Fit {
 /// [`Error::TooFew`] where there are fewer equations than parameters.
 pub fn fit(session: &Session, instances: Vec<Instance>, from: Option<&Fit>) -> Result<Fit, Error> {
     let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
-    let priors = session.priors(&model.instances);
+    let priors = session.priors(&model);
     let equations = model.equations() * session.weights.iter().filter(|w| **w > 0.0).count();
     if equations + priors.len() < model.parameters {
         return Err(Error::TooFew {
@@ -309,7 +309,8 @@ fn conclude(
         (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
     let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
     let total: f64 = live.iter().map(of).sum();
-    let (mut chi2, mut dof) = (total, (live.len() * k) as f64 - free_parameters(&gram, &priors));
+    let (mut chi2, mut dof) =
+        (total, (live.len() * k) as f64 - free_parameters(&gram, &priors, &outcome.x));
     if matches!(
         noise.source,
         Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
@@ -352,14 +353,18 @@ fn conclude(
 
 /// Parameters that the data pay for: priors take part of those they hold.
 #[must_use]
-pub fn free_parameters(gram: &Mat<f64>, priors: &[Prior]) -> f64 {
+pub fn free_parameters(gram: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
     let n = gram.nrows();
     if priors.is_empty() {
         return n as f64;
     }
     let (covariance, ..) = invert(gram);
-    let held: f64 = priors.iter().map(|p| covariance[(p.column, p.column)] / (p.sd * p.sd)).sum();
-    n as f64 - held
+    let held = |prior: &Prior| -> f64 {
+        let slopes = prior.slopes(x);
+        let pairs = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
+        pairs.map(|((i, a), (j, b))| a * covariance[(*i, *j)] * b).sum()
+    };
+    n as f64 - priors.iter().map(held).sum::<f64>()
 }
 
 /// Eigenvalues below this fraction of the largest, unit columns, are zero.

@@ -25,6 +25,7 @@ pub mod model;
 pub mod noise;
 pub mod objective;
 pub mod observability;
+pub mod plan;
 pub mod platform;
 pub mod readings;
 pub mod result;

@@ -259,6 +259,15 @@ pub struct Closure {
     pub sd: Option<f64>,
 }
 
+impl Closure {
+    /// True for a distance between unknown points of one group, which no sample
+    /// takes part in: `between = ["socket[at=socket0]", "socket[at=socket1]"]`.
+    #[must_use]
+    pub fn between_unknowns(&self) -> bool {
+        self.between.iter().all(|b| b.contains('['))
+    }
+}
+
 /// A platform pose that is known without measuring.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -392,7 +401,7 @@ impl Mechanism {
     /// Scalar equations that one sample gives.
     #[must_use]
     pub fn equations(&self) -> usize {
-        self.closures.iter().map(|c| c.kind.equations()).sum()
+        self.closures.iter().filter(|c| !c.between_unknowns()).map(|c| c.kind.equations()).sum()
     }
 
     /// Text columns of the readings that the unknown points need.
@@ -546,11 +555,29 @@ impl Mechanism {
         if a == b {
             return Err(refuse(place(), format!("{a:?} twice"), "two points".into()));
         }
-        if a.contains('[') && b.contains('[') {
-            return Ok(()); // between unknown points of a group: resolved with the readings
+        if closure.between_unknowns() {
+            return self.check_unknowns(closure);
         }
         known(self.point_index(a), place)?;
         known(self.point_index(b), place)
+    }
+
+    /// A distance between unknown points: each names a point, and keys that it has.
+    fn check_unknowns(&self, closure: &Closure) -> Result<(), Error> {
+        for end in &closure.between {
+            let place = || format!("closure {:?}, between", closure.name);
+            let expected = || "an unknown point and its keys: socket[at=socket0]".to_string();
+            let Some((name, keys)) = split_unknown(end) else {
+                return Err(refuse(place(), format!("{end:?}"), expected()));
+            };
+            let point = &self.points[self.point_index(name)?];
+            if let Some((key, _)) = keys.iter().find(|(k, _)| !point.unknown.iter().any(|c| c == k))
+            {
+                let known = list(point.unknown.iter());
+                return Err(refuse(place(), format!("key {key:?}"), known));
+            }
+        }
+        Ok(())
     }
 
     fn check_platform(&self) -> Result<(), Error> {
@@ -563,7 +590,8 @@ impl Mechanism {
         }
         let rest = self.rest.iter().filter_map(|rest| Some(("rest", rest.sd?)));
         let model = self.model.sd.iter().map(|(term, sd)| (term.as_str(), *sd));
-        for (what, sd) in rest.chain(model).filter(|(_, sd)| !(sd.is_finite() && *sd > 0.0)) {
+        let positive = |sd: f64| sd.is_finite() && sd > 0.0;
+        if let Some((what, sd)) = rest.chain(model).find(|(_, sd)| !positive(*sd)) {
             return Err(refuse(format!("{what}, sd"), sd.to_string(), "a positive number".into()));
         }
         if self.closures.is_empty() {
@@ -592,6 +620,14 @@ impl Mechanism {
     pub fn to_toml(&self) -> String {
         toml::to_string(self).unwrap_or_default()
     }
+}
+
+/// `socket[at=socket0]` as a name and its keys.
+#[must_use]
+pub fn split_unknown(text: &str) -> Option<(&str, Vec<(&str, &str)>)> {
+    let (name, keys) = text.strip_suffix(']')?.split_once('[')?;
+    let keys = keys.split(',').map(|pair| pair.trim().split_once('='));
+    Some((name, keys.collect::<Option<Vec<_>>>()?))
 }
 
 fn refuse(place: String, found: String, expected: String) -> Error {

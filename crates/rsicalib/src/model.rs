@@ -23,7 +23,8 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::chain::{Axis, Lever, Posture, Source, Step, Way, push_place};
 use crate::lanes::{Lanes, Vec3, cross, dot, minus};
-use crate::mechanism::{ClosureKind, Value};
+use crate::mechanism::{ClosureKind, Value, split_unknown};
+use crate::objective::Prior;
 use crate::readings::Readings;
 use crate::terms::{self, Acts, Electronics, Needs, Per, Scale, Sensor, Site, Spot, Term, Weight};
 use crate::{Error, Mechanism};
@@ -500,6 +501,9 @@ impl Model {
         };
         let mut equation = 0;
         for (k, closure) in self.mechanism.closures.iter().enumerate() {
+            if closure.between_unknowns() {
+                continue; // no sample takes part: see `links`
+            }
             let ends = [self.end(&closure.between[0])?, self.end(&closure.between[1])?];
             let (value, column) = match &closure.value {
                 Some(Value::Known(value)) => (*value, None),
@@ -544,6 +548,26 @@ impl Model {
                 End::Unknown(before.iter().filter(|p| !p.unknown.is_empty()).count())
             }
         })
+    }
+
+    /// Known distances between unknown points of one group, as priors.
+    #[must_use]
+    pub fn links(&self) -> Vec<Prior> {
+        let mut links = Vec::new();
+        for closure in self.mechanism.closures.iter().filter(|c| c.between_unknowns()) {
+            let Some(Value::Known(value)) = closure.value else { continue };
+            let sd = closure.sd.or(closure.noise).unwrap_or(1e-3 * value);
+            let [a, b] = &closure.between;
+            for (i, first) in self.unknown_names.iter().enumerate() {
+                for (j, second) in self.unknown_names.iter().enumerate() {
+                    if i != j && same_group(first, a, second, b) {
+                        let points = [i, j].map(|k| self.term_parameters + 3 * k);
+                        links.push(Prior::Apart { points, value, sd });
+                    }
+                }
+            }
+        }
+        links
     }
 
     /// Scalar equations of one sample.
@@ -962,9 +986,9 @@ impl Model {
                     let row = &mut ws.a[k * channels..(k + 1) * channels];
                     ws.turned.clear();
                     ws.turned.extend_from_slice(row);
-                    for c in 0..channels {
-                        for by in 0..channels {
-                            row[by] += ws.turned[c] * ws.mix[c * channels + by];
+                    for (turned, mix) in ws.turned.iter().zip(ws.mix.chunks_exact(channels)) {
+                        for (slope, share) in row.iter_mut().zip(mix) {
+                            *slope += *turned * *share;
                         }
                     }
                 }
@@ -1066,6 +1090,23 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
         Needs::Masses => mechanism.gravity.is_some() && masses(),
     };
     if there { Ok(()) } else { Err(Error::Context { term: info.id, needs: info.needs.words() }) }
+}
+
+/// True where two unknown points are what `a` and `b` name, and agree in every
+/// key that neither of them names.
+fn same_group(first: &str, a: &str, second: &str, b: &str) -> bool {
+    let parts = [first, a, second, b].map(split_unknown);
+    let [Some((n1, k1)), Some((na, ka)), Some((n2, k2)), Some((nb, kb))] = parts else {
+        return false;
+    };
+    let named = |keys: &[(&str, &str)], k: &str| keys.iter().any(|(key, _)| *key == k);
+    let fits =
+        |point: &[(&str, &str)], keys: &[(&str, &str)]| keys.iter().all(|k| point.contains(k));
+    let rest = |point: &[(&str, &str)], keys: &[(&str, &str)]| -> Vec<(String, String)> {
+        let free = point.iter().filter(|(k, _)| !named(keys, k));
+        free.map(|(k, v)| ((*k).to_string(), (*v).to_string())).collect()
+    };
+    n1 == na && n2 == nb && fits(&k1, &ka) && fits(&k2, &kb) && rest(&k1, &ka) == rest(&k2, &kb)
 }
 
 /// Numbers the unknown points: for each, the instance that a group touches.

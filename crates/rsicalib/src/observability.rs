@@ -2,9 +2,12 @@
 
 use faer::{Mat, Side};
 
+use crate::algebraic::Paper;
 use crate::fit::Fit;
+use crate::plan::Candidates;
 use crate::result::parameter_names;
 use crate::session::Session;
+use crate::{Error, Mechanism};
 
 /// Directions in the space of parameters, in words.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -21,17 +24,30 @@ pub struct Directions {
 /// parameters that take part, in the proportions of their own units.
 #[must_use]
 pub fn directions(session: &Session, fit: &Fit) -> Directions {
-    let n = fit.gram.nrows();
-    let norms: Vec<f64> = (0..n).map(|i| fit.gram[(i, i)].max(0.0).sqrt()).collect();
-    let unit = unit_gram(&fit.gram, &norms);
-    let names = parameter_names(session, fit);
+    let names: Vec<Label> = parameter_names(session, fit)
+        .into_iter()
+        .map(|p| Label { name: format!("{} {}", p.term, p.target), unit: p.unit })
+        .collect();
+    describe(&fit.gram, &names)
+}
+
+/// What a parameter is called, and its unit.
+#[derive(Debug, Clone, PartialEq)]
+struct Label {
+    name: String,
+    unit: String,
+}
+
+/// The same of a Gram matrix whose parameters have these names.
+fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
+    let n = gram.nrows();
+    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
+    let unit = unit_gram(gram, &norms);
     let mut out = Directions::default();
     for (k, norm) in norms.iter().enumerate() {
         if *norm == 0.0 {
-            out.unobservable.push(format!(
-                "{} {}: the readings do not depend on it",
-                names[k].term, names[k].target
-            ));
+            let name = &names[k].name;
+            out.unobservable.push(format!("{name}: the readings do not depend on it"));
         }
     }
     let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return out };
@@ -53,7 +69,7 @@ pub fn directions(session: &Session, fit: &Fit) -> Directions {
             .map(|&(i, v)| {
                 let by = v / norms[i] / (moves[0].1 / norms[moves[0].0]);
                 let p = &names[i];
-                format!("{:+.3} {} {} {}", by, p.unit, p.term, p.target)
+                format!("{:+.3} {} {}", by, p.unit, p.name)
             })
             .collect();
         let words = shares.join(", ");
@@ -64,8 +80,8 @@ pub fn directions(session: &Session, fit: &Fit) -> Directions {
             let far = 2.0 * (moves[0].1 / norms[i]).abs() / values[k].sqrt();
             let p = &names[i];
             out.weak.push(format!(
-                "{words}: {} {} may be off by {:.2e} {} (2 sd) and the rest with it",
-                p.term, p.target, far, p.unit
+                "{words}: {} may be off by {:.2e} {} (2 sd) and the rest with it",
+                p.name, far, p.unit
             ));
         }
     }
@@ -124,22 +140,119 @@ pub struct Measures {
     pub condition: f64,
 }
 
-/// Measures of a Jacobian given by its Gram matrix, columns scaled by `scale`.
-#[must_use]
-pub fn measures(gram: &Mat<f64>, scale: &[f64], rows: usize) -> Measures {
-    let n = gram.nrows();
-    let scaled = Mat::from_fn(n, n, |i, j| gram[(i, j)] * scale[i] * scale[j]);
-    let s: Vec<f64> = match scaled.self_adjoint_eigen(Side::Lower) {
-        Ok(eigen) => (0..n).map(|k| eigen.S().column_vector()[k].max(0.0).sqrt()).collect(),
-        Err(_) => vec![f64::NAN; n],
-    };
-    let (low, high) = (s[0], s[n - 1]);
-    Measures {
-        o1: (s.iter().map(|s| s.ln()).sum::<f64>() / n as f64).exp() / (rows as f64).sqrt(),
-        o2: low / high,
-        o3: low,
-        o4: low * low / high,
-        o5: 1.0 / s.iter().map(|s| 1.0 / (s * s)).sum::<f64>(),
-        condition: high / low,
+impl Measures {
+    /// Of singular values in any order, of a Jacobian of so many rows.
+    #[must_use]
+    pub fn of(singular: &[f64], rows: usize) -> Self {
+        let low = singular.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = singular.iter().copied().fold(0.0, f64::max);
+        let logs: f64 = singular.iter().map(|s| s.ln()).sum();
+        Self {
+            o1: (logs / singular.len() as f64).exp() / (rows as f64).sqrt(),
+            o2: low / high,
+            o3: low,
+            o4: low * low / high,
+            o5: 1.0 / singular.iter().map(|s| 1.0 / (s * s)).sum::<f64>(),
+            condition: high / low,
+        }
     }
+}
+
+/// How the columns of a Jacobian are scaled before its singular values mean anything.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scaling {
+    /// As they are: rad beside rad/count.
+    None,
+    /// To length one.
+    UnitColumns,
+    /// By what each parameter does to the points that the closures hold: root
+    /// mean square over poses and points (Schröer 1993, as the paper uses it).
+    Points,
+}
+
+/// Names of the scalings, as users write them.
+pub const SCALINGS: [(&str, Scaling); 3] = [
+    ("none", Scaling::None),
+    ("unit_columns", Scaling::UnitColumns),
+    ("wrist_position", Scaling::Points),
+];
+
+impl Scaling {
+    /// The scaling of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unknown`] with the names there are.
+    pub fn find(name: &str) -> Result<Self, Error> {
+        SCALINGS.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| Error::Unknown {
+            kind: "scaling",
+            found: name.into(),
+            known: SCALINGS.map(|s| s.0).join(", "),
+        })
+    }
+}
+
+/// What the poses of a session can tell of the paper's offsets and gains.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Observability {
+    /// Singular values of the scaled Jacobian (12), largest first.
+    pub singular_values: Vec<f64>,
+    /// The measures.
+    pub measures: Measures,
+    /// Directions that the poses cannot tell, in words.
+    pub unobservable: Vec<String>,
+    /// Directions that they hardly tell, in words.
+    pub weak: Vec<String>,
+}
+
+/// Observability of offsets and gains by eq. (10), all closures alike.
+///
+/// # Errors
+///
+/// As [`Paper::new`].
+pub fn observability(
+    mechanism: &Mechanism,
+    counts: &[f64],
+    offsets: &[f64],
+    gains: &[f64],
+    scaling: Scaling,
+) -> Result<Observability, Error> {
+    let paper = Paper::new(mechanism, counts)?;
+    let (rows, columns) = (paper.equations(), offsets.len() + gains.len());
+    let jacobian = paper.jacobian(offsets, gains)?;
+    let at = |i: usize, j: usize| jacobian[i * columns + j];
+    let scale: Vec<f64> = match scaling {
+        Scaling::None => vec![1.0; columns],
+        Scaling::UnitColumns => {
+            let norm = |j| (0..rows).map(|i| at(i, j).powi(2)).sum::<f64>().sqrt();
+            (0..columns).map(norm).collect()
+        }
+        Scaling::Points => paper.point_effects(offsets, gains)?,
+    };
+    let by = |j: usize| if scale[j] > 0.0 { 1.0 / scale[j] } else { 0.0 };
+    let scaled = Mat::from_fn(rows, columns, |i, j| at(i, j) * by(j));
+    let mut singular: Vec<f64> = match scaled.singular_values() {
+        Ok(values) => values,
+        Err(_) => vec![f64::NAN; columns.min(rows)],
+    };
+    singular.resize(columns, 0.0); // fewer equations than parameters
+    let labels: Vec<Label> = ["offset", "gain"]
+        .iter()
+        .flat_map(|term| mechanism.channels.iter().map(move |c| (*term, c)))
+        .map(|(term, c)| Label {
+            name: format!("{term} {}", c.name),
+            unit: if term == "gain" { format!("rad/{}", c.unit) } else { "rad".into() },
+        })
+        .collect();
+    // In words: what one unit of noise per reading leaves open.
+    let sigma: Vec<f64> = mechanism.channels.iter().map(|c| c.noise.unwrap_or(1.0)).collect();
+    let told = Candidates::new(mechanism, counts.to_vec(), offsets, gains, &sigma)?;
+    let Directions { unobservable, weak } = describe(&told.gram(), &labels);
+    Ok(Observability {
+        measures: Measures::of(&singular, rows),
+        singular_values: singular,
+        unobservable,
+        weak,
+    })
 }

@@ -176,6 +176,8 @@ pub struct Projected {
     pub raw: Vec<f64>,
     /// `u`.
     pub gradient: Vec<f64>,
+    /// Typical size of each of its parameters.
+    pub typical: Vec<f64>,
     /// `(XᵀX)⁻¹ XᵀZ`: how the fitted parameters absorb it, with a minus.
     pub absorbed: Mat<f64>,
 }
@@ -259,7 +261,9 @@ pub fn project(
     // Priors pull on what is fitted: at the minimum their pull balances Xᵀr.
     let mut base_gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
     for prior in &fit.priors {
-        base_gradient[prior.column] += (fit.beta[prior.column] - prior.mean) * prior.sd.powi(-2);
+        for (column, slope) in prior.slopes(&fit.beta) {
+            base_gradient[column] += slope * prior.off(&fit.beta);
+        }
     }
     let (mut at, mut first) = (0, 0);
     let mut projected = Vec::with_capacity(named.len());
@@ -275,7 +279,8 @@ pub fn project(
             })
             .collect();
         let raw = (0..width).map(|i| raw[(i, i)]).collect();
-        projected.push(Projected { instance: *instance, square, raw, gradient, absorbed });
+        let typical = crate::terms::typical(&session.mechanism, instance.term);
+        projected.push(Projected { instance: *instance, square, raw, gradient, typical, absorbed });
         at += width * width;
         first += width;
     }
@@ -322,10 +327,11 @@ const VISIBLE: f64 = 1e-8;
 fn judge_projected(candidate: &Projected, judge: &Judge) -> (f64, f64, f64) {
     let d = candidate.gradient.len();
     let info = candidate.instance.term.info();
+    let typical = &candidate.typical;
     // In units of the columns before the projection, so that rank is told apart.
     let norm: Vec<f64> = candidate.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect();
     let held = |i: usize| {
-        if info.penalised { (info.parameters[i].typical * norm[i]).powi(-2) } else { 0.0 }
+        if info.penalised { (typical[i] * norm[i]).powi(-2) } else { 0.0 }
     };
     let square = Mat::from_fn(d, d, |i, j| {
         candidate.square[(i, j)] / (norm[i] * norm[j]) + if i == j { held(i) } else { 0.0 }

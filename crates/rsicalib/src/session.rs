@@ -1,10 +1,10 @@
 //! A session: one mechanism, its readings, and what else is known of them.
 
 use crate::fit::Options;
-use crate::model::{Instance, Target};
+use crate::model::{Instance, Model, Target};
 use crate::objective::Prior;
 use crate::readings::{Readings, Table};
-use crate::terms::Acts;
+use crate::terms::{self, Acts};
 use crate::{Error, Mechanism, platform};
 
 /// Readings to fit, with everything that is known beside them.
@@ -106,30 +106,27 @@ impl Session {
             .collect()
     }
 
-    /// Priors of a list of instances: what holds a free shape, and what the
-    /// mechanism declares.
+    /// What is known of a model's parameters without readings: what holds a free
+    /// shape, what the mechanism declares, how far apart unknown points are.
     #[must_use]
-    pub fn priors(&self, instances: &[Instance]) -> Vec<Prior> {
-        let mut priors = Vec::new();
-        let mut first = 0;
-        for instance in instances {
+    pub fn priors(&self, model: &Model) -> Vec<Prior> {
+        let mut priors = model.links();
+        for (instance, &first) in model.instances.iter().zip(&model.first) {
             let info = instance.term.info();
             let declared = self.mechanism.model.sd.get(info.id).copied();
             let drawing = match instance.target {
                 Target::Closure(k) => self.mechanism.closures[k].sd,
                 _ => None,
             };
-            // Complete geometry has redundant directions: drawings are trusted as far as they go.
-            let redundant = info.id == "link_frame" || info.id == "joint_compliance";
-            let tolerant = info.penalised
-                || (redundant && matches!(instance.term.acts(), Acts::Geometry(_) | Acts::Load(_)));
-            for (k, parameter) in info.parameters.iter().enumerate() {
-                let sd = declared.or(drawing).or(tolerant.then_some(parameter.typical));
-                if let Some(sd) = sd {
-                    priors.push(Prior { column: first + k, mean: 0.0, sd });
+            // What has redundant directions, or a free shape, is held by its typical size.
+            let held =
+                info.penalised || info.broad || matches!(instance.term.acts(), Acts::Load(_));
+            let typical = terms::typical(&self.mechanism, instance.term);
+            for (k, typical) in typical.into_iter().enumerate() {
+                if let Some(sd) = declared.or(drawing).or(held.then_some(typical)) {
+                    priors.push(Prior::Parameter { column: first + k, mean: 0.0, sd });
                 }
             }
-            first += instance.width();
         }
         priors
     }

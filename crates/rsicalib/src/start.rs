@@ -65,7 +65,7 @@ pub fn search(
     model: &Model,
     good: impl Fn(&Outcome) -> f64,
 ) -> (Vec<f64>, Vec<Try>) {
-    let priors = session.priors(&model.instances);
+    let priors = session.priors(model);
     let part = Part { model, readings: &session.readings, weights: Some(&session.weights) };
     let problem = Algebraic::new(part, &priors);
     let options = lm::Options { max_iterations: 60, xtol: 1e-8, ..session.options.lm.clone() };

@@ -468,7 +468,7 @@ fn same_kind(a: &Instance, b: &Instance) -> bool {
 /// χ² with what priors add to it.
 #[must_use]
 pub fn cost(fit: &Fit) -> f64 {
-    let held: f64 = fit.priors.iter().map(|p| ((fit.beta[p.column] - p.mean) / p.sd).powi(2)).sum();
+    let held: f64 = fit.priors.iter().map(|p| p.off(&fit.beta).powi(2)).sum();
     fit.total + held
 }
 

@@ -481,7 +481,7 @@ fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error> {
         let z = stats::normal_quantile(1.0 - 0.5 * search.alpha / places) + 0.84;
         let wanted = z * z;
         // The direction, in typical sizes, that is hardest to see among those that can be.
-        let typical: Vec<f64> = info.parameters.iter().map(|p| p.typical).collect();
+        let typical = &candidate.typical;
         let square =
             faer::Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
         let Ok(eigen) = square.self_adjoint_eigen(faer::Side::Lower) else { continue };

@@ -144,7 +144,7 @@ fn its_cost_is_the_least_noise_that_closes_the_loops() {
         let freedoms = (case.readings.samples * case.model.equations()) as f64;
         assert!(cost > 0.1 * freedoms, "{name}: the noise should be felt, {cost}");
 
-        let residuals = implicit.residuals(&case.beta, false);
+        let residuals = case.implicit(&[]).residuals(&case.beta, false);
         let whitened: f64 = residuals.whitened.iter().map(|w| 0.5 * w * w).sum();
         assert!((whitened - plain).abs() < 1e-9 * plain, "{name}: {whitened}");
         assert!(residuals.inner < 20, "{name}: (52) did not settle");

@@ -8,9 +8,9 @@ term! {
     ///
     /// Moves the whole chain along the axes of the common base.
     BasePosition("base_position", Geometry, per Chain, needs Nothing) {
-        x: "length" ~ 0.01,
-        y: "length" ~ 0.01,
-        z: "length" ~ 0.01,
+        x: "length" ~ 2.5e-3,
+        y: "length" ~ 2.5e-3,
+        z: "length" ~ 2.5e-3,
     }
 }
 

@@ -7,7 +7,7 @@ term! {
     ///
     /// Adds `d` to the value of a distance closure: one side of a handle.
     Distance("distance", Closure, per Closure, needs Nothing) {
-        d: "length" ~ 0.01,
+        d: "length" ~ 2.5e-3,
     }
 }
 

@@ -8,7 +8,7 @@ term! {
     /// Adds `compliance` times the gravity torque of the link masses about the joint
     /// to its coordinate.
     JointCompliance("joint_compliance", Load, per Channel, needs Masses) {
-        compliance: "rad/torque" ~ 1e-4,
+        compliance: "rad/torque" ~ 6e-3,
     }
 }
 

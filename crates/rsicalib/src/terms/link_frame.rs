@@ -9,9 +9,9 @@ term! {
     /// Complete geometry of a chain is this term at every row; the directions that
     /// are redundant are found and left to their priors.
     LinkFrame("link_frame", Geometry, per Row, needs Nothing, broad) {
-        x: "length" ~ 1e-3,
-        y: "length" ~ 1e-3,
-        z: "length" ~ 1e-3,
+        x: "length" ~ 2.5e-3,
+        y: "length" ~ 2.5e-3,
+        z: "length" ~ 2.5e-3,
         rx: "rad" ~ 3e-3,
         ry: "rad" ~ 3e-3,
         rz: "rad" ~ 3e-3,

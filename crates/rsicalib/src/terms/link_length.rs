@@ -9,7 +9,7 @@ term! {
     /// Adds `a` along the x axis after the joint of a row: the Denavit-Hartenberg
     /// length.
     LinkLength("link_length", Geometry, per Row, needs Nothing) {
-        a: "length" ~ 0.01,
+        a: "length" ~ 2.5e-3,
     }
 }
 

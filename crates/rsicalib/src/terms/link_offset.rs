@@ -9,7 +9,7 @@ term! {
     /// Adds `d` along the z axis after the joint of a row: the Denavit-Hartenberg
     /// offset.
     LinkOffset("link_offset", Geometry, per Row, needs Nothing) {
-        d: "length" ~ 0.01,
+        d: "length" ~ 2.5e-3,
     }
 }
 

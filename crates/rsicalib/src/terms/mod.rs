@@ -94,7 +94,7 @@ pub struct Parameter {
     pub name: &'static str,
     /// Its unit; `length` stands for the mechanism's unit, `reading` for the channel's.
     pub unit: &'static str,
-    /// A size that occurs in practice: scale of priors and of tests.
+    /// A size that occurs in practice, see [`typical`]: scale of priors and of tests.
     pub typical: f64,
 }
 
@@ -381,6 +381,26 @@ pub fn find(id: &str) -> Result<&'static dyn Term, crate::Error> {
         found: id.into(),
         known: ALL.iter().map(|t| t.info().id).collect::<Vec<_>>().join(", "),
     })
+}
+
+/// Typical size of each parameter of a term, in the units of a mechanism.
+///
+/// Lengths are declared as fractions of the longest link, and what is per torque
+/// for all masses at the end of that link.
+#[must_use]
+pub fn typical(mechanism: &Mechanism, term: &dyn Term) -> Vec<f64> {
+    let rows = || mechanism.chains.iter().flat_map(|c| &c.rows);
+    let at = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
+    let lengths = rows().flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]).chain(at.flatten());
+    let longest = lengths.fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
+    let mass: f64 = rows().filter_map(|r| r.mass).sum();
+    let scale = |unit: &str| match unit {
+        "length" => longest,
+        "rad/length" => 1.0 / longest,
+        "rad/torque" => 1.0 / (longest * mass.max(f64::MIN_POSITIVE)),
+        _ => 1.0,
+    };
+    term.info().parameters.iter().map(|p| p.typical * scale(p.unit)).collect()
 }
 
 #[cfg(test)]

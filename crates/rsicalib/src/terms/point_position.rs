@@ -9,9 +9,9 @@ term! {
     /// Moves them along the axes of the frame at the end of the chain: a tool of
     /// which only the rough shape is known.
     PointPosition("point_position", Geometry, per Chain, needs Nothing, broad) {
-        x: "length" ~ 5e-3,
-        y: "length" ~ 5e-3,
-        z: "length" ~ 5e-3,
+        x: "length" ~ 0.05,
+        y: "length" ~ 0.05,
+        z: "length" ~ 0.05,
     }
 }
 

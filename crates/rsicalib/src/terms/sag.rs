@@ -8,7 +8,7 @@ term! {
     /// Each joint gives by `compliance` times the torque of a unit weight at the
     /// points that the chain carries: of one chain, or of all alike.
     Sag("sag", Load, per ChainOrAll, needs Gravity) {
-        compliance: "rad/length" ~ 1e-3,
+        compliance: "rad/length" ~ 4e-3,
     }
 }
 

@@ -173,11 +173,13 @@ fn table(mechanism: &Mechanism, how: How, mut at: impl FnMut(usize) -> Vec<f64>)
         values.extend(mechanism.channels.iter().zip(q).map(|(c, q)| (q - c.offset) / c.gain));
     }
     let clock = (0..ROWS).map(|row| 0.02 * row as f64 + 1e-4 * (row % 3) as f64);
+    let mut rng = Rng::new(1);
+    let mut warm = |row: usize| 21.0 + 2.0 * (row as f64 * 0.071).sin() + 0.05 * rng.normal();
     Table {
         values,
         pose: (how == How::Held).then(|| (0..ROWS).map(|row| 10 + row as i64 / 2).collect()),
         time: Some(clock.collect()),
-        temperature: Some((0..ROWS).map(|row| 21.0 + 2.0 * (row as f64 * 0.071).sin()).collect()),
+        temperature: Some((0..ROWS).map(&mut warm).collect()),
         ..Table::default()
     }
 }
@@ -295,7 +297,7 @@ fn random_chain(
         Row { theta: bearing, a: 3.0, d: rng.uniform(-0.5, 0.5), alpha: 0.6, ..Row::default() };
     let mut rows = vec![foot];
     for j in 0..joints {
-        let slides = j == 2 && k % 2 == 0;
+        let slides = j == 2 && k.is_multiple_of(2);
         let encoder = j == 1;
         let name = format!("q{}{}", k + 1, j + 1);
         let q = if slides { rng.uniform(0.5, 1.0) } else { rng.uniform(-1.0, 1.0) };
