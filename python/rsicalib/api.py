@@ -223,6 +223,10 @@ def calibrate(
             found["nominal"] |= {"aligned": job.nominal_error(known, align=True)}
     judged = found["fit"]["p_value"]
     verdict = None if judged is None else "adequate" if judged >= ALPHA else "unexplained"
+    if found["fit"]["dof"] < 1.0:
+        count = len(found["parameters"])
+        text = f"{count} parameters from {job.count} poses leave nothing to check them with"
+        found["unobservable"] = [f"{text}; record more poses", *found["unobservable"]]
     if found["unobservable"] or not found["converged"]:
         verdict = "undetermined"
     found |= {

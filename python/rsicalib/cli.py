@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from rsicalib import _core, api
+from rsicalib import simulate as _simulate
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.files import forget_parts, write_text
 from rsicalib.records import to_json
@@ -91,6 +92,24 @@ def forward(args: Args) -> int:
     for head, pose in zip(zip(*labels.values(), strict=True), poses.tolist(), strict=True):
         lines.append(",".join([*map(str, head), *(f"{v:.9g}" for v in pose)]))
     sys.stdout.write("\n".join(lines) + "\n")
+    return 0
+
+
+def simulate(args: Args) -> int:
+    """A device with a known truth: readings, rest and check poses, truth."""
+    made = _simulate.simulate(
+        args.out,
+        args.mechanism,
+        poses=args.poses,
+        samples=args.samples,
+        noise=args.noise,
+        check=args.check_poses,
+        seed=args.seed,
+    )
+    if args.json:
+        sys.stdout.write(to_json(made.truth))
+    elif not args.quiet:
+        print("\n".join(sorted(str(path) for path in args.out.iterdir())))
     return 0
 
 
@@ -230,6 +249,15 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--calibration", metavar="FILE", help="an earlier result; else as declared")
     _add_skip(sub)
 
+    sub = verb(simulate)
+    sub.add_argument("out", metavar="OUT", type=Path, help="folder for the files")
+    _add_mechanism(sub)
+    sub.add_argument("--poses", type=int, default=48, help="held poses (48)")
+    sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
+    sub.add_argument("--noise", type=float, default=1.0, help="of one sample, in readings (1)")
+    sub.add_argument("--check-poses", type=int, default=20, help="other poses, known (20)")
+    sub.add_argument("--seed", type=int, default=0, help="same seed, same files (0)")
+
     sub = verb(terms)
     sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")
     _add_mechanism(sub)
@@ -266,9 +294,9 @@ def _add_out(sub: argparse.ArgumentParser) -> None:
 
 def _session(args: Args) -> dict[str, Any]:
     """Options that `calibrate` and `trace` share, by the names they have in Python."""
-    names = ("mechanism", "rest", "check", "terms", "closures", "noise", "calibration", "align")
-    names += ("fit_groups", "hold_out_groups", "skip_bad_rows")
-    return {name: getattr(args, name) for name in names}
+    names = """mechanism rest check terms closures noise calibration align fit_groups
+        hold_out_groups skip_bad_rows"""
+    return {name: getattr(args, name) for name in names.split()}
 
 
 def _show(args: Args, result: Calibration | Trace) -> int:

@@ -12,10 +12,12 @@ from typing import Any, Self, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-__all__ = ["OMIT", "Record", "plain", "to_json"]
+__all__ = ["IF_KNOWN", "OMIT", "Record", "plain", "to_json"]
 
-OMIT = {"omit": True}
+OMIT = {"omit": (None, [], {})}
 """Metadata of a field that does not stand in the JSON where it is None or empty."""
+IF_KNOWN = {"omit": (None,)}
+"""Metadata of a field that does not stand in the JSON where it is None."""
 
 
 class Record:
@@ -44,7 +46,7 @@ class Record:
         KeyError
             Something that has no default is missing.
         """
-        kinds = _hints(cls)
+        kinds = _hints(cls)  # type: ignore[arg-type]
         keys = {f.name: f.metadata.get("key", f.name) for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
         return cls(**{n: _read(kinds[n], data[key]) for n, key in keys.items() if key in data})
 
@@ -59,7 +61,7 @@ class Record:
         out = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = plain(getattr(self, field.name))
-            if not (field.metadata.get("omit") and value in (None, [], {})):
+            if value not in field.metadata.get("omit", ()):
                 out[field.metadata.get("key", field.name)] = value
         return out
 

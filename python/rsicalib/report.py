@@ -80,6 +80,8 @@ def _errors(result: Result) -> list[str]:
     if not rows:
         return []
     wide = max(len(row[0]) for row in rows) + 2
+    if all(old == "–" for _, old, _ in rows):
+        return [f"  {name:{wide}}{new:>14}" for name, _, new in rows]
     lines = [f"  {'':{wide}}{heads[0]:>14}{heads[1]:>14}"]
     return lines + [f"  {name:{wide}}{old:>14}{new:>14}" for name, old, new in rows]
 
@@ -123,31 +125,36 @@ def _left(result: Trace) -> list[str]:
 
 def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
     """Offsets and gains side by side, by channel; then the others."""
-    sensors = {p.target: {} for p in parameters if p.term in ("offset", "gain")}  # type: dict[str, dict[str, Parameter]]
+    sensors: dict[str, dict[str, Parameter]] = {}
     others = []
     for p in parameters:
         if p.term in ("offset", "gain"):
-            sensors[p.target][p.term] = p
+            sensors.setdefault(p.target, {})[p.term] = p
         else:
             others.append(p)
     lines = []
     if sensors:
         first = next(iter(sensors.values()))
-        units = [f"{t} [{first[t].unit}]" if t in first else "" for t in ("offset", "gain")]
-        lines.append(f"  {'± 95 %':10}{units[0]:>24}{units[1]:>32}")
+        units = [f"{t} [{_unit(first[t])}]" if t in first else "" for t in ("offset", "gain")]
+        lines.append(f"  {'± 95 %':10}{units[0]:>24}{units[1]:>28}")
     for target, pair in sensors.items():
-        cells = []
-        for term in ("offset", "gain"):
-            p = pair.get(term)
-            half = None if p is None or p.sd is None else 1.96 * p.sd
-            value, width = plus_minus(p.value if p else None, half)
-            cells.append(f"{value} ± {width}")
-        lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>32}")
+        cells = [_estimate(pair[t]) if t in pair else "" for t in ("offset", "gain")]
+        lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>28}")
     for p in others:
-        value, width = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
-        lines.append(
-            f"  {p.target:10}{name_of(p.term)} {p.name} = {value} ± {width} {p.unit}"[:WIDTH]
-        )
+        name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
+        lines.append(f"  {p.target:10}{name} = {_estimate(p)} {p.unit}"[:WIDTH])
     if len(lines) > room:
         lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
     return lines
+
+
+def _unit(parameter: Parameter) -> str:
+    """Gains of a converter are small: they are shown in thousandths."""
+    return f"m{parameter.unit}" if parameter.unit == "rad/count" else parameter.unit
+
+
+def _estimate(parameter: Parameter) -> str:
+    scale = 1e3 if parameter.unit == "rad/count" else 1.0
+    value = None if parameter.value is None else scale * parameter.value
+    half = None if parameter.sd is None else 1.96 * scale * parameter.sd
+    return " ± ".join(plus_minus(value, half))

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from rsicalib.errors import InputError
 from rsicalib.files import write_text
-from rsicalib.records import OMIT, Record, to_json
+from rsicalib.records import IF_KNOWN, OMIT, Record, to_json
 
 __all__ = [
     "ALPHA",
@@ -273,7 +273,7 @@ class Result(Record):
     reference: Reference | None = field(default=None, metadata=OMIT)
     nominal: FitQuality | None = field(default=None, metadata=OMIT)
     """The check poses with the mechanism as it is declared."""
-    moved: tuple[Moved, ...] | None = field(default=None, metadata=OMIT)
+    moved: tuple[Moved, ...] | None = field(default=None, metadata=IF_KNOWN)
     """Against an earlier result, where one was given."""
     before_residuals: npt.NDArray[np.float64] | None = field(default=None, repr=False)
     after_residuals: npt.NDArray[np.float64] | None = field(default=None, repr=False)

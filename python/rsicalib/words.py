@@ -155,10 +155,10 @@ def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, st
         if new is None:
             continue
         poses = f"{new.poses} check poses{words}"
-        pair = [number(c.position_rms) if c else "–" for c in (old, new)]
-        rows.append((f"position, {poses} [{unit}]", *pair))
-        pair = [number(c.orientation_rms) if c else "–" for c in (old, new)]
-        rows.append((f"orientation, {poses} [rad]", *pair))
+        at = [number(c.position_rms) if c else "–" for c in (old, new)]
+        turn = [number(c.orientation_rms) if c else "–" for c in (old, new)]
+        rows.append((f"position, {poses} [{unit}]", at[0], at[1]))
+        rows.append((f"orientation, {poses} [rad]", turn[0], turn[1]))
     return heads, [row for row in rows if row[1:] != ("–", "–")]
 
 

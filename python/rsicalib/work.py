@@ -95,6 +95,11 @@ class Work:
         if not self.readings:
             raise InputError("found no readings, expected at least one file")
 
+    @property
+    def count(self) -> int:
+        """Number of poses."""
+        return sum(r.n_poses for r in self.readings)
+
     def terms(self, terms: Sequence[str] | None) -> list[str] | None:
         """As asked for; else those of the earlier result that hold beyond its session."""
         if terms is not None or self.earlier is None:
@@ -322,9 +327,7 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:
 def _lasting(result: Result, mechanism: Mechanism) -> list[Parameter]:
     """Parameters that hold beyond the session they were found in."""
     info = {term["id"]: term for term in _core.terms(mechanism)}
-    bound = {
-        i for i, t in info.items() if t["class"] == TIME_BOUND[0] or t["needs"] == TIME_BOUND[1]
-    }
+    bound = {i for i, t in info.items() if {t["class"], t["needs"]} & TIME_BOUND}
     return [p for p in result.parameters if p.term in info and p.term not in bound]
 
 

@@ -1,8 +1,14 @@
-//! The paper's problem with the least overhead, and its derivatives.
+//! The paper's problem with the least overhead, its derivatives, observability and plans.
+
+use std::borrow::Cow;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyAny;
+use pythonize::pythonize;
 use rsicalib::algebraic::Paper;
+use rsicalib::observability::Scaling;
+use rsicalib::plan::{self, Candidates, Criterion};
 use rsicalib::{Mechanism, lm};
 
 use crate::error::PyError;
@@ -11,16 +17,24 @@ use crate::mechanism::PyMechanism;
 /// Offsets, gains, `½ fᵀf`, linearisations, termination.
 type Minimum<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64, usize, String);
 
+/// The mechanism with only the closures named.
+fn only(
+    mechanism: &Mechanism,
+    closures: Option<Vec<String>>,
+) -> Result<Cow<'_, Mechanism>, rsicalib::Error> {
+    Ok(match closures {
+        Some(names) => Cow::Owned(mechanism.with_closures(&names)?),
+        None => Cow::Borrowed(mechanism),
+    })
+}
+
 /// Readings under the paper's model, with only the closures named.
 fn paper(
     mechanism: &Mechanism,
     counts: &[f64],
     closures: Option<Vec<String>>,
 ) -> Result<Paper, rsicalib::Error> {
-    match closures {
-        Some(names) => Paper::new(&mechanism.with_closures(&names)?, counts),
-        None => Paper::new(mechanism, counts),
-    }
+    Paper::new(only(mechanism, closures)?.as_ref(), counts)
 }
 
 fn flat(array: &PyReadonlyArray2<'_, f64>) -> Vec<f64> {
@@ -98,4 +112,141 @@ pub fn jacobian<'py>(
     let (offsets, gains) = (vector(&offsets), vector(&gains));
     let j = paper.jacobian(&offsets, &gains).map_err(PyError::from)?;
     PyArray1::from_vec(py, j).reshape([paper.equations(), 2 * offsets.len()])
+}
+
+/// What poses can tell of offsets and gains, under a named scaling of the columns.
+#[pyfunction]
+#[pyo3(signature = (mechanism, counts, offsets, gains, scaling, *, closures=None))]
+pub fn observability<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    counts: PyReadonlyArray2<'py, f64>,
+    offsets: PyReadonlyArray1<'py, f64>,
+    gains: PyReadonlyArray1<'py, f64>,
+    scaling: &str,
+    closures: Option<Vec<String>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let scaling = Scaling::find(scaling).map_err(PyError::from)?;
+    let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
+    let (counts, offsets, gains) = (flat(&counts), vector(&offsets), vector(&gains));
+    let found = py
+        .detach(|| {
+            rsicalib::observability::observability(&mechanism, &counts, &offsets, &gains, scaling)
+        })
+        .map_err(PyError::from)?;
+    Ok(pythonize(py, &found)?)
+}
+
+/// Readings of shape (n, channels) that hold the platform at poses of shape (n, 6).
+///
+/// NaN in the rows out of reach, beyond a joint limit, or within `margin` of a range's end.
+#[pyfunction]
+pub fn readings_at<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    poses: PyReadonlyArray2<'py, f64>,
+    offsets: PyReadonlyArray1<'py, f64>,
+    gains: PyReadonlyArray1<'py, f64>,
+    margin: f64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (poses, offsets, gains) = (six(&poses)?, vector(&offsets), vector(&gains));
+    let channels = mechanism.0.channels.len();
+    if offsets.len() != channels || gains.len() != channels {
+        let (what, found) = ("offsets and gains".into(), offsets.len().min(gains.len()));
+        let error = rsicalib::Error::Shape { what, found, expected: channels };
+        return Err(PyError::from(error).into());
+    }
+    let found: Vec<Option<Vec<f64>>> = py
+        .detach(|| {
+            let at = |pose| plan::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
+            poses.iter().map(at).collect::<Result<_, _>>()
+        })
+        .map_err(PyError::from)?;
+    let nothing = vec![f64::NAN; channels];
+    let rows = found.iter().flat_map(|row| row.as_ref().unwrap_or(&nothing)).copied().collect();
+    PyArray1::from_vec(py, rows).reshape([poses.len(), channels])
+}
+
+/// The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel.
+#[pyfunction]
+pub fn bound<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    counts: PyReadonlyArray2<'py, f64>,
+    offsets: PyReadonlyArray1<'py, f64>,
+    gains: PyReadonlyArray1<'py, f64>,
+    sigma: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
+    let poses = Candidates::new(&mechanism.0, flat(&counts), &offsets, &gains, &sigma)
+        .map_err(PyError::from)?;
+    let all: Vec<usize> = (0..poses.len()).collect();
+    Ok(pythonize(py, &poses.bound(&all))?)
+}
+
+/// Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "arguments of Python")]
+pub fn exchange(
+    py: Python<'_>,
+    mechanism: &PyMechanism,
+    counts: PyReadonlyArray2<'_, f64>,
+    offsets: PyReadonlyArray1<'_, f64>,
+    gains: PyReadonlyArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+    start: Vec<usize>,
+    kept: Vec<usize>,
+    criterion: &str,
+) -> PyResult<Vec<usize>> {
+    let criterion = Criterion::find(criterion).map_err(PyError::from)?;
+    let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
+    let counts = flat(&counts);
+    let found = py.detach(|| {
+        let poses = Candidates::new(&mechanism.0, counts, &offsets, &gains, &sigma)?;
+        if let Some(&beyond) = start.iter().chain(&kept).find(|&&i| i >= poses.len()) {
+            let (name, expected) = ("start", format!("rows below {}", poses.len()));
+            return Err(rsicalib::Error::Option { name, found: beyond.to_string(), expected });
+        }
+        Ok(poses.exchange(&start, &kept, criterion))
+    });
+    Ok(found.map_err(PyError::from)?)
+}
+
+/// Joint angles of the hand controller for poses of shape (n, 6): (n, 9), NaN out of reach [rad].
+#[pyfunction]
+pub fn rsi_angles<'py>(
+    py: Python<'py>,
+    poses: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let poses = six(&poses)?;
+    let angles = poses.iter().map(|p| rsicalib::rsi::inverse(p).unwrap_or([[f64::NAN; 3]; 3]));
+    let rows: Vec<f64> = angles.flat_map(|a| a.into_iter().flatten()).collect();
+    PyArray1::from_vec(py, rows).reshape([poses.len(), 9])
+}
+
+/// Handle poses of the hand controller for angles of shape (n, 9), eqs. (2)-(5): (n, 6).
+#[pyfunction]
+pub fn rsi_poses<'py>(
+    py: Python<'py>,
+    angles: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let view = angles.as_array();
+    if view.ncols() != 9 {
+        let (what, found) = ("angles".into(), view.ncols());
+        return Err(PyError::from(rsicalib::Error::Shape { what, found, expected: 9 }).into());
+    }
+    let pose = |row: numpy::ndarray::ArrayView1<'_, f64>| {
+        rsicalib::rsi::forward(&std::array::from_fn(|i| std::array::from_fn(|j| row[3 * i + j])))
+    };
+    let poses: Vec<f64> = view.rows().into_iter().flat_map(pose).collect();
+    PyArray1::from_vec(py, poses).reshape([view.nrows(), 6])
+}
+
+fn six(poses: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 6]>> {
+    let view = poses.as_array();
+    if view.ncols() != 6 {
+        let (what, found) = ("a pose".into(), view.ncols());
+        return Err(PyError::from(rsicalib::Error::Shape { what, found, expected: 6 }).into());
+    }
+    Ok(view.rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect())
 }

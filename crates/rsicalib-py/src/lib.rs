@@ -22,6 +22,12 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(experiments::minimize, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::misclosure, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::jacobian, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::observability, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::readings_at, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::bound, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::exchange, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::rsi_poses, module)?)?;
     module.add_function(wrap_pyfunction!(apply::forward, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;

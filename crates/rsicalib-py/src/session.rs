@@ -199,6 +199,11 @@ impl PyFit {
         PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
     }
 
+    /// Where the chains carry their points: shape (points, n, 3).
+    fn carried_points(&self, table: PyTable<'_>) -> Result<Vec<Vec<[f64; 3]>>, PyError> {
+        Ok(rsicalib::check::carried_points(&self.session, &self.fit, table.table())?)
+    }
+
     /// Whitened residuals: shape (samples, equations), standard normal if the model is right.
     fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let r = &self.fit.residuals;

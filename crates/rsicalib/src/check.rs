@@ -149,6 +149,43 @@ pub fn some_poses(
     poses
 }
 
+/// Where the chains carry their points, row by row of a table, under a fit.
+///
+/// One entry for each point of the mechanism that a chain carries, in order; the
+/// readings as they are, in groups that the fit need not have seen.
+///
+/// # Errors
+///
+/// As [`Readings::new`].
+pub fn carried_points(
+    session: &Session,
+    fit: &Fit,
+    table: Table,
+) -> Result<Vec<Vec<[f64; 3]>>, Error> {
+    let readings = Readings::beside(&session.mechanism, table, &session.readings)?;
+    let model = Model::like(&fit.model, &session.mechanism, &readings)?;
+    let mut beta = model.nominal();
+    let terms = model.term_parameters;
+    beta[..terms].copy_from_slice(&fit.beta[..terms]);
+    let carried = |p: &&usize| session.mechanism.points[**p].chain.is_some();
+    let names: Vec<usize> = (0..session.mechanism.points.len()).collect();
+    let names: Vec<usize> = names.iter().filter(carried).copied().collect();
+    let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; names.len()];
+    let mut ws = Workspace::default();
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let want = Want { x: false, a: false };
+        model.evaluate(&readings, block, readings.raw(block), &beta, want, &mut ws);
+        let points = model.points(&ws);
+        for (out, &p) in out.iter_mut().zip(&names) {
+            let Some(at) = points[p] else { continue };
+            for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+                out[row] = at.map(|v| v.0[lane]);
+            }
+        }
+    }
+    Ok(out)
+}
+
 /// Error of a fit on known poses; with `align`, after the best rigid motion of
 /// the instrument that gave them.
 ///

@@ -24,6 +24,7 @@ use crate::lm::{Curvature, Linearization, Problem};
 use crate::model::{Model, Want, Workspace};
 use crate::readings::Readings;
 use crate::sums::{Sums, over_chunks};
+use crate::terms::Scale;
 
 /// Readings with the model that they are to fit.
 #[derive(Debug, Clone, Copy)]
@@ -412,6 +413,13 @@ struct Room {
     still: Vec<f64>,
 }
 
+/// [`STILL`] in the unit of a channel, but not finer than what rounding of the
+/// misclosure leaves of a reading: a quiet encoder would never stand still.
+fn still((sigma, scale): (&f64, &Scale)) -> f64 {
+    let largest = scale.span.iter().fold(1.0 / scale.gain.abs(), |m, a| m.max(a.abs()));
+    (STILL * sigma).max(64.0 * f64::EPSILON * largest)
+}
+
 impl Room {
     fn new(model: &Model, noise: &Noise) -> Self {
         let k = model.equations();
@@ -422,7 +430,7 @@ impl Room {
             lambda: vec![Lanes::ZERO; k],
             variance: noise.sigma.iter().map(|s| s * s).collect(),
             play: model.play().iter().map(|p| p * noise.play).collect(),
-            still: noise.sigma.iter().map(|s| STILL * s.max(f64::MIN_POSITIVE)).collect(),
+            still: noise.sigma.iter().zip(&model.scales).map(still).collect(),
         }
     }
 

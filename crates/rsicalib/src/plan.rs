@@ -179,7 +179,9 @@ impl Candidates {
         let joint = |i: usize| {
             let square = |&pose: &usize| {
                 let a = self.counts[pose * c + i] / self.scale[c + i];
-                covariance[(i, i)] + 2.0 * a * covariance[(i, c + i)] + a * a * covariance[(c + i, c + i)]
+                covariance[(i, i)]
+                    + 2.0 * a * covariance[(i, c + i)]
+                    + a * a * covariance[(c + i, c + i)]
             };
             match unknowable[i] || unknowable[c + i] {
                 true => f64::INFINITY,

@@ -153,8 +153,10 @@ fn found_again(term: &'static dyn Term, target: Target, mut device: Device) {
     let at = model.instances.iter().position(|i| *i == own).expect("its own instance");
     let own = model.first[at]..model.first[at] + own.width();
     let held = to_hold(&Algebraic::new(part, &[]).linearize(&truth).gram(), &own);
-    let priors: Vec<Prior> =
-        held.iter().map(|&column| Prior { column, mean: truth[column], sd: 1e-4 }).collect();
+    let priors: Vec<Prior> = held
+        .iter()
+        .map(|&column| Prior::Parameter { column, mean: truth[column], sd: 1e-4 })
+        .collect();
     let found = fit(&priors);
     for column in own {
         // The weakest direction is 3e-6 of the strongest (see `to_hold`), and

@@ -385,14 +385,16 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
         _ => 1.0,
     };
     let parameters = instance.term.info().parameters.iter();
+    let typical = terms::typical(mechanism, instance.term);
     parameters
-        .map(|p| {
+        .zip(typical)
+        .map(|(p, typical)| {
             let scale = match p.unit {
                 "reading" => counts,
                 "rad/reading" => 1.0 / counts,
                 _ => 1.0,
             };
-            p.typical * scale * rng.uniform(1.0, 2.0) * rng.uniform(-1.0, 1.0).signum()
+            typical * scale * rng.uniform(1.0, 2.0) * rng.uniform(-1.0, 1.0).signum()
         })
         .collect()
 }

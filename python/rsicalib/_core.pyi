@@ -1,0 +1,241 @@
+"""The compiled core of rsicalib."""
+
+# Written by `python -m scripts.make_stub`; a test compares.
+
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+__version__: str
+
+@final
+class Channel:
+    """A sensor: `angle = gain * reading + offset`."""
+
+    @property
+    def gain(self) -> float:
+        """Nominal joint coordinate per reading: rad, or length."""
+
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """Joint limits, in the joint's coordinate."""
+
+    @property
+    def name(self) -> str:
+        """Column of the readings."""
+
+    @property
+    def noise(self) -> float | None:
+        """Standard deviation of one reading, where it is known."""
+
+    @property
+    def offset(self) -> float:
+        """Nominal joint coordinate at reading zero."""
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Lowest and highest reading, if bounded."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of a reading: `count`, `rad`, `m`, ..."""
+
+@final
+class Fit:
+    """A fitted model."""
+
+    def check(self, table: Mapping[str, Any], poses: Array, align: bool = False) -> dict[str, Any]:
+        """Error on known poses: `(poses, position rms, orientation rms)`."""
+
+    def forward(self, table: Mapping[str, Any]) -> Array:
+        """Platform pose of every row of a table: shape (n, 6)."""
+
+    def residuals(self) -> Array:
+        """Whitened residuals: shape (samples, equations), standard normal if the model is right."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fit in the shape of the JSON."""
+
+@final
+class Mechanism:
+    """A mechanism: channels, chains, points, closures, platform, rest."""
+
+    @property
+    def channels(self) -> list[Channel]:
+        """Its sensors, in the order of the columns of readings."""
+
+    @staticmethod
+    def from_toml(text: str) -> Mechanism:
+        """Reads a mechanism from TOML text; chains in rows, not as URDF."""
+
+    def inverse(self, pose: Sequence[float]) -> list[float]:
+        """Joint coordinates that hold the platform at a pose, one per channel [rad]."""
+
+    @property
+    def key_columns(self) -> list[str]:
+        """Text columns of the readings that its unknown points need."""
+
+    @property
+    def length_unit(self) -> str:
+        """Unit of every length."""
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+
+    @staticmethod
+    def rsi() -> Mechanism:
+        """The RSI 6-DOF hand controller."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The mechanism as plain values, keys as in the TOML."""
+
+    def to_toml(self) -> str:
+        """The mechanism as TOML text that `from_toml` reads back."""
+
+    @property
+    def value_columns(self) -> list[str]:
+        """Columns of the readings that hold measured distances."""
+
+    def with_sensors(self, sensors: Mapping[str, tuple[float, float]]) -> Mechanism:
+        """The same mechanism with sensors of another gain and offset: `{name: (gain, offset)}`."""
+
+@final
+class Session:
+    """Readings of one mechanism, with what is known beside them."""
+
+    def __new__(
+        cls,
+        mechanism: Mechanism,
+        table: Mapping[str, Any],
+        *,
+        rest: Array | None = None,
+        terms: Sequence[str] | None = None,
+        closures: Sequence[str] | None = None,
+        method: str | None = None,
+        noise: Sequence[float] | None = None,
+        starts: int | None = None,
+        max_iterations: int | None = None,
+        xtol: float | None = None,
+    ) -> Session: ...
+    def fit(self) -> Fit:
+        """Fits the terms that the options ask for."""
+
+    def reference(self) -> dict[str, Any]:
+        """What reported parameters refer to: `centre` and `span` of each channel, `temperature`."""
+
+    def trace(
+        self,
+        check: tuple[Mapping[str, Any], Array] | None = None,
+        align: bool = False,
+        without: Sequence[str] | None = None,
+        alpha: float | None = None,
+    ) -> dict[str, Any]:
+        """Closes the loop; `check` is a table and its known poses."""
+
+def bound(mechanism: Mechanism, counts: Array, offsets: Array, gains: Array, sigma: float) -> Any:
+    """The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel."""
+
+def check(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    table: Mapping[str, Any],
+    poses: Array,
+    align: bool = False,
+) -> dict[str, Any]:
+    """Error of a result on known poses, root mean square over components."""
+
+def exchange(
+    mechanism: Mechanism,
+    counts: Array,
+    offsets: Array,
+    gains: Array,
+    sigma: float,
+    start: Any,
+    kept: Any,
+    criterion: str,
+) -> Any:
+    """Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`."""
+
+def fixture(
+    mechanism: Mechanism, table: Mapping[str, Any], poses: Array
+) -> tuple[list[dict[str, Any]], int]:
+    """Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`."""
+
+def forward(mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]) -> Array:
+    """Platform pose of every row of a table under a result: shape (n, 6)."""
+
+def jacobian(
+    mechanism: Mechanism,
+    counts: Array,
+    offsets: Array,
+    gains: Array,
+    *,
+    closures: Sequence[str] | None = None,
+) -> Any:
+    """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
+
+def minimize(
+    mechanism: Mechanism,
+    counts: Array,
+    offsets0: Array,
+    gains0: Array,
+    *,
+    closures: Sequence[str] | None = None,
+    xtol: float | None = None,
+    max_iterations: int | None = None,
+) -> Any:
+    """Minimises `½ fᵀf` over offsets and gains from a start, eq. (11).
+
+    The paper's own problem in its own parameters: offsets at reading zero [rad], gains
+    [rad/reading]; counts of shape (n, channels). Returns offsets, gains, cost, iterations and
+    termination.
+    """
+
+def misclosure(
+    mechanism: Mechanism,
+    counts: Array,
+    offsets: Array,
+    gains: Array,
+    *,
+    closures: Sequence[str] | None = None,
+) -> Any:
+    """Misclosure `f` of readings of shape (n, channels), eq. (10): shape (n, equations)."""
+
+def observability(
+    mechanism: Mechanism,
+    counts: Array,
+    offsets: Array,
+    gains: Array,
+    scaling: str,
+    *,
+    closures: Sequence[str] | None = None,
+) -> Any:
+    """What poses can tell of offsets and gains, under a named scaling of the columns."""
+
+def readings_at(
+    mechanism: Mechanism, poses: Array, offsets: Array, gains: Array, margin: float
+) -> Any:
+    """Readings of shape (n, channels) that hold the platform at poses of shape (n, 6).
+
+    NaN in the rows out of reach, beyond a joint limit, or within `margin` of a range's end.
+    """
+
+def rsi_angles(poses: Array) -> Array:
+    """Joint angles of the hand controller for poses of shape (n, 6): (n, 9), NaN out of reach [rad]."""
+
+def rsi_forward(angles: Sequence[Sequence[float]]) -> list[float]:
+    """Handle pose of the hand controller for joint angles, eqs. (2)-(5)."""
+
+def rsi_inverse(pose: Sequence[float]) -> list[list[float]]:
+    """Joint angles of the hand controller for a pose, eqs. (6)-(8): shape (3, 3) [rad]."""
+
+def rsi_poses(angles: Array) -> Array:
+    """Handle poses of the hand controller for angles of shape (n, 9), eqs. (2)-(5): (n, 6)."""
+
+def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
+    """Every term there is, with its targets in a mechanism."""

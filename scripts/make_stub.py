@@ -1,0 +1,195 @@
+"""Write `python/rsicalib/_core.pyi` from the compiled module: `python -m scripts.make_stub`.
+
+Names, signatures, defaults and docstrings are those of the module; types, which
+it does not know, are looked up here by the name of a parameter and of what
+returns. What is not found is Any.
+"""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import rsicalib._core as core
+
+STUB = Path(__file__).parents[1] / "python" / "rsicalib" / "_core.pyi"
+
+PARAMETERS = {
+    "align": "bool",
+    "alpha": "float | None",
+    "angles": "Array",
+    "applied": "Mapping[str, Any]",
+    "check": "tuple[Mapping[str, Any], Array] | None",
+    "closures": "Sequence[str] | None",
+    "counts": "Array",
+    "criterion": "str",
+    "gains": "Array",
+    "gains0": "Array",
+    "margin": "float",
+    "max_iterations": "int | None",
+    "mechanism": "Mechanism",
+    "method": "str | None",
+    "noise": "Sequence[float] | None",
+    "offsets": "Array",
+    "offsets0": "Array",
+    "pose": "Sequence[float]",
+    "poses": "Array",
+    "rest": "Array | None",
+    "rsi_forward.angles": "Sequence[Sequence[float]]",
+    "scaling": "str",
+    "sensors": "Mapping[str, tuple[float, float]]",
+    "sigma": "float",
+    "starts": "int | None",
+    "table": "Mapping[str, Any]",
+    "terms": "Sequence[str] | None",
+    "text": "str",
+    "without": "Sequence[str] | None",
+    "xtol": "float | None",
+}
+
+RETURNS = {
+    "Channel.gain": "float",
+    "Channel.limits": "tuple[float, float] | None",
+    "Channel.name": "str",
+    "Channel.noise": "float | None",
+    "Channel.offset": "float",
+    "Channel.range": "tuple[float, float] | None",
+    "Channel.unit": "str",
+    "Fit.check": "dict[str, Any]",
+    "Fit.forward": "Array",
+    "Fit.residuals": "Array",
+    "Fit.to_dict": "dict[str, Any]",
+    "Mechanism.channels": "list[Channel]",
+    "Mechanism.from_toml": "Mechanism",
+    "Mechanism.inverse": "list[float]",
+    "Mechanism.key_columns": "list[str]",
+    "Mechanism.length_unit": "str",
+    "Mechanism.name": "str",
+    "Mechanism.rsi": "Mechanism",
+    "Mechanism.to_dict": "dict[str, Any]",
+    "Mechanism.to_toml": "str",
+    "Mechanism.value_columns": "list[str]",
+    "Mechanism.with_sensors": "Mechanism",
+    "Session.fit": "Fit",
+    "Session.reference": "dict[str, Any]",
+    "Session.trace": "dict[str, Any]",
+    "check": "dict[str, Any]",
+    "fixture": "tuple[list[dict[str, Any]], int]",
+    "forward": "Array",
+    "rsi_angles": "Array",
+    "rsi_forward": "list[float]",
+    "rsi_inverse": "list[list[float]]",
+    "rsi_poses": "Array",
+    "terms": "list[dict[str, Any]]",
+}
+
+HEAD = '''\
+"""{doc}"""
+
+# Written by `python -m scripts.make_stub`; a test compares.
+
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+__version__: str
+'''
+
+
+def signature(name: str, function: object) -> str:
+    """The parameters of a function, with types."""
+    try:
+        found = inspect.signature(function)  # type: ignore[arg-type]
+    except ValueError:
+        return "self, *args: Any, **kwargs: Any"
+    words = []
+    keyword_only = False
+    for parameter in found.parameters.values():
+        if parameter.name == "self":
+            words.append("self")
+            continue
+        if parameter.kind is parameter.KEYWORD_ONLY and not keyword_only:
+            words.append("*")
+            keyword_only = True
+        kind = PARAMETERS.get(f"{name}.{parameter.name}", PARAMETERS.get(parameter.name, "Any"))
+        default = "" if parameter.default is parameter.empty else f" = {parameter.default!r}"
+        words.append(f"{parameter.name}: {kind}{default}")
+    return ", ".join(words)
+
+
+def definition(name: str, function: object, indent: str = "") -> Iterator[str]:
+    """A function or method."""
+    short = name.rsplit(".", 1)[-1]
+    returned = RETURNS.get(name, "Any")
+    yield f"{indent}def {short}({signature(name, function)}) -> {returned}:"
+    yield from docstring(function, indent + "    ")
+
+
+def docstring(thing: object, indent: str) -> Iterator[str]:
+    """What it says of itself."""
+    lines = (inspect.getdoc(thing) or "").replace("\\", "\\\\").splitlines()
+    if len(lines) == 1:
+        yield f'{indent}"""{lines[0]}"""'
+    elif lines:
+        yield f'{indent}"""{lines[0]}'
+        yield from (f"{indent}{line}".rstrip() for line in lines[1:])
+        yield f'{indent}"""'
+    else:
+        yield f"{indent}..."
+
+
+def klass(name: str, cls: type) -> Iterator[str]:
+    """A class: constructor, properties, methods."""
+    yield ""
+    yield "@final"
+    yield f"class {name}:"
+    yield from docstring(cls, "    ")
+    members = [(k, v) for k, v in vars(cls).items() if not k.startswith("_")]
+    if "__new__" in vars(cls):
+        members.insert(0, ("__new__", cls))
+    for short, member in sorted(members, key=lambda m: m[0]):
+        yield ""
+        full = f"{name}.{short}"
+        if short == "__new__":
+            words = signature(name, cls)
+            yield f"    def __new__(cls, {words}) -> {name}: ..."
+        elif inspect.isgetsetdescriptor(member):
+            yield "    @property"
+            yield f"    def {short}(self) -> {RETURNS.get(full, 'Any')}:"
+            yield from docstring(member, "        ")
+        elif isinstance(member, staticmethod):
+            yield "    @staticmethod"
+            yield from definition(full, getattr(cls, short), "    ")
+        else:
+            yield from definition(full, member, "    ")
+
+
+def stub() -> str:
+    """The text of the stub, before formatting."""
+    lines = [HEAD.format(doc=inspect.getdoc(core))]
+    names = sorted(n for n in vars(core) if not n.startswith("_"))
+    for name in names:
+        if inspect.isclass(getattr(core, name)):
+            lines += klass(name, getattr(core, name))
+    for name in names:
+        if not inspect.isclass(getattr(core, name)):
+            lines += ["", *definition(name, getattr(core, name))]
+    return "\n".join(lines) + "\n"
+
+
+def formatted(text: str) -> str:
+    """The text as `ruff format` leaves it."""
+    ruff = [sys.executable, "-m", "ruff", "format", "--stdin-filename", str(STUB), "-"]
+    done = subprocess.run(ruff, input=text, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+if __name__ == "__main__":
+    STUB.write_text(formatted(stub()), encoding="utf-8")

@@ -1,0 +1,45 @@
+"""Write `docs/terms.md` from the registry: `python -m scripts.make_terms`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import rsicalib
+
+PAGE = Path(__file__).parents[1] / "docs" / "terms.md"
+
+HEAD = """\
+# Terms: what can be identified
+
+Written by `python -m scripts.make_terms` from the registry; a test compares. The targets are those
+of the hand controller. `length` is the mechanism's unit, `reading` the channel's. A term is asked
+for by its name, `--terms offset,gain,curvature@a22`, and printed by `rsicalib terms curvature`.
+
+| term | class | parameters | |
+|---|---|---|---|
+"""
+
+
+def section(term: dict[str, Any]) -> str:
+    """One term in full."""
+    lines = [f"## {term['id']}", "", term["doc"].strip(), ""]
+    lines += ["| parameter | unit | typical size |", "|---|---|---|"]
+    lines += [f"| `{p['name']}` | {p['unit']} | {p['typical']:g} |" for p in term["parameters"]]
+    lines += ["", f"Needs: {term['needs']}. Targets: {', '.join(term['targets']) or 'none'}."]
+    return "\n".join(lines) + "\n"
+
+
+def text() -> str:
+    """The whole page."""
+    terms = rsicalib.terms()
+    rows = []
+    for term in terms:
+        first = " ".join(term["doc"].strip().split("\n\n")[0].split())
+        names = ", ".join(f"`{p['name']}`" for p in term["parameters"])
+        rows.append(f"| [{term['id']}](#{term['id']}) | {term['class']} | {names} | {first} |")
+    return HEAD + "\n".join(rows) + "\n\n" + "\n".join(section(term) for term in terms)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(text(), encoding="utf-8")

@@ -1,0 +1,285 @@
+"""The verbs in Python: what goes in, what comes out, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, Calibration, InputError, Trace
+from tests import oracle
+
+READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    return rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True)
+
+
+@pytest.fixture(scope="module")
+def traced() -> Trace:
+    return rsicalib.trace(READINGS, rest=REST, check=CHECK)
+
+
+def test_a_calibration_has_every_parameter_of_the_paper_with_its_uncertainty(
+    calibration: Calibration,
+) -> None:
+    assert len(calibration.parameters) == 18
+    assert all(p.sd is not None and p.sd > 0 for p in calibration.parameters)
+    assert calibration.covariance.shape == (18, 18)
+    sd = np.sqrt(np.diag(calibration.covariance))
+    np.testing.assert_allclose(sd, [p.sd for p in calibration.parameters], rtol=1e-12)
+
+
+def test_a_parameter_is_found_by_term_and_target(calibration: Calibration) -> None:
+    gain = calibration["gain", "a11"]
+    assert gain.unit == "rad/count"
+    low, high = gain.interval or (0.0, 0.0)
+    assert low < gain.value < high
+    with pytest.raises(KeyError, match="offset@a11"):
+        calibration["slope", "a11"]
+
+
+def test_an_undeclared_effect_is_significant_in_a_calibration(calibration: Calibration) -> None:
+    assert calibration.verdict == "unexplained"
+    assert calibration.exit_code == 4
+    assert calibration.fit.p_value is not None and calibration.fit.p_value < 0.01
+
+
+def test_the_error_of_the_platform_is_given_before_and_after(calibration: Calibration) -> None:
+    nominal, fit = calibration.nominal, calibration.fit
+    assert nominal is not None and nominal.check is not None and fit.check is not None
+    assert nominal.check.poses == fit.check.poses == 20
+    assert fit.check.position_rms < 0.1 * nominal.check.position_rms
+    assert fit.aligned is not None and fit.aligned.position_rms <= fit.check.position_rms
+
+
+def test_tracing_names_the_channel_and_lowers_the_error(traced: Trace) -> None:
+    assert traced.verdict == "explained"
+    assert traced.exit_code == 0
+    assert [(step.klass, step.target) for step in traced.steps] == [("sensor", "a22")]
+    assert traced.before.check is not None and traced.after.check is not None
+    assert traced.after.check.position_rms < traced.before.check.position_rms
+
+
+def test_a_result_is_what_it_was_after_saving_and_loading(
+    calibration: Calibration, traced: Trace, tmp_path: Path
+) -> None:
+    for result in (calibration, traced):
+        result.save(tmp_path / "result.json")
+        again = rsicalib.load_calibration(tmp_path / "result.json")
+        assert type(again) is type(result)
+        assert again.to_json() == result.to_json()
+
+
+def test_json_has_the_promised_keys_and_no_nan(calibration: Calibration, traced: Trace) -> None:
+    def refuse(token: str) -> None:
+        raise AssertionError(token)
+
+    common = {"format", "version", "mechanism", "length_unit", "readings", "noise", "warnings"}
+    common |= {"excluded", "verdict", "parameters", "covariance", "unobservable", "condition"}
+    common |= {"starts", "termination"}
+    one = json.loads(calibration.to_json(), parse_constant=refuse)
+    assert common | {"fit"} <= set(one)
+    assert not {"steps", "after", "before", "could_hide"} & set(one)
+    assert one["format"] == "rsicalib.calibration/1"
+    two = json.loads(traced.to_json(), parse_constant=refuse)
+    assert common | {"before", "steps", "after", "unexplained", "could_hide"} <= set(two)
+    assert two["format"] == "rsicalib.trace/1"
+    assert set(two["starts"][0]) >= {"from", "cost"}
+    assert set(two["steps"][0]) >= {"term", "class", "target", "p_value", "parameters", "curve"}
+
+
+def test_applying_a_result_gives_the_error_that_its_fit_reported(
+    calibration: Calibration, traced: Trace
+) -> None:
+    known = rsicalib.load_readings(CHECK)
+    assert known.poses is not None
+    first = np.flatnonzero(np.r_[True, np.diff(known.pose) != 0])
+    for result in (calibration, traced):
+        check = result.quality.check
+        assert check is not None
+        poses = rsicalib.forward(known, calibration=result)
+        mean = np.add.reduceat(poses, first, axis=0) / 8
+        off = np.sqrt(np.mean((mean - known.poses[first])[:, :3] ** 2))
+        # Mean of poses against pose of the mean reading: they differ by curvature times noise.
+        assert off == pytest.approx(check.position_rms, rel=1e-3)
+
+
+def test_without_a_calibration_poses_are_those_of_the_mechanism_as_declared() -> None:
+    rest = rsicalib.load_readings(REST)
+    offsets, gains = oracle.nominal(oracle.rsi())
+    angles = (rest.values * gains + offsets).reshape(-1, 3, 3)
+    # The oracle takes the wrists as they come; here readings are moved onto the closures first.
+    handle = rsicalib.forward(rest)
+    assert handle.shape == (8, 6)
+    assert np.isfinite(handle).all()
+    assert np.abs(handle[:, :3] - [0.0, 0.0, -2.666]).max() < 0.5
+    assert angles.shape == (8, 3, 3)
+
+
+def test_the_inverse_agrees_with_the_oracle_and_forward_with_the_inverse() -> None:
+    rng = np.random.default_rng(3)
+    poses = np.array([0, 0, -2.7, 0, 0, 0]) + rng.uniform(-0.3, 0.3, (20, 6))
+    angles = rsicalib.inverse(poses)
+    np.testing.assert_allclose(angles, oracle.rsi_inverse(poses).reshape(20, 9), atol=1e-10)
+    mechanism = rsicalib.load_mechanism("rsi")
+    np.testing.assert_allclose(rsicalib.inverse(poses, mechanism), angles, atol=1e-8)
+    counts = [(row - c.offset) / c.gain for row, c in zip(angles.T, mechanism.channels, strict=True)]
+    readings = rsicalib.Readings.from_arrays(mechanism, np.transpose(counts))
+    np.testing.assert_allclose(rsicalib.forward(readings), poses, atol=1e-7)
+
+
+def test_a_pose_out_of_reach_is_refused_by_its_number() -> None:
+    with pytest.raises(InputError, match=r"pose 1 .*out of reach"):
+        rsicalib.inverse([[0, 0, -2.666, 0, 0, 0], [9, 0, -2.666, 0, 0, 0]])
+
+
+def test_a_fixture_calibration_is_the_least_squares_line_of_each_channel() -> None:
+    known = rsicalib.load_readings(CHECK)
+    assert known.poses is not None
+    found = rsicalib.fixture(known)
+    counts = known.values.reshape(20, 8, 9).mean(axis=1)
+    angles = oracle.rsi_inverse(known.poses[::8]).reshape(20, 9)
+    for c, name in enumerate(known.channels):
+        gain, offset = np.polyfit(counts[:, c], angles[:, c], 1)
+        assert found["gain", name].value == pytest.approx(gain, rel=1e-9)
+        assert found["offset", name].value == pytest.approx(offset, rel=1e-9)
+    assert found.method == "fixture"
+    assert found.exit_code == 0
+
+
+def test_a_fixture_calibration_with_too_few_poses_is_undetermined() -> None:
+    known = rsicalib.load_readings(CHECK)
+    found = rsicalib.fixture(known.select(known.pose == 1))
+    assert found.verdict == "undetermined"
+    assert found.exit_code == 3
+
+
+def test_too_few_poses_are_an_outcome_and_not_an_exception() -> None:
+    whole = rsicalib.load_readings(READINGS)
+    few = whole.select((whole.pose <= 4) & (whole.sample == 1))
+    for result in (rsicalib.calibrate(few, rest=REST), rsicalib.trace(few, rest=REST)):
+        assert result.verdict == "undetermined"
+        assert result.exit_code == 3
+        assert "poses" in result.unobservable[0]
+        json.loads(result.to_json())
+        assert "Undetermined" in result.summary()
+
+
+@pytest.mark.parametrize("poses", [4, 6])
+def test_poses_that_leave_nothing_to_check_the_parameters_with_determine_nothing(
+    poses: int,
+) -> None:
+    # 6 poses give 18 equations for 18 parameters: met exactly, and by other parameters too.
+    whole = rsicalib.load_readings(READINGS)
+    found = rsicalib.calibrate(whole.select(whole.pose <= poses), rest=REST)
+    assert found.verdict == "undetermined"
+    assert "record more poses" in found.unobservable[0]
+
+
+def test_sessions_of_one_device_are_fitted_together() -> None:
+    whole = rsicalib.load_readings(READINGS)
+    halves = [whole.select(whole.pose <= 24), whole.select(whole.pose > 24)]
+    together = rsicalib.calibrate(halves, rest=REST)
+    one = rsicalib.calibrate(whole, rest=REST)
+    assert together.readings.poses == 48
+    assert len(together.readings.files) == 2
+    np.testing.assert_allclose(together.values, one.values, rtol=1e-6)
+
+
+def test_noise_is_declared_for_all_channels_or_by_name() -> None:
+    one = rsicalib.calibrate(READINGS, rest=REST, noise=2.0)
+    assert one.noise is not None
+    assert one.noise.source == "declared"
+    assert set(one.noise.sigma.values()) == {2.0}
+    assert one.noise.dof is None
+    names = [c.name for c in rsicalib.load_mechanism().channels]
+    two = rsicalib.calibrate(READINGS, rest=REST, noise=dict.fromkeys(names, 2.0))
+    np.testing.assert_array_equal(one.values, two.values)
+
+
+@pytest.mark.parametrize(
+    ("noise", "words"),
+    [({"a11": 1.0}, "none for 'a12'"), ({"b1": 1.0}, "no channel 'b1'"), (0.0, "above zero")],
+)
+def test_noise_that_cannot_be_used_is_refused(noise: float | dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        rsicalib.calibrate(READINGS, noise=noise)
+
+
+def test_an_earlier_result_says_what_has_moved(calibration: Calibration) -> None:
+    same = rsicalib.calibrate(READINGS, rest=REST, calibration=calibration)
+    assert same.moved == ()
+    np.testing.assert_allclose(same.values, calibration.values, rtol=1e-7)
+    whole = rsicalib.load_readings(READINGS)
+    shifted = whole.values.copy()
+    shifted[:, 0] += 40
+    other = rsicalib.Readings.from_arrays(
+        rsicalib.load_mechanism(), shifted, pose=whole.pose, time_s=whole.time_s
+    )
+    moved = rsicalib.calibrate(other, rest=REST, calibration=calibration).moved
+    assert moved is not None
+    assert [(m.term, m.target) for m in moved] == [("offset", "a11")]
+    gain = calibration["gain", "a11"].value
+    assert gain is not None
+    assert moved[0].after - moved[0].before == pytest.approx(-40 * gain, abs=3 * moved[0].sd)
+
+
+def test_an_earlier_trace_gives_its_terms_to_the_next_calibration(traced: Trace) -> None:
+    found = rsicalib.calibrate(READINGS, rest=REST, calibration=traced)
+    assert found.verdict == "adequate"
+    assert {p.spec for p in found.parameters} == {p.spec for p in traced.parameters}
+
+
+def test_a_calibration_of_another_mechanism_is_refused(calibration: Calibration) -> None:
+    text = rsicalib.load_mechanism("rsi").to_toml().replace('name = "rsi"', 'name = "other"', 1)
+    other = rsicalib.Mechanism.from_toml(text)
+    with pytest.raises(InputError, match="expected one of 'other'"):
+        rsicalib.forward(READINGS, other, calibration)
+
+
+def test_a_file_that_is_no_result_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    for text in ("[1]", "{", '{"format": "rsicalib.trace/1"}', '{"format": "else/1"}'):
+        path.write_text(text)
+        with pytest.raises(InputError, match=r"x\.json: found"):
+            rsicalib.load_calibration(path)
+
+
+def test_known_poses_without_their_columns_are_refused() -> None:
+    with pytest.raises(InputError, match="no columns x y z"):
+        rsicalib.calibrate(READINGS, check=READINGS)
+
+
+def test_known_poses_among_the_readings_are_ignored_and_said_to_be() -> None:
+    found = rsicalib.calibrate(CHECK, rest=REST)
+    assert any("known poses are not used" in warning for warning in found.warnings)
+
+
+def test_a_term_that_does_not_exist_names_those_that_do() -> None:
+    with pytest.raises(InputError, match="curvature"):
+        rsicalib.calibrate(READINGS, terms=["offset", "curve"])
+
+
+def test_the_paper_s_method_and_single_loops_can_be_asked_for(calibration: Calibration) -> None:
+    paper = rsicalib.calibrate(READINGS, rest=REST, method="algebraic")
+    assert paper.method == "algebraic"
+    np.testing.assert_allclose(paper.values, calibration.values, rtol=0.05)
+    two = rsicalib.calibrate(READINGS, rest=REST, closures=["wrist1-wrist2", "wrist2-wrist3"])
+    assert two.after_residuals is not None and two.after_residuals.shape == (48, 2)
+
+
+def test_every_name_of_the_package_is_there_and_listed_in_order() -> None:
+    for name in rsicalib.__all__:
+        assert hasattr(rsicalib, name)
+
+
+def test_results_print_in_one_line(calibration: Calibration, traced: Trace) -> None:
+    assert repr(calibration).count("\n") == 0
+    assert "unexplained" in repr(calibration)
+    assert "explained" in repr(traced)
