@@ -129,7 +129,8 @@ def test_the_inverse_agrees_with_the_oracle_and_forward_with_the_inverse() -> No
     np.testing.assert_allclose(angles, oracle.rsi_inverse(poses).reshape(20, 9), atol=1e-10)
     mechanism = rsicalib.load_mechanism("rsi")
     np.testing.assert_allclose(rsicalib.inverse(poses, mechanism), angles, atol=1e-8)
-    counts = [(row - c.offset) / c.gain for row, c in zip(angles.T, mechanism.channels, strict=True)]
+    pairs = zip(angles.T, mechanism.channels, strict=True)
+    counts = [(row - channel.offset) / channel.gain for row, channel in pairs]
     readings = rsicalib.Readings.from_arrays(mechanism, np.transpose(counts))
     np.testing.assert_allclose(rsicalib.forward(readings), poses, atol=1e-7)
 

@@ -134,7 +134,9 @@ def test_a_result_can_be_the_start_of_the_next_one(tmp_path: Path) -> None:
         (("rehearse",), "rehearse"),
     ],
 )
-def test_what_cannot_be_used_exits_with_2_and_says_why(words: tuple[str, ...], message: str) -> None:
+def test_what_cannot_be_used_exits_with_2_and_says_why(
+    words: tuple[str, ...], message: str
+) -> None:
     done = run(*words)
     assert done.returncode == 2
     assert done.stdout == ""

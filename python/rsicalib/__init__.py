@@ -25,7 +25,10 @@ from rsicalib.api import (
 )
 from rsicalib.data import Readings
 from rsicalib.errors import InputError, RsicalibError, UndeterminedError
+from rsicalib.observability import observability
+from rsicalib.plan import plan
 from rsicalib.results import Calibration, Parameter, Step, Trace, load_calibration
+from rsicalib.simulate import simulate
 
 __all__ = [
     "DEMO",
@@ -48,6 +51,9 @@ __all__ = [
     "load_calibration",
     "load_mechanism",
     "load_readings",
+    "observability",
+    "plan",
+    "simulate",
     "terms",
     "trace",
 ]

@@ -48,6 +48,9 @@ class Channel:
 class Fit:
     """A fitted model."""
 
+    def carried_points(self, table: Mapping[str, Any]) -> Any:
+        """Where the chains carry their points: shape (points, n, 3)."""
+
     def check(self, table: Mapping[str, Any], poses: Array, align: bool = False) -> dict[str, Any]:
         """Error on known poses: `(poses, position rms, orientation rms)`."""
 
@@ -125,6 +128,9 @@ class Session:
     def fit(self) -> Fit:
         """Fits the terms that the options ask for."""
 
+    def lacking(self) -> dict[str, str]:
+        """Terms that are no candidates here, and what they need: `{id: needs}`."""
+
     def reference(self) -> dict[str, Any]:
         """What reported parameters refer to: `centre` and `span` of each channel, `temperature`."""
 
@@ -137,7 +143,15 @@ class Session:
     ) -> dict[str, Any]:
         """Closes the loop; `check` is a table and its known poses."""
 
-def bound(mechanism: Mechanism, counts: Array, offsets: Array, gains: Array, sigma: float) -> Any:
+def bound(
+    mechanism: Mechanism,
+    counts: Array,
+    offsets: Array,
+    gains: Array,
+    sigma: Array,
+    *,
+    closures: Sequence[str] | None = None,
+) -> dict[str, Any]:
     """The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel."""
 
 def check(
@@ -154,12 +168,15 @@ def exchange(
     counts: Array,
     offsets: Array,
     gains: Array,
-    sigma: float,
-    start: Any,
-    kept: Any,
+    sigma: Array,
+    start: Sequence[int],
+    kept: Sequence[int],
     criterion: str,
-) -> Any:
-    """Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`."""
+) -> tuple[list[int], float]:
+    """Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`.
+
+    Also returns what was made small.
+    """
 
 def fixture(
     mechanism: Mechanism, table: Mapping[str, Any], poses: Array
@@ -176,8 +193,19 @@ def jacobian(
     gains: Array,
     *,
     closures: Sequence[str] | None = None,
-) -> Any:
+) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
+
+def linearize(
+    mechanism: Mechanism, table: Mapping[str, Any], terms: Sequence[str] | None, unknown: Any = None
+) -> Any:
+    """Misclosure of a table, and its derivatives by readings and parameters.
+
+    `f` of shape (n, equations), `a` of (n equations, channels), `x` of (n equations,
+    parameters); `links` and `apart`, the same of known distances between unknown points;
+    `parameters`, term and target of each column. Unknown points are where `unknown`, of
+    shape (points, 3), has them, else where the chains touch them.
+    """
 
 def minimize(
     mechanism: Mechanism,
@@ -188,7 +216,7 @@ def minimize(
     closures: Sequence[str] | None = None,
     xtol: float | None = None,
     max_iterations: int | None = None,
-) -> Any:
+) -> tuple[Array, Array, float, int, str]:
     """Minimises `½ fᵀf` over offsets and gains from a start, eq. (11).
 
     The paper's own problem in its own parameters: offsets at reading zero [rad], gains
@@ -203,7 +231,7 @@ def misclosure(
     gains: Array,
     *,
     closures: Sequence[str] | None = None,
-) -> Any:
+) -> Array:
     """Misclosure `f` of readings of shape (n, channels), eq. (10): shape (n, equations)."""
 
 def observability(
@@ -214,12 +242,15 @@ def observability(
     scaling: str,
     *,
     closures: Sequence[str] | None = None,
-) -> Any:
+) -> dict[str, Any]:
     """What poses can tell of offsets and gains, under a named scaling of the columns."""
+
+def points(mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]) -> Any:
+    """Where the chains carry their points under a result: shape (points, n, 3)."""
 
 def readings_at(
     mechanism: Mechanism, poses: Array, offsets: Array, gains: Array, margin: float
-) -> Any:
+) -> Array:
     """Readings of shape (n, channels) that hold the platform at poses of shape (n, 6).
 
     NaN in the rows out of reach, beyond a joint limit, or within `margin` of a range's end.

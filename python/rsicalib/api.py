@@ -16,6 +16,7 @@ from rsicalib import _core, data, work
 from rsicalib._core import Mechanism
 from rsicalib.data import Readings
 from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.groups import measured
 from rsicalib.results import ALPHA, Calibration, Parameter, Trace
 from rsicalib.work import (
     NOTHING,
@@ -166,7 +167,8 @@ def calibrate(
         Give the error of the check poses also after the best rigid motion of
         the instrument that measured them.
     fit_groups, hold_out_groups : sequence of str, optional
-        Values of the column `group` to use, or to leave out.
+        Values of the column `group` to use, or to leave out. Those that were not
+        used are measured too, see `groups` of the result.
     skip_bad_rows : bool, optional
         Drop rows that cannot be used and list them in the result.
     starts : int, optional
@@ -234,7 +236,7 @@ def calibrate(
         "method": method or Calibration.method,
         "after_residuals": job.by_pose(fit.residuals()),
     }
-    return Calibration.from_dict(job.result(Calibration, found, session))
+    return measured(job, Calibration.from_dict(job.result(Calibration, found, session)))
 
 
 def trace(
@@ -315,7 +317,8 @@ def trace(
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
-    return Trace.from_dict(job.result(Trace, report, session))
+    lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
+    return measured(job, Trace.from_dict(job.result(Trace, report, session) | lacking))
 
 
 def fixture(

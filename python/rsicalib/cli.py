@@ -24,11 +24,13 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from rsicalib import _core, api
-from rsicalib import simulate as _simulate
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.files import forget_parts, write_text
+from rsicalib.plan import CRITERIA
+from rsicalib.plan import plan as plan_poses
 from rsicalib.records import to_json
 from rsicalib.results import Calibration, Result, Trace
+from rsicalib.simulate import simulate as simulate_device
 
 __all__ = ["main"]
 
@@ -97,7 +99,7 @@ def forward(args: Args) -> int:
 
 def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
-    made = _simulate.simulate(
+    made = simulate_device(
         args.out,
         args.mechanism,
         poses=args.poses,
@@ -110,6 +112,27 @@ def simulate(args: Args) -> int:
         sys.stdout.write(to_json(made.truth))
     elif not args.quiet:
         print("\n".join(sorted(str(path) for path in args.out.iterdir())))
+    return 0
+
+
+def plan(args: Args) -> int:
+    """Which poses to visit."""
+    found = plan_poses(
+        args.mechanism,
+        args.poses,
+        beside=args.beside,
+        noise=args.noise,
+        criterion=args.criterion,
+        calibration=args.calibration,
+        seed=args.seed,
+    )
+    if args.out is not None:
+        found.save(args.out)
+    if args.json:
+        head = {"format": "rsicalib.plan/1", "version": _core.__version__}
+        sys.stdout.write(to_json({**head, **found.to_dict()}))
+    elif not args.quiet:
+        sys.stdout.write(found.text())
     return 0
 
 
@@ -257,6 +280,16 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--noise", type=float, default=1.0, help="of one sample, in readings (1)")
     sub.add_argument("--check-poses", type=int, default=20, help="other poses, known (20)")
     sub.add_argument("--seed", type=int, default=0, help="same seed, same files (0)")
+
+    sub = verb(plan)
+    _add_mechanism(sub)
+    sub.add_argument("--poses", type=int, default=12, help="how many to visit (12)")
+    sub.add_argument("--beside", metavar="READINGS", help="poses that are visited already")
+    sub.add_argument("--noise", type=float, default=1.0, help="of one reading, for the bound (1)")
+    sub.add_argument("--criterion", choices=CRITERIA, default=CRITERIA[0], help="what is made small")
+    sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
+    sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")
+    sub.add_argument("--out", metavar="FILE", type=Path, help="write the poses as CSV")
 
     sub = verb(terms)
     sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")

@@ -290,6 +290,16 @@ def _about(result: Result) -> str:
     ]
     if result.noise is not None and result.noise.correlation is not None:
         items.append(f"correlation of neighbouring samples {number(result.noise.correlation, 2)}")
+    if isinstance(result, Trace):
+        items += [f"not tried, for lack of a {needs}: {names}" for needs, names in _lacking(result)]
     code = f"<code>{escape(result.readings.sha256)}</code>"
     digest = f'<p class="faint">SHA-256 of the readings {code}</p>'
     return _section("How", f'<div class="faint">{_list(items)}</div>', digest)
+
+
+def _lacking(result: Trace) -> list[tuple[str, str]]:
+    """What is lacking, and the terms that need it."""
+    by_need: dict[str, list[str]] = {}
+    for term, needs in result.not_candidates.items():
+        by_need.setdefault(needs, []).append(name_of(term))
+    return [(needs, ", ".join(names)) for needs, names in by_need.items()]

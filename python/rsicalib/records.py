@@ -14,9 +14,9 @@ import numpy as np
 
 __all__ = ["IF_KNOWN", "OMIT", "Record", "plain", "to_json"]
 
-OMIT = {"omit": (None, [], {})}
+OMIT: dict[str, Any] = {"omit": (None, [], {})}
 """Metadata of a field that does not stand in the JSON where it is None or empty."""
-IF_KNOWN = {"omit": (None,)}
+IF_KNOWN: dict[str, Any] = {"omit": (None,)}
 """Metadata of a field that does not stand in the JSON where it is None."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = [
     "Data",
     "Excluded",
     "FitQuality",
+    "Groups",
     "HeldOut",
     "Hidden",
     "Moved",
@@ -116,6 +117,8 @@ class Parameter(Record):
     unit: str
     place: str | None = field(default=None, metadata=OMIT)
     """Where a searched term acts: a pose, or another channel."""
+    note: str | None = field(default=None, metadata=OMIT)
+    """What keeps it from being what its term is called."""
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -176,6 +179,24 @@ class Moved(Record):
 
 
 @dataclass(frozen=True)
+class Groups(Record):
+    """Mean distance of carried points from their own mean at what they touch, by placement.
+
+    `docs/measured.md` says how it is formed. None where there are no such groups.
+    """
+
+    fitted: float | None
+    """Mean over the groups that were fitted [unit]."""
+    others: float | None
+    """Mean over the groups that the fit has not seen [unit]."""
+    by_group: Mapping[str, float]
+    unit: str
+    nominal_fitted: float | None = None
+    """`fitted` with the mechanism as it is declared."""
+    nominal_others: float | None = None
+
+
+@dataclass(frozen=True)
 class Name(Record):
     """A term at its target."""
 
@@ -203,6 +224,8 @@ class StepParameter(Record):
     value: float | None
     sd: float | None
     unit: str
+    note: str | None = field(default=None, metadata=OMIT)
+    """As in `Parameter`."""
 
 
 @dataclass(frozen=True)
@@ -275,6 +298,8 @@ class Result(Record):
     """The check poses with the mechanism as it is declared."""
     moved: tuple[Moved, ...] | None = field(default=None, metadata=IF_KNOWN)
     """Against an earlier result, where one was given."""
+    groups: Groups | None = field(default=None, metadata=IF_KNOWN)
+    """How well points that are touched are repeated, where the mechanism has such."""
     before_residuals: npt.NDArray[np.float64] | None = field(default=None, repr=False)
     after_residuals: npt.NDArray[np.float64] | None = field(default=None, repr=False)
     """Residuals in units of noise, shape (poses, equations); not in the JSON."""
@@ -340,6 +365,10 @@ class Result(Record):
 
         return html(self)
 
+    def with_groups(self, groups: Groups) -> Self:
+        """The same result with the measure of its groups."""
+        return replace(self, groups=groups)
+
     def __repr__(self) -> str:
         fit = self.quality
         judged = "not judged" if fit.p_value is None else f"p={fit.p_value:.2g}"
@@ -388,6 +417,8 @@ class Trace(Result):
     after: FitQuality
     unexplained: Unexplained | None = None
     could_hide: tuple[Hidden, ...] = ()
+    not_candidates: Mapping[str, str] = field(default_factory=dict, metadata=OMIT)
+    """Terms that could not be tried, and what the readings or the mechanism lack for them."""
 
     @property
     def quality(self) -> FitQuality:

@@ -19,6 +19,7 @@ from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.mechanisms import load_mechanism_text
 from rsicalib.records import plain
 from rsicalib.results import ALPHA, Data, Moved, Parameter, Result, load_calibration
+from rsicalib.signs import mark_unphysical
 
 __all__ = [
     "NOTHING",
@@ -71,6 +72,11 @@ class Work:
         self.skip = skip
         self.earlier = None if calibration is None else earlier_result(calibration, self.mechanism)
         self.readings: list[Readings] = []
+        """What is used, one for each session."""
+        self.whole: list[Readings] = []
+        """The same with the groups that are held out."""
+        self.selected: tuple[list[str] | None, list[str] | None] | None = None
+        """Groups to use, and to leave out."""
         self.warnings: list[str] = []
 
     def take(
@@ -81,6 +87,8 @@ class Work:
         known_poses: bool = False,
     ) -> None:
         """Load the sessions, and keep the groups that are asked for."""
+        keep, leave = listed(fit_groups), listed(hold_out_groups)
+        self.selected = None if keep is None and leave is None else (keep, leave)
         single = isinstance(readings, str | os.PathLike | Readings)
         several: Iterable[ReadingsArg] = [readings] if single else readings  # type: ignore[list-item, assignment]
         for one in several:
@@ -91,7 +99,8 @@ class Work:
                     f"{loaded.source}: known poses are not used here; "
                     "give them to `fixture`, or as check (--check)"
                 )
-            self.readings.append(_grouped(loaded, fit_groups, hold_out_groups))
+            self.whole.append(loaded)
+        self.readings = _grouped(self.whole, keep, leave)
         if not self.readings:
             raise InputError("found no readings, expected at least one file")
 
@@ -188,11 +197,13 @@ class Work:
             "warnings": [*self.warnings, *found.get("warnings", [])],
             "reference": reference,
         }
+        out["warnings"] += mark_unphysical(out, _terms(self.mechanism))
         if self.earlier is not None:
             new = [
                 p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
             ]
-            out["moved"] = _moved(self.earlier, new)
+            known = _terms(self.mechanism)
+            out["moved"] = _moved(self.earlier, [p for p in new if p.term in known])
         return out
 
     def too_few(
@@ -231,26 +242,28 @@ class _Bare:
 
 
 def _grouped(
-    readings: Readings, keep: Sequence[str] | None, leave: Sequence[str] | None
-) -> Readings:
-    keep, leave = listed(keep), listed(leave)
+    readings: list[Readings], keep: list[str] | None, leave: list[str] | None
+) -> list[Readings]:
+    """The rows of the groups to use; a session without any is left out."""
     if keep is None and leave is None:
-        return readings
-    groups = readings.keys.get("group")
-    if groups is None:
-        expected = "a column 'group' to choose from (--fit-groups, --hold-out-groups)"
-        raise InputError.at(
-            readings.source, column="group", found="no such column", expected=expected
-        )
-    known = list(dict.fromkeys(groups))
+        return list(readings)
+    for one in readings:
+        if "group" not in one.keys:
+            expected = "a column 'group' to choose from (--fit-groups, --hold-out-groups)"
+            found = "no such column"
+            raise InputError.at(one.source, column="group", found=found, expected=expected)
+    known = list(dict.fromkeys(g for one in readings for g in one.keys["group"]))
+    source = ", ".join(one.source for one in readings)
     for name in [*(keep or []), *(leave or [])]:
         if name not in known:
             found, expected = f"no group {name!r}", f"one of {', '.join(known)}"
-            raise InputError.at(readings.source, column="group", found=found, expected=expected)
-    mask = [(keep is None or g in keep) and (leave is None or g not in leave) for g in groups]
-    if not any(mask):
-        raise InputError.at(readings.source, column="group", found="no row left", expected="some")
-    return readings.select(np.array(mask))
+            raise InputError.at(source, column="group", found=found, expected=expected)
+    used = {g for g in known if (keep is None or g in keep) and (leave is None or g not in leave)}
+    masks = [np.array([g in used for g in one.keys["group"]]) for one in readings]
+    kept = [one.select(mask) for one, mask in zip(readings, masks, strict=True) if mask.any()]
+    if not kept:
+        raise InputError.at(source, column="group", found="no row left", expected="some")
+    return kept
 
 
 def as_table(readings: Sequence[Readings], mechanism: Mechanism) -> dict[str, Any]:
@@ -304,7 +317,9 @@ def as_applied(result: Result | None, mechanism: Mechanism) -> dict[str, Any]:
     if result is None:
         # Nothing refers to the readings where nothing was found with them.
         reference: Mapping[str, Any] = {"centre": zero, "span": [zero[:2]] * len(channels)}
-        sigma = [1.0 if c.unit == "count" else 1e-5 / abs(c.gain) for c in channels]
+        guess = [1.0 if c.unit == "count" else 1e-5 / abs(c.gain) for c in channels]
+        own = [c.noise for c in channels]
+        sigma = [g if n is None else n for g, n in zip(guess, own, strict=True)]
         return {**reference, "temperature": None, "sigma": sigma, "parameters": []}
     if result.reference is None or result.noise is None:
         raise InputError("found a result without 'reference' and 'noise', expected both")
@@ -324,9 +339,13 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:
     return result
 
 
+def _terms(mechanism: Mechanism) -> dict[str, Mapping[str, Any]]:
+    return {term["id"]: term for term in _core.terms(mechanism)}
+
+
 def _lasting(result: Result, mechanism: Mechanism) -> list[Parameter]:
     """Parameters that hold beyond the session they were found in."""
-    info = {term["id"]: term for term in _core.terms(mechanism)}
+    info = _terms(mechanism)
     bound = {i for i, t in info.items() if {t["class"], t["needs"]} & TIME_BOUND}
     return [p for p in result.parameters if p.term in info and p.term not in bound]
 

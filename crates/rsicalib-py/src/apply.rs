@@ -55,6 +55,18 @@ pub fn forward<'py>(
     PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
 }
 
+/// Where the chains carry their points under a result: shape (points, n, 3).
+#[pyfunction]
+pub fn points(
+    py: Python<'_>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+    table: PyTable<'_>,
+) -> PyResult<Vec<Vec<[f64; 3]>>> {
+    let (applied, table) = (applied.into(), table.table());
+    Ok(py.detach(|| apply::points(&mechanism.0, &applied, table)).map_err(PyError::from)?)
+}
+
 /// Error of a result on known poses, root mean square over components.
 #[pyfunction]
 #[pyo3(signature = (mechanism, applied, table, poses, align=false))]

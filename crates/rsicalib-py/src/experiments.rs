@@ -169,6 +169,7 @@ pub fn readings_at<'py>(
 
 /// The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel.
 #[pyfunction]
+#[pyo3(signature = (mechanism, counts, offsets, gains, sigma, *, closures=None))]
 pub fn bound<'py>(
     py: Python<'py>,
     mechanism: &PyMechanism,
@@ -176,15 +177,19 @@ pub fn bound<'py>(
     offsets: PyReadonlyArray1<'py, f64>,
     gains: PyReadonlyArray1<'py, f64>,
     sigma: PyReadonlyArray1<'py, f64>,
+    closures: Option<Vec<String>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
-    let poses = Candidates::new(&mechanism.0, flat(&counts), &offsets, &gains, &sigma)
+    let poses = Candidates::new(&mechanism, flat(&counts), &offsets, &gains, &sigma)
         .map_err(PyError::from)?;
     let all: Vec<usize> = (0..poses.len()).collect();
     Ok(pythonize(py, &poses.bound(&all))?)
 }
 
 /// Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`.
+///
+/// Also returns what was made small.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "arguments of Python")]
 pub fn exchange(
@@ -197,7 +202,7 @@ pub fn exchange(
     start: Vec<usize>,
     kept: Vec<usize>,
     criterion: &str,
-) -> PyResult<Vec<usize>> {
+) -> PyResult<(Vec<usize>, f64)> {
     let criterion = Criterion::find(criterion).map_err(PyError::from)?;
     let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
     let counts = flat(&counts);

@@ -1,12 +1,15 @@
 //! Sessions and fits.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
+use rsicalib::model::provided;
 use rsicalib::result::{FitReport, estimates};
+use rsicalib::terms::{ALL, Term};
 use rsicalib::trace::Search;
 use rsicalib::verdict::Known;
 use rsicalib::{Fit, Method, Options, Session, Table, fit};
@@ -116,6 +119,13 @@ impl PySession {
     /// What reported parameters refer to: `centre` and `span` of each channel, `temperature`.
     fn reference<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         Ok(pythonize(py, &rsicalib::apply::Reference::of(&self.0.readings))?)
+    }
+
+    /// Terms that are no candidates here, and what they need: `{id: needs}`.
+    fn lacking(&self) -> HashMap<&'static str, &'static str> {
+        let Session { mechanism, readings, .. } = &*self.0;
+        let lacks = |t: &&&dyn Term| provided(**t, mechanism, readings).is_err();
+        ALL.iter().filter(lacks).map(|t| (t.info().id, t.info().needs.words())).collect()
     }
 
     /// Closes the loop; `check` is a table and its known poses.

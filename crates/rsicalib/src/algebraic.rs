@@ -16,7 +16,7 @@
 //! sample, the normal equations are sums of
 //!
 //! ```text
-//! s_ij    s_ij a_j    a_i s_ij    a_i s_ij a_j                            (61)
+//! s_ij    s_ij a_j    a_i s_ij    a_i s_ij a_j                            (53)
 //! ```
 
 use faer::Mat;
@@ -391,7 +391,7 @@ impl Paper {
         }
     }
 
-    /// Adds one block to the sums (61).
+    /// Adds one block to the sums (53).
     #[inline(always)]
     fn add(&self, counts: &[Lanes], live: usize, room: &mut Room, sums: &mut Normal) {
         let c = self.channels;
@@ -510,7 +510,7 @@ impl Room {
     }
 }
 
-/// `fᵀf`, `Jᵀf` by offset and gain, and (61), lane by lane.
+/// `fᵀf`, `Jᵀf` by offset and gain, and (53), lane by lane.
 struct Normal {
     cost: Lanes,
     gradient: Vec<[Lanes; 2]>,

@@ -1,8 +1,10 @@
 //! An earlier result, applied to readings that it has not seen.
 
 use crate::check::{Check, compare, poses_of};
-use crate::model::{Model, parse};
+use crate::mechanism::{Closure, ClosureKind, Point};
+use crate::model::{Model, Want, Workspace, parse};
 use crate::readings::{Readings, Table};
+use crate::terms::{self, Per};
 use crate::{Error, Mechanism};
 
 /// What the parameters of a result refer to, beside the mechanism.
@@ -82,7 +84,6 @@ pub fn platform_poses(
     applied: &Applied,
     table: Table,
 ) -> Result<Vec<[f64; 6]>, Error> {
-    let Applied { parameters, reference, sigma } = applied;
     if mechanism.platform.is_empty() {
         return Err(Error::Missing {
             mechanism: mechanism.name.clone(),
@@ -90,6 +91,90 @@ pub fn platform_poses(
             why: "poses need the points that carry it",
         });
     }
+    let (model, readings, beta) = under(mechanism, applied, table)?;
+    Ok(poses_of(&model, &readings, &beta, &applied.sigma, 1.0))
+}
+
+/// Where the chains carry their points under a result, row by row of a table.
+///
+/// One entry for each point of the mechanism that a chain carries, in order; the
+/// readings as they are. Nothing else of the closures is needed: the table has no
+/// columns beside those of the channels.
+///
+/// # Errors
+///
+/// As [`platform_poses`]; [`Error::Missing`] where no chain carries a point.
+pub fn points(
+    mechanism: &Mechanism,
+    applied: &Applied,
+    table: Table,
+) -> Result<Vec<Vec<[f64; 3]>>, Error> {
+    let open = opened(mechanism)?;
+    let applied = Applied {
+        parameters: applied.parameters.iter().filter(|p| !closes(p)).cloned().collect(),
+        ..applied.clone()
+    };
+    let table = Table { keys: Vec::new(), columns: Vec::new(), ..table };
+    let (model, readings, beta) = under(&open, &applied, table)?;
+    let carried: Vec<usize> =
+        (0..open.points.len()).filter(|&p| open.points[p].chain.is_some()).collect();
+    let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; carried.len()];
+    let mut ws = Workspace::default();
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let want = Want { x: false, a: false };
+        model.evaluate(&readings, block, readings.raw(block), &beta, want, &mut ws);
+        let points = model.points(&ws);
+        for (out, &p) in out.iter_mut().zip(&carried) {
+            let Some(at) = points[p] else { continue };
+            for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+                out[row] = at.map(|v| v.0[lane]);
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// The same chains with their points, closed on nothing that readings would have to name.
+fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
+    let mut points: Vec<Point> =
+        mechanism.points.iter().filter(|p| p.unknown.is_empty()).cloned().collect();
+    let Some(carried) = points.iter().find(|p| p.chain.is_some()).map(|p| p.name.clone()) else {
+        return Err(Error::Missing {
+            mechanism: mechanism.name.clone(),
+            needs: "point on a chain",
+            why: "there is nothing whose place could be told",
+        });
+    };
+    let mut anchor = String::from("base");
+    while points.iter().any(|p| p.name == anchor) {
+        anchor.push('_');
+    }
+    points.push(Point { name: anchor.clone(), at: Some([0.0; 3]), ..Point::default() });
+    let closure = Closure {
+        name: anchor.clone(),
+        kind: ClosureKind::Touch,
+        between: [carried, anchor],
+        value: None,
+        noise: None,
+        sd: None,
+    };
+    let platform = std::collections::BTreeMap::new();
+    Ok(Mechanism { points, closures: vec![closure], platform, rest: None, ..mechanism.clone() })
+}
+
+/// True for a parameter that belongs to a closure.
+fn closes(parameter: &Reported) -> bool {
+    let id = parameter.term.split('@').next().unwrap_or_default();
+    terms::find(id).is_ok_and(|term| term.info().per == Per::Closure)
+}
+
+/// A model of these readings, with the parameters that a result has of it.
+fn under(
+    mechanism: &Mechanism,
+    applied: &Applied,
+    table: Table,
+) -> Result<(Model, Readings, Vec<f64>), Error> {
+    let Applied { parameters, reference, sigma } = applied;
     let channels = mechanism.channels.len();
     for (what, found) in
         [("centre", reference.centre.len()), ("span", reference.span.len()), ("sigma", sigma.len())]
@@ -113,7 +198,7 @@ pub fn platform_poses(
         (scale.centre, scale.span) = (centre, span);
     }
     let beta = internal(&model, mechanism, &readings, parameters)?;
-    Ok(poses_of(&model, &readings, &beta, sigma, 1.0))
+    Ok((model, readings, beta))
 }
 
 /// The inverse of [`crate::result::reported`].

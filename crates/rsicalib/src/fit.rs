@@ -51,7 +51,7 @@ impl Default for Options {
             play: 1.0,
             starts: 60,
             good_start: 50.0,
-            lm: lm::Options { xtol: 1e-10, ..lm::Options::default() },
+            lm: lm::Options { xtol: 1e-10, ftol: 1e-12, ..lm::Options::default() },
         }
     }
 }

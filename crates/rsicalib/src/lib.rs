@@ -6,7 +6,7 @@
 //! `e ~ N(0, Σ)`. The estimate minimises
 //!
 //! ```text
-//! Σ_samples eᵀ Σ⁻¹ e    subject to    f(a - e, β) = 0                      (1)
+//! Σ_samples eᵀ Σ⁻¹ e    subject to    f(a - e, β) = 0                      (50)
 //! ```
 
 pub mod algebraic;
@@ -19,6 +19,7 @@ mod error;
 pub mod fit;
 pub mod fixture;
 pub mod lanes;
+pub mod linear;
 pub mod lm;
 pub mod mechanism;
 pub mod model;

@@ -259,15 +259,6 @@ pub struct Closure {
     pub sd: Option<f64>,
 }
 
-impl Closure {
-    /// True for a distance between unknown points of one group, which no sample
-    /// takes part in: `between = ["socket[at=socket0]", "socket[at=socket1]"]`.
-    #[must_use]
-    pub fn between_unknowns(&self) -> bool {
-        self.between.iter().all(|b| b.contains('['))
-    }
-}
-
 /// A platform pose that is known without measuring.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -401,7 +392,27 @@ impl Mechanism {
     /// Scalar equations that one sample gives.
     #[must_use]
     pub fn equations(&self) -> usize {
-        self.closures.iter().filter(|c| !c.between_unknowns()).map(|c| c.kind.equations()).sum()
+        self.closures.iter().filter(|c| !self.is_link(c)).map(|c| c.kind.equations()).sum()
+    }
+
+    /// True for a distance between unknown points of one group, which no sample
+    /// takes part in: `between = ["socket[at=socket0]", "socket[at=socket1]"]`.
+    #[must_use]
+    pub fn is_link(&self, closure: &Closure) -> bool {
+        let named = |end: &String| self.points.iter().any(|p| p.name == *end);
+        closure.between.iter().all(|end| !named(end) && end.ends_with(']'))
+    }
+
+    /// `socket[at=socket0]` as a point and the values of some of its columns.
+    ///
+    /// A value may hold anything: where it ends is told by the names of the columns.
+    #[must_use]
+    pub fn unknown_end(&self, text: &str) -> Option<(usize, Vec<(usize, String)>)> {
+        let inside = |p: &Point| {
+            let keys = text.strip_prefix(p.name.as_str())?.strip_prefix('[')?.strip_suffix(']')?;
+            keys_of(keys, &p.unknown)
+        };
+        self.points.iter().enumerate().find_map(|(i, p)| Some((i, inside(p)?)))
     }
 
     /// Text columns of the readings that the unknown points need.
@@ -555,29 +566,29 @@ impl Mechanism {
         if a == b {
             return Err(refuse(place(), format!("{a:?} twice"), "two points".into()));
         }
-        if closure.between_unknowns() {
+        if self.is_link(closure) {
             return self.check_unknowns(closure);
         }
         known(self.point_index(a), place)?;
         known(self.point_index(b), place)
     }
 
-    /// A distance between unknown points: each names a point, and keys that it has.
+    /// A distance between unknown points: each names a point, and columns that it has.
     fn check_unknowns(&self, closure: &Closure) -> Result<(), Error> {
-        for end in &closure.between {
-            let place = || format!("closure {:?}, between", closure.name);
-            let expected = || "an unknown point and its keys: socket[at=socket0]".to_string();
-            let Some((name, keys)) = split_unknown(end) else {
-                return Err(refuse(place(), format!("{end:?}"), expected()));
-            };
-            let point = &self.points[self.point_index(name)?];
-            if let Some((key, _)) = keys.iter().find(|(k, _)| !point.unknown.iter().any(|c| c == k))
-            {
-                let known = list(point.unknown.iter());
-                return Err(refuse(place(), format!("key {key:?}"), known));
+        match closure.between.iter().find(|end| self.unknown_end(end).is_none()) {
+            None => Ok(()),
+            Some(end) => {
+                let unknown = self.points.iter().filter(|p| !p.unknown.is_empty());
+                let known = unknown.map(|p| format!("{}[{}=…]", p.name, p.unknown.join("=…,")));
+                let known: Vec<String> = known.collect();
+                let expected = match known.is_empty() {
+                    true => "points of the mechanism".into(),
+                    false => format!("unknown points with columns of theirs: {}", known.join(", ")),
+                };
+                let place = format!("closure {:?}, between", closure.name);
+                Err(refuse(place, format!("{end:?}"), expected))
             }
         }
-        Ok(())
     }
 
     fn check_platform(&self) -> Result<(), Error> {
@@ -622,12 +633,26 @@ impl Mechanism {
     }
 }
 
-/// `socket[at=socket0]` as a name and its keys.
-#[must_use]
-pub fn split_unknown(text: &str) -> Option<(&str, Vec<(&str, &str)>)> {
-    let (name, keys) = text.strip_suffix(']')?.split_once('[')?;
-    let keys = keys.split(',').map(|pair| pair.trim().split_once('='));
-    Some((name, keys.collect::<Option<Vec<_>>>()?))
+/// `at=socket0,group=front` as the index of each column and its value.
+fn keys_of(text: &str, columns: &[String]) -> Option<Vec<(usize, String)>> {
+    let column_at = |i: usize| {
+        let rest = text[i..].trim_start();
+        let named = |c: &String| rest.strip_prefix(c.as_str())?.strip_prefix('=');
+        columns.iter().enumerate().find_map(|(k, c)| Some((k, named(c)?)))
+    };
+    let after_commas = text.match_indices(',').map(|(i, _)| i + 1);
+    let starts: Vec<usize> =
+        std::iter::once(0).chain(after_commas).filter(|i| column_at(*i).is_some()).collect();
+    if starts.first() != Some(&0) {
+        return None;
+    }
+    let ends = starts.iter().skip(1).map(|i| i - 1).chain([text.len()]);
+    let value = |(start, end): (&usize, usize)| {
+        let (k, rest) = column_at(*start)?;
+        let beyond = text.len() - end;
+        Some((k, rest[..rest.len() - beyond].trim().to_string()))
+    };
+    starts.iter().zip(ends).map(value).collect()
 }
 
 fn refuse(place: String, found: String, expected: String) -> Error {

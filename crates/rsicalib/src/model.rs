@@ -23,7 +23,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::chain::{Axis, Lever, Posture, Source, Step, Way, push_place};
 use crate::lanes::{Lanes, Vec3, cross, dot, minus};
-use crate::mechanism::{ClosureKind, Value, split_unknown};
+use crate::mechanism::{ClosureKind, Value};
 use crate::objective::Prior;
 use crate::readings::Readings;
 use crate::terms::{self, Acts, Electronics, Needs, Per, Scale, Sensor, Site, Spot, Term, Weight};
@@ -261,6 +261,8 @@ pub struct Model {
     unknown: Vec<Vec<usize>>,
     /// Names of the unknown points' instances.
     pub unknown_names: Vec<String>,
+    /// What they are: a point of the mechanism, and the values of its columns.
+    pub unknown_points: Vec<(usize, Vec<String>)>,
     equations: usize,
     steps: Vec<Vec<Step>>,
     closures: Vec<CompiledClosure>,
@@ -375,7 +377,11 @@ impl Model {
             .enumerate()
             .map(|(c, channel)| Scale::of(channel, centre[c], readings.span[c]))
             .collect();
-        let (unknown, unknown_names) = number_unknowns(mechanism, readings);
+        let (unknown, unknown_points) = number_unknowns(mechanism, readings);
+        let unknown_names: Vec<String> = unknown_points
+            .iter()
+            .map(|(point, keys)| unknown_name(mechanism, *point, keys))
+            .collect();
         let gravity = mechanism
             .gravity
             .map_or(Vector3::zeros(), |g| Vector3::from(g).try_normalize(0.0).unwrap_or_default());
@@ -395,6 +401,7 @@ impl Model {
             scales,
             unknown,
             unknown_names,
+            unknown_points,
         };
         model.compile_terms();
         model.compile_chains()?;
@@ -501,7 +508,7 @@ impl Model {
         };
         let mut equation = 0;
         for (k, closure) in self.mechanism.closures.iter().enumerate() {
-            if closure.between_unknowns() {
+            if self.mechanism.is_link(closure) {
                 continue; // no sample takes part: see `links`
             }
             let ends = [self.end(&closure.between[0])?, self.end(&closure.between[1])?];
@@ -550,17 +557,41 @@ impl Model {
         })
     }
 
+    /// The placement of every sample: unknown points that known distances link
+    /// belong to one. None for a mechanism without unknown points.
+    #[must_use]
+    pub fn placements(&self, readings: &Readings) -> Option<Vec<usize>> {
+        let points = self.unknown.first()?;
+        let mut root: Vec<usize> = (0..self.unknown_names.len()).collect();
+        for link in self.links() {
+            if let Prior::Apart { points: [a, b], .. } = link {
+                let [a, b] = [a, b].map(|c| root[(c - self.term_parameters) / 3]);
+                root.iter_mut().filter(|r| **r == b).for_each(|r| *r = a);
+            }
+        }
+        let mut of_row = vec![0; readings.samples];
+        for block in readings.blocks() {
+            for &row in &block.rows[..block.live] {
+                of_row[row] = root[points[block.group]];
+            }
+        }
+        Some(of_row)
+    }
+
     /// Known distances between unknown points of one group, as priors.
     #[must_use]
     pub fn links(&self) -> Vec<Prior> {
         let mut links = Vec::new();
-        for closure in self.mechanism.closures.iter().filter(|c| c.between_unknowns()) {
+        for closure in self.mechanism.closures.iter().filter(|c| self.mechanism.is_link(c)) {
             let Some(Value::Known(value)) = closure.value else { continue };
             let sd = closure.sd.or(closure.noise).unwrap_or(1e-3 * value);
-            let [a, b] = &closure.between;
-            for (i, first) in self.unknown_names.iter().enumerate() {
-                for (j, second) in self.unknown_names.iter().enumerate() {
-                    if i != j && same_group(first, a, second, b) {
+            let ends = closure.between.each_ref().map(|end| self.mechanism.unknown_end(end));
+            let [Some((a, fixed_a)), Some((b, fixed_b))] = ends else { continue };
+            for (i, (first, keys_a)) in self.unknown_points.iter().enumerate() {
+                for (j, (second, keys_b)) in self.unknown_points.iter().enumerate() {
+                    let (mine, theirs) =
+                        (self.free_keys(a, keys_a, &fixed_a), self.free_keys(b, keys_b, &fixed_b));
+                    if i != j && *first == a && *second == b && mine.is_some() && mine == theirs {
                         let points = [i, j].map(|k| self.term_parameters + 3 * k);
                         links.push(Prior::Apart { points, value, sd });
                     }
@@ -568,6 +599,25 @@ impl Model {
             }
         }
         links
+    }
+
+    /// Columns and values of an unknown point that are not fixed; none where the
+    /// fixed ones are not its own.
+    fn free_keys<'a>(
+        &'a self,
+        point: usize,
+        keys: &'a [String],
+        fixed: &[(usize, String)],
+    ) -> Option<Vec<(&'a String, &'a String)>> {
+        let columns = &self.mechanism.points[point].unknown;
+        if fixed.iter().any(|(k, value)| keys.get(*k) != Some(value)) {
+            return None;
+        }
+        let free = |k: &usize| fixed.iter().all(|(f, _)| f != k);
+        let mut rest: Vec<_> =
+            (0..keys.len()).filter(free).map(|k| (&columns[k], &keys[k])).collect();
+        rest.sort();
+        Some(rest)
     }
 
     /// Scalar equations of one sample.
@@ -1082,9 +1132,9 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
     let masses = || mechanism.chains.iter().any(|c| c.rows.iter().any(|r| r.mass.is_some()));
     let there = match info.needs {
         Needs::Nothing => true,
-        Needs::Order => readings.poses() > 2,
+        Needs::Order => readings.timed && readings.poses() > 2,
         Needs::Temperature => readings.tempered,
-        Needs::Approach => readings.poses() > 2,
+        Needs::Approach => (readings.held || readings.timed) && readings.poses() > 2,
         Needs::Motion => !readings.held && readings.timed,
         Needs::Gravity => mechanism.gravity.is_some(),
         Needs::Masses => mechanism.gravity.is_some() && masses(),
@@ -1092,44 +1142,33 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
     if there { Ok(()) } else { Err(Error::Context { term: info.id, needs: info.needs.words() }) }
 }
 
-/// True where two unknown points are what `a` and `b` name, and agree in every
-/// key that neither of them names.
-fn same_group(first: &str, a: &str, second: &str, b: &str) -> bool {
-    let parts = [first, a, second, b].map(split_unknown);
-    let [Some((n1, k1)), Some((na, ka)), Some((n2, k2)), Some((nb, kb))] = parts else {
-        return false;
-    };
-    let named = |keys: &[(&str, &str)], k: &str| keys.iter().any(|(key, _)| *key == k);
-    let fits =
-        |point: &[(&str, &str)], keys: &[(&str, &str)]| keys.iter().all(|k| point.contains(k));
-    let rest = |point: &[(&str, &str)], keys: &[(&str, &str)]| -> Vec<(String, String)> {
-        let free = point.iter().filter(|(k, _)| !named(keys, k));
-        free.map(|(k, v)| ((*k).to_string(), (*v).to_string())).collect()
-    };
-    n1 == na && n2 == nb && fits(&k1, &ka) && fits(&k2, &kb) && rest(&k1, &ka) == rest(&k2, &kb)
+/// How users call an unknown point: `socket[group=front,at=socket0]`.
+fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String]) -> String {
+    let point = &mechanism.points[point];
+    let keys: Vec<String> =
+        point.unknown.iter().zip(keys).map(|(column, key)| format!("{column}={key}")).collect();
+    format!("{}[{}]", point.name, keys.join(","))
 }
 
-/// Numbers the unknown points: for each, the instance that a group touches.
-fn number_unknowns(mechanism: &Mechanism, readings: &Readings) -> (Vec<Vec<usize>>, Vec<String>) {
+/// Numbers the unknown points: for each, the instance that a group touches, and
+/// what the instances are.
+fn number_unknowns(
+    mechanism: &Mechanism,
+    readings: &Readings,
+) -> (Vec<Vec<usize>>, Vec<(usize, Vec<String>)>) {
     let columns = mechanism.key_columns();
     let mut numbers = Vec::new();
-    let mut names: Vec<String> = Vec::new();
-    for point in mechanism.points.iter().filter(|p| !p.unknown.is_empty()) {
+    let mut points: Vec<(usize, Vec<String>)> = Vec::new();
+    for (p, point) in mechanism.points.iter().enumerate().filter(|(_, p)| !p.unknown.is_empty()) {
         let of_group = readings.groups.iter().map(|group| {
-            let keys: Vec<String> = point
-                .unknown
-                .iter()
-                .filter_map(|c| {
-                    columns.iter().position(|k| k == c).map(|i| format!("{c}={}", group[i]))
-                })
-                .collect();
-            let name = format!("{}[{}]", point.name, keys.join(","));
-            names.iter().position(|n| *n == name).unwrap_or_else(|| {
-                names.push(name);
-                names.len() - 1
+            let key = |c: &String| columns.iter().position(|k| k == c).map(|i| group[i].clone());
+            let own = (p, point.unknown.iter().filter_map(key).collect::<Vec<String>>());
+            points.iter().position(|known| *known == own).unwrap_or_else(|| {
+                points.push(own);
+                points.len() - 1
             })
         });
         numbers.push(of_group.collect());
     }
-    (numbers, names)
+    (numbers, points)
 }

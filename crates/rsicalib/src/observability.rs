@@ -69,7 +69,11 @@ fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
             .map(|&(i, v)| {
                 let by = v / norms[i] / (moves[0].1 / norms[moves[0].0]);
                 let p = &names[i];
-                format!("{:+.3} {} {}", by, p.unit, p.name)
+                let by = match by.abs() {
+                    0.01..1e4 => format!("{by:+.3}"),
+                    _ => format!("{by:+.2e}"),
+                };
+                format!("{by} {} {}", p.unit, p.name)
             })
             .collect();
         let words = shares.join(", ");

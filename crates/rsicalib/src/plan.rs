@@ -4,7 +4,7 @@
 //! readings tells of the parameters, whatever the estimator,
 //!
 //! ```text
-//! M = Xᵀ (A Σ Aᵀ)⁻¹ X        cov ≥ [Σ_poses M]⁻¹                          (71)
+//! M = Xᵀ (A Σ Aᵀ)⁻¹ X        cov ≥ [Σ_poses M]⁻¹                          (91)
 //! ```
 //!
 //! Poses are chosen from candidates by exchange (Fedorov 1972): whichever pose
@@ -13,7 +13,7 @@
 //! costs a few products of small matrices,
 //!
 //! ```text
-//! C' = C - C Wᵀ (± I + W C Wᵀ)⁻¹ W C                                      (72)
+//! C' = C - C Wᵀ (± I + W C Wᵀ)⁻¹ W C                                      (92)
 //! ```
 
 use faer::linalg::solvers::Solve;
@@ -158,7 +158,7 @@ impl Candidates {
         sum
     }
 
-    /// Information (71) of all poses, in rad and rad/reading.
+    /// Information (91) of all poses, in rad and rad/reading.
     #[must_use]
     pub fn gram(&self) -> Mat<f64> {
         let all: Vec<usize> = (0..self.len()).collect();
@@ -167,7 +167,7 @@ impl Candidates {
         Mat::from_fn(n, n, |i, j| m[(i, j)] * self.scale[i] * self.scale[j])
     }
 
-    /// The bound (71) for some of the poses.
+    /// The bound (91) for some of the poses.
     #[must_use]
     pub fn bound(&self, chosen: &[usize]) -> Bound {
         let (covariance, unknowable, _) = crate::fit::invert(&self.information(chosen));
@@ -199,10 +199,16 @@ impl Candidates {
 
     /// Chooses so many poses beside those that are `kept` anyway.
     ///
-    /// `start` is where the exchange begins, as indices of candidates; poses may
-    /// be visited more than once. Deterministic.
+    /// `start` is where the exchange begins, as indices of candidates; a pose may
+    /// be visited more than once, those that are kept are not visited again.
+    /// Also returns what was made small. Deterministic.
     #[must_use]
-    pub fn exchange(&self, start: &[usize], kept: &[usize], criterion: Criterion) -> Vec<usize> {
+    pub fn exchange(
+        &self,
+        start: &[usize],
+        kept: &[usize],
+        criterion: Criterion,
+    ) -> (Vec<usize>, f64) {
         let mut chosen = start.to_vec();
         let weight = self.weight(criterion);
         // A trace of information everywhere, so that any start can be improved.
@@ -219,7 +225,7 @@ impl Candidates {
                 let rest = self.information(&others) + &faint;
                 let Ok(factor) = rest.llt(Side::Lower) else { continue };
                 let inverse = factor.solve(Mat::<f64>::identity(n, n));
-                let best = self.best(&inverse, weight.as_ref(), chosen[place]);
+                let best = self.best(&inverse, weight.as_ref(), chosen[place], kept);
                 changed |= best != chosen[place];
                 chosen[place] = best;
             }
@@ -227,11 +233,20 @@ impl Candidates {
                 break;
             }
         }
-        chosen
+        let every: Vec<usize> = chosen.iter().chain(kept).copied().collect();
+        let score = match (self.information(&every).llt(Side::Lower), weight) {
+            (Err(_), _) => f64::INFINITY,
+            (Ok(factor), None) => (0..n).map(|i| -2.0 * factor.L()[(i, i)].ln()).sum(),
+            (Ok(factor), Some(omega)) => {
+                let product = factor.solve(omega);
+                (0..n).map(|i| product[(i, i)]).sum()
+            }
+        };
+        (chosen, score)
     }
 
     /// The candidate that adds most to information with inverse `c`; `now` unless one is better.
-    fn best(&self, c: &Mat<f64>, weight: Option<&Mat<f64>>, now: usize) -> usize {
+    fn best(&self, c: &Mat<f64>, weight: Option<&Mat<f64>>, now: usize, kept: &[usize]) -> usize {
         let spread = weight.map(|w| c * w * c);
         let gain = |pose: usize| -> f64 {
             let w = &self.rows[pose];
@@ -242,7 +257,7 @@ impl Candidates {
             match &spread {
                 // log det M' - log det M = log det (I + W C Wᵀ)
                 None => 2.0 * (0..k).map(|i| factor.L()[(i, i)].ln()).sum::<f64>(),
-                // tr(Ω C) - tr(Ω C') = tr((I + W C Wᵀ)⁻¹ W C Ω C Wᵀ), from (72)
+                // tr(Ω C) - tr(Ω C') = tr((I + W C Wᵀ)⁻¹ W C Ω C Wᵀ), from (92)
                 Some(spread) => {
                     let solved = factor.solve(w * spread * w.transpose());
                     (0..k).map(|i| solved[(i, i)]).sum()
@@ -250,7 +265,7 @@ impl Candidates {
             }
         };
         let mut best = (gain(now) * (1.0 + 1e-9), now);
-        for pose in 0..self.len() {
+        for pose in (0..self.len()).filter(|pose| !kept.contains(pose)) {
             let value = gain(pose);
             if value > best.0 {
                 best = (value, pose);

@@ -383,11 +383,13 @@ fn scan_places(
     let live: Vec<usize> =
         (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| session.weights[r] > 0.0)).collect();
     let mut scored = Vec::new();
+    let flat: Vec<f64> = (0..n * n).map(|i| inverse[(i / n, i % n)]).collect();
 
     // One column each: Zᵀr, ZᵀZ, ZᵀX.
     let mut score_one = |instance: Instance, family, places: f64, r: f64, zz: f64, zx: &[f64]| {
+        let along = |row: &[f64]| row.iter().zip(zx).map(|(a, b)| a * b).sum::<f64>();
         let absorbed: f64 =
-            (0..n).map(|i| zx[i] * (0..n).map(|j| inverse[(i, j)] * zx[j]).sum::<f64>()).sum();
+            zx.iter().zip(flat.chunks_exact(n)).map(|(z, row)| z * along(row)).sum();
         let left = zz - absorbed;
         if left > 1e-3 * zz && !has(&instance) {
             let score = r * r / left;

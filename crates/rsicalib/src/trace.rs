@@ -53,8 +53,10 @@ pub struct Found {
 /// Poses and samples that were left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Excluded {
-    /// Number of the pose.
-    pub pose: usize,
+    /// Number of the pose; none for a whole placement.
+    pub pose: Option<usize>,
+    /// The placement, by one of its rows; none unless it is left out whole.
+    pub placement: Option<usize>,
     /// Row of a single bad sample; none: all samples of the pose.
     pub row: Option<usize>,
     /// The channel at fault; none where it cannot be told.
@@ -98,6 +100,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let base = session.instances()?;
     let before = fit(&session, base.clone(), None)?;
     let mut excluded = bad::samples(&mut session, &before);
+    excluded.extend(bad::placements(&mut session, &before)?);
     let clean = if excluded.is_empty() {
         before.clone()
     } else {
@@ -148,8 +151,10 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         }
     }
     for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
-        for row in &session.readings.rows_of_poses()[pose.pose] {
-            session.weights[*row] = 0.0;
+        for row in
+            pose.pose.map(|p| session.readings.rows_of_poses()[p].clone()).unwrap_or_default()
+        {
+            session.weights[row] = 0.0;
         }
     }
     let after =
@@ -357,7 +362,7 @@ impl<'a> Hunt<'a> {
             return Ok((false, Vec::new()));
         };
         // Scores are first order: leave room for what refitting changes.
-        let room = AS_WELL + 10.0 + 0.25 * mine.score;
+        let room = AS_WELL + 4.0 + 0.15 * mine.score;
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)
@@ -369,7 +374,7 @@ impl<'a> Hunt<'a> {
         let mut rivals = Vec::new();
         let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
         let my_value = value(current, &mine);
-        for candidate in scored.into_iter().take(2 * self.search.refits) {
+        for candidate in scored.into_iter().take(self.search.refits + 4) {
             let refit = self.with(&without, candidate.instance)?;
             if refit.plausible && refit.termination.converged() {
                 rivals.push((value(&refit, &candidate), candidate, refit));
@@ -398,7 +403,8 @@ impl<'a> Hunt<'a> {
     fn bad_reading(&self, instance: &Instance, also: &[Instance]) -> Excluded {
         let Target::Channel(channel) = instance.target else {
             return Excluded {
-                pose: instance.place,
+                pose: Some(instance.place),
+                placement: None,
                 row: None,
                 channel: None,
                 chain: None,
@@ -422,12 +428,20 @@ impl<'a> Hunt<'a> {
             }
             (None, None) => "a channel reads wrong; these equations cannot tell which".into(),
         };
-        Excluded { pose: instance.place, row: None, channel, chain, reason: what }
+        Excluded {
+            pose: Some(instance.place),
+            placement: None,
+            row: None,
+            channel,
+            chain,
+            reason: what,
+        }
     }
 
     fn excluded(&self, pose: usize, channel: Option<usize>, step: &Scored) -> Excluded {
         Excluded {
-            pose,
+            pose: Some(pose),
+            placement: None,
             row: None,
             channel,
             chain: None,

@@ -76,10 +76,10 @@ pub struct StepReport {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ExcludedReport {
-    /// Label of the pose.
-    pub pose: i64,
+    /// Label of the pose; none for a whole placement.
+    pub pose: Option<i64>,
     /// Sample of the pose, counted from 1; none: all of them.
-    pub sample: Option<usize>,
+    pub sample: Option<i64>,
     /// Keys of its unknown points.
     pub group: Option<String>,
     /// The chain at fault.
@@ -397,15 +397,19 @@ fn excluded(traced: &Traced, excluded: &Excluded) -> ExcludedReport {
     let readings = &traced.session.readings;
     let mechanism = &traced.session.mechanism;
     let rows = readings.rows_of_poses();
-    let first = rows[excluded.pose][0];
-    let keys: Vec<&str> = readings.table.keys.iter().map(|k| k[first].as_str()).collect();
+    let first = excluded.pose.map(|p| rows[p][0]).or(excluded.placement);
+    let keys =
+        first.map(|row| readings.table.keys.iter().map(|k| k[row].as_str()).collect::<Vec<_>>());
+    let sample = |pose: usize| {
+        excluded.row.and_then(|row| rows[pose].iter().position(|r| *r == row)).map(|s| s as i64 + 1)
+    };
     ExcludedReport {
-        pose: readings.labels[excluded.pose],
-        sample: excluded
-            .row
-            .and_then(|row| rows[excluded.pose].iter().position(|r| *r == row))
-            .map(|s| s + 1),
-        group: (!keys.is_empty()).then(|| keys.join(", ")),
+        pose: excluded.pose.map(|p| readings.labels[p]),
+        sample: excluded.pose.and_then(sample),
+        // A whole placement is named by its first key, a sample by all of them.
+        group: keys
+            .filter(|k| !k.is_empty())
+            .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
         chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
         reason: excluded.reason.clone(),

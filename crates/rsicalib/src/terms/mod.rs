@@ -57,7 +57,7 @@ pub enum Per {
 pub enum Needs {
     /// Nothing but readings.
     Nothing,
-    /// `time_s`, or the order of the poses.
+    /// `time_s`.
     Order,
     /// A temperature that changes.
     Temperature,
@@ -77,9 +77,9 @@ impl Needs {
     pub fn words(self) -> &'static str {
         match self {
             Self::Nothing => "readings",
-            Self::Order => "order in time",
+            Self::Order => "time_s",
             Self::Temperature => "temperature_c that changes",
-            Self::Approach => "pose before, to approach from",
+            Self::Approach => "held poses or time_s, to approach from",
             Self::Motion => "recording in motion with time_s",
             Self::Gravity => "direction of gravity in the mechanism",
             Self::Masses => "link masses in the mechanism",
@@ -409,6 +409,7 @@ mod laws;
 // One `mod` and one registry line per term; the `mod`s stand outside the macro
 // because rustfmt does not look inside.
 mod bad_reading;
+mod base_bearing;
 mod base_position;
 mod base_tilt;
 mod channel_skew;
@@ -462,6 +463,7 @@ registry! {
     link_frame::LinkFrame,
     base_position::BasePosition,
     base_tilt::BaseTilt,
+    base_bearing::BaseBearing,
     point_position::PointPosition,
     sag::Sag,
     joint_compliance::JointCompliance,

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import leastsq
-
 from transcribe import Problem, read_all
 
 # As tight as doubles go; MINPACK then stops where rounding stops it.

@@ -56,7 +56,8 @@ def read(path: Path) -> Problem:
     lines = text.splitlines()
 
     parameters = re.findall(r"^ *b\d+ *=" + rf" +({NUMBER})" * 4 + " *$", text, re.MULTILINE)
-    start_1, start_2, certified, sd = ([float(v) for v in column] for column in zip(*parameters))
+    columns = zip(*parameters, strict=True)
+    start_1, start_2, certified, sd = ([float(v) for v in column] for column in columns)
 
     first, last = map(int, _one(r"^ +Data +\(lines +(\d+) to +(\d+)\)", text))
     rows = [[float(word) for word in line.split()] for line in lines[first - 1 : last]]

@@ -1,0 +1,24 @@
+//! [`BaseBearing`].
+
+use super::{Acts, Info, Spot, Term};
+use crate::chain::{Axis, Way};
+
+term! {
+    /// A chain stands at another bearing of the common base.
+    ///
+    /// Turns the whole chain about the z axis of the base: the Denavit-Hartenberg
+    /// angle of its fixed row.
+    BaseBearing("base_bearing", Geometry, per Chain, needs Nothing) {
+        rz: "rad" ~ 4e-3,
+    }
+}
+
+impl Term for BaseBearing {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Geometry(&[(Spot::Base, Axis::Z, Way::Turn)])
+    }
+}
