@@ -47,7 +47,9 @@ PARAMETERS = {
     "starts": "int | None",
     "table": "Mapping[str, Any]",
     "terms": "Sequence[str] | None",
+    "linearize.terms": "Sequence[str]",
     "text": "str",
+    "unknown": "Array | None",
     "without": "Sequence[str] | None",
     "xtol": "float | None",
 }
@@ -85,6 +87,8 @@ RETURNS = {
     "fixture": "tuple[list[dict[str, Any]], int]",
     "forward": "Array",
     "jacobian": "Array",
+    "linearize": "dict[str, Any]",
+    "points": "list[list[list[float]]]",
     "minimize": "tuple[Array, Array, float, int, str]",
     "misclosure": "Array",
     "observability": "dict[str, Any]",

@@ -197,8 +197,11 @@ def jacobian(
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
 
 def linearize(
-    mechanism: Mechanism, table: Mapping[str, Any], terms: Sequence[str] | None, unknown: Any = None
-) -> Any:
+    mechanism: Mechanism,
+    table: Mapping[str, Any],
+    terms: Sequence[str],
+    unknown: Array | None = None,
+) -> dict[str, Any]:
     """Misclosure of a table, and its derivatives by readings and parameters.
 
     `f` of shape (n, equations), `a` of (n equations, channels), `x` of (n equations,
@@ -245,7 +248,9 @@ def observability(
 ) -> dict[str, Any]:
     """What poses can tell of offsets and gains, under a named scaling of the columns."""
 
-def points(mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]) -> Any:
+def points(
+    mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]
+) -> list[list[list[float]]]:
     """Where the chains carry their points under a result: shape (points, n, 3)."""
 
 def readings_at(

@@ -17,6 +17,7 @@ from rsicalib._core import Mechanism
 from rsicalib.data import Readings
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.groups import measured
+from rsicalib.places import Places, places, readings_for
 from rsicalib.results import ALPHA, Calibration, Parameter, Trace
 from rsicalib.work import (
     NOTHING,
@@ -35,6 +36,7 @@ __all__ = [
     "demo",
     "fixture",
     "forward",
+    "forward_sd",
     "inverse",
     "load_mechanism",
     "load_readings",
@@ -404,14 +406,14 @@ def forward(
     *,
     skip_bad_rows: bool = False,
 ) -> FloatArray:
-    """Find the platform's pose for every reading.
+    """Find the platform's pose for every reading, or the points that the chains carry.
 
     Parameters
     ----------
     readings : path or Readings
         `n` samples.
     mechanism : str, path or Mechanism
-        With a platform.
+        With a platform, or with points on its chains.
     calibration : path, Calibration or Trace, optional
         An earlier result; without it the mechanism as it is declared. Terms that
         are bound to the time of their own session are left out.
@@ -421,24 +423,62 @@ def forward(
     Returns
     -------
     ndarray, shape (n, 6)
-        `x y z` [length unit] and `rx ry rz` [rad], eq. (1).
+        `x y z` [length unit] and `rx ry rz` [rad], eq. (1). Of a mechanism without
+        a platform, `x y z` of each point that a chain carries, shape (n, 3 points).
 
     Raises
     ------
     InputError
-        The mechanism has no platform, or the result is not of this mechanism.
+        The mechanism has neither, or the result is not of this mechanism.
+
+    See Also
+    --------
+    forward_sd : how well they are known.
 
     Examples
     --------
     >>> forward(DEMO / "rest.csv").shape[1]
     6
     """
+    return _placed(readings, mechanism, calibration, skip_bad_rows, sd=False).values
+
+
+def forward_sd(
+    readings: ReadingsArg,
+    mechanism: MechanismArg,
+    calibration: CalibrationArg,
+    *,
+    skip_bad_rows: bool = False,
+) -> FloatArray:
+    """Find how well a calibration knows what `forward` gives.
+
+    Parameters
+    ----------
+    readings, mechanism, calibration, skip_bad_rows
+        As for `forward`.
+
+    Returns
+    -------
+    ndarray
+        Standard deviations, in the shape of `forward`: of the calibration alone, the
+        noise of the reading not counted. NaN where nothing is known of them.
+    """
+    found = _placed(readings, mechanism, calibration, skip_bad_rows, sd=True)
+    return np.full_like(found.values, np.nan) if found.sd is None else found.sd
+
+
+def _placed(
+    readings: ReadingsArg,
+    mechanism: MechanismArg,
+    calibration: CalibrationArg | None,
+    skip_bad_rows: bool,
+    *,
+    sd: bool,
+) -> Places:
     loaded = load_mechanism(mechanism)
-    one = work.load(readings, loaded, skip_bad_rows)
+    one = readings_for(readings, loaded, skip_bad_rows)
     result = None if calibration is None else work.earlier_result(calibration, loaded)
-    applied = work.as_applied(result, loaded)
-    poses: FloatArray = _core.forward(loaded, applied, work.as_table([one], loaded))
-    return poses
+    return places(one, loaded, result, sd=sd)
 
 
 def inverse(poses: npt.ArrayLike, mechanism: MechanismArg = "rsi") -> FloatArray:

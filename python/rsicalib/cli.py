@@ -23,14 +23,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
+import numpy as np
+
 from rsicalib import _core, api
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.files import forget_parts, write_text
+from rsicalib.places import places, readings_for
 from rsicalib.plan import CRITERIA
 from rsicalib.plan import plan as plan_poses
 from rsicalib.records import to_json
 from rsicalib.results import Calibration, Result, Trace
 from rsicalib.simulate import simulate as simulate_device
+from rsicalib.work import earlier_result
 
 __all__ = ["main"]
 
@@ -75,24 +79,32 @@ def demo(args: Args) -> int:
 def forward(args: Args) -> int:
     """Readings to platform poses under a calibration, CSV on standard output."""
     mechanism = api.load_mechanism(args.mechanism)
-    readings = api.load_readings(args.readings, mechanism, skip_bad_rows=args.skip_bad_rows)
+    readings = readings_for(args.readings, mechanism, args.skip_bad_rows)
     _warn(args, readings.warnings)
-    poses = api.forward(readings, mechanism, args.calibration)
+    result = None
+    if args.calibration is not None:
+        result = earlier_result(args.calibration, mechanism)
+    found = places(readings, mechanism, result)
     labels: dict[str, Any] = {"pose": readings.pose.tolist()}
     if readings.sample is not None:
         labels["sample"] = readings.sample.tolist()
     if readings.time_s is not None:
         labels["time_s"] = readings.time_s.tolist()
-    names = ["x", "y", "z", "rx", "ry", "rz"]
+    names, values = list(found.names), found.values
+    if found.sd is not None:
+        names += [f"sd_{name}" for name in found.names]
+        values = np.hstack([values, found.sd])
     if args.json:
-        columns = {**labels, **dict(zip(names, poses.T, strict=True))}
+        columns = {**labels, **dict(zip(names, values.T, strict=True))}
         document = {"format": "rsicalib.poses/1", "version": _core.__version__}
         document |= {"mechanism": mechanism.name, "length_unit": mechanism.length_unit}
         sys.stdout.write(to_json({**document, "columns": columns}))
         return 0
+    digits = [12] * len(found.names) + [3] * (len(names) - len(found.names))
     lines = [",".join([*labels, *names])]
-    for head, pose in zip(zip(*labels.values(), strict=True), poses.tolist(), strict=True):
-        lines.append(",".join([*map(str, head), *(f"{v:.9g}" for v in pose)]))
+    for head, row in zip(zip(*labels.values(), strict=True), values.tolist(), strict=True):
+        cells = (f"{v:.{d}g}" for v, d in zip(row, digits, strict=True))
+        lines.append(",".join([*map(str, head), *cells]))
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
@@ -286,7 +298,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--poses", type=int, default=12, help="how many to visit (12)")
     sub.add_argument("--beside", metavar="READINGS", help="poses that are visited already")
     sub.add_argument("--noise", type=float, default=1.0, help="of one reading, for the bound (1)")
-    sub.add_argument("--criterion", choices=CRITERIA, default=CRITERIA[0], help="what is made small")
+    sub.add_argument(
+        "--criterion", choices=CRITERIA, default=CRITERIA[0], help="what is made small"
+    )
     sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
     sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")
     sub.add_argument("--out", metavar="FILE", type=Path, help="write the poses as CSV")

@@ -34,8 +34,13 @@ __all__ = [
     "closed_loop_noise",
     "convergence_equal",
     "convergence_independent",
+    "converges",
+    "edge",
     "fixture_lines",
+    "nominal_device",
     "open_loop_noise",
+    "placed",
+    "readings_of",
     "run",
     "start_success",
 ]
@@ -516,7 +521,7 @@ def closed_loop_noise(
     aim = np.asarray(poses, dtype=np.float64)
 
     def job(rng: np.random.Generator, size: int) -> FloatArray:
-        exact = _placed(device, aim, placement, rng, size)
+        exact = placed(device, aim, placement, rng, size)
         read = _averaged(device, exact, rng, noise, average, round_average)
         errors = np.full((size, 2), np.nan)
         for k in range(size):
@@ -621,7 +626,7 @@ def _averaged(
     return read.reshape(exact.shape)
 
 
-def _placed(
+def placed(
     device: Device,
     aim: FloatArray,
     placement: tuple[float, float],

@@ -106,14 +106,14 @@ def measured(job: Work, result: AnyResult) -> AnyResult:
     if not by_group:
         return result
     nominal = spread(job.whole, job.mechanism, as_applied(None, job.mechanism))
-    used = _used(job, list(by_group))
+    used, others = _sides(job, list(by_group))
     groups = Groups(
         fitted=_mean(by_group, used),
-        others=_mean(by_group, by_group.keys() - used),
+        others=_mean(by_group, others),
         by_group=by_group,
         unit=result.length_unit,
         nominal_fitted=_mean(nominal, used),
-        nominal_others=_mean(nominal, by_group.keys() - used),
+        nominal_others=_mean(nominal, others),
     )
     return result.with_groups(groups)
 
@@ -143,9 +143,9 @@ def _column(readings: Sequence[Readings], name: str) -> list[str]:
     return [text for r in readings for text in r.keys[name]]
 
 
-def _used(job: Work, names: list[str]) -> set[str]:
-    """The groups that the fit has seen."""
-    if job.selected is None:
-        return set(names)
-    keep, leave = job.selected
-    return {n for n in names if (keep is None or n in keep) and (leave is None or n not in leave)}
+def _sides(job: Work, names: list[str]) -> tuple[set[str], set[str]]:
+    """The groups that the fit has seen, and those that it is measured on."""
+    keep, leave = job.selected or (None, None)
+    used = {n for n in names if (keep is None or n in keep) and (leave is None or n not in leave)}
+    others = set(names) - used
+    return used, others if keep is None or leave is None else others & set(leave)

@@ -205,8 +205,8 @@ def _ranges(paper: Printed) -> Misprint:
         "section II-B",
         "±0.7 rad for θi2, -1.0 to -2.2 rad for θi3",
         "±0.7 rad for θi3, -1.0 to -2.2 rad for θi2",
-        f"Over Tables II and III θi2 runs from {high[1]:.2f} to {low[1]:.2f}, θi3 from {low[2]:.2f} "
-        f"to {high[2]:.2f} rad; and θi2 ≤ 0 in every pose of Fig. 4.",
+        f"Over Tables II and III θi2 runs from {high[1]:.2f} to {low[1]:.2f} rad, θi3 from "
+        f"{low[2]:.2f} to {high[2]:.2f} rad; by Fig. 4 θi2 cannot be positive.",
         {
             "lowest θi2": float(low[1]),
             "highest θi2": float(high[1]),
@@ -262,9 +262,9 @@ def _eq_12(paper: Printed) -> Misprint:
         "eq. (12)",
         "∂f/∂θij",
         "∂f/∂θij_off",
-        "The unknowns of (11) are offsets and gains. As θ = k a + θ_off the two derivatives are one "
-        f"number (differences by the offset agree with it to {same:.0e}), so nothing goes wrong; "
-        f"those by the gain are a times as large (agree to {gains:.0e}).",
+        "The unknowns of (11) are offsets and gains. As θ = k a + θ_off the two derivatives are "
+        f"one number (differences by the offset agree with it to {same:.0e}), so nothing goes "
+        f"wrong; those by the gain are a times as large (agree to {gains:.0e}).",
         {"offset column, in²/rad": same, "gain column, relative": gains},
     )
 
@@ -348,8 +348,8 @@ def _offset_from(paper: Printed) -> Misprint:
         "nominal offset, before eq. (14)",
         "from (10)",
         "from (9)",
-        f"At one pose (10) is {len(jacobian)} equations of rank {rank} in 9 offsets: it cannot give "
-        "them. (9) solved for the offset is (14).",
+        f"At one pose (10) is {len(jacobian)} equations of rank {rank} in 9 offsets: it cannot "
+        "give them. (9) solved for the offset is (14).",
         {"rank": float(rank)},
     )
 
@@ -362,9 +362,9 @@ def _table_vii(paper: Printed) -> Misprint:
         "Table VII, and the text about it",
         "rows I and II with 0.004, 0.005; 0.010, 0.024; “errors in Table VIII”",
         "rows II and III with 0.036 rad, 0.020e-3; 0.015 rad, 0.0064e-3; Table VII",
-        "The printed rows are those of Table VI, and set I cannot differ from itself. From Tables IV "
-        f"and V: II {off['II']:.3f} rad and {gain['II']:.4f}e-3, III {off['III']:.3f} rad and "
-        f"{gain['III']:.4f}e-3. The ratio I to III in the text, “about twice”, is a ratio of these.",
+        "The printed rows are those of Table VI, and set I cannot differ from itself. From Tables "
+        f"IV and V: II {off['II']:.3f} rad and {gain['II']:.4f}e-3, III {off['III']:.3f} rad and "
+        f"{gain['III']:.4f}e-3.",
         {
             "offsets II, rad": off["II"],
             "offsets III, rad": off["III"],
@@ -437,8 +437,8 @@ def _table_ix(
             "Table IX, “variance 1, 2, 4”",
             "variance",
             "standard deviation, in counts",
-            f"Printed errors double from row to row ({_list([printed[str(s)][0] for s in (1, 2, 4)])}"
-            f"): so they do with these standard deviations ({_list(deviation)}); with these "
+            "Printed errors double from row to row, "
+            f"{_list([printed[str(s)][0] for s in (1, 2, 4)])}: so they do with these standard deviations, {_list(deviation)}; with these "
             f"variances they are {_list(variance)}.",
             {f"variance {v}": x for v, x in zip((1, 2, 4), variance, strict=True)},
         ),
@@ -463,8 +463,8 @@ def _table_ix(
             "“the poses of Table III”",
             "Table III as placed by hand: + N(0, 0.25) in and rad",
             f"Exactly at Table III errors are {_list([exact[s] for s in (0, 1, 2, 4)])} for "
-            f"truncation, 1, 2, 4: {min(worse):.1f} to {max(worse):.1f} times the printed ones. With "
-            f"the perturbation of section IV-B they are {truncation:.4f}, {_list(deviation)}.",
+            f"truncation, 1, 2, 4: {min(worse):.1f} to {max(worse):.1f} times the printed ones. "
+            f"With the perturbation of section IV-B: {_list([truncation, *deviation])}.",
             {f"exact, σ = {s}": exact[s] for s in (0, 1, 2, 4)},
         ),
     )

@@ -23,6 +23,7 @@ from rsicalib.signs import mark_unphysical
 
 __all__ = [
     "NOTHING",
+    "Bare",
     "CalibrationArg",
     "FloatArray",
     "MechanismArg",
@@ -147,7 +148,7 @@ class Work:
             mechanism = mechanism.with_sensors(_sensors(self.earlier, mechanism))
         values = None
         if rest is not None:
-            loaded = load(rest, _Bare(self.mechanism), self.skip)
+            loaded = load(rest, Bare(self.mechanism), self.skip)
             self.warnings += loaded.warnings
             values = loaded.values
         table = as_table(self.readings, self.mechanism)
@@ -231,8 +232,8 @@ def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
     return readings
 
 
-class _Bare:
-    """A mechanism of which only the channels count: a rest reading needs no more."""
+class Bare:
+    """A mechanism of which only the channels count: to read a rest pose, or to apply a result."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.name = mechanism.name
@@ -266,8 +267,10 @@ def _grouped(
     return kept
 
 
-def as_table(readings: Sequence[Readings], mechanism: Mechanism) -> dict[str, Any]:
-    """Sessions one after the other, as the core takes them."""
+def as_table(
+    readings: Sequence[Readings], mechanism: Mechanism, *, bare: bool = False
+) -> dict[str, Any]:
+    """Sessions one after the other, as the core takes them; `bare`: the channels alone."""
     if len({r.held for r in readings}) > 1:
         held = next(r.source for r in readings if r.held)
         moving = next(r.source for r in readings if not r.held)
@@ -280,16 +283,16 @@ def as_table(readings: Sequence[Readings], mechanism: Mechanism) -> dict[str, An
 
     several = len(readings) > 1
     sizes = [len(r) for r in readings]
+    keys, columns = ([], []) if bare else (mechanism.key_columns, mechanism.value_columns)
     return {
         "values": np.concatenate([r.values for r in readings]),
         "pose": np.concatenate([r.pose for r in readings]) if readings[0].held else None,
         "time": together([r.time_s for r in readings]),
         "temperature": together([r.temperature_c for r in readings]),
         "session": np.repeat(range(len(readings)), sizes).tolist() if several else None,
-        "keys": [[t for r in readings for t in r.keys[name]] for name in mechanism.key_columns],
+        "keys": [[t for r in readings for t in r.keys[name]] for name in keys],
         "columns": [
-            np.concatenate([r.columns[name] for r in readings]).tolist()
-            for name in mechanism.value_columns
+            np.concatenate([r.columns[name] for r in readings]).tolist() for name in columns
         ],
     }
 

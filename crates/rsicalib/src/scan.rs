@@ -69,7 +69,7 @@ impl Scored {
 
 /// Share of the error budget that each family has.
 const SHARES: [(Family, f64); 4] =
-    [(Family::Named, 0.55), (Family::Free, 0.10), (Family::Slip, 0.15), (Family::Bad, 0.20)];
+    [(Family::Named, 0.62), (Family::Free, 0.08), (Family::Slip, 0.12), (Family::Bad, 0.18)];
 
 /// How scores are judged.
 #[derive(Debug, Clone, Copy)]

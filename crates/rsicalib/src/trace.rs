@@ -31,7 +31,7 @@ pub struct Search {
 
 impl Default for Search {
     fn default() -> Self {
-        Self { alpha: 0.008, without: Vec::new(), most: 8, refits: 8 }
+        Self { alpha: 0.013, without: Vec::new(), most: 8, refits: 8 }
     }
 }
 
