@@ -16,13 +16,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"):
-    os.environ[threads] = "1"
+if __name__ == "__main__":  # one thread, for both; before numpy is loaded
+    for _name in ("OMP", "OPENBLAS", "MKL", "RAYON"):
+        os.environ[f"{_name}_NUM_THREADS"] = "1"
+    sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from rsicalib import _core
 from tests import oracle

@@ -64,6 +64,7 @@ RETURNS = {
     "Channel.unit": "str",
     "Fit.check": "dict[str, Any]",
     "Fit.forward": "Array",
+    "Fit.held_out": "dict[str, Any] | None",
     "Fit.residuals": "Array",
     "Fit.to_dict": "dict[str, Any]",
     "Mechanism.channels": "list[Channel]",

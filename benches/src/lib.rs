@@ -1,1 +1,79 @@
-//! x
+//! What every bench starts from: the hand controller in poses by hand.
+
+use rsicalib::{Mechanism, Session, Table, rsi};
+
+/// A device, its readings and its true parameters.
+#[derive(Debug, Clone)]
+pub struct Device {
+    /// The hand controller.
+    pub mechanism: Mechanism,
+    /// Counts, pose by pose, rounded as a converter rounds them.
+    pub counts: Vec<f64>,
+    /// True offsets [rad].
+    pub offsets: Vec<f64>,
+    /// True gains [rad/count].
+    pub gains: Vec<f64>,
+}
+
+impl Device {
+    /// Nominal offsets and gains.
+    #[must_use]
+    pub fn nominal(&self) -> (Vec<f64>, Vec<f64>) {
+        let channels = &self.mechanism.channels;
+        (channels.iter().map(|c| c.offset).collect(), channels.iter().map(|c| c.gain).collect())
+    }
+
+    /// The readings as a session, one sample for each pose.
+    ///
+    /// # Panics
+    ///
+    /// If the readings do not fit the mechanism: a mistake in this file.
+    #[must_use]
+    #[expect(
+        clippy::missing_panics_doc,
+        clippy::expect_used,
+        reason = "a bench stops at a mistake"
+    )]
+    pub fn session(&self) -> Session {
+        let table = Table { values: self.counts.clone(), ..Table::default() };
+        Session::new(&self.mechanism, table, None, rsicalib::Options::default()).expect("readings")
+    }
+}
+
+/// Uniform numbers in (-1, 1): a linear congruential generator, the same everywhere.
+struct Uniform(u64);
+
+impl Uniform {
+    fn next(&mut self) -> f64 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}
+
+/// The hand controller in `poses` poses within ±2 in, z -5 … -1, ±25°.
+#[must_use]
+pub fn hand_controller(poses: usize) -> Device {
+    let mut random = Uniform(19_931_102);
+    let mechanism = Mechanism::rsi();
+    let gains: Vec<f64> =
+        mechanism.channels.iter().map(|c| c.gain * (1.0 + 0.02 * random.next())).collect();
+    let offsets: Vec<f64> =
+        mechanism.channels.iter().map(|c| c.offset + 0.04 * random.next()).collect();
+    let mut counts = Vec::with_capacity(9 * poses);
+    while counts.len() < 9 * poses {
+        let mut u = || random.next();
+        let pose = [2.0 * u(), 2.0 * u(), -3.0 + 2.0 * u(), 0.44 * u(), 0.44 * u(), 0.44 * u()];
+        let Ok(angles) = rsi::inverse(&pose) else { continue };
+        let row: Vec<f64> = angles
+            .iter()
+            .flatten()
+            .enumerate()
+            .map(|(c, angle)| ((angle - offsets[c]) / gains[c]).round())
+            .collect();
+        if row.iter().all(|a| (0.0..=4095.0).contains(a)) {
+            counts.extend(row);
+        }
+    }
+    Device { mechanism, counts, offsets, gains }
+}

@@ -26,7 +26,10 @@ from rsicalib.api import (
 )
 from rsicalib.data import Readings
 from rsicalib.errors import InputError, RsicalibError, UndeterminedError
+from rsicalib.export import export_toml, export_urdf
+from rsicalib.identifiable import identifiable
 from rsicalib.observability import observability
+from rsicalib.paper import paper
 from rsicalib.plan import plan
 from rsicalib.results import Calibration, Parameter, Step, Trace, load_calibration
 from rsicalib.simulate import simulate
@@ -46,14 +49,18 @@ __all__ = [
     "__version__",
     "calibrate",
     "demo",
+    "export_toml",
+    "export_urdf",
     "fixture",
     "forward",
     "forward_sd",
+    "identifiable",
     "inverse",
     "load_calibration",
     "load_mechanism",
     "load_readings",
     "observability",
+    "paper",
     "plan",
     "simulate",
     "terms",

@@ -48,6 +48,10 @@ DEMO = Path(__file__).with_name("demo")
 """Folder of the session that comes with the package: readings.csv, rest.csv, check.csv."""
 
 
+MOST_HELD_OUT = 5000
+"""A calibration from more poses is not fitted again without some of them: `trace` does that."""
+
+
 def load_mechanism(name_or_path: MechanismArg = "rsi") -> Mechanism:
     """Load a mechanism: a built-in one by its name, or a TOML file.
 
@@ -218,6 +222,8 @@ def calibrate(
     except UndeterminedError as error:
         return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
     found = dict(fit.to_dict())
+    if found["converged"] and found["fit"]["dof"] >= 1.0 and job.count <= MOST_HELD_OUT:
+        found["fit"] |= {"held_out": fit.held_out()}
     known = job.known(check)
     if known is not None:
         found["nominal"] = {**NOTHING, "check": job.nominal_error(known, align=False)}

@@ -19,7 +19,7 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -27,7 +27,10 @@ import numpy as np
 
 from rsicalib import _core, api
 from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.export import calibrated_files
 from rsicalib.files import forget_parts, write_text
+from rsicalib.identifiable import COMPLETE, identifiable
+from rsicalib.paper import paper as compute_paper
 from rsicalib.places import places, readings_for
 from rsicalib.plan import CRITERIA
 from rsicalib.plan import plan as plan_poses
@@ -148,6 +151,24 @@ def plan(args: Args) -> int:
     return 0
 
 
+def paper(args: Args) -> int:
+    """Every table of the paper computed again, beside the printed one."""
+    shown = None if args.quiet or not sys.stderr.isatty() else _progress
+    found = compute_paper(args.trials, seed=args.seed, progress=shown, workers=args.workers)
+    if args.out is not None:
+        _write_files(args.out, {"paper.json": to_json(found.to_dict()), "paper.txt": found.text()})
+    if args.json:
+        sys.stdout.write(to_json(found.to_dict()))
+    elif not args.quiet:
+        sys.stdout.write(found.text())
+    return 0
+
+
+def _progress(what: str, done: int, total: int) -> None:
+    end = "\n" if done >= total else ""
+    print(f"\r\x1b[K{what}: {done} of {total}", end=end, file=sys.stderr, flush=True)
+
+
 def terms(args: Args) -> int:
     """What can be identified."""
     known = {term["id"]: term for term in api.terms(args.mechanism)}
@@ -176,9 +197,21 @@ def terms(args: Args) -> int:
 
 
 def mechanism(args: Args) -> int:
-    """Show a built-in mechanism, or check and show a file."""
+    """Show a built-in mechanism, or check a file: what it says, and what can be identified."""
     loaded = api.load_mechanism(args.name)
-    sys.stdout.write(to_json(loaded.to_dict()) if args.json else loaded.to_toml())
+    counts = []
+    try:
+        for terms in () if args.quiet else (None, COMPLETE):
+            counts.append(identifiable(loaded, terms))
+    except InputError as error:
+        _warn(args, [f"what can be identified is not counted: {error.message}"])
+    if args.json:
+        counted = {"identifiable": [c.to_dict() for c in counts]} if counts else {}
+        sys.stdout.write(to_json({**loaded.to_dict(), **counted}))
+        return 0
+    sys.stdout.write(loaded.to_toml())
+    for count in counts:
+        sys.stdout.write("\n" + "".join(f"# {line}\n" for line in count.text().splitlines()))
     return 0
 
 
@@ -305,6 +338,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")
     sub.add_argument("--out", metavar="FILE", type=Path, help="write the poses as CSV")
 
+    sub = verb(paper)
+    words = "of every simulated cell (1000)"
+    sub.add_argument("--trials", type=int, default=1000, help=words)
+    sub.add_argument("--seed", type=int, default=1995, help="same seed, same figures (1995)")
+    sub.add_argument("--workers", type=int, help="threads; all cores where not given")
+    sub.add_argument("--out", metavar="DIR", type=Path, help="write paper.json and paper.txt there")
+
     sub = verb(terms)
     sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")
     _add_mechanism(sub)
@@ -332,7 +372,7 @@ def _add_skip(sub: argparse.ArgumentParser) -> None:
 
 
 def _add_out(sub: argparse.ArgumentParser) -> None:
-    words = "write result.json, report.html and report.txt there"
+    words = "write result.json, the calibrated mechanism and the reports there"
     sub.add_argument("--out", metavar="DIR", type=Path, help=words)
 
 
@@ -350,7 +390,7 @@ def _show(args: Args, result: Calibration | Trace) -> int:
     """Write what was asked for; the exit code."""
     _warn(args, result.warnings)
     if args.out is not None:
-        _write(args.out, result)
+        _write(args.out, result, getattr(args, "mechanism", "rsi"))
     if args.json:
         sys.stdout.write(result.to_json())
     elif not args.quiet:
@@ -360,17 +400,23 @@ def _show(args: Args, result: Calibration | Trace) -> int:
     return result.exit_code
 
 
-def _write(folder: Path, result: Result) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        found = f"'{folder}', which cannot be made ({error.strerror})"
-        raise InputError(f"--out: found {found}, expected a folder") from None
+def _write(folder: Path, result: Result, mechanism: str) -> None:
     files = {
         "result.json": result.to_json(),
         "report.txt": result.summary() + "\n",
         "report.html": result.report(),
     }
+    _write_files(folder, files)
+    for path, text in calibrated_files(folder, mechanism, result):
+        write_text(path, text)
+
+
+def _write_files(folder: Path, files: Mapping[str, str]) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        found = f"'{folder}', which cannot be made ({error.strerror})"
+        raise InputError(f"--out: found {found}, expected a folder") from None
     for name, text in files.items():
         write_text(folder / name, text)
 

@@ -192,6 +192,17 @@ impl PyFit {
         Ok(pythonize(py, &check)?)
     }
 
+    /// Error on whole poses left out in blocks of time, everything refitted without them.
+    fn held_out<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let held_out = py
+            .detach(|| {
+                let (session, fit) = rsicalib::trace::averaged(&self.session, &self.fit)?;
+                Ok(rsicalib::verdict::held_out(&session, &fit))
+            })
+            .map_err(PyError::from)?;
+        Ok(pythonize(py, &held_out)?)
+    }
+
     /// Platform pose of every row of a table: shape (n, 6).
     fn forward<'py>(
         &self,

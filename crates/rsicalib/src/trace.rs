@@ -168,6 +168,19 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     Ok(Traced { before, after, session, small, last: current, found: steps, excluded, left, judge })
 }
 
+/// A session with one sample for each held pose, and the same fit of it.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn averaged(session: &Session, full: &Fit) -> Result<(Session, Fit), Error> {
+    let search = Search::default();
+    let mut hunt = Hunt::new(session, full, &search)?;
+    let mut small = fit(&hunt.small, full.model.instances.clone(), Some(full))?;
+    hunt.rescale(&mut small)?;
+    Ok((hunt.small, small))
+}
+
 /// A fit to start from: the parameters of the search, the noise of all samples.
 fn expand(clean: &Fit, current: &Fit) -> Fit {
     Fit { noise: clean.noise.clone(), ..current.clone() }
