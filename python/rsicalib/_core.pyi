@@ -57,6 +57,12 @@ class Fit:
     def forward(self, table: Mapping[str, Any]) -> Array:
         """Platform pose of every row of a table: shape (n, 6)."""
 
+    def forward_with_sd(self, table: Mapping[str, Any]) -> Any:
+        """Platform pose of every row and its standard deviations: shapes (n, 6)."""
+
+    def held_out(self) -> dict[str, Any] | None:
+        """Error on whole poses left out in blocks of time, everything refitted without them."""
+
     def residuals(self) -> Array:
         """Whitened residuals: shape (samples, equations), standard normal if the model is right."""
 

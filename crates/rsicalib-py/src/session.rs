@@ -166,6 +166,9 @@ impl PySession {
     }
 }
 
+/// Poses, and the standard deviation of each component.
+type Uncertain = (Vec<[f64; 6]>, Vec<[f64; 6]>);
+
 #[pymethods]
 impl PyFit {
     /// The fit in the shape of the JSON.
@@ -195,10 +198,8 @@ impl PyFit {
     /// Error on whole poses left out in blocks of time, everything refitted without them.
     fn held_out<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held_out = py
-            .detach(|| {
-                let (session, fit) = rsicalib::trace::averaged(&self.session, &self.fit)?;
-                Ok(rsicalib::verdict::held_out(&session, &fit))
-            })
+            .detach(|| rsicalib::trace::averaged(&self.session, &self.fit))
+            .map(|(session, fit)| rsicalib::verdict::held_out(&session, &fit))
             .map_err(PyError::from)?;
         Ok(pythonize(py, &held_out)?)
     }
@@ -218,6 +219,11 @@ impl PyFit {
         .map_err(PyError::from)?;
         let flat: Vec<f64> = poses.iter().flatten().copied().collect();
         PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
+    }
+
+    /// Platform pose of every row and its standard deviations: shapes (n, 6).
+    fn forward_with_sd(&self, table: PyTable<'_>) -> Result<Uncertain, PyError> {
+        Ok(rsicalib::check::poses_with_sd(&self.session, &self.fit, table.table())?)
     }
 
     /// Where the chains carry their points: shape (points, n, 3).

@@ -19,6 +19,8 @@
 //! s_ij    s_ij a_j    a_i s_ij    a_i s_ij a_j                            (53)
 //! ```
 
+use std::sync::Mutex;
+
 use faer::Mat;
 use rayon::prelude::*;
 
@@ -32,7 +34,7 @@ use crate::{Error, Mechanism};
 const CHUNK: usize = 64;
 
 /// Readings under the model `[offset, gain]`, in the paper's parametrisation.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Paper {
     samples: usize,
     channels: usize,
@@ -44,6 +46,8 @@ pub struct Paper {
     pairs: Vec<(usize, usize, Vec<usize>)>,
     /// Counts: [`WIDTH`] samples of every channel, block by block.
     counts: Vec<Lanes>,
+    /// Room that earlier linearisations have left.
+    spare: Mutex<Vec<(Room, Normal)>>,
 }
 
 /// An end of a closure: on a chain, or fixed in the base.
@@ -97,6 +101,7 @@ impl Paper {
             closures: Vec::with_capacity(mechanism.closures.len()),
             pairs: Vec::new(),
             counts: Vec::new(),
+            spare: Mutex::new(Vec::new()),
         };
         paper.lay_out(mechanism, counts)?;
         paper.compile_chains(mechanism)?;
@@ -323,6 +328,17 @@ impl Paper {
         Ok([offsets, gains].concat())
     }
 
+    /// Room for one part of the sums, which are zero.
+    fn room(&self) -> (Room, Normal) {
+        match lock(&self.spare).pop() {
+            Some((room, mut sums)) => {
+                sums.clear();
+                (room, sums)
+            }
+            None => (Room::new(self), Normal::new(self)),
+        }
+    }
+
     fn block(&self, block: usize) -> &[Lanes] {
         &self.counts[block * self.channels..(block + 1) * self.channels]
     }
@@ -454,29 +470,38 @@ impl Problem for Paper {
 
     fn linearize(&self, beta: &[f64]) -> Linearization {
         let one = |first: usize, blocks: &[Lanes]| {
+            let (mut room, mut sums) = self.room();
             dispatch(
                 #[inline(always)]
                 || {
-                    let (mut room, mut sums) = (Room::new(self), Normal::new(self));
                     for (i, counts) in blocks.chunks_exact(self.channels).enumerate() {
                         let live = (self.samples - (first + i) * WIDTH).min(WIDTH);
                         self.evaluate(counts, beta, &mut room);
                         self.add(counts, live, &mut room, &mut sums);
                     }
-                    sums
                 },
-            )
+            );
+            (room, sums)
         };
         let size = CHUNK * self.channels;
-        if self.counts.len() <= 2 * size {
-            return self.linearization_of(&one(0, &self.counts));
+        let mut parts = if self.counts.len() <= 2 * size {
+            vec![one(0, &self.counts)]
+        } else {
+            let job = |(k, blocks): (usize, &[Lanes])| one(k * CHUNK, blocks);
+            self.counts.par_chunks(size).enumerate().map(job).collect()
+        };
+        if let Some(((_, sum), rest)) = parts.split_first_mut() {
+            rest.iter().for_each(|(_, part)| sum.merge(part));
         }
-        let job = |(k, blocks): (usize, &[Lanes])| one(k * CHUNK, blocks);
-        let parts: Vec<Normal> = self.counts.par_chunks(size).enumerate().map(job).collect();
-        let mut sums = Normal::new(self);
-        parts.iter().for_each(|part| sums.merge(part));
-        self.linearization_of(&sums)
+        let here = self.linearization_of(&parts[0].1);
+        lock(&self.spare).append(&mut parts);
+        here
     }
+}
+
+/// A panic elsewhere leaves spare room usable.
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// The channels that move a chain.
@@ -488,6 +513,7 @@ fn sources(steps: &[Step]) -> impl Iterator<Item = usize> {
 }
 
 /// Room for one block.
+#[derive(Debug)]
 struct Room {
     angles: Vec<Lanes>,
     postures: Vec<Posture>,
@@ -511,6 +537,7 @@ impl Room {
 }
 
 /// `fᵀf`, `Jᵀf` by offset and gain, and (53), lane by lane.
+#[derive(Debug)]
 struct Normal {
     cost: Lanes,
     gradient: Vec<[Lanes; 2]>,
@@ -524,6 +551,12 @@ impl Normal {
             gradient: vec![[Lanes::ZERO; 2]; paper.channels],
             gram: vec![[Lanes::ZERO; 4]; paper.pairs.len()],
         }
+    }
+
+    fn clear(&mut self) {
+        self.cost = Lanes::ZERO;
+        self.gradient.fill([Lanes::ZERO; 2]);
+        self.gram.fill([Lanes::ZERO; 4]);
     }
 
     fn merge(&mut self, other: &Self) {

@@ -128,10 +128,14 @@ impl Frame {
     #[inline(always)]
     #[must_use]
     pub fn point(&self, at: &[f64; 3]) -> Vec3 {
-        std::array::from_fn(|i| {
-            let [x, y, z] = &self.axes;
-            self.origin[i] + x[i] * at[0] + y[i] * at[1] + z[i] * at[2]
-        })
+        // A loop, not `array::from_fn`: that calls its closure, and a call leaves the
+        // vector instructions of `lanes::dispatch`.
+        let [x, y, z] = &self.axes;
+        let mut point = self.origin;
+        for (i, p) in point.iter_mut().enumerate() {
+            *p = *p + x[i] * at[0] + y[i] * at[1] + z[i] * at[2];
+        }
+        point
     }
 
     #[inline(always)]

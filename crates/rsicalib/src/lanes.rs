@@ -4,7 +4,6 @@
 //! instructions of whatever width [`dispatch`] finds at run time, so a binary
 //! built for plain x86-64 runs on AVX2 where there is AVX2.
 
-use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 /// Samples in one block.
@@ -40,14 +39,23 @@ impl Lanes {
     #[inline(always)]
     #[must_use]
     pub fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        Self(from_fn(|i| f(self.0[i])))
+        // A plain loop: `array::from_fn` is left half scalar by the compiler.
+        let mut out = self;
+        for value in &mut out.0 {
+            *value = f(*value);
+        }
+        out
     }
 
     /// Two lanes by two lanes.
     #[inline(always)]
     #[must_use]
     pub fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        Self(from_fn(|i| f(self.0[i], other.0[i])))
+        let mut out = self;
+        for (a, b) in out.0.iter_mut().zip(&other.0) {
+            *a = f(*a, *b);
+        }
+        out
     }
 
     /// Square root.
@@ -207,6 +215,8 @@ pub fn minus(a: &Vec3, b: &Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use std::array::from_fn;
+
     use super::*;
 
     #[test]

@@ -150,7 +150,16 @@ pub fn parse(
         };
         for target in chosen {
             let channel = if let Target::Channel(c) = target { c } else { 0 };
-            let places = term.places(mechanism, channel, readings.poses());
+            let places = places(term, mechanism, readings, channel);
+            if place.is_none() && bound_to_session(term) {
+                for &place in &places {
+                    let instance = Instance { term, target, place };
+                    if !instances.contains(&instance) {
+                        instances.push(instance);
+                    }
+                }
+                continue;
+            }
             let place = match place {
                 None => places.first().copied().unwrap_or(0),
                 Some(name) => {
@@ -173,6 +182,28 @@ pub fn parse(
     Ok(instances)
 }
 
+/// True for a term that each session has anew: what drifts starts again.
+#[must_use]
+pub fn bound_to_session(term: &dyn Term) -> bool {
+    let info = term.info();
+    info.needs == Needs::Order && info.id != "slip"
+}
+
+/// Places of a term at a target: a session, or where a searched term acts.
+#[must_use]
+pub fn places(
+    term: &dyn Term,
+    mechanism: &Mechanism,
+    readings: &Readings,
+    channel: usize,
+) -> Vec<usize> {
+    if bound_to_session(term) {
+        (0..readings.sessions).collect()
+    } else {
+        term.places(mechanism, channel, readings.poses())
+    }
+}
+
 /// How users call the place of a searched term: a pose label, or a channel.
 #[must_use]
 pub fn place_name(
@@ -183,6 +214,8 @@ pub fn place_name(
 ) -> String {
     if term.info().id == "crosstalk" {
         mechanism.channels[place].name.clone()
+    } else if bound_to_session(term) {
+        (place + 1).to_string()
     } else {
         readings.labels.get(place).map(ToString::to_string).unwrap_or_default()
     }
@@ -219,6 +252,8 @@ struct SensorAt {
     term: &'static dyn Sensor,
     channel: usize,
     place: usize,
+    /// The one session in which it acts, of several.
+    session: Option<usize>,
     first: usize,
     width: usize,
 }
@@ -229,6 +264,8 @@ struct ElectronicsAt {
     /// None: every channel.
     channel: Option<usize>,
     place: usize,
+    /// The one session in which it acts, of several.
+    session: Option<usize>,
     first: usize,
     width: usize,
 }
@@ -403,23 +440,36 @@ impl Model {
             unknown_names,
             unknown_points,
         };
-        model.compile_terms();
+        model.compile_terms(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
         Ok(model)
     }
 
-    fn compile_terms(&mut self) {
+    fn compile_terms(&mut self, readings: &Readings) {
         for (instance, &first) in self.instances.iter().zip(&self.first) {
             let (place, width) = (instance.place, instance.width());
+            let session = match instance.term.info() {
+                _ if readings.sessions < 2 => None,
+                _ if bound_to_session(instance.term) => Some(place),
+                info if info.id == "slip" => readings.session_of_pose.get(place).copied(),
+                _ => None,
+            };
             let channel = if let Target::Channel(c) = instance.target { Some(c) } else { None };
             match instance.term.acts() {
                 Acts::Sensor(term) => {
                     let channel = channel.unwrap_or_default();
-                    self.sensors.push(SensorAt { term, channel, place, first, width });
+                    self.sensors.push(SensorAt { term, channel, place, session, first, width });
                 }
                 Acts::Electronics(term) => {
-                    self.electronics.push(ElectronicsAt { term, channel, place, first, width });
+                    self.electronics.push(ElectronicsAt {
+                        term,
+                        channel,
+                        place,
+                        session,
+                        first,
+                        width,
+                    });
                 }
                 Acts::Load(whose) => {
                     let chains = match instance.target {
@@ -816,12 +866,25 @@ impl Model {
             let affected = e.channel.map_or(0..channels, |c| c..c + 1);
             for channel in affected {
                 site.channel = channel;
-                ws.corrected[channel] += e.term.correction(p, &site);
-                e.term.slopes(p, &site, &mut ws.mix[channel * channels..(channel + 1) * channels]);
+                let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
+                let correction = e.term.correction(p, &site);
+                match e.session.map(|s| meta.within(s)) {
+                    None => {
+                        ws.corrected[channel] += correction;
+                        e.term.slopes(p, &site, row);
+                    }
+                    Some(within) => {
+                        ws.corrected[channel] += correction * within;
+                        let mut slopes = vec![Lanes::ZERO; channels];
+                        e.term.slopes(p, &site, &mut slopes);
+                        row.iter_mut().zip(slopes).for_each(|(r, s)| *r += s * within);
+                    }
+                }
                 if want.x {
                     e.term.partials(p, &site, &mut out[..e.width]);
+                    let within = e.session.map_or(Lanes::ONE, |s| meta.within(s));
                     for (k, partial) in out[..e.width].iter().enumerate() {
-                        ws.electric.push((e.first + k, channel, *partial));
+                        ws.electric.push((e.first + k, channel, *partial * within));
                     }
                 }
             }
@@ -841,14 +904,15 @@ impl Model {
             let p = &beta[s.first..s.first + s.width];
             site.channel = s.channel;
             site.place = s.place;
-            ws.angles[s.channel] += s.term.correction(p, &site);
+            let within = s.session.map_or(Lanes::ONE, |s| meta.within(s));
+            ws.angles[s.channel] += s.term.correction(p, &site) * within;
             if want.x || want.a {
-                ws.slopes[s.channel] += s.term.slope(p, &site);
+                ws.slopes[s.channel] += s.term.slope(p, &site) * within;
             }
             if want.x {
                 s.term.partials(p, &site, &mut out[..s.width]);
                 for (k, partial) in out[..s.width].iter().enumerate() {
-                    ws.partials.push((s.first + k, s.channel, *partial));
+                    ws.partials.push((s.first + k, s.channel, *partial * within));
                 }
             }
         }

@@ -51,6 +51,10 @@ pub struct Readings {
     pub mean: Vec<f64>,
     /// Lowest and highest reading of each channel.
     pub span: Vec<[f64; 2]>,
+    /// Number of sessions.
+    pub sessions: usize,
+    /// Session of each pose.
+    pub session_of_pose: Vec<usize>,
     /// Combinations of keys that occur.
     pub groups: Vec<Vec<String>>,
     /// Raw table, for whoever needs it row by row.
@@ -79,6 +83,18 @@ pub struct Block {
     pub temperature: Lanes,
     /// Number of the pose of each.
     pub pose: Lanes,
+    /// Number of the session of each.
+    pub session: Lanes,
+}
+
+impl Block {
+    /// One for each sample of a session, zero for the others.
+    #[inline(always)]
+    #[must_use]
+    pub fn within(&self, session: usize) -> Lanes {
+        let session = session as f64;
+        self.session.map(|s| if s == session { 1.0 } else { 0.0 })
+    }
 }
 
 impl Readings {
@@ -153,6 +169,10 @@ impl Readings {
         let samples = check(mechanism, &table)?;
         let (pose, labels) = number_poses(&table, samples);
         let held = table.pose.is_some();
+        let mut session_of_pose = vec![0; labels.len()];
+        for (row, &pose) in pose.iter().enumerate() {
+            session_of_pose[pose] = session_of(&table, row);
+        }
         let (group, groups) = number_groups(&table, samples);
         let clock = match main {
             Some(main) => main.clock.clone(),
@@ -187,6 +207,8 @@ impl Readings {
             mean_temperature,
             mean,
             span,
+            sessions: clock.len(),
+            session_of_pose,
             groups,
             table,
             clock,
@@ -243,6 +265,7 @@ impl Readings {
                 time: gather(&|r| time[r]),
                 temperature: gather(&|r| temperature[r]),
                 pose: gather(&|r| pose[r]),
+                session: gather(&|r| session_of(&self.table, r) as f64),
             });
             first = last;
         }

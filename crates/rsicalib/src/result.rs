@@ -245,8 +245,9 @@ pub fn parameter_names(session: &Session, fit: &Fit) -> Vec<ParameterReport> {
 /// The place of a searched term, as users call it.
 #[must_use]
 pub fn place(session: &Session, instance: &Instance) -> Option<String> {
+    let bound = session.readings.sessions > 1 && crate::model::bound_to_session(instance.term);
     let searched = ["crosstalk", "slip", "bad_reading"].contains(&instance.term.info().id);
-    searched
+    (searched || bound)
         .then(|| place_name(instance.term, &session.mechanism, &session.readings, instance.place))
 }
 

@@ -19,7 +19,7 @@ use faer::{Mat, Side};
 
 use crate::fit::Fit;
 use crate::lanes::Lanes;
-use crate::model::{Instance, Model, Target, provided, targets};
+use crate::model::{Instance, Model, Target, places, provided, targets};
 use crate::objective::{Implicit, Noise, Part};
 use crate::session::Session;
 use crate::terms::{ALL, Class, Per, Term, find};
@@ -114,7 +114,7 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
                 continue;
             }
             let channel = if let Target::Channel(c) = target { c } else { 0 };
-            for place in term.places(mechanism, channel, readings.poses()) {
+            for place in places(term, mechanism, readings, channel) {
                 let instance = Instance { term, target, place };
                 if !fit.model.instances.contains(&instance) {
                     all.push(instance);

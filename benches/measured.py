@@ -1,0 +1,236 @@
+"""The table of all measured robots: `python benches/measured.py`, writes `docs/measured.md`.
+
+Needs the folder of the data, `--data ../shared/data/mukca`: one CSV per robot, `panda.urdf` or
+`gen3lite.urdf` beside it. A robot that the table does not know is fitted on its first group.
+Every figure is from `rsicalib.calibrate` and `rsicalib.trace` as a user would call them, with the
+mechanism files of `examples/`; nothing is tuned for a robot.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import rsicalib
+from rsicalib.files import write_text
+
+HERE = Path(__file__).parents[1]
+MM = 1e3
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot, the groups it is fitted on, and those that are left out altogether."""
+
+    robot: str
+    fitted: tuple[str, ...]
+    dropped: tuple[str, ...] = ()
+    published: str = ""
+    """What the authors reach."""
+
+
+KNOWN = (
+    Case("panda_1", ("front", "right"), published="0.303 / 0.922"),
+    Case("panda_2", ("front_center",)),
+    Case("panda_2", ("front_center",), ("high",), published="0.168 / 0.347"),
+    Case("panda_3", ("frontcenter",), published="0.151 / 0.238"),
+    Case("panda_3", ("frontcenter", "backleft", "backright"), published="0.174 / 0.211"),
+    Case("panda_4", ("front",), published="0.161 / 0.360"),
+)
+
+
+@dataclass
+class Row:
+    """What came out of one case."""
+
+    case: Case
+    figures: dict[str, str] = field(default_factory=dict)
+    says: list[str] = field(default_factory=list)
+
+
+class Workshop:
+    """A folder with the mechanism files and the robot descriptions that they refer to."""
+
+    def __init__(self, data: Path, folder: Path) -> None:
+        self.data, self.folder = data, folder
+        for file in [*data.glob("*.urdf"), *data.glob("*.toml")]:
+            shutil.copy(file, folder)
+        for name in ("panda", "gen3lite"):
+            text = (HERE / "examples" / f"mukca_{name}.toml").read_text()
+            (folder / f"{name}.toml").write_text(text)
+            turned = text.replace("gravity = [0, 0, -1]", "gravity = [0, 1, 0]")
+            (folder / f"{name}_y.toml").write_text(turned)
+
+    def mechanism(self, robot: str, turned: bool = False) -> Path:
+        """The file of a robot's kind; `turned`: with gravity along y."""
+        kind = "gen3lite" if robot.startswith("dinova") else "panda"
+        return self.folder / f"{kind}{'_y' if turned else ''}.toml"
+
+    def readings(self, case: Case) -> rsicalib.Readings:
+        """Those of a robot, without the groups that are dropped."""
+        file = self.data / f"{case.robot}.csv"
+        loaded = rsicalib.load_readings(file, self.mechanism(case.robot))
+        return loaded.select([group not in case.dropped for group in loaded.keys["group"]])
+
+    def cases(self) -> Iterator[Case]:
+        """Those of the table, then every robot that it does not have."""
+        for file in sorted(self.data.glob("*.csv")):
+            own = [case for case in KNOWN if case.robot == file.stem]
+            with file.open(encoding="utf-8", newline="") as lines:
+                groups = list(dict.fromkeys(row["group"] for row in csv.DictReader(lines)))
+            yield from own or [Case(file.stem, (groups[0],))]
+
+
+def measure(shop: Workshop, case: Case) -> Row:
+    """All figures of one case."""
+    row = Row(case)
+    readings = shop.readings(case)
+    fitted = list(case.fitted)
+    for name, turned, loaded in (
+        ("geometry", False, False),
+        ("compliance", False, True),
+        ("control", True, True),
+    ):
+        mechanism = rsicalib.load_mechanism(shop.mechanism(case.robot, turned))
+        terms = mechanism.to_dict()["model"]["terms"]
+        terms = [*terms, "joint_compliance"] if loaded else terms
+        try:
+            found = rsicalib.calibrate(readings, mechanism, fit_groups=fitted, terms=terms)
+        except rsicalib.RsicalibError as error:
+            row.figures[name] = "not found"
+            row.says.append(f"{name}: {error}")
+            continue
+        assert found.groups is not None
+        row.figures["nominal"] = pair(found.groups.nominal_fitted, found.groups.nominal_others, 2)
+        row.figures[name] = pair(found.groups.fitted, found.groups.others, 3)
+        if found.verdict == "undetermined":
+            row.says.append(f"{name}: {found.termination}")
+        if not turned:
+            row.says += found.warnings
+    row.says += traced(shop, case, readings)
+    return row
+
+
+def traced(shop: Workshop, case: Case, readings: rsicalib.Readings) -> list[str]:
+    """What tracing the residual says, on the groups fitted and on all of them."""
+    words = []
+    everything = list(dict.fromkeys(readings.keys["group"]))
+    for what, fitted in (("fitted groups", list(case.fitted)), ("all groups", everything)):
+        if what == "all groups" and fitted == list(case.fitted):
+            continue
+        for turned in (False, True):
+            label = f"trace, {what}" + (", gravity along y" if turned else "")
+            try:
+                mechanism = shop.mechanism(case.robot, turned)
+                found = rsicalib.trace(readings, mechanism, fit_groups=fitted)
+            except rsicalib.RsicalibError as error:
+                words.append(f"{label}: {error}")
+                continue
+            words.append(f"{label}: {in_words(found)}")
+    return words
+
+
+def in_words(found: rsicalib.Trace) -> str:
+    """Verdict, steps, what was left out, and what remains."""
+    parts = [f"**{found.verdict or 'not judged'}**"]
+    for step in found.steps:
+        values = [f"{p.value:.2g}" for p in step.parameters if p.value is not None]
+        also = [f"{a.term}@{a.target}" for a in step.also_fits]
+        p_value = "" if step.p_value is None else f", p = {step.p_value:.1g}"
+        notes = "; ".join(dict.fromkeys(p.note for p in step.parameters if p.note))
+        parts.append(
+            f"{step.term}@{step.target} ({', '.join(values)}{p_value})"
+            + (f", as well {', '.join(also)}" if also else "")
+            + (f", {notes}" if notes else "")
+        )
+    if found.excluded:
+        reasons = [
+            "/".join(str(v) for v in (e.group, e.pose, e.channel) if v is not None)
+            for e in found.excluded
+        ]
+        parts.append(f"{len(reasons)} left out ({', '.join(reasons[:8])})")
+    if found.groups is not None:
+        figures = pair(found.groups.fitted, found.groups.others, 3)
+        parts.append(f"then {figures} mm")
+    if found.unexplained is not None:
+        parts.append(found.unexplained.text)
+    return "; ".join(parts)
+
+
+def pair(fitted: float | None, others: float | None, digits: int) -> str:
+    """Millimetres, fitted groups / other groups."""
+    words = ["–" if v is None else f"{v * MM:.{digits}f}" for v in (fitted, others)]
+    return " / ".join(words)
+
+
+HEAD = """\
+# Measured: real arms that touch sockets
+
+Made by `python benches/measured.py`; the data and their source are described in the README of
+`mukca`. A ball on the tool rests in one of two sockets of a plate that was moved between groups;
+nothing but joint angles is known. Fit: `rsicalib.calibrate(readings, mechanism, fit_groups=…)`.
+
+The measure is the authors': for each group the mean distance of the predicted ball from its own
+mean at its socket, sockets weighted by their samples; then a plain mean over groups. In mm, groups
+that were fitted / all others. **Closure is not accuracy**: there are no check poses here. A model
+that repeats sockets it has not seen is the better one; how far it is off in the room is not known.
+
+*Control* is `+ compliance` with gravity along y: the same number of parameters, with no physics. A
+gain that it has too is not from weight.
+"""
+
+
+def page(rows: list[Row]) -> str:
+    """The Markdown page."""
+    lines = [HEAD, "| robot | fitted on | nominal | authors | geometry | + compliance | control |"]
+    lines.append("|---|---|---|---|---|---|---|")
+    for row in rows:
+        case = row.case
+        robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
+        figures = [
+            row.figures.get(k, "–") for k in ("nominal", "geometry", "compliance", "control")
+        ]
+        nominal, *others = figures
+        cells = [robot, ", ".join(case.fitted), nominal, case.published or "–", *others]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "## What it says of each", ""]
+    for row in rows:
+        case = row.case
+        robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
+        lines.append(f"**{robot}**, fitted on {', '.join(case.fitted)}:")
+        lines += ["", *(f"- {' '.join(word.split())}" for word in row.says), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--data", type=Path, default=HERE.parent / "shared" / "data" / "mukca")
+    parser.add_argument("--out", type=Path, default=HERE / "docs" / "measured.md")
+    parser.add_argument("--robot", action="append", help="only this one; may be repeated")
+    args = parser.parse_args(argv)
+    if not args.data.is_dir():
+        print("error: found no folder of measured data, expected --data DIR", file=sys.stderr)
+        return 2
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        shop = Workshop(args.data, Path(folder))
+        for case in shop.cases():
+            if args.robot and case.robot not in args.robot:
+                continue
+            rows.append(measure(shop, case))
+            figures: dict[str, Any] = rows[-1].figures
+            print(case.robot, ",".join(case.fitted), figures, file=sys.stderr, flush=True)
+    write_text(args.out, page(rows))
+    print(args.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

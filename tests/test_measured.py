@@ -1,0 +1,121 @@
+"""The figures of real arms, within 0.015 mm of those in the README of the data."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import rsicalib
+from rsicalib import Calibration
+
+DATA = Path(__file__).parents[2] / "shared" / "data" / "mukca"
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the measured data (mukca) are not beside this repository"
+)
+
+MM = 1e3
+WORSE = 0.015
+
+FIGURES = [
+    ("panda_2", ("high",), ("front_center",), (8.28, 7.79), (0.165, 0.358), (0.148, 0.336)),
+    ("panda_3", (), ("frontcenter",), (3.32, 3.26), (0.151, 0.239), (0.133, 0.182)),
+    (
+        "panda_3",
+        (),
+        ("frontcenter", "backleft", "backright"),
+        (3.24, 3.29),
+        (0.174, 0.211),
+        (0.145, 0.172),
+    ),
+    ("panda_4", (), ("front",), (8.52, 8.85), (0.153, 0.338), (0.140, 0.270)),
+    ("panda_1", (), ("front", "right"), (9.16, 7.46), (0.294, 0.966), (0.277, 0.855)),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Mechanism files beside the robot descriptions that they refer to."""
+    path = tmp_path_factory.mktemp("mukca")
+    for file in [*DATA.glob("*.urdf"), *DATA.glob("*.toml"), *EXAMPLES.glob("mukca_*.toml")]:
+        shutil.copy(file, path)
+    text = (path / "mukca_panda.toml").read_text()
+    (path / "along_y.toml").write_text(text.replace("[0, 0, -1]", "[0, 1, 0]"))
+    return path
+
+
+def fitted(
+    folder: Path,
+    robot: str,
+    groups: tuple[str, ...],
+    dropped: tuple[str, ...] = (),
+    *,
+    loaded: bool = False,
+    file: str = "mukca_panda.toml",
+) -> Calibration:
+    mechanism = rsicalib.load_mechanism(folder / file)
+    readings = rsicalib.load_readings(DATA / f"{robot}.csv", mechanism)
+    kept = readings.select([g not in dropped for g in readings.keys["group"]])
+    terms = mechanism.to_dict()["model"]["terms"] + (["joint_compliance"] if loaded else [])
+    return rsicalib.calibrate(kept, mechanism, fit_groups=groups, terms=terms)
+
+
+@pytest.mark.parametrize("case", FIGURES, ids=lambda c: f"{c[0]}, {'+'.join(c[2])}")
+def test_geometry_and_compliance_close_as_well_as_published(folder: Path, case: tuple) -> None:  # type: ignore[type-arg]
+    robot, dropped, groups, nominal, geometry, compliance = case
+    for loaded, wanted in ((False, geometry), (True, compliance)):
+        found = fitted(folder, robot, groups, dropped, loaded=loaded).groups
+        assert found is not None and found.fitted is not None and found.others is not None
+        assert found.nominal_fitted is not None and found.nominal_others is not None
+        assert found.nominal_fitted * MM == pytest.approx(nominal[0], abs=0.006)
+        assert found.nominal_others * MM == pytest.approx(nominal[1], abs=0.006)
+        assert found.fitted * MM < wanted[0] + WORSE
+        assert found.others * MM < wanted[1] + WORSE
+
+
+@pytest.mark.parametrize(
+    ("robot", "groups", "vanishes"),
+    # What is left of the gain on unseen groups with gravity along y: none, or less than half.
+    [("panda_4", ("front",), 0.0), ("panda_3", ("frontcenter",), 0.5)],
+)
+def test_with_gravity_turned_the_gain_vanishes(
+    folder: Path, robot: str, groups: tuple[str, ...], vanishes: float
+) -> None:
+    others = {}
+    for name, loaded, file in (
+        ("geometry", False, "mukca_panda.toml"),
+        ("real", True, "mukca_panda.toml"),
+        ("turned", True, "along_y.toml"),
+    ):
+        found = fitted(folder, robot, groups, loaded=loaded, file=file).groups
+        assert found is not None and found.others is not None
+        others[name] = found.others * MM
+    real, turned = others["geometry"] - others["real"], others["geometry"] - others["turned"]
+    assert real > 0.04
+    assert turned < vanishes * real + 0.005, others
+
+
+def test_a_negative_compliance_is_called_unphysical(folder: Path) -> None:
+    found = fitted(folder, "panda_4", ("front",), loaded=True)
+    joint2 = found["joint_compliance", "q2"]
+    assert joint2.value is not None and joint2.value < 0
+    assert joint2.note is not None and "unphysical" in joint2.note
+    assert any("joint_compliance q2" in w and "no stiffness" in w for w in found.warnings)
+
+
+def test_the_calibrated_robot_is_the_same_in_every_form(folder: Path, tmp_path: Path) -> None:
+    mechanism, readings = folder / "mukca_panda.toml", DATA / "panda_4.csv"
+    found = rsicalib.calibrate(readings, mechanism, fit_groups=["front"])
+    wanted = rsicalib.forward(readings, mechanism, found)
+    (tmp_path / "calibrated.toml").write_text(rsicalib.export_toml(mechanism, found))
+    ((name, text),) = rsicalib.export_urdf(mechanism, found).items()
+    (tmp_path / name).write_text(text)
+    own = mechanism.read_text().replace("panda.urdf", name)
+    (tmp_path / "own.toml").write_text(own)
+    shutil.copy(DATA / "panda_masses.toml", tmp_path)
+    for file in ("calibrated.toml", "own.toml"):
+        again = rsicalib.forward(readings, tmp_path / file)
+        assert abs(again - wanted).max() < 1e-9
