@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -246,4 +245,3 @@ def test_a_saved_calibration_starts_the_next_and_says_what_moved(tmp_path: Path)
     assert moved is not None and [(m.term, m.target) for m in moved] == [
         ("offset", entry["target"])
     ]
-    shutil.rmtree(tmp_path)

@@ -76,7 +76,7 @@ def test_trace_reports_the_same_measure(made: Any) -> None:
 
 def test_an_unknown_group_is_refused_by_name(made: Any) -> None:
     mechanism, readings = made
-    with pytest.raises(InputError, match="no group 'back'.*front, left, high"):
+    with pytest.raises(InputError, match=r"no group 'back'.*front, left, high"):
         rsicalib.calibrate(readings, mechanism, fit_groups=["back"])
 
 

@@ -78,8 +78,8 @@ def test_geometry_and_compliance_close_as_well_as_published(folder: Path, case: 
 
 @pytest.mark.parametrize(
     ("robot", "groups", "vanishes"),
-    # What is left of the gain on unseen groups with gravity along y: none, or less than half.
-    [("panda_4", ("front",), 0.0), ("panda_3", ("frontcenter",), 0.5)],
+    # What is left of the gain on unseen groups with gravity along y, at the most.
+    [("panda_4", ("front",), 0.25), ("panda_3", ("frontcenter",), 0.5)],
 )
 def test_with_gravity_turned_the_gain_vanishes(
     folder: Path, robot: str, groups: tuple[str, ...], vanishes: float
@@ -95,7 +95,7 @@ def test_with_gravity_turned_the_gain_vanishes(
         others[name] = found.others * MM
     real, turned = others["geometry"] - others["real"], others["geometry"] - others["turned"]
     assert real > 0.04
-    assert turned < vanishes * real + 0.005, others
+    assert turned < vanishes * real, others
 
 
 def test_a_negative_compliance_is_called_unphysical(folder: Path) -> None:

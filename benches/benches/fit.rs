@@ -10,6 +10,7 @@ fn main() {
 
 const POSES: [usize; 3] = [24, 192, 4_000];
 
+#[expect(clippy::unwrap_used, reason = "a bench stops at a mistake")]
 fn run(bencher: Bencher, poses: usize, method: Method) {
     let mut session = hand_controller(poses).session();
     session.options.method = method;

@@ -1,5 +1,6 @@
 //! One linearisation of the paper's problem, by number of poses: analytic
 //! derivatives against central differences of the same misclosure.
+#![expect(clippy::unwrap_used, reason = "a bench stops at a mistake")]
 
 use divan::{Bencher, black_box};
 use rsicalib::algebraic::Paper;

@@ -29,11 +29,7 @@ impl Device {
     ///
     /// If the readings do not fit the mechanism: a mistake in this file.
     #[must_use]
-    #[expect(
-        clippy::missing_panics_doc,
-        clippy::expect_used,
-        reason = "a bench stops at a mistake"
-    )]
+    #[expect(clippy::expect_used, reason = "a bench stops at a mistake")]
     pub fn session(&self) -> Session {
         let table = Table { values: self.counts.clone(), ..Table::default() };
         Session::new(&self.mechanism, table, None, rsicalib::Options::default()).expect("readings")

@@ -69,6 +69,10 @@ class Fit:
     def to_dict(self) -> dict[str, Any]:
         """The fit in the shape of the JSON."""
 
+    @property
+    def warnings(self) -> Any:
+        """What looks wrong with the wiring, where no start led to a good fit."""
+
 @final
 class Mechanism:
     """A mechanism: channels, chains, points, closures, platform, rest."""

@@ -623,7 +623,8 @@ def _averaged(
     ).mean(axis=1)
     if round_average:
         read = np.round(read)
-    return read.reshape(exact.shape)
+    averaged: FloatArray = read.reshape(exact.shape)
+    return averaged
 
 
 def placed(
@@ -666,7 +667,8 @@ def _anchor(device: Device) -> FloatArray:
     rest = device.mechanism.to_dict().get("rest")
     if rest is None:
         raise InputError("found no rest pose in the mechanism, expected one to anchor the start on")
-    return device.readings([rest["pose"]])[0]
+    anchor: FloatArray = device.readings([rest["pose"]])[0]
+    return anchor
 
 
 def _rms(values: FloatArray) -> float:

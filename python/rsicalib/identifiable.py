@@ -208,7 +208,7 @@ class _Closed:
         return list(product(*(named[c] or free for c in columns)))
 
     def _size(self) -> int:
-        """Configurations for each combination of keys: three times as many equations as unknowns."""
+        """Configurations for each combination of keys: equations for three times the unknowns."""
         one = self._linear(self.mechanism, self._draw(len(self.keys)), self.keys, self.specs)
         equations = len(one["f"][0])
         return 3 + 3 * len(one["parameters"]) // (equations * len(self.keys))

@@ -120,7 +120,8 @@ def _in_arms(paper: Printed, wrists: FloatArray) -> FloatArray:
     cos, sin, zero = np.cos(g["theta_i0"]), np.sin(g["theta_i0"]), np.zeros(3)
     turn = np.array([[cos, zero, sin], [sin, zero, -cos], [zero, zero + 1, zero]])
     off = wrists - g["l1"] * np.stack([cos, sin, zero], axis=1)
-    return np.einsum("jiw,nwj->nwi", turn, off)
+    out: FloatArray = np.einsum("jiw,nwj->nwi", turn, off)
+    return out
 
 
 def _plane(paper: Printed, angles: FloatArray) -> FloatArray:
@@ -416,7 +417,7 @@ def _table_ix(
     device, poses = paper.nominal, paper.closed_loop
 
     def found(noise: float, average: int, **how: Any) -> NoiseCell:
-        many = {"trials": trials, "seed": seed}
+        many: dict[str, Any] = {"trials": trials, "seed": seed}
         return closed_loop_noise(device, poses, noise=noise, average=average, **many, **how)
 
     variance = [found(float(np.sqrt(v)), 2).offset.value for v in (1, 2, 4)]

@@ -177,7 +177,8 @@ def bound(
     >>> bound(up + down).offset_rms < 0.03
     True
     """
-    device = Device(opened := open_mechanism(mechanism), *parameters_of(calibration, opened))
+    opened = open_mechanism(mechanism)
+    device = Device(opened, *parameters_of(calibration, opened))
     wanted = np.asarray(poses, dtype=np.float64).reshape(-1, 6)
     exact = readings_of(device, wanted)
     bad = np.flatnonzero(~np.isfinite(exact).all(axis=1))
@@ -258,8 +259,8 @@ def plan(
     drawn, exact = _candidates(device, candidates, rng, box)
     kept = np.empty((0, exact.shape[1])) if beside is None else counts_of(beside, opened)
     if len(kept) + poses < exact.shape[1]:
-        least = f"at least {exact.shape[1]} with those visited already"
-        raise InputError(f"poses: found {poses}, expected {least}")
+        enough = f"at least {exact.shape[1]} with those visited already"
+        raise InputError(f"poses: found {poses}, expected {enough}")
     every = np.vstack([exact, kept])
     own = list(range(len(exact), len(every)))
     sigma = _sigma(opened, 1.0)

@@ -180,6 +180,12 @@ impl PyFit {
         Ok(pythonize(py, &view)?)
     }
 
+    /// What looks wrong with the wiring, where no start led to a good fit.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.fit.warnings.clone()
+    }
+
     /// Error on known poses: `(poses, position rms, orientation rms)`.
     #[pyo3(signature = (table, poses, align=false))]
     fn check<'py>(

@@ -50,6 +50,22 @@ pub struct Paper {
     spare: Mutex<Vec<(Room, Normal)>>,
 }
 
+impl Clone for Paper {
+    fn clone(&self) -> Self {
+        Self {
+            samples: self.samples,
+            channels: self.channels,
+            equations: self.equations,
+            chains: self.chains.clone(),
+            ends: self.ends.clone(),
+            closures: self.closures.clone(),
+            pairs: self.pairs.clone(),
+            counts: self.counts.clone(),
+            spare: Mutex::new(Vec::new()),
+        }
+    }
+}
+
 /// An end of a closure: on a chain, or fixed in the base.
 #[derive(Debug, Clone, PartialEq)]
 struct End {

@@ -167,8 +167,8 @@ impl Frame {
     #[inline(always)]
     fn slide(&mut self, axis: Axis, by: Lanes) {
         let along = self.axes[axis as usize];
-        for i in 0..3 {
-            self.origin[i] += along[i] * by;
+        for (origin, along) in self.origin.iter_mut().zip(along) {
+            *origin += along * by;
         }
     }
 }

@@ -99,17 +99,16 @@ pub fn platform_poses(
     Ok(poses_of(&model, &readings, beta, &fit.noise.sigma, fit.noise.play))
 }
 
+/// Poses, and the standard deviations of their components.
+pub type PosesAndSd = (Vec<[f64; 6]>, Vec<[f64; 6]>);
+
 /// Platform pose of every row with its standard deviations: from the parameters
 /// and from the noise of one reading, to first order by differences.
 ///
 /// # Errors
 ///
 /// As [`platform_poses`].
-pub fn poses_with_sd(
-    session: &Session,
-    fit: &Fit,
-    table: Table,
-) -> Result<(Vec<[f64; 6]>, Vec<[f64; 6]>), Error> {
+pub fn poses_with_sd(session: &Session, fit: &Fit, table: Table) -> Result<PosesAndSd, Error> {
     let at = |beta: &[f64], table: Table| platform_poses(session, fit, beta, table);
     let poses = at(&fit.beta, table.clone())?;
     let n = fit.beta.len();

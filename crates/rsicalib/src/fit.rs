@@ -7,7 +7,7 @@ use crate::model::{Instance, Model};
 use crate::noise::{Groups, Scatter, Source};
 use crate::objective::{Algebraic, Implicit, Noise, Part, Prior, Residuals};
 use crate::session::Session;
-use crate::start::{self, Try};
+use crate::start::{self, Start, Try};
 use crate::{Error, stats};
 
 /// Which objective.
@@ -49,7 +49,7 @@ impl Default for Options {
             method: Method::default(),
             noise: None,
             play: 1.0,
-            starts: 60,
+            starts: 40,
             good_start: 50.0,
             lm: lm::Options { xtol: 1e-10, ftol: 1e-12, ..lm::Options::default() },
         }
@@ -71,6 +71,8 @@ pub struct NoiseEstimate {
     pub correlation: f64,
     /// Variance of a pose's mean over that of independent samples.
     pub inflation: f64,
+    /// The same for the parameters: more for a recording, whose poses change slowly.
+    pub slow: f64,
 }
 
 /// A fitted model.
@@ -114,6 +116,8 @@ pub struct Fit {
     pub adjusted: Vec<f64>,
     /// True where every joint still moves.
     pub plausible: bool,
+    /// What looks wrong with the wiring.
+    pub warnings: Vec<String>,
 }
 
 /// Fits these instances, from a start of their own or from an earlier fit.
@@ -133,11 +137,15 @@ pub fn fit(session: &Session, instances: Vec<Instance>, from: Option<&Fit>) -> R
         });
     }
     let guess = first_noise(session, from);
-    let (beta, starts) = match from {
-        Some(fit) => (carry_over(fit, &model), fit.starts.clone()),
+    let start = match from {
+        Some(fit) => Start {
+            beta: carry_over(fit, &model),
+            tries: fit.starts.clone(),
+            warnings: fit.warnings.clone(),
+        },
         None => begin(session, &model, &guess),
     };
-    solve(session, model, priors, beta, starts, guess)
+    solve(session, model, priors, start, guess)
 }
 
 /// The parameters of an earlier fit, where the new model has them too.
@@ -174,26 +182,20 @@ fn first_noise(session: &Session, from: Option<&Fit>) -> Noise {
 }
 
 /// A start by the algebraic fit, unknown points by where the chains touch them.
-fn begin(session: &Session, model: &Model, noise: &Noise) -> (Vec<f64>, Vec<Try>) {
-    if !model.unknown_names.is_empty() {
-        let mut beta = start::anchored(session, model, &vec![1.0; model.scales.len()]);
-        model.place_unknowns(&session.readings, &mut beta);
-        return (beta, Vec::new());
+fn begin(session: &Session, model: &Model, noise: &Noise) -> Start {
+    if model.unknown_names.is_empty() {
+        return start::search(session, model, noise);
     }
-    let dof = (model.equations() * session.readings.samples) as f64;
-    start::search(session, model, |outcome| {
-        let part = Part { model, readings: &session.readings, weights: Some(&session.weights) };
-        let implicit = Implicit::new(vec![(part, noise.clone())], &[]);
-        2.0 * implicit.linearize(&outcome.x).cost / dof
-    })
+    let mut beta = start::anchored(session, model, &vec![1.0; model.scales.len()]);
+    model.place_unknowns(&session.readings, &mut beta);
+    Start { beta, ..Start::default() }
 }
 
 fn solve(
     session: &Session,
     model: Model,
     priors: Vec<Prior>,
-    start: Vec<f64>,
-    starts: Vec<Try>,
+    start: Start,
     mut noise: Noise,
 ) -> Result<Fit, Error> {
     let held = match &session.held {
@@ -201,7 +203,7 @@ fn solve(
         None => None,
     };
     let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
-    let mut beta = start;
+    let mut beta = start.beta.clone();
     let groups = Groups::of(&session.readings, &session.weights);
     let declared = session.options.noise.is_some()
         || session.mechanism.channels.iter().all(|c| c.noise.is_some());
@@ -235,9 +237,7 @@ fn solve(
     let Some((outcome, residuals, noise, scale, adjusted)) = answer else {
         return Err(Error::Empty("no fit".into()));
     };
-    Ok(conclude(
-        session, model, priors, outcome, residuals, noise, scale, adjusted, starts, &groups,
-    ))
+    Ok(conclude(session, model, priors, outcome, residuals, noise, scale, adjusted, start, &groups))
 }
 
 /// The noise that these residuals show, by the best source there is.
@@ -249,7 +249,10 @@ fn estimate_noise(
     declared: bool,
     parameters: usize,
 ) -> NoiseEstimate {
-    let Scatter { within, dof, correlation, inflation } = groups.scatter(residuals);
+    let channels = &session.mechanism.channels;
+    let rounding = channels[0].quantisation().sqrt() / used.sigma[0];
+    let Scatter { within, dof, correlation, inflation, slow, effective, shown } =
+        groups.scatter(residuals, rounding * rounding);
     let scaled = |s: f64, source, dof| NoiseEstimate {
         source,
         sigma: used.sigma.iter().map(|v| v * s).collect(),
@@ -257,21 +260,28 @@ fn estimate_noise(
         dof,
         correlation,
         inflation,
+        slow,
     };
     if declared {
         return scaled(1.0, Source::Declared, f64::INFINITY);
     }
-    let channels = &session.mechanism.channels;
-    let rounding = channels[0].quantisation().sqrt() / used.sigma[0];
     if dof >= 8.0 {
-        let s = (within / dof).sqrt();
-        if s < rounding {
-            return scaled(rounding, Source::Quantisation, f64::INFINITY);
-        }
-        let source = if session.readings.held { Source::Repeats } else { Source::Neighbours };
-        // Correlated samples are fewer than they seem.
-        let effective = dof * (1.0 - correlation.max(0.0)) / (1.0 + correlation.max(0.0));
-        return scaled(s, source, effective.max(1.0));
+        let lasting = groups.lasting_rounding(session) / used.sigma[0].powi(2);
+        let white = within / dof / shown;
+        let variance = (white + lasting).max(rounding * rounding);
+        let (source, dof) = if white < lasting || white + lasting < variance {
+            (Source::Quantisation, f64::INFINITY)
+        } else if session.readings.held {
+            (Source::Repeats, effective.max(1.0))
+        } else {
+            (Source::Neighbours, effective.max(1.0))
+        };
+        let estimate = scaled(variance.sqrt(), source, dof);
+        // What is the same in all samples of a pose does not average out.
+        let (share, n) = (lasting / variance, groups.usual());
+        let inflation = inflation + share * (n - inflation);
+        let slow = slow + share * (n - slow);
+        return NoiseEstimate { inflation, slow, ..estimate };
     }
     let k = residuals.equations;
     let live: Vec<usize> =
@@ -293,7 +303,7 @@ fn conclude(
     noise: NoiseEstimate,
     scale: f64,
     adjusted: Vec<f64>,
-    starts: Vec<Try>,
+    start: Start,
     groups: &Groups,
 ) -> Fit {
     // From the noise that the fit used to the noise that it found.
@@ -315,7 +325,7 @@ fn conclude(
         noise.source,
         Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
     ) {
-        let scatter = groups.scatter(&residuals);
+        let scatter = groups.scatter(&residuals, 0.0);
         chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
         dof -= scatter.dof;
     }
@@ -323,7 +333,7 @@ fn conclude(
         .then(|| stats::f_tail(chi2 / dof, dof, noise.dof));
 
     let (covariance, unknowable, condition) = invert(&gram);
-    let covariance = Mat::from_fn(n, n, |i, j| covariance[(i, j)] * noise.inflation);
+    let covariance = Mat::from_fn(n, n, |i, j| covariance[(i, j)] * noise.slow);
     let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
     let rms_misclosure =
         (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
@@ -344,10 +354,11 @@ fn conclude(
         condition,
         termination: outcome.termination,
         iterations: outcome.iterations,
-        starts,
+        starts: start.tries,
         residuals,
         adjusted,
         plausible,
+        warnings: start.warnings,
     }
 }
 

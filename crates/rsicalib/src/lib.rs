@@ -39,6 +39,7 @@ mod sums;
 pub mod terms;
 pub mod trace;
 pub mod verdict;
+pub mod wiring;
 
 pub use error::Error;
 pub use fit::{Fit, Method, Options, fit};

@@ -144,24 +144,26 @@ fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> 
     }
     // Columns of the lower triangle, the right-hand side as one more row below them.
     let rows = n + 1;
-    let inverse: Vec<f64> = scale.iter().map(|s| 1.0 / s).collect();
-    let mut l = vec![0.0; rows * n];
+    let mut room = [0.0; (SMALL + 1) * SMALL];
+    let l = &mut room[..rows * n];
+    let mut s: Vec<f64> = scale.iter().map(|s| 1.0 / s).collect();
     for (j, column) in l.chunks_exact_mut(rows).enumerate() {
-        for i in j..n {
-            column[i] = h[(i, j)] * inverse[i] * inverse[j];
+        let own = &h.col_as_slice(j)[j..];
+        for ((value, h), inverse) in column[j..n].iter_mut().zip(own).zip(&s[j..]) {
+            *value = h * inverse * s[j];
         }
         column[j] += damping;
-        column[n] = -gradient[j] * inverse[j];
+        column[n] = -gradient[j] * s[j];
     }
     dispatch(
         #[inline(always)]
-        || factor_in_place(&mut l, n),
+        || factor_in_place(l, n),
     )
     .then_some(())?;
-    let mut s = vec![0.0; n];
+    let inverse = std::mem::replace(&mut s, vec![0.0; n]);
     for j in (0..n).rev() {
         let column = &l[j * rows..(j + 1) * rows];
-        let known: f64 = (j + 1..n).map(|i| column[i] * s[i]).sum();
+        let known: f64 = column[j + 1..n].iter().zip(&s[j + 1..]).map(|(l, s)| l * s).sum();
         s[j] = (column[n] - known) / column[j];
     }
     s.iter_mut().zip(&inverse).for_each(|(s, inverse)| *s *= inverse);
@@ -169,9 +171,10 @@ fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> 
 }
 
 /// Below this many parameters faer's general Cholesky costs more than the work.
-const SMALL: usize = 48;
+const SMALL: usize = 24;
 
 /// Cholesky of the columns of a lower triangle with one more row, right-looking.
+#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN is no pivot either")]
 #[inline(always)]
 fn factor_in_place(l: &mut [f64], n: usize) -> bool {
     let rows = n + 1;

@@ -1214,15 +1214,15 @@ fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String]) -> String 
     format!("{}[{}]", point.name, keys.join(","))
 }
 
+/// An unknown point, and the keys that make it one of its own.
+type Keyed = (usize, Vec<String>);
+
 /// Numbers the unknown points: for each, the instance that a group touches, and
 /// what the instances are.
-fn number_unknowns(
-    mechanism: &Mechanism,
-    readings: &Readings,
-) -> (Vec<Vec<usize>>, Vec<(usize, Vec<String>)>) {
+fn number_unknowns(mechanism: &Mechanism, readings: &Readings) -> (Vec<Vec<usize>>, Vec<Keyed>) {
     let columns = mechanism.key_columns();
     let mut numbers = Vec::new();
-    let mut points: Vec<(usize, Vec<String>)> = Vec::new();
+    let mut points: Vec<Keyed> = Vec::new();
     for (p, point) in mechanism.points.iter().enumerate().filter(|(_, p)| !p.unknown.is_empty()) {
         let of_group = readings.groups.iter().map(|group| {
             let key = |c: &String| columns.iter().position(|k| k == c).map(|i| group[i].clone());

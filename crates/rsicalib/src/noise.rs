@@ -8,9 +8,18 @@
 //! ```text
 //! s²   = Σ_p Σ_s |r_ps - r̄_p|² / ν,     ν = K Σ_p (n_p - 1)               (61)
 //! ```
+//!
+//! Neighbouring samples may resemble each other; what that does to the mean of a pose
+//! is said in `noise/correlation.rs`.
+
+mod correlation;
+
+use std::f64::consts::PI;
 
 use crate::objective::Residuals;
 use crate::readings::Readings;
+use crate::session::Session;
+use correlation::correlated;
 
 /// Rows that a stretch of a recording has.
 const STRETCH: usize = 8;
@@ -59,8 +68,14 @@ pub struct Scatter {
     pub dof: f64,
     /// Correlation of neighbouring samples.
     pub correlation: f64,
-    /// Variance of a group mean over that of independent samples.
+    /// Variance of a group's mean over that of independent samples.
     pub inflation: f64,
+    /// The same for what varies slowly over many groups: parameters, of a recording.
+    pub slow: f64,
+    /// Degrees of freedom of an inflated variance.
+    pub effective: f64,
+    /// Variance within a group, per degree of freedom, over that of a sample.
+    pub shown: f64,
 }
 
 /// Rows that repeat each other: held poses, or stretches of a recording.
@@ -91,13 +106,45 @@ impl Groups {
         Self { rows, order: 2 }
     }
 
-    /// Eq. (61): the scatter of residuals within these groups.
+    /// Rows of the average group.
     #[must_use]
-    pub fn scatter(&self, residuals: &Residuals) -> Scatter {
+    pub fn usual(&self) -> f64 {
+        self.rows.iter().map(Vec::len).sum::<usize>() as f64 / self.rows.len().max(1) as f64
+    }
+
+    /// Variance of the rounding that all samples of a held pose share: nearly all of it
+    /// where the readings hardly change within a pose, none where they do.
+    ///
+    /// With steady noise `σ` the mean code is off by `Σ (-1)ᵏ e^(-2π²k²σ²) sin(2πkx) / πk`
+    /// for a reading at `x`, in units of a code.
+    #[must_use]
+    pub fn lasting_rounding(&self, session: &Session) -> f64 {
+        let Readings { channels, held, table, .. } = &session.readings;
+        let coded = session.mechanism.channels.iter().all(|c| c.unit == "count");
+        if !held || !coded || table.values.iter().any(|v| v.fract() != 0.0) {
+            return 0.0;
+        }
+        let (mut within, mut dof) = (0.0, 0.0);
+        let mut left = Vec::new();
+        for rows in self.rows.iter().filter(|r| r.len() > 1) {
+            for channel in 0..*channels {
+                left.clear();
+                left.extend(rows.iter().map(|r| table.values[r * channels + channel]));
+                detrend(&mut left, 1);
+                within += left.iter().map(|v| v * v).sum::<f64>();
+                dof += (rows.len() - 1) as f64;
+            }
+        }
+        if dof == 0.0 { 0.0 } else { lasting(within / dof) }
+    }
+
+    /// Eq. (61): the scatter of residuals within these groups, of which a variance of
+    /// `rounding` is white whatever the samples' correlation.
+    #[must_use]
+    pub fn scatter(&self, residuals: &Residuals, rounding: f64) -> Scatter {
         let k = residuals.equations;
         let (mut within, mut dof) = (0.0, 0.0);
-        // Lag-1 products, and what independent samples would give them.
-        let (mut product, mut expected) = (0.0, 0.0);
+        let (mut product, mut groups, mut samples) = (0.0, 0.0, 0.0);
         let mut left = Vec::new();
         for rows in self.rows.iter().filter(|r| r.len() > self.order) {
             for equation in 0..k {
@@ -107,30 +154,59 @@ impl Groups {
                 within += left.iter().map(|r| r * r).sum::<f64>();
                 product += left.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
             }
-            let free = (rows.len() - self.order) as f64;
-            dof += free * k as f64;
-            expected -= lost_product(rows.len(), self.order) * k as f64;
+            dof += (rows.len() - self.order) as f64 * k as f64;
+            groups += k as f64;
+            samples += (rows.len() * k) as f64;
         }
-        if dof == 0.0 {
-            return Scatter { within, dof, correlation: 0.0, inflation: 1.0 };
-        }
-        let n = (self.rows.iter().map(Vec::len).sum::<usize>() as f64 / self.rows.len() as f64)
-            .max(2.0);
-        let pairs = dof * (n - 1.0) / (n - self.order as f64).max(1.0);
-        let variance = within / dof;
-        let raw = if variance > 0.0 { (product / variance - expected) / pairs } else { 0.0 };
-        // Noise of the estimate itself: one over the root of the pairs.
-        let sure = 3.0 / pairs.sqrt();
-        let correlation = if raw > sure { unbias(raw, n).min(0.95) } else { 0.0 };
-        let inflation = inflation(correlation, n);
-        Scatter {
+        let alone = Scatter {
             within,
             dof,
-            correlation: if correlation > 0.0 { correlation } else { raw },
-            inflation,
+            correlation: 0.0,
+            inflation: 1.0,
+            slow: 1.0,
+            effective: dof,
+            shown: 1.0,
+        };
+        let n = (samples / groups).round() as usize;
+        // Two samples less their mean are each other's opposite: nothing to be seen.
+        if groups == 0.0 || n < self.order + 2 || within == 0.0 {
+            return alone;
+        }
+        let variance = within / dof;
+        let independent = -lost_product(n, self.order);
+        let pairs = groups * (n - 1) as f64;
+        let raw = (product / variance / groups - independent) / (n - 1) as f64;
+        if raw < SURE / pairs.sqrt() {
+            return Scatter { correlation: raw, ..alone };
+        }
+        let q = (rounding / variance).min(0.95);
+        let found = correlated(product / variance / groups, n, self.order, q);
+        Scatter {
+            correlation: found.rho,
+            inflation: found.inflation,
+            slow: found.slow,
+            effective: found.dof * groups,
+            shown: found.shown,
+            ..alone
         }
     }
 }
+
+/// Variance of the mean code's error where codes scatter by `seen` about it.
+fn lasting(seen: f64) -> f64 {
+    let term = |k: f64, s2: f64| (-(2.0 * PI * k).powi(2) * s2).exp() / (2.0 * (PI * k).powi(2));
+    let at = |s2: f64| (1..200).map(|k| term(f64::from(k), s2)).sum::<f64>();
+    // Noise s2 and rounding 1/12 are what is seen and what is not.
+    let (mut low, mut high) = (0.0, seen.max(1e-12));
+    for _ in 0..50 {
+        let s2 = 0.5 * (low + high);
+        if s2 + 1.0 / 12.0 - at(s2) < seen { low = s2 } else { high = s2 }
+    }
+    at(0.5 * (low + high))
+}
+
+/// Correlation counts from so many of its standard deviations.
+const SURE: f64 = 2.0;
 
 /// `-E Σ e_i e_{i+1} / σ²` of independent samples from which a mean (order 1) or
 /// a line (order 2) was removed: the sum of the hat matrix beside its diagonal.
@@ -143,40 +219,6 @@ fn lost_product(n: usize, order: usize) -> f64 {
         lost += (1..n).map(|i| x(i) * x(i - 1)).sum::<f64>() / moment;
     }
     lost
-}
-
-/// Correlation whose removal of a mean over `n` samples shows as `raw`.
-fn unbias(raw: f64, n: f64) -> f64 {
-    // Within-group covariances lose the variance of the mean, V = σ²/n · g(ρ):
-    // raw ≈ (ρ - V + 1/n ...)/(1 - V); solved by a few fixed-point steps.
-    let mut rho = raw;
-    for _ in 0..50 {
-        let v = mean_variance(rho, n);
-        let scale = (1.0 - v) / (1.0 - 1.0 / n);
-        rho = (v + (raw - 1.0 / n) * scale).clamp(0.0, 0.95);
-    }
-    rho
-}
-
-/// Variance of the mean of `n` samples of unit variance and lag-1 correlation `rho`.
-fn mean_variance(rho: f64, n: f64) -> f64 {
-    let mut sum = 1.0;
-    let mut power = 1.0;
-    for lag in 1..n as usize {
-        power *= rho;
-        sum += 2.0 * (1.0 - lag as f64 / n) * power;
-    }
-    sum / n
-}
-
-/// Variance of a group mean, over what the scatter within promises for it.
-fn inflation(rho: f64, n: f64) -> f64 {
-    if rho <= 0.0 {
-        return 1.0;
-    }
-    let v = mean_variance(rho, n);
-    // Scatter within, per degree of freedom, is σ² (1 - v) n / (n - 1).
-    v * n / ((1.0 - v) * n / (n - 1.0))
 }
 
 /// Removes a mean (order 1) or a straight line (order 2).
@@ -192,5 +234,17 @@ fn detrend(values: &mut [f64], order: usize) {
     }
     for (i, value) in values.iter_mut().enumerate() {
         *value -= mean + slope * (i as f64 - middle);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lasting;
+
+    #[test]
+    fn rounding_lasts_only_where_readings_stand_still() {
+        assert!((lasting(0.0) - 1.0 / 12.0).abs() < 3e-4); // 200 terms of the series
+        assert!(lasting(0.25 + 1.0 / 12.0) < 1e-5);
+        assert!(lasting(4.0) == 0.0);
     }
 }

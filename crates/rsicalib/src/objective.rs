@@ -262,8 +262,8 @@ impl<'a> Implicit<'a> {
                     let bare = Want { x: false, a: false };
                     model.evaluate(readings, block, raw, x, bare, &mut room.ws);
                     for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                        for e in 0..k {
-                            out.lengths[row * k + e] = room.ws.f[e].0[lane] * lengths[e];
+                        for (e, length) in lengths.iter().enumerate() {
+                            out.lengths[row * k + e] = room.ws.f[e].0[lane] * length;
                         }
                     }
                     out.inner = out.inner.max(room.settle(part, block, x, a_hat, by_parameter));

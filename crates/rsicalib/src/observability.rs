@@ -61,6 +61,9 @@ fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
         let mut moves: Vec<(usize, f64)> =
             (0..n).filter(|&i| norms[i] > 0.0).map(|i| (i, vectors[(i, k)])).collect();
         moves.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        if moves.is_empty() {
+            break; // nothing depends on anything: said above
+        }
         let largest = moves.first().map_or(1.0, |m| m.1.abs());
         let shares: Vec<String> = moves
             .iter()

@@ -285,7 +285,7 @@ impl Readings {
     pub fn count_temperature_from(&mut self, mean: f64) {
         let Some(own) = self.mean_temperature.replace(mean) else { return };
         for block in &mut self.blocks {
-            block.temperature = block.temperature + Lanes::splat(own - mean);
+            block.temperature += Lanes::splat(own - mean);
         }
     }
 
@@ -356,7 +356,7 @@ impl Readings {
 fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let channels = mechanism.channels.len();
     let samples = table.values.len() / channels;
-    if table.values.len() % channels != 0 {
+    if !table.values.len().is_multiple_of(channels) {
         return Err(shape("values", table.values.len(), (samples + 1) * channels));
     }
     if samples == 0 {

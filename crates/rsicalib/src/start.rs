@@ -5,12 +5,16 @@
 //! the search away from it: offsets are anchored on the one pose that is known,
 //! `θ_off = θ_rest - k a_rest`, so that a wrong gain swings each joint about the
 //! rest pose and not about count zero; and a solution in which a joint hardly
-//! moves any more is recognised and left for another start.
+//! moves any more is recognised and left for another start. Which start was right is told
+//! by the weighted χ², which grows without bound as a gain goes to zero. That χ² finds
+//! the gains, too, while offsets are tied to the anchor, where the first start did not.
 
-use crate::lm::{self, Outcome};
+use crate::lm::{self, Problem};
 use crate::model::Model;
-use crate::objective::{Algebraic, Part};
+use crate::objective::{Algebraic, Implicit, Noise, Part, Prior};
+use crate::readings::{Readings, Table};
 use crate::session::Session;
+use crate::wiring;
 
 /// A start that was tried.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +25,17 @@ pub struct Try {
     pub cost: f64,
     /// True where a gain collapsed to zero.
     pub collapsed: bool,
+}
+
+/// Where to start, and how that was found.
+#[derive(Debug, Clone, Default)]
+pub struct Start {
+    /// The parameters.
+    pub beta: Vec<f64>,
+    /// The starts that were tried.
+    pub tries: Vec<Try>,
+    /// What looks wrong with the wiring.
+    pub warnings: Vec<String>,
 }
 
 /// Fraction of its nominal gain below which a channel has collapsed.
@@ -49,63 +64,258 @@ pub fn anchored(session: &Session, model: &Model, factors: &[f64]) -> Vec<f64> {
     beta
 }
 
+/// Ratio of every gain to its nominal value.
+pub fn ratios(model: &Model, beta: &[f64]) -> impl Iterator<Item = f64> {
+    model.scales.iter().enumerate().map(|(c, scale)| {
+        let gain = model.column("gain", c).map_or(scale.gain, |column| scale.gain + beta[column]);
+        gain / scale.gain
+    })
+}
+
 /// True where some joint hardly moves any more.
 #[must_use]
 pub fn collapsed(model: &Model, beta: &[f64]) -> bool {
-    model.scales.iter().enumerate().any(|(c, scale)| {
-        let gain = model.column("gain", c).map_or(scale.gain, |column| scale.gain + beta[column]);
-        gain / scale.gain < COLLAPSED
-    })
+    ratios(model, beta).any(|ratio| ratio.abs() < COLLAPSED)
+}
+
+/// Samples that a search of starts looks at.
+const SAMPLES: usize = 150;
+
+/// So many more starts that end at one and the same best minimum have found it,
+/// however bad it is.
+const AGREE: usize = 4;
+
+/// How firmly offsets are tied to a reading of the rest pose, and to where the
+/// nominal sensors have it [rad].
+const TIED: [f64; 2] = [0.02, 0.1];
+
+/// Noise is taken for so many times larger while offsets are tied, so that they are.
+const LOOSE: f64 = 30.0;
+
+/// Readings among which a start is sought.
+#[derive(Debug)]
+pub struct Search<'a> {
+    /// Whose start it is.
+    pub session: &'a Session,
+    /// The model.
+    pub model: &'a Model,
+    /// Some of its samples.
+    pub readings: Readings,
+    /// How much each counts.
+    pub weights: Vec<f64>,
+    noise: Noise,
+    priors: Vec<Prior>,
+    options: lm::Options,
+    tied: Option<Tied>,
+}
+
+/// The same model with offsets at the anchor, where they can be held while gains are sought.
+#[derive(Debug)]
+struct Tied {
+    model: Model,
+    priors: Vec<Prior>,
+}
+
+impl Tied {
+    fn new(session: &Session, model: &Model) -> Option<Self> {
+        let (at, angles): (Vec<f64>, Vec<f64>) = session.anchor().into_iter().unzip();
+        let instances = model.instances.clone();
+        let model = Model::about(&session.mechanism, &session.readings, instances, &at).ok()?;
+        let mut priors = session.priors(&model);
+        let known = session.rest.is_some() && session.rest_angles.is_some();
+        for (c, scale) in model.scales.iter().enumerate() {
+            if let Some(column) = model.column("offset", c) {
+                let (mean, sd) = (angles[c] - scale.angle, TIED[usize::from(!known)]);
+                priors.push(Prior::Parameter { column, mean, sd });
+            }
+        }
+        Some(Self { model, priors })
+    }
+}
+
+/// Parameters of a model in those of one that differs in where offsets are told.
+fn moved(beta: &[f64], from: &Model, to: &Model) -> Vec<f64> {
+    let mut moved = beta.to_vec();
+    for (c, (a, b)) in from.scales.iter().zip(&to.scales).enumerate() {
+        if let Some(offset) = to.column("offset", c) {
+            let gain = a.gain + to.column("gain", c).map_or(0.0, |column| beta[column]);
+            moved[offset] += a.angle - b.angle + gain * (b.centre - a.centre);
+        }
+    }
+    moved
+}
+
+/// Where one start led.
+#[derive(Debug, Clone)]
+pub struct End {
+    /// The parameters.
+    pub beta: Vec<f64>,
+    /// `fᵀf`.
+    pub cost: f64,
+    /// χ² per equation at the presumed noise; infinite where a joint stopped moving.
+    pub score: f64,
+}
+
+impl<'a> Search<'a> {
+    /// Among some of a session's samples, spread evenly over its poses.
+    #[must_use]
+    pub fn new(session: &'a Session, model: &'a Model, noise: &Noise) -> Self {
+        let all = &session.readings;
+        let rows = spread(&all.rows_of_poses(), SAMPLES);
+        let few = || {
+            Readings::beside(&session.mechanism, rows_of(&all.table, all.channels, &rows), all).ok()
+        };
+        let (readings, weights) = match (rows.len() < all.samples).then(few).flatten() {
+            Some(few) => (few, rows.iter().map(|&r| session.weights[r]).collect()),
+            None => (all.clone(), session.weights.clone()),
+        };
+        Self {
+            session,
+            model,
+            readings,
+            weights,
+            noise: noise.clone(),
+            priors: session.priors(model),
+            options: lm::Options { max_iterations: 60, xtol: 1e-8, ..session.options.lm.clone() },
+            tied: Tied::new(session, model),
+        }
+    }
+
+    /// Parameters `start` with better gains: the maximum-likelihood fit while offsets are
+    /// tied to the anchor. Its weights keep gains from zero, the ties from wandering.
+    fn better(&self, start: &[f64]) -> Vec<f64> {
+        let Some(Tied { model, priors }) = &self.tied else { return start.to_vec() };
+        let part = Part { model, readings: &self.readings, weights: Some(&self.weights) };
+        let sigma = self.noise.sigma.iter().map(|s| LOOSE * s).collect();
+        let noise = Noise { sigma, play: LOOSE * LOOSE * self.noise.play };
+        let options = lm::Options { xtol: 1e-4, ..self.options.clone() };
+        let problem = Implicit::new(vec![(part, noise)], priors);
+        let tied = lm::minimize(&problem, &moved(start, self.model, model), &options);
+        moved(&tied.x, model, self.model)
+    }
+
+    /// The algebraic fit from parameters `start`, with other readings or weights.
+    #[must_use]
+    pub fn end_with(&self, readings: &Readings, weights: &[f64], start: &[f64]) -> End {
+        let part = Part { model: self.model, readings, weights: Some(weights) };
+        let outcome = lm::minimize(&Algebraic::new(part, &self.priors), start, &self.options);
+        let score = if collapsed(self.model, &outcome.x) {
+            f64::INFINITY
+        } else {
+            let live = weights.iter().filter(|w| **w > 0.0).count();
+            let implicit = Implicit::new(vec![(part, self.noise.clone())], &[]);
+            let chi2 = 2.0 * implicit.linearize(&outcome.x).cost;
+            let score = chi2 / (self.model.equations() * live) as f64;
+            if score.is_finite() { score } else { f64::INFINITY }
+        };
+        End { cost: 2.0 * outcome.cost, beta: outcome.x, score }
+    }
+
+    /// The algebraic fit from parameters `start`; a reversed gain is no answer.
+    #[must_use]
+    pub fn end(&self, start: &[f64]) -> End {
+        let end = self.end_with(&self.readings, &self.weights, start);
+        let reversed = ratios(self.model, &end.beta).any(|ratio| ratio < 0.0);
+        End { score: if reversed { f64::INFINITY } else { end.score }, ..end }
+    }
 }
 
 /// The algebraic fits from every start, until one is good; the best, and all.
 #[must_use]
-pub fn search(
-    session: &Session,
-    model: &Model,
-    good: impl Fn(&Outcome) -> f64,
-) -> (Vec<f64>, Vec<Try>) {
-    let priors = session.priors(model);
-    let part = Part { model, readings: &session.readings, weights: Some(&session.weights) };
-    let problem = Algebraic::new(part, &priors);
-    let options = lm::Options { max_iterations: 60, xtol: 1e-8, ..session.options.lm.clone() };
-    let mut tries = Vec::new();
-    let mut best: Option<(f64, Vec<f64>)> = None;
-    let mut attempt = |name: String, start: Vec<f64>, best: &mut Option<(f64, Vec<f64>)>| {
-        let outcome = lm::minimize(&problem, &start, &options);
-        let collapsed = collapsed(model, &outcome.x);
-        let score = if collapsed { f64::INFINITY } else { good(&outcome) };
-        tries.push(Try { from: name, cost: 2.0 * outcome.cost, collapsed });
-        if score.is_finite() && best.as_ref().is_none_or(|(s, _)| score < *s) {
-            *best = Some((score, outcome.x));
-        }
-        score < session.options.good_start
-    };
+pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
+    let search = Search::new(session, model, noise);
     let channels = model.scales.len();
-    let mut starts: Vec<(String, Vec<f64>)> = Vec::new();
-    let nominal = if session.rest.is_some() { "rest" } else { "nominal" };
-    for factor in FACTORS {
-        let name =
-            if factor == 1.0 { nominal.into() } else { format!("{nominal}, gains × {factor}") };
-        starts.push((name, vec![factor; channels]));
+    let options = &session.options;
+    let mut tries = Vec::new();
+    let mut best: Option<End> = None;
+    let mut agreeing = 0;
+    let anchor = if session.rest.is_some() { "rest" } else { "nominal" };
+    // What is near needs no care: the first start is the anchor as it is.
+    let near = (anchor.to_owned(), vec![1.0; channels]);
+    let tied = |(name, factors)| (format!("{anchor}, offsets tied, {name}"), factors);
+    let starts = starts(channels, options.starts).into_iter().map(tied);
+    for (name, factors) in std::iter::once(near).chain(starts).take(options.starts.max(1)) {
+        let start = anchored(session, model, &factors);
+        let end = search.end(&if tries.is_empty() { start } else { search.better(&start) });
+        tries.push(Try { from: name, cost: end.cost, collapsed: end.score.is_infinite() });
+        let before = best.as_ref().map_or(f64::INFINITY, |b| b.score);
+        if end.score < 0.999 * before {
+            agreeing = 0;
+        } else if end.score < 1.001 * before {
+            agreeing += 1;
+        }
+        if end.score < before {
+            best = Some(end);
+        }
+        if best.as_ref().is_some_and(|b| b.score < options.good_start) || agreeing >= AGREE {
+            break;
+        }
     }
+    let score = best.as_ref().map_or(f64::INFINITY, |b| b.score);
+    let mut warnings = Vec::new();
+    if score >= options.good_start
+        && options.starts > 1
+        && let Some(found) = wiring::suspect(&search, score)
+    {
+        warnings.push(found.sentence);
+        best = found.end.or(best);
+    }
+    if best.is_none() && warnings.is_empty() {
+        warnings.push(format!(
+            "none of {} starts led to a fit in which every joint moves: check the wiring, the \
+             rest reading and the nominal gains, or record poses that differ more",
+            tries.len()
+        ));
+    }
+    let beta = best.map_or_else(|| anchored(session, model, &vec![1.0; channels]), |b| b.beta);
+    Start { beta, tries, warnings }
+}
+
+/// Names and gain factors of so many starts, nearest first.
+fn starts(channels: usize, count: usize) -> Vec<(String, Vec<f64>)> {
+    let mut starts: Vec<_> =
+        FACTORS.iter().map(|f| (format!("gains × {f}"), vec![*f; channels])).collect();
     // Low-discrepancy factors between 0.3 and 3: the additive recurrence of Roberts.
     let root = generalised_golden(channels);
-    for n in 1..=session.options.starts.saturating_sub(FACTORS.len()) {
+    for n in 1..=count.saturating_sub(FACTORS.len()) {
         let factors = (0..channels).map(|c| {
             let alpha = root.powi(-(c as i32 + 1));
             0.3 * 10.0_f64.powf((0.5 + alpha * n as f64).fract())
         });
-        starts.push((format!("{nominal}, gains scattered #{n}"), factors.collect()));
+        starts.push((format!("gains scattered #{n}"), factors.collect()));
     }
-    for (name, factors) in starts.into_iter().take(session.options.starts.max(1)) {
-        let start = anchored(session, model, &factors);
-        if attempt(name, start, &mut best) {
-            break;
-        }
+    starts
+}
+
+/// About so many rows, spread evenly over the poses.
+fn spread(poses: &[Vec<usize>], most: usize) -> Vec<usize> {
+    let stride = poses.len().div_ceil(most).max(1);
+    let each = (most / poses.len().max(1)).max(1);
+    let of = |rows: &Vec<usize>| {
+        let step = rows.len().div_ceil(each).max(1);
+        rows.iter().copied().step_by(step).collect::<Vec<_>>()
+    };
+    let mut rows: Vec<usize> = poses.iter().step_by(stride).flat_map(of).collect();
+    rows.sort_unstable();
+    rows
+}
+
+/// Some rows of a table.
+#[must_use]
+pub fn rows_of(table: &Table, channels: usize, rows: &[usize]) -> Table {
+    let pick = |column: &Vec<f64>| rows.iter().map(|&r| column[r]).collect::<Vec<_>>();
+    Table {
+        values: rows
+            .iter()
+            .flat_map(|r| table.values[r * channels..(r + 1) * channels].iter().copied())
+            .collect(),
+        pose: table.pose.as_ref().map(|p| rows.iter().map(|&r| p[r]).collect()),
+        time: table.time.as_ref().map(pick),
+        temperature: table.temperature.as_ref().map(pick),
+        session: table.session.as_ref().map(|s| rows.iter().map(|&r| s[r]).collect()),
+        keys: table.keys.iter().map(|key| rows.iter().map(|&r| key[r].clone()).collect()).collect(),
+        columns: table.columns.iter().map(pick).collect(),
     }
-    let beta = best.map_or_else(|| anchored(session, model, &vec![1.0; channels]), |(_, x)| x);
-    (beta, tries)
 }
 
 /// The root of `x^(d+1) = x + 1`.
