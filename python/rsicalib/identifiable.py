@@ -324,7 +324,8 @@ class _Closed:
 
     def _known_equations(self) -> list[int]:
         """Equations whose distance is not measured: those that readings have to satisfy."""
-        out, equation = [], 0
+        out: list[int] = []
+        equation = 0
         for closure in self.declared["closure"]:
             if _is_link(closure, self.declared):
                 continue

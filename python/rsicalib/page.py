@@ -150,7 +150,7 @@ def _data(result: Result) -> str:
     readings = result.readings
     return (
         f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. "
-        f"Lengths in {result.length_unit}, angles in rad."
+        f"Unit of length {result.length_unit}, of angles rad."
     )
 
 

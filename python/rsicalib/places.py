@@ -74,7 +74,7 @@ def places(
     posed = bool(mechanism.to_dict().get("platform"))
     if posed:
         table = as_table([readings], mechanism)
-        names = POSE
+        names: tuple[str, ...] = POSE
     else:
         table = as_table([readings], mechanism, bare=True)
         carried = [p["name"] for p in mechanism.to_dict()["point"] if p.get("chain") is not None]

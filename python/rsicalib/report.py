@@ -20,7 +20,8 @@ from rsicalib.words import (
 
 __all__ = ["html", "summary"]
 
-LINES = 25
+LINES = 23
+"""With a blank one and the path of a report they are 25."""
 WIDTH = 100
 
 
@@ -41,7 +42,7 @@ def html(result: Result) -> str:
 
 
 def summary(result: Result) -> str:
-    """Write what was found in at most 25 lines for a terminal.
+    """Write what was found in a few lines for a terminal.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def summary(result: Result) -> str:
     middle = _errors(result)
     if isinstance(result, Trace):
         middle = [*_found(result), *middle, *_left(result)]
-    tail = [line for text in advice(result)[:3] for line in _next(text)]
+    tail = [line for text in advice(result)[:3] for line in _next(text)][:5]
     if tail:
         tail = ["", *tail]
     room = LINES - len(head) - len(tail) - 1
@@ -77,6 +78,7 @@ def _next(text: str) -> list[str]:
 
 def _errors(result: Result) -> list[str]:
     heads, rows = comparison(result)
+    rows = [row for row in rows if row[0] != "p-value"]  # it stands in the first line
     if not rows:
         return []
     wide = max(len(row[0]) for row in rows) + 2
@@ -88,15 +90,14 @@ def _errors(result: Result) -> list[str]:
 
 def _found(result: Trace) -> list[str]:
     lines = []
-    for step in result.steps[:3]:
-        lines.append(
-            f"  found     {name_of(step.term)} of {step.target}: {size_words(step)}"[:WIDTH]
-        )
+    for step in result.steps[:4]:
+        line = f"  found     {name_of(step.term)} of {step.target}: {size_words(step)}"
         if step.platform_rms is not None:
             rms = step.platform_rms
             cost = f"{number(rms.position, 2)} {result.length_unit}"
-            turn = f"{number(rms.orientation, 2)} rad"
-            lines.append(f"            it moved the platform by {cost} and {turn} (rms)")
+            extra = f"; platform {cost}, {number(rms.orientation, 2)} rad"
+            line += extra if len(line) + len(extra) <= WIDTH else ""
+        lines.append(line[:WIDTH])
         if step.also_fits:
             names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
             more = "" if len(names) < 4 else f" and {len(names) - 3} more"

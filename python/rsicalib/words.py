@@ -23,11 +23,8 @@ __all__ = [
 
 WORDS = {
     "sensor": "sensor {target}",
-    "electronics": "the electronics ({target})",
-    "geometry": "the geometry at {target}",
-    "closure": "the closure {target}",
-    "load": "the load on {target}",
-    "data": "the reading {target}",
+    "electronics": "the electronics",
+    "closure": "closure {target}",
 }
 
 
@@ -164,6 +161,9 @@ def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, st
 
 def size_words(step: Step) -> str:
     """How large an effect is, with 95 %."""
+    if len(step.parameters) > 3 and step.curve:
+        largest = max(abs(row[1]) for row in step.curve)
+        return f"a curve of up to {number(1e3 * largest, 2)} mrad"
     parts = []
     for p in step.parameters:
         value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)

@@ -18,7 +18,7 @@ fn candidates(poses: &[[f64; 6]]) -> (Candidates, Vec<f64>) {
     (made.expect("poses"), counts)
 }
 
-/// Covariance of the bound, by inverting the whole of eq. (71) at once.
+/// Covariance of the bound, by inverting the whole of eq. (91) at once.
 fn covariance(counts: &[f64]) -> DMatrix<f64> {
     let (offsets, gains) = rsi_parameters(0.0, 0.0);
     let paper = Paper::new(&Mechanism::rsi(), counts).expect("poses");

@@ -1,0 +1,179 @@
+"""The small form of `benches/statistics.py`: intervals, tests and starts keep their word.
+
+Everything is seeded, so that a test that passes once passes always; tolerances are those of the
+Monte Carlo, so that it passes for the right reason. A figure is off where it misses what is
+demanded by more than `SURE` standard errors of itself: 4, once in 16,000 for one figure.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from benches import statistics as bench
+from benches.statistics import Cell, Honesty
+from rsicalib import _core
+from tests import oracle
+from tests.blind import effects, simulator
+from tests.blind.simulator import CHANNELS, Device
+from tests.oracle import Array
+
+SURE = 4.0
+
+CELLS = [
+    Cell(24, 2, 0.5, tremor=True),
+    Cell(24, 2, 3.0),
+    Cell(24, 8, 1.0),
+    Cell(48, 2, 1.0, tremor=True),
+    Cell(48, 8, 3.0, tremor=True),
+]
+
+
+@pytest.fixture(scope="module", params=CELLS, ids=lambda cell: cell.name)
+def honest(request: pytest.FixtureRequest) -> Honesty:
+    """100 sessions of a cell; the 18 parameters of one go together, as its errors know."""
+    return bench.honesty(request.param, 100)
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say(honest: Honesty) -> None:
+    assert abs(honest.coverage - 0.95) < SURE * honest.coverage_error
+    # The largest of 18 correlated binomials of 100 with a mean miss of 5: skewed, hence 5.
+    assert honest.worst < 5.0
+
+
+def test_the_lack_of_fit_test_has_uniform_p_values(honest: Honesty) -> None:
+    assert honest.uniform > 1e-4  # SURE, for a p-value
+
+
+def test_errors_are_those_of_the_bound(honest: Honesty) -> None:
+    assert 0.97 - SURE * honest.rms_error < honest.rms < 1.05 + SURE * honest.rms_error
+
+
+def test_intervals_are_as_wide_as_the_bound(honest: Honesty) -> None:
+    # Their mean over 100 sessions of at least 72 degrees of freedom each: known to 1 %.
+    assert 0.96 < honest.width < 1.06
+
+
+def test_gains_are_not_biased(honest: Honesty) -> None:
+    assert abs(honest.bias) < 0.1 + SURE * honest.bias_error
+
+
+def test_correlated_samples_are_counted_as_fewer() -> None:
+    found = bench.honesty(Cell(24, 8, 1.0, correlation=0.6), 100)
+    assert found.coverage > 0.93 - SURE * found.coverage_error
+    assert found.uniform > 1e-4
+    # The mean of 8 such samples varies 1.7 times as much as that of independent ones.
+    assert found.width == pytest.approx(1.9, abs=0.3)
+
+
+def test_rounding_that_is_the_same_in_all_samples_does_not_average_out() -> None:
+    # Without noise all samples of a pose agree: 8 of them are one, in error by √8 bounds.
+    found = bench.honesty(Cell(24, 8, 0.05), 60)
+    assert found.coverage > 0.93 - SURE * found.coverage_error
+    assert found.width == pytest.approx(np.sqrt(8), rel=0.05)
+
+
+def test_a_recording_is_as_honest_as_held_poses() -> None:
+    found = bench.honesty(Cell(4000, 0, 1.0), 20)
+    assert abs(found.coverage - 0.95) < SURE * max(found.coverage_error, 0.02)
+    assert found.uniform > 1e-4
+    assert found.rms < 1.05 + SURE * found.rms_error
+    assert 0.97 < found.width < 1.03  # 9,000 degrees of freedom
+
+
+def test_plain_least_squares_misplaces_the_handle() -> None:
+    if not (bench.DATA / "waved").is_dir():
+        pytest.skip("the recording is not here")
+    error = bench.handle_errors(bench.DATA / "waved")
+    # Measured by an independent prototype: 0.0024-0.0030 in against 0.006-0.012 in.
+    assert error["implicit_loop"] < 0.004 < error["algebraic"]
+
+
+# ------------------------------------------------------------------ starts
+
+
+@pytest.mark.parametrize("which", ["hand", "III", "both"])
+def test_wrong_nominal_gains_lead_to_the_same_fit(which: str) -> None:
+    # Demanded is 99.9 %: of 100, none may fail but by bad luck of 1 in 10.
+    rows = bench.inline(partial(bench.one_start, which, 1), 100)
+    assert all(row.arrived for row in rows)
+
+
+def test_without_a_rest_reading_equal_gains_may_be_far_off() -> None:
+    low, high = bench.our_interval(step=0.2, reach=3.0)
+    assert low < 2.5 * oracle.nominal(oracle.rsi())[1][0]
+    assert high > 0.5 * oracle.nominal(oracle.rsi())[1][0]
+
+
+def session(seed: int) -> tuple[Array, Array, Array]:
+    """Readings of 24 poses, their labels, and a rest reading."""
+    rng = np.random.default_rng(seed)
+    device = Device.random(rng)
+    read = simulator.session(device, rng, simulator.hand_poses(rng, 24, device), 2)
+    return read["values"], read["pose"], simulator.rest(device, rng)["values"]
+
+
+def fitted(values: Array, pose: Array, rest: Array) -> _core.Fit:
+    """The fit of such a session."""
+    read = bench.table({"values": values, "pose": pose, "time_s": None})
+    return _core.Session(bench.RSI, read, rest=rest.astype(np.float64)).fit()
+
+
+@pytest.mark.parametrize("channel", range(9))
+def test_a_reversed_channel_is_named_and_its_gain_found(channel: int) -> None:
+    values, pose, rest = session(channel)
+    straight = bench.estimates(fitted(values, pose, rest).to_dict())
+    values[:, channel], rest[:, channel] = 4095 - values[:, channel], 4095 - rest[:, channel]
+    found = fitted(values, pose, rest)
+    assert [w.split(" reads ")[0] for w in found.warnings] == [CHANNELS[channel]]
+    gain = bench.estimates(found.to_dict())[9 + channel]
+    assert gain == pytest.approx(-straight[9 + channel], rel=1e-6)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0, 1), (1, 4), (2, 6), (7, 8)])
+def test_two_exchanged_channels_are_named(a: int, b: int) -> None:
+    values, pose, rest = session(10 + a)
+    for readings in (values, rest):
+        readings[:, [a, b]] = readings[:, [b, a]]
+    warnings = fitted(values, pose, rest).warnings
+    assert len(warnings) == 1
+    assert warnings[0].startswith(f"{CHANNELS[a]} and {CHANNELS[b]} look exchanged")
+
+
+def test_a_gap_within_the_range_of_motion_is_named() -> None:
+    values, pose, rest = session(20)
+    for readings in (values, rest):
+        turned = readings[:, 1] + 2000
+        # Behind the gap of 20° the track begins again.
+        readings[:, 1] = np.where(turned > 4095, np.maximum(turned - 4337, 0), turned)
+    warnings = fitted(values, pose, rest).warnings
+    assert len(warnings) == 1
+    assert warnings[0].startswith("a12 ") and "gap" in warnings[0]
+
+
+def test_a_sound_session_has_no_warnings() -> None:
+    assert fitted(*session(30)).warnings == []
+
+
+# ------------------------------------------------------------------ bad readings
+
+
+def test_bad_readings_are_found_and_clean_sessions_left_alone() -> None:
+    clean = bench.inline(partial(bench.one_bad, None, 0, 1), 10)
+    assert all(row.extras == 0 for row in clean)  # 1 % each: 1 in 10 by bad luck
+    one = bench.inline(partial(bench.one_bad, effects.BadReading, 1, 1), 10)
+    assert all(row.pose == 1 for row in one)
+    assert bench.error_ratio(one) < 1.05
+    sample = bench.inline(partial(bench.one_bad, effects.GrossSample, 1, 1), 10)
+    assert all(row.pose == 1 for row in sample)
+    assert bench.error_ratio(sample) < 1.05
+
+
+# ------------------------------------------------------------------ cost
+
+
+def test_the_implicit_loop_costs_little_more_than_least_squares() -> None:
+    took = bench.fit_times(seconds=0.2)
+    assert took["implicit_loop"] < 4.0 * took["algebraic"]
