@@ -19,7 +19,7 @@ from pathlib import Path
 if __name__ == "__main__":  # one thread, for both; before numpy is loaded
     for _name in ("OMP", "OPENBLAS", "MKL", "RAYON"):
         os.environ[f"{_name}_NUM_THREADS"] = "1"
-    sys.path.insert(0, str(Path(__file__).parent.parent))
+    sys.path[0] = str(Path(__file__).parent.parent)  # not benches: a file there may hide a module
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares

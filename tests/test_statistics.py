@@ -15,7 +15,6 @@ import pytest
 from benches import statistics as bench
 from benches.statistics import Cell, Honesty
 from rsicalib import _core
-from tests import oracle
 from tests.blind import effects, simulator
 from tests.blind.simulator import CHANNELS, Device
 from tests.oracle import Array
@@ -68,13 +67,6 @@ def test_correlated_samples_are_counted_as_fewer() -> None:
     assert found.width == pytest.approx(1.9, abs=0.3)
 
 
-def test_rounding_that_is_the_same_in_all_samples_does_not_average_out() -> None:
-    # Without noise all samples of a pose agree: 8 of them are one, in error by √8 bounds.
-    found = bench.honesty(Cell(24, 8, 0.05), 60)
-    assert found.coverage > 0.93 - SURE * found.coverage_error
-    assert found.width == pytest.approx(np.sqrt(8), rel=0.05)
-
-
 def test_a_recording_is_as_honest_as_held_poses() -> None:
     found = bench.honesty(Cell(4000, 0, 1.0), 20)
     assert abs(found.coverage - 0.95) < SURE * max(found.coverage_error, 0.02)
@@ -99,12 +91,6 @@ def test_wrong_nominal_gains_lead_to_the_same_fit(which: str) -> None:
     # Demanded is 99.9 %: of 100, none may fail but by bad luck of 1 in 10.
     rows = bench.inline(partial(bench.one_start, which, 1), 100)
     assert all(row.arrived for row in rows)
-
-
-def test_without_a_rest_reading_equal_gains_may_be_far_off() -> None:
-    low, high = bench.our_interval(step=0.2, reach=3.0)
-    assert low < 2.5 * oracle.nominal(oracle.rsi())[1][0]
-    assert high > 0.5 * oracle.nominal(oracle.rsi())[1][0]
 
 
 def session(seed: int) -> tuple[Array, Array, Array]:
