@@ -581,8 +581,10 @@ def print_held(run: Runner, few: int, seed: int) -> None:
     print("   3 se; KS > 0.01; rms/bound and width/bound 0.97-1.05; gain bias below 0.1 sd")
     print_cells(held_cells(), sessions, run, seed)
     print("== Correlated samples. Demanded: cover > 93 %; the bound is that of independent ones")
-    cells = [Cell(p, n, 1.0, correlation=0.6) for p in (24, 48) for n in (4, 8)]
+    cells = [Cell(p, n, 1.0, correlation=0.6) for p in (24, 48) for n in (8, 4)]
     print_cells(cells, sessions, run, seed)
+    print("   of two samples correlation cannot be seen; that the model does not fit can (KS):")
+    print_cells([Cell(48, 2, 1.0, correlation=0.6)], sessions // 2, run, seed)
 
 
 def print_recordings(run: Runner, few: int, seed: int) -> None:

@@ -30,7 +30,7 @@ def closed(
     kept: list[Array] = []
     for _ in range(100):
         angles = rng.uniform(low, high, (2 * n, len(low)))
-        for _ in range(80):
+        for _ in range(40):
             f = misclosure(angles)
             slope = oracle.row_derivative(misclosure, angles)
             step = (np.linalg.pinv(slope, rcond=1e-9) @ f[..., None])[..., 0]
