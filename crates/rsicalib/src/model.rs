@@ -22,7 +22,7 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::chain::{Axis, Lever, Posture, Source, Step, Way, push_place};
-use crate::lanes::{Lanes, Vec3, cross, dot, minus};
+use crate::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::mechanism::{ClosureKind, Value};
 use crate::objective::Prior;
 use crate::readings::Readings;
@@ -803,8 +803,28 @@ impl Model {
     }
 
     /// Misclosure and derivatives of one block at readings `a` and parameters `beta`.
-    #[inline(always)]
+    ///
+    /// Dispatched here, and nowhere further out: this is the one copy of the kernel
+    /// that each width of vectors is compiled for.
     pub fn evaluate(
+        &self,
+        readings: &Readings,
+        block: usize,
+        a: &[Lanes],
+        beta: &[f64],
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        dispatch(
+            #[inline(always)]
+            || self.evaluate_as_compiled(readings, block, a, beta, want, ws),
+        );
+    }
+
+    /// [`Model::evaluate`] with the instructions that the caller is compiled for.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn evaluate_as_compiled(
         &self,
         readings: &Readings,
         block: usize,

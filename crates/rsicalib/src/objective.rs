@@ -251,41 +251,36 @@ impl<'a> Implicit<'a> {
             inner: 0,
         };
         let mut adjusted = lock(&self.adjusted);
-        dispatch(
-            #[inline(always)]
-            || {
-                let mut room = Room::new(model, noise);
-                for block in 0..readings.blocks().len() {
-                    let a_hat = &mut adjusted[0][block * c..(block + 1) * c];
-                    let raw = readings.raw(block);
-                    let meta = &readings.blocks()[block];
-                    let bare = Want { x: false, a: false };
-                    model.evaluate(readings, block, raw, x, bare, &mut room.ws);
-                    for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                        for (e, length) in lengths.iter().enumerate() {
-                            out.lengths[row * k + e] = room.ws.f[e].0[lane] * length;
-                        }
-                    }
-                    out.inner = out.inner.max(room.settle(part, block, x, a_hat, by_parameter));
-                    room.whiten_readings();
-                    let weight = part.weight(block);
-                    for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                        let weight = weight.0[lane];
-                        for e in 0..k {
-                            out.whitened[row * k + e] = room.w[e].0[lane] * weight;
-                        }
-                        for (i, value) in room.ws.a.iter().enumerate() {
-                            out.by_reading[row * k * c + i] = value.0[lane] * weight;
-                        }
-                        if by_parameter {
-                            for (i, value) in room.ws.x.iter().enumerate() {
-                                out.by_parameter[row * k * p + i] = value.0[lane] * weight;
-                            }
-                        }
+        let mut room = Room::new(model, noise);
+        for block in 0..readings.blocks().len() {
+            let a_hat = &mut adjusted[0][block * c..(block + 1) * c];
+            let raw = readings.raw(block);
+            let meta = &readings.blocks()[block];
+            let bare = Want { x: false, a: false };
+            model.evaluate(readings, block, raw, x, bare, &mut room.ws);
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                for (e, length) in lengths.iter().enumerate() {
+                    out.lengths[row * k + e] = room.ws.f[e].0[lane] * length;
+                }
+            }
+            out.inner = out.inner.max(room.settle(part, block, x, a_hat, by_parameter));
+            room.whiten_readings();
+            let weight = part.weight(block);
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                let weight = weight.0[lane];
+                for e in 0..k {
+                    out.whitened[row * k + e] = room.w[e].0[lane] * weight;
+                }
+                for (i, value) in room.ws.a.iter().enumerate() {
+                    out.by_reading[row * k * c + i] = value.0[lane] * weight;
+                }
+                if by_parameter {
+                    for (i, value) in room.ws.x.iter().enumerate() {
+                        out.by_parameter[row * k * p + i] = value.0[lane] * weight;
                     }
                 }
-            },
-        );
+            }
+        }
         out
     }
 
@@ -294,10 +289,7 @@ impl<'a> Implicit<'a> {
     pub fn settled(&self, block: usize, x: &[f64]) -> Vec<Lanes> {
         let (part, noise) = &self.parts[0];
         let mut a_hat = part.readings.raw(block).to_vec();
-        dispatch(
-            #[inline(always)]
-            || Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false),
-        );
+        Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false);
         a_hat
     }
 
@@ -436,7 +428,6 @@ impl Room {
 
     /// Repeats (52) until the readings stand still, then whitens `w` and, if
     /// wanted, `X`. Returns how often it was repeated.
-    #[inline(always)]
     fn settle(
         &mut self,
         part: &Part,
@@ -453,14 +444,10 @@ impl Room {
         let mut repeats = 0;
         loop {
             repeats += 1;
-            let last = repeats == INNER;
             // Many parameters are differentiated once, where `â` already stands still.
             let want = Want { x: want_x && model.parameters <= FEW, a: true };
             model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
-            self.misclosure(raw, a_hat);
-            self.factor();
-            let moved = self.adjust(raw, a_hat);
-            if !moved || last {
+            if !self.step(raw, a_hat) || repeats == INNER {
                 break;
             }
         }
@@ -472,6 +459,18 @@ impl Room {
             self.whiten_parameters(model.parameters);
         }
         repeats
+    }
+
+    /// One repeat of (52); true where the readings moved.
+    fn step(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
+        dispatch(
+            #[inline(always)]
+            || {
+                self.misclosure(raw, a_hat);
+                self.factor();
+                self.adjust(raw, a_hat)
+            },
+        )
     }
 
     /// `w = f(â) + A (a - â)`
@@ -539,18 +538,22 @@ impl Room {
     }
 
     /// `X ← L⁻¹ X`
-    #[inline(always)]
     fn whiten_parameters(&mut self, columns: usize) {
-        let n = self.w.len();
-        whiten_rows(&self.l, n, &mut self.ws.x, columns);
+        let (l, n, x) = (&self.l, self.w.len(), &mut self.ws.x);
+        dispatch(
+            #[inline(always)]
+            || whiten_rows(l, n, x, columns),
+        );
     }
 
     /// `A ← L⁻¹ A`
-    #[inline(always)]
     fn whiten_readings(&mut self) {
-        let n = self.w.len();
+        let (l, n, a) = (&self.l, self.w.len(), &mut self.ws.a);
         let columns = self.variance.len();
-        whiten_rows(&self.l, n, &mut self.ws.a, columns);
+        dispatch(
+            #[inline(always)]
+            || whiten_rows(l, n, a, columns),
+        );
     }
 }
 

@@ -346,11 +346,8 @@ fn wide_instructions_give_the_bits_of_plain_ones() {
         let (mut plain, mut wide) = (Workspace::default(), Workspace::default());
         for block in 0..readings.blocks().len() {
             let raw = readings.raw(block);
-            model.evaluate(&readings, block, raw, &beta, want, &mut plain);
-            lanes::dispatch(
-                #[inline(always)]
-                || model.evaluate(&readings, block, raw, &beta, want, &mut wide),
-            );
+            model.evaluate_as_compiled(&readings, block, raw, &beta, want, &mut plain);
+            model.evaluate(&readings, block, raw, &beta, want, &mut wide);
             assert_eq!(plain.f, wide.f);
             assert_eq!(plain.a, wide.a);
             assert_eq!(plain.x, wide.x);
