@@ -129,9 +129,9 @@ fn culprit(
         let length: f64 = (0..k).map(|e| a(e) * a(e)).sum();
         if length > 0.0 { along * along / length / typical } else { 0.0 }
     };
-    let scores: Vec<f64> = (0..c).map(score).collect();
-    let best = scores.iter().copied().fold(0.0, f64::max);
-    let close: Vec<usize> = (0..c).filter(|&i| scores[i] > best - crate::trace::AS_WELL).collect();
+    let scores: Vec<(f64, usize)> = (0..c).map(|i| (score(i), i)).collect();
+    let credible = crate::trace::credible(&scores);
+    let close: Vec<usize> = (0..c).filter(|&i| credible[i]).collect();
     let chain = session.mechanism.chain_of(close[0]);
     let one_chain = close.iter().all(|&i| session.mechanism.chain_of(i) == chain);
     ((close.len() == 1).then_some(close[0]), chain.filter(|_| one_chain))

@@ -39,6 +39,36 @@ impl Default for Search {
 /// parameters charged.
 pub const AS_WELL: f64 = 6.0;
 
+/// Probability with which the right target must be among those named.
+pub const SURE: f64 = 0.8;
+
+/// Of rivals `(value, target)`, those that may be right: targets by falling
+/// probability until they are [`SURE`] to hold the truth, in each of them what is
+/// within [`AS_WELL`] of the best. A value is twice a log-likelihood, parameters
+/// charged; before the data every rival was as likely as another.
+#[must_use]
+pub fn credible<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<bool> {
+    let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let mut targets: Vec<(T, f64)> = Vec::new();
+    for &(value, target) in rivals {
+        let weight = (0.5 * (value - best)).exp();
+        match targets.iter_mut().find(|t| t.0 == target) {
+            Some(known) => known.1 = known.1.max(weight),
+            None => targets.push((target, weight)),
+        }
+    }
+    targets.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let all: f64 = targets.iter().map(|t| t.1).sum();
+    let mut before = 0.0;
+    targets.retain(|t| {
+        let needed = before < SURE * all;
+        before += t.1;
+        needed
+    });
+    let kept = |target: &T| targets.iter().any(|t| t.0 == *target);
+    rivals.iter().map(|(value, target)| *value > best - AS_WELL && kept(target)).collect()
+}
+
 /// One effect that was found.
 #[derive(Debug, Clone)]
 pub struct Found {
@@ -394,7 +424,6 @@ impl<'a> Hunt<'a> {
             }
         }
         rivals.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut best_value = my_value;
         let mut better = false;
         let mut also: Vec<(f64, Instance)> = vec![(my_value, own)];
         if let Some((value, candidate, refit)) = rivals.first()
@@ -403,13 +432,14 @@ impl<'a> Hunt<'a> {
         {
             found[index] = (candidate.instance, candidate.corrected);
             *current = refit.clone();
-            best_value = *value;
             better = true;
         }
         also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
         let named = found[index].0;
-        also.retain(|(value, instance)| *instance != named && *value > best_value - AS_WELL);
-        Ok((better, also.into_iter().map(|(_, instance)| instance).collect()))
+        let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
+        let kept = also.iter().zip(credible(&rivals));
+        let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
+        Ok((better, also.collect()))
     }
 
     /// A bad reading, with the chain or channel as far as it can be told.
