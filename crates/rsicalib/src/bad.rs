@@ -4,8 +4,10 @@
 //! sample that stands off its siblings is judged before anything else:
 //!
 //! ```text
-//! |r_ps - median_p|²  against  χ²(K) at the scatter of all                 (81)
+//! t = (n_p - 1)/n_p |r_ps - r̄_p without s|²,    (t/K) / ((S - t)/(ν - K)) ~ F(K, ν - K)   (81)
 //! ```
+//!
+//! with `S` the scatter within poses and `ν` its degrees of freedom, as in (61).
 
 use crate::fit::Fit;
 use crate::session::Session;
@@ -13,34 +15,45 @@ use crate::trace::Excluded;
 use crate::{Error, stats};
 
 /// Probability of accusing any sample of a clean session.
-const ALPHA: f64 = 0.001;
+const ALPHA: f64 = 0.0015;
 
-/// Finds samples that stand off their pose, and leaves them out of the session.
+/// Finds samples that stand off their pose, worst first, and leaves them out of the
+/// session; each time the scatter is that of the others.
 pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
-    let k = fit.residuals.equations;
+    let k = fit.residuals.equations as f64;
     let poses = session.readings.rows_of_poses();
-    if !session.readings.held || poses.iter().all(|rows| rows.len() < 3) {
-        return Vec::new();
-    }
-    let mut off: Vec<(usize, usize, f64)> = Vec::new();
-    for (pose, rows) in poses.iter().enumerate().filter(|(_, rows)| rows.len() >= 3) {
-        let middle = middle_of(fit, rows);
-        for &row in rows {
-            let far: f64 =
-                (0..k).map(|e| (fit.residuals.whitened[row * k + e] - middle[e]).powi(2)).sum();
-            off.push((pose, row, far));
-        }
-    }
-    // Scale by the median, which bad samples hardly move.
-    let typical = median(off.iter().map(|o| o.2).collect()) / stats::chi2_quantile(0.5, k as f64);
-    let limit = stats::chi2_quantile(ALPHA / off.len() as f64, k as f64) * typical * 1.25;
     let mut excluded = Vec::new();
-    for &(pose, row, far) in off.iter().filter(|o| o.2 > limit) {
+    if !session.readings.held {
+        return excluded;
+    }
+    loop {
+        let siblings = |rows: &Vec<usize>| -> Vec<usize> {
+            rows.iter().copied().filter(|&r| session.weights[r] > 0.0).collect()
+        };
+        let groups: Vec<Vec<usize>> = poses.iter().map(siblings).collect();
+        let (mut scatter, mut dof, mut tests) = (0.0, 0.0, 0.0);
+        let mut worst: Option<(usize, usize, f64)> = None;
+        for (pose, rows) in groups.iter().enumerate().filter(|(_, rows)| rows.len() >= 2) {
+            let share = (rows.len() - 1) as f64 / rows.len() as f64;
+            dof += k * (rows.len() - 1) as f64;
+            for &row in rows {
+                let off: f64 = apart(fit, row, rows).iter().map(|v| v * v).sum();
+                scatter += off * share * share; // of the mean of all, itself included
+                if rows.len() >= 3 {
+                    tests += 1.0;
+                    if worst.is_none_or(|w| off * share > w.2) {
+                        worst = Some((pose, row, off * share));
+                    }
+                }
+            }
+        }
+        let Some((pose, row, far)) = worst else { return excluded };
+        let typical = (scatter - far) / (dof - k);
+        if stats::f_tail(far / k / typical, k, dof - k) * tests > ALPHA {
+            return excluded;
+        }
+        let (channel, chain) = culprit(session, fit, row, &apart(fit, row, &groups[pose]), typical);
         session.weights[row] = 0.0;
-        let middle = middle_of(fit, &poses[pose]);
-        let off: Vec<f64> =
-            (0..k).map(|e| fit.residuals.whitened[row * k + e] - middle[e]).collect();
-        let (channel, chain) = culprit(session, fit, row, &off, typical);
         excluded.push(Excluded {
             pose: Some(pose),
             placement: None,
@@ -50,7 +63,16 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
             reason: format!("{:.0} σ off the other samples of its pose", (far / typical).sqrt()),
         });
     }
-    excluded
+}
+
+/// Residual of a row less the mean of its siblings.
+fn apart(fit: &Fit, row: usize, rows: &[usize]) -> Vec<f64> {
+    let k = fit.residuals.equations;
+    let at = |row: usize, e: usize| fit.residuals.whitened[row * k + e];
+    let others = (rows.len() - 1) as f64;
+    let mean =
+        |e: usize| rows.iter().filter(|&&r| r != row).map(|&r| at(r, e)).sum::<f64>() / others;
+    (0..k).map(|e| at(row, e) - mean(e)).collect()
 }
 
 /// A placement whose residual is this many times the usual one does not fit.
@@ -104,13 +126,6 @@ pub fn placements(session: &mut Session, fit: &Fit) -> Result<Vec<Excluded>, Err
         });
         current = crate::fit::fit(session, current.model.instances.clone(), Some(&current))?;
     }
-}
-
-/// Median residual of a pose, equation by equation.
-fn middle_of(fit: &Fit, rows: &[usize]) -> Vec<f64> {
-    let k = fit.residuals.equations;
-    let of = |e: usize| median(rows.iter().map(|r| fit.residuals.whitened[r * k + e]).collect());
-    (0..k).map(of).collect()
 }
 
 /// The channel whose error would move the misclosure so, and its chain, as far

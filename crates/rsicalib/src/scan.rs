@@ -51,7 +51,9 @@ pub struct Scored {
     pub width: f64,
     /// Probability of a larger score by chance, this candidate alone.
     pub p_value: f64,
-    /// `p_value` times the number of places looked at in its family.
+    /// Places looked at in its family, over the family's share of the error budget.
+    pub places: f64,
+    /// `p_value` times `places`.
     pub corrected: f64,
 }
 
@@ -59,11 +61,22 @@ pub struct Scored {
 pub const CHARGE: f64 = 4.0;
 
 impl Scored {
+    fn of(
+        instance: Instance,
+        family: Family,
+        score: f64,
+        width: f64,
+        p_value: f64,
+        tests: f64,
+    ) -> Self {
+        let places = tests / share(family);
+        Self { instance, family, score, width, p_value, places, corrected: p_value * places }
+    }
+
     /// What is left of the score after its parameters and its places are paid for.
     #[must_use]
     pub fn charged(&self) -> f64 {
-        let places = (self.corrected / self.p_value.max(f64::MIN_POSITIVE)).max(1.0);
-        self.score - CHARGE * self.width - 2.0 * places.ln().max(0.0)
+        self.score - CHARGE * self.width - 2.0 * self.places.ln().max(0.0)
     }
 }
 
@@ -91,6 +104,16 @@ impl Judge {
                 stats::f_tail(score / width / left, width, (dof - width).max(1.0))
             }
         }
+    }
+}
+
+impl Judge {
+    /// Probability of a fit's lack of fit by chance; none where only the fit gives
+    /// the noise.
+    #[must_use]
+    pub fn lack_of_fit(&self, fit: &Fit) -> Option<f64> {
+        (self.residual_dof.is_none() && fit.dof >= 1.0)
+            .then(|| stats::f_tail(fit.chi2 / fit.dof, fit.dof, self.noise_dof))
     }
 }
 
@@ -302,15 +325,8 @@ fn scan_named(
         let family = family(&candidate.instance);
         let (score, width, p_value) = judge_projected(&candidate, judge);
         if width > 0.0 {
-            let corrected = p_value * places[usize::from(family == Family::Free)] / share(family);
-            scored.push(Scored {
-                instance: candidate.instance,
-                family,
-                score,
-                width,
-                p_value,
-                corrected,
-            });
+            let places = places[usize::from(family == Family::Free)];
+            scored.push(Scored::of(candidate.instance, family, score, width, p_value, places));
         }
     }
     Ok(scored)
@@ -363,6 +379,62 @@ fn judge_projected(candidate: &Projected, judge: &Judge) -> (f64, f64, f64) {
 /// At most this many times are tried for a slip of one channel.
 const MOST_TIMES: usize = 256;
 
+/// One candidate of one column: `Zᵀr`, `ZᵀZ`, `ZᵀX`, and `ZᵀX (XᵀX)⁻¹`.
+#[derive(Clone)]
+struct Column {
+    r: f64,
+    zz: f64,
+    zx: Vec<f64>,
+    absorbed: Vec<f64>,
+}
+
+impl Column {
+    fn new(n: usize) -> Self {
+        Self { r: 0.0, zz: 0.0, zx: vec![0.0; n], absorbed: Vec::new() }
+    }
+
+    fn projected(mut self, inverse: &[f64]) -> Self {
+        let along = |row: &[f64]| dot(row, &self.zx);
+        self.absorbed = inverse.chunks_exact(self.zx.len().max(1)).map(along).collect();
+        self
+    }
+
+    /// `M` of (71).
+    fn left(&self) -> f64 {
+        self.zz - dot(&self.zx, &self.absorbed)
+    }
+
+    /// `T` of (72); none where nothing of the column is left.
+    fn score(&self) -> Option<f64> {
+        let left = self.left();
+        (left > 1e-3 * self.zz).then(|| self.r * self.r / left)
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Angles between the projected columns of a slip at one time and at the next.
+///
+/// The later column is part of the earlier one, so `ZᵢᵀZⱼ` is its own square.
+fn turns(times: &[(usize, Column)]) -> Vec<f64> {
+    let angle = |later: &Column, earlier: &Column| {
+        let shared = later.zz - dot(&later.zx, &earlier.absorbed);
+        let cosine = shared / (later.left() * earlier.left()).max(f64::MIN_POSITIVE).sqrt();
+        cosine.clamp(-1.0, 1.0).acos()
+    };
+    times.windows(2).map(|pair| angle(&pair[0].1, &pair[1].1)).collect()
+}
+
+/// Number of independent tests that tests one after another amount to, at a score:
+/// neighbours score alike. Efron's length heuristic (Biometrika 84, 1997).
+fn declumped(turns: &[f64], score: f64) -> f64 {
+    let half = 0.5 * score.max(0.0).sqrt();
+    let new = |turn: &f64| 2.0 * stats::normal_cdf(half * turn) - 1.0;
+    1.0 + turns.iter().map(new).sum::<f64>()
+}
+
 /// Scores bad readings, bad poses and slips by running sums over poses.
 fn scan_places(
     session: &Session,
@@ -384,50 +456,46 @@ fn scan_places(
         (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| session.weights[r] > 0.0)).collect();
     let mut scored = Vec::new();
     let flat: Vec<f64> = (0..n * n).map(|i| inverse[(i / n, i % n)]).collect();
-
-    // One column each: Zᵀr, ZᵀZ, ZᵀX.
-    let mut score_one = |instance: Instance, family, places: f64, r: f64, zz: f64, zx: &[f64]| {
-        let along = |row: &[f64]| row.iter().zip(zx).map(|(a, b)| a * b).sum::<f64>();
-        let absorbed: f64 =
-            zx.iter().zip(flat.chunks_exact(n)).map(|(z, row)| z * along(row)).sum();
-        let left = zz - absorbed;
-        if left > 1e-3 * zz && !has(&instance) {
-            let score = r * r / left;
+    let mut keep = |instance: Instance, family, places: f64, column: &Column| {
+        if let Some(score) = column.score().filter(|_| !has(&instance)) {
             let p_value = judge.p_value(score, 1.0);
-            let corrected = p_value * places / share(family);
-            scored.push(Scored { instance, family, score, width: 1.0, p_value, corrected });
+            scored.push(Scored::of(instance, family, score, 1.0, p_value, places));
         }
     };
     let tests_bad = (live.len() * (c + 1)) as f64;
     let stride = live.len().div_ceil(MOST_TIMES).max(1);
-    let tests_slip = (live.len().saturating_sub(1) / stride * c) as f64;
     let slips =
         allowed("slip") && crate::model::provided(slip, &session.mechanism, readings).is_ok();
     for channel in 0..c {
         let target = Target::Channel(channel);
-        let (mut after_r, mut after_zz, mut after_zx) = (0.0, 0.0, vec![0.0; n]);
+        let (mut after, mut times) = (Column::new(n), Vec::new());
         for (order, &pose) in live.iter().enumerate().rev() {
-            let (mut r, mut zz, mut zx) = (0.0, 0.0, vec![0.0; n]);
+            let mut here = Column::new(n);
             for &row in rows[pose].iter().filter(|&&r| session.weights[r] > 0.0) {
                 for e in 0..k {
                     let z = residuals.by_reading[(row * k + e) * c + channel];
-                    r += z * residuals.whitened[row * k + e];
-                    zz += z * z;
+                    here.r += z * residuals.whitened[row * k + e];
+                    here.zz += z * z;
                     let x = &residuals.by_parameter[(row * k + e) * n..(row * k + e + 1) * n];
-                    zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
+                    here.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
                 }
             }
-            after_r += r;
-            after_zz += zz;
-            after_zx.iter_mut().zip(&zx).for_each(|(s, x)| *s += x);
+            after.r += here.r;
+            after.zz += here.zz;
+            after.zx.iter_mut().zip(&here.zx).for_each(|(s, x)| *s += x);
             if allowed("bad_reading") {
                 let instance = Instance { term: bad, target, place: pose };
-                score_one(instance, Family::Bad, tests_bad, r, zz, &zx);
+                keep(instance, Family::Bad, tests_bad, &here.projected(&flat));
             }
             if slips && order > 0 && order % stride == 0 {
-                let instance = Instance { term: slip, target, place: pose };
-                score_one(instance, Family::Slip, tests_slip, after_r, after_zz, &after_zx);
+                times.push((pose, after.clone().projected(&flat)));
             }
+        }
+        let turns = turns(&times);
+        for (pose, column) in &times {
+            let instance = Instance { term: slip, target, place: *pose };
+            let tests = c as f64 * declumped(&turns, column.score().unwrap_or(0.0));
+            keep(instance, Family::Slip, tests, column);
         }
     }
     if allowed("bad_reading") && readings.held {
@@ -445,8 +513,7 @@ fn scan_places(
             let width = k as f64;
             let p_value = judge.p_value(score, width);
             let instance = Instance { term: bad, target: Target::All, place: pose };
-            let corrected = p_value * tests_bad / share(Family::Bad);
-            scored.push(Scored { instance, family: Family::Bad, score, width, p_value, corrected });
+            scored.push(Scored::of(instance, Family::Bad, score, width, p_value, tests_bad));
         }
     }
     Ok(scored)

@@ -34,3 +34,9 @@ pub fn chi2_quantile(p: f64, dof: f64) -> f64 {
 pub fn normal_quantile(p: f64) -> f64 {
     Normal::standard().inverse_cdf(p)
 }
+
+/// `P(N(0,1) < z)`.
+#[must_use]
+pub fn normal_cdf(z: f64) -> f64 {
+    Normal::standard().cdf(z)
+}

@@ -31,7 +31,7 @@ pub struct Search {
 
 impl Default for Search {
     fn default() -> Self {
-        Self { alpha: 0.013, without: Vec::new(), most: 8, refits: 8 }
+        Self { alpha: 0.012, without: Vec::new(), most: 8, refits: 8 }
     }
 }
 
@@ -68,6 +68,9 @@ pub fn credible<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<bool> {
     let kept = |target: &T| targets.iter().any(|t| t.0 == *target);
     rivals.iter().map(|(value, target)| *value > best - AS_WELL && kept(target)).collect()
 }
+
+/// Residuals above chance at this level are not explained.
+pub const LEFT: f64 = 0.001;
 
 /// One effect that was found.
 #[derive(Debug, Clone)]
@@ -140,29 +143,32 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let mut hunt = Hunt::new(&session, &clean, search)?;
     let mut current = fit(&hunt.small, base, Some(&clean))?;
     hunt.rescale(&mut current)?;
-    let mut found: Vec<(Instance, f64)> = Vec::new();
+    let mut found: Vec<Scored> = Vec::new();
+    let mut poses: Vec<Scored> = Vec::new();
     let mut left = None;
     for _ in 0..=search.most {
         let scored = scan::scan(&hunt.small, &current, &hunt.judge(&current), &search.without)?;
         left = best_of(&scored);
-        if found.len() + excluded.len() >= search.most {
+        if found.len() + poses.len() + excluded.len() >= search.most {
             break;
         }
         let Some((step, next)) = hunt.step(&current, scored)? else { break };
         if let Some(pose) = whole_pose(&step.instance) {
             hunt.small.weights[pose] = 0.0;
-            excluded.push(hunt.excluded(pose, None, &step));
+            poses.push(step);
             current = fit(&hunt.small, current.model.instances.clone(), Some(&current))?;
             hunt.rescale(&mut current)?;
             continue;
         }
-        found.push((step.instance, step.corrected));
+        found.push(step);
         current = next;
         hunt.rescale(&mut current)?;
         current = hunt.look_back(current, &mut found)?;
     }
 
     hunt.merge_pairs(&mut current, &mut found)?;
+    hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
+    excluded.extend(poses.iter().map(Hunt::excluded));
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut named = Vec::new();
     for index in 0..found.len() {
@@ -173,11 +179,11 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         named.push(also);
     }
     let mut steps = Vec::new();
-    for ((instance, p_value), also) in found.iter().zip(named) {
+    for (Scored { instance, corrected, .. }, also) in found.iter().zip(named) {
         if scan::is_data(instance) {
             excluded.push(hunt.bad_reading(instance, &also));
         } else {
-            steps.push(Found { instance: *instance, p_value: *p_value, also });
+            steps.push(Found { instance: *instance, p_value: *corrected, also });
         }
     }
     for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
@@ -230,6 +236,8 @@ fn best_of(scored: &[Scored]) -> Option<Scored> {
 struct Hunt<'a> {
     small: Session,
     search: &'a Search,
+    /// Weights of the samples before any pose was left out.
+    counts: Vec<f64>,
     source: Source,
     noise_dof: f64,
 }
@@ -248,7 +256,8 @@ impl<'a> Hunt<'a> {
         }
         small.options =
             Options { noise: Some(sigma), play: fit.noise.play, ..session.options.clone() };
-        Ok(Self { small, search, source: fit.noise.source, noise_dof: fit.noise.dof })
+        let counts = small.weights.clone();
+        Ok(Self { small, search, counts, source: fit.noise.source, noise_dof: fit.noise.dof })
     }
 
     fn judge(&self, fit: &Fit) -> Judge {
@@ -309,11 +318,11 @@ impl<'a> Hunt<'a> {
     }
 
     /// Drops what is no longer needed.
-    fn look_back(&self, current: Fit, found: &mut Vec<(Instance, f64)>) -> Result<Fit, Error> {
+    fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
         let mut current = current;
         let mut index = 0;
         while index + 1 < found.len() {
-            let instance = found[index].0;
+            let instance = found[index].instance;
             let fewer: Vec<Instance> =
                 current.model.instances.iter().copied().filter(|i| *i != instance).collect();
             let without = fit(&self.small, fewer, Some(&current))?;
@@ -330,18 +339,60 @@ impl<'a> Hunt<'a> {
         Ok(current)
     }
 
-    /// Replaces two effects by one that explains as much, its places paid for:
-    /// the first of two may have been half of the truth.
-    fn merge_pairs(
+    /// Drops what does not stand out against what stays unexplained.
+    ///
+    /// Where the catalogue lacks the effect, structure is left, and its crests look
+    /// like bad readings and faint effects. Then the rest is the noise that a name
+    /// must be above: scores are divided by its χ² per degree of freedom.
+    fn against_the_rest(
         &mut self,
         current: &mut Fit,
-        found: &mut Vec<(Instance, f64)>,
+        found: &mut Vec<Scored>,
+        poses: &mut Vec<Scored>,
     ) -> Result<(), Error> {
+        let judge = self.judge(current);
+        if judge.lack_of_fit(current).is_none_or(|p| p > LEFT) {
+            return Ok(());
+        }
+        let rest = current.chi2 / current.dof;
+        let stands_out = |score: f64, step: &Scored| {
+            judge.p_value(score / rest, step.width) * step.places <= self.search.alpha
+        };
+        let mut kept = Vec::new();
+        for step in found.iter() {
+            let fewer = current.model.instances.iter().copied().filter(|i| *i != step.instance);
+            let without = fit(&self.small, fewer.collect(), Some(current))?;
+            if stands_out(cost(&without) - cost(current), step) {
+                kept.push(*step);
+            }
+        }
+        let whole: Vec<Scored> =
+            poses.iter().copied().filter(|step| stands_out(step.score, step)).collect();
+        if kept.len() == found.len() && whole.len() == poses.len() {
+            return Ok(());
+        }
+        let dropped = |i: &Instance| {
+            found.iter().any(|s| s.instance == *i) && !kept.iter().any(|s| s.instance == *i)
+        };
+        let instances = current.model.instances.iter().copied().filter(|i| !dropped(i)).collect();
+        for step in poses.iter().filter(|s| !whole.contains(s)) {
+            self.small.weights[step.instance.place] = self.counts[step.instance.place];
+        }
+        (*found, *poses) = (kept, whole);
+        *current = fit(&self.small, instances, Some(current))?;
+        self.rescale(current)
+    }
+
+    /// Replaces two effects by one that explains as much, its places paid for:
+    /// the first of two may have been half of the truth.
+    fn merge_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
         let (mut a, mut b) = (0, 1);
         while b < found.len() {
-            if let Some((one, fit)) = self.one_for_two(current, [found[a].0, found[b].0])? {
+            if let Some((one, fit)) =
+                self.one_for_two(current, [found[a].instance, found[b].instance])?
+            {
                 found.remove(b);
-                found[a] = (one.instance, one.corrected);
+                found[a] = one;
                 *current = fit;
                 self.rescale(current)?;
                 (a, b) = (0, 1);
@@ -392,10 +443,10 @@ impl<'a> Hunt<'a> {
     fn alternatives(
         &self,
         current: &mut Fit,
-        found: &mut [(Instance, f64)],
+        found: &mut [Scored],
         index: usize,
     ) -> Result<(bool, Vec<Instance>), Error> {
-        let own = found[index].0;
+        let own = found[index].instance;
         let fewer: Vec<Instance> =
             current.model.instances.iter().copied().filter(|i| *i != own).collect();
         let without = fit(&self.small, fewer, Some(current))?;
@@ -430,12 +481,12 @@ impl<'a> Hunt<'a> {
             && *value > my_value + 0.5
             && candidate.corrected <= self.search.alpha
         {
-            found[index] = (candidate.instance, candidate.corrected);
+            found[index] = *candidate;
             *current = refit.clone();
             better = true;
         }
         also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
-        let named = found[index].0;
+        let named = found[index].instance;
         let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
         let kept = also.iter().zip(credible(&rivals));
         let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
@@ -481,12 +532,12 @@ impl<'a> Hunt<'a> {
         }
     }
 
-    fn excluded(&self, pose: usize, channel: Option<usize>, step: &Scored) -> Excluded {
+    fn excluded(step: &Scored) -> Excluded {
         Excluded {
-            pose: Some(pose),
+            pose: Some(step.instance.place),
             placement: None,
             row: None,
-            channel,
+            channel: None,
             chain: None,
             reason: format!(
                 "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",

@@ -10,7 +10,7 @@ use crate::result::{
 use crate::scan::{self, project};
 use crate::session::Session;
 use crate::terms::{Acts, Class, Scale, Site};
-use crate::trace::{Excluded, Found, Search, Traced, trace};
+use crate::trace::{Excluded, Found, LEFT, Search, Traced, trace};
 use crate::{Error, Table, lanes::Lanes, stats};
 
 /// Known poses, for the error before and after.
@@ -146,9 +146,6 @@ pub struct TraceReport {
     /// The same after.
     pub after_residuals: Vec<Vec<f64>>,
 }
-
-/// Residuals above chance at this level are not explained.
-const LEFT: f64 = 0.002;
 
 /// Traces a session and reports.
 ///
@@ -419,10 +416,7 @@ fn excluded(traced: &Traced, excluded: &Excluded) -> ExcludedReport {
 /// Whether what is left is noise, and if not, where it is.
 fn unexplained(traced: &Traced) -> Unexplained {
     let last = &traced.last;
-    let p_value = traced
-        .after
-        .p_value
-        .map(|_| stats::f_tail(last.chi2 / last.dof, last.dof, traced.judge.noise_dof));
+    let p_value = traced.judge.lack_of_fit(last);
     let quiet = p_value.is_none_or(|p| p > LEFT);
     if quiet {
         let text = match p_value {
@@ -437,32 +431,81 @@ fn unexplained(traced: &Traced) -> Unexplained {
     Unexplained { p_value, target: Some(target), text }
 }
 
-/// The channel whose readings could best take up what is left, pose by pose.
+/// Share of what a chain takes up that one of its channels must take up alone to
+/// be the one at fault.
+const ALONE: f64 = 0.6;
+/// The same where an effect was named at another of its channels: two that are
+/// wrong may be one fault of what they carry.
+const ALONE_BESIDE: f64 = 0.85;
+
+/// The channel, or the chain, whose readings could best take up what is left, pose
+/// by pose: what it takes up beyond what it would take up of noise.
 fn locate(traced: &Traced) -> (String, String) {
-    let (session, last) = (&traced.small, &traced.last);
-    let (k, c) = (last.residuals.equations, session.readings.channels);
-    let taken = |channel: usize| -> f64 {
-        (0..session.readings.samples)
-            .map(|row| {
-                let a = |e: usize| last.residuals.by_reading[(row * k + e) * c + channel];
-                let (mut ar, mut aa) = (0.0, 0.0);
-                for e in 0..k {
-                    ar += a(e) * last.residuals.whitened[row * k + e];
-                    aa += a(e) * a(e);
-                }
-                if aa > 0.0 { ar * ar / aa } else { 0.0 }
-            })
-            .sum()
+    let mechanism = &traced.small.mechanism;
+    let excess = |channels: &[usize]| {
+        let (taken, dimensions) = taken_up(traced, channels);
+        taken - dimensions
     };
-    let shares: Vec<f64> = (0..c).map(taken).collect();
-    let best = (0..c).max_by(|&a, &b| shares[a].total_cmp(&shares[b])).unwrap_or(0);
-    let name = session.mechanism.channels[best].name.clone();
-    let share = 100.0 * shares[best] / last.total.max(f64::MIN_POSITIVE);
+    let best = |scores: &[f64]| (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+    let of_chain: Vec<Vec<usize>> =
+        (0..mechanism.chains.len()).map(|c| mechanism.channels_of(c)).collect();
+    let chains: Vec<f64> = of_chain.iter().map(|channels| excess(channels)).collect();
+    let chain = best(&chains).unwrap_or(0);
+    let channels: Vec<f64> = of_chain[chain].iter().map(|&c| excess(&[c])).collect();
+    let channel = best(&channels).unwrap_or(0);
+    let beside = traced.found.iter().any(|found| match found.instance.target {
+        Target::Channel(c) => c != of_chain[chain][channel] && of_chain[chain].contains(&c),
+        _ => false,
+    });
+    let needed = if beside { ALONE_BESIDE } else { ALONE };
+    let alone = channels.get(channel).is_some_and(|e| *e >= needed * chains[chain]);
+    let (name, what) = if alone {
+        let name = &mechanism.channels[of_chain[chain][channel]].name;
+        (name.clone(), format!("errors of {name}"))
+    } else {
+        let name = &mechanism.chains[chain].name;
+        (name.clone(), format!("errors of several joints of {name}, or of its tip,"))
+    };
+    let everything: Vec<usize> = (0..mechanism.channels.len()).collect();
+    let share = 100.0 * if alone { channels[channel] } else { chains[chain] } / excess(&everything);
     let text = format!(
-        "structure is left that no effect of the catalogue explains; errors of {name} would take up {share:.0} % of it. \
-         Record more poses that move {name} through its range, alone, slowly, in both directions."
+        "structure is left that no effect of the catalogue explains; {what} would take up {:.0} % of it. \
+         Record more poses that move {name} through its range, alone, slowly, in both directions.",
+        share.clamp(0.0, 100.0)
     );
     (name, text)
+}
+
+/// χ² of what is left that errors of these channels, free in each pose, would take
+/// up, and in how many dimensions.
+fn taken_up(traced: &Traced, channels: &[usize]) -> (f64, f64) {
+    let (session, residuals) = (&traced.small, &traced.last.residuals);
+    let (k, c) = (residuals.equations, session.readings.channels);
+    let (mut taken, mut dimensions) = (0.0, 0.0);
+    for row in (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0) {
+        let r = &residuals.whitened[row * k..(row + 1) * k];
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for &channel in channels {
+            let column: Vec<f64> =
+                (0..k).map(|e| residuals.by_reading[(row * k + e) * c + channel]).collect();
+            let mut rest = column.clone();
+            for known in &basis {
+                let along = dot(known, &rest);
+                rest.iter_mut().zip(known).for_each(|(r, k)| *r -= along * k);
+            }
+            let length = dot(&rest, &rest).sqrt();
+            if length > 1e-6 * dot(&column, &column).sqrt() {
+                basis.push(rest.iter().map(|v| v / length).collect());
+            }
+        }
+        taken += basis.iter().map(|b| dot(b, r).powi(2)).sum::<f64>();
+        dimensions += basis.len() as f64;
+    }
+    (taken, dimensions)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// How large each absent effect would have to be to be seen, and what it would do.
