@@ -1,4 +1,4 @@
-"""The small form of `benches/statistics.py`: intervals, tests and starts keep their word.
+"""The small form of `benches/honesty.py`: intervals, tests and starts keep their word.
 
 Everything is seeded, so that a test that passes once passes always; tolerances are those of the
 Monte Carlo, so that it passes for the right reason. A figure is off where it misses what is
@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benches import statistics as bench
-from benches.statistics import Cell, Honesty
+from benches import honesty as bench
+from benches.honesty import Cell, Honesty
 from rsicalib import _core
 from tests.blind import effects, simulator
 from tests.blind.simulator import CHANNELS, Device

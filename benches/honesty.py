@@ -1,6 +1,6 @@
 """Are intervals, tests, starts and exclusions what they claim to be? Monte Carlo, seeded.
 
-`python benches/statistics.py` from the root of the repository prints, with their standard errors
+`python benches/honesty.py` from the root of the repository prints, with their standard errors
 and beside what is demanded of them:
 
 - held poses and recordings: coverage of 95 % intervals, uniformity of the lack-of-fit p-values
