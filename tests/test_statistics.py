@@ -16,6 +16,7 @@ from benches import honesty as bench
 from benches.honesty import Cell, Honesty
 from rsicalib import _core
 from tests.blind import effects, simulator
+from tests.blind.scene import held
 from tests.blind.simulator import CHANNELS, Device
 from tests.oracle import Array
 
@@ -59,12 +60,65 @@ def test_gains_are_not_biased(honest: Honesty) -> None:
     assert abs(honest.bias) < 0.1 + SURE * honest.bias_error
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.05, 0.2])
+def test_rounding_that_is_the_same_in_all_samples_does_not_average_out(sigma: float) -> None:
+    # How much more the mean of 8 codes varies than if rounding were noise, by trying: √8
+    # without noise, where 8 samples are one.
+    rng = np.random.default_rng(8)
+    exact = rng.uniform(0.0, 1.0, 20_000)
+    codes = np.rint(exact[:, None] + sigma * rng.standard_normal((20_000, 8)))
+    expected = np.std(codes.mean(axis=1) - exact) / np.sqrt((sigma**2 + 1 / 12) / 8)
+    found = bench.honesty(Cell(24, 8, sigma), 60)
+    assert abs(found.coverage - 0.95) < SURE * found.coverage_error
+    assert found.width == pytest.approx(expected, rel=0.05)  # the share of rounding is an estimate
+
+
+def test_a_noisy_channel_is_told_from_the_others() -> None:
+    found = bench.honesty(Cell(24, 8, 1.0, louder=4.0), 60)
+    assert found.apart == 1.0
+    assert abs(found.coverage - 0.95) < SURE * found.coverage_error
+    # Each of its two variances is known to 10 %: as good as known.
+    assert 0.97 < found.width < 1.05
+    assert found.rms < 1.05 + SURE * found.rms_error
+
+
+def test_the_noise_of_a_noisy_channel_is_found() -> None:
+    rng = np.random.default_rng(5)
+    device = Device.random(rng)
+    scene = held(rng, simulator.hand_poses(rng, 48, device), 8, bench.TREMOR)
+    sigma = np.where(np.arange(9) == 4, 4.0, 1.0)
+    values = np.rint(device.ideal(scene) + sigma * rng.standard_normal((384, 9)))
+    read = bench.table({"values": values, "pose": scene.label, "time_s": None})
+    found = _core.Session(bench.RSI, read).fit().to_dict()["noise"]
+    assert found["source"] == "misclosure of repeats, by channel"
+    assert len(set(found["sigma"].values())) == 2
+    # 336 differences within poses, three closures for three arms: 100 degrees of freedom at least.
+    assert found["sigma"]["a22"] == pytest.approx(np.sqrt(16 + 1 / 12), rel=SURE / np.sqrt(200))
+    assert found["sigma"]["a11"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=SURE / np.sqrt(1600))
+
+
+def test_one_bad_sample_is_no_noisy_channel() -> None:
+    rng = np.random.default_rng(6)
+    device = Device.random(rng)
+    read = simulator.session(device, rng, simulator.hand_poses(rng, 24, device), 8)
+    read["values"][50, 3] += 60
+    found = _core.Session(bench.RSI, bench.table(read)).fit().to_dict()["noise"]
+    assert found["source"] == "misclosure of repeats"
+
+
 def test_correlated_samples_are_counted_as_fewer() -> None:
     found = bench.honesty(Cell(24, 8, 1.0, correlation=0.6), 100)
     assert found.coverage > 0.93 - SURE * found.coverage_error
     assert found.uniform > 1e-4
     # The mean of 8 such samples varies 1.7 times as much as that of independent ones.
     assert found.width == pytest.approx(1.9, abs=0.3)
+
+
+def test_correlation_that_two_samples_cannot_show_widens_by_the_lack_of_fit() -> None:
+    found = bench.honesty(Cell(48, 2, 1.0, correlation=0.6), 100)
+    assert found.coverage > 0.93 - SURE * found.coverage_error
+    # The mean of two such samples varies (1 + 0.6) times as much as that of independent ones.
+    assert found.width == pytest.approx(np.sqrt(1.6), rel=0.05)
 
 
 def test_a_recording_is_as_honest_as_held_poses() -> None:

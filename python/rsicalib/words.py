@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 from rsicalib.results import ALPHA, Calibration, Excluded, FitQuality, Name, Result, Step, Trace
@@ -115,13 +116,17 @@ def noise_words(result: Result) -> str:
     """How large the noise is, and where from."""
     if result.noise is None:
         return "not known"
-    sigma = list(result.noise.sigma.values())
-    low, high = number(min(sigma)), number(max(sigma))
-    size = low if low == high else f"{low} … {high}"
+    sigma = result.noise.sigma
+    usual, times = Counter(sigma.values()).most_common(1)[0]
+    apart = [f"{name} {number(value)}" for name, value in sigma.items() if value != usual]
+    low, high = number(min(sigma.values())), number(max(sigma.values()))
+    size, others = low if low == high else f"{low} … {high}", ""
+    if apart and 2 * times > len(sigma):
+        size, others = number(usual), f", {_and(apart)}"
     dof = "" if result.noise.dof is None else f", {result.noise.dof:.0f} degrees of freedom"
     units = {p.unit.partition("/")[2] for p in result.parameters if p.term == "gain"}
     unit = f"{units.pop()} " if len(units) == 1 else ""
-    return f"{size} {unit}per sample ({result.noise.source}{dof})"
+    return f"{size} {unit}per sample{others} ({result.noise.source}{dof})"
 
 
 def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, str]]]:

@@ -3,8 +3,9 @@
 use faer::Mat;
 
 use crate::lm::{self, Problem, Termination};
+use crate::mechanism::Channel;
 use crate::model::{Instance, Model};
-use crate::noise::{Groups, Scatter, Source};
+use crate::noise::{self, Alike, Groups, Scatter, Source};
 use crate::objective::{Algebraic, Implicit, Noise, Part, Prior, Residuals};
 use crate::session::Session;
 use crate::start::{self, Start, Try};
@@ -73,6 +74,17 @@ pub struct NoiseEstimate {
     pub inflation: f64,
     /// The same for the parameters: more for a recording, whose poses change slowly.
     pub slow: f64,
+    /// Channels whose noise was told from that of the others.
+    pub apart: usize,
+}
+
+impl NoiseEstimate {
+    /// Where it is from, in words.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let by_channel = if self.apart > 0 { ", by channel" } else { "" };
+        format!("{}{by_channel}", self.source.words())
+    }
 }
 
 /// A fitted model.
@@ -191,6 +203,44 @@ fn begin(session: &Session, model: &Model, noise: &Noise) -> Start {
     Start { beta, ..Start::default() }
 }
 
+/// Fewer degrees of freedom than this give no noise.
+const FEW: f64 = 8.0;
+
+/// Part of the variance of rounding that may last within a pose while channels are told apart.
+const COARSE: f64 = 0.05;
+
+/// Fits at the most, each with the noise that the one before found.
+const ROUNDS: usize = 4;
+
+/// Noise of each channel, up to scale, where the data can tell channels apart, and how many.
+fn told_apart(
+    session: &Session,
+    groups: &Groups,
+    residuals: &Residuals,
+    used: &Noise,
+) -> (Noise, usize) {
+    let alike = Alike {
+        noise: first_noise(session, None),
+        floor: session.mechanism.channels.iter().map(Channel::quantisation).collect(),
+    };
+    let scatter = groups.scatter(residuals, 0.0);
+    // What rounding gives within a pose is no scatter of a normal distribution.
+    let coarse = groups.lasting_rounding(session) > COARSE;
+    if scatter.dof < FEW || coarse || scatter.within == 0.0 {
+        return (alike.noise, 0);
+    }
+    let independent = (scatter.effective / scatter.dof).min(1.0);
+    let found = noise::by_channel(groups, residuals, used, &alike, independent);
+    found.unwrap_or((alike.noise, 0))
+}
+
+/// True where two noises differ in scale alone, as far as it matters.
+fn proportional(a: &Noise, b: &Noise) -> bool {
+    let scale = a.sigma[0] / b.sigma[0];
+    let same = |x: f64, y: f64| (x - scale * y).abs() <= 0.01 * x.abs();
+    a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y)) && same(a.play.sqrt(), b.play.sqrt())
+}
+
 fn solve(
     session: &Session,
     model: Model,
@@ -207,8 +257,9 @@ fn solve(
     let groups = Groups::of(&session.readings, &session.weights);
     let declared = session.options.noise.is_some()
         || session.mechanism.channels.iter().all(|c| c.noise.is_some());
+    let mut apart = 0;
     let mut answer = None;
-    for _ in 0..3 {
+    for round in 0..ROUNDS {
         let mut parts = vec![(part, noise.clone())];
         if let Some((model, readings)) = &held {
             parts.push((Part { model, readings, weights: None }, noise.clone()));
@@ -224,7 +275,16 @@ fn solve(
         };
         beta.clone_from(&outcome.x);
         let residuals = problem.residuals(&beta, false);
+        if !declared && round + 1 < ROUNDS {
+            let (wanted, count) = told_apart(session, &groups, &residuals, &noise);
+            apart = count;
+            if !proportional(&wanted, &noise) {
+                noise = wanted;
+                continue;
+            }
+        }
         let estimate = estimate_noise(session, &groups, &residuals, &noise, declared, beta.len());
+        let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
         let scale = estimate.sigma[0] / noise.sigma[0];
         let adjusted = problem.adjusted();
         answer = Some((outcome, residuals, estimate.clone(), scale, adjusted));
@@ -240,6 +300,12 @@ fn solve(
     Ok(conclude(session, model, priors, outcome, residuals, noise, scale, adjusted, start, &groups))
 }
 
+/// Variance of the rounding of each channel, in units of its noise.
+fn roundings(session: &Session, used: &Noise) -> impl Iterator<Item = f64> {
+    let channels = session.mechanism.channels.iter().zip(&used.sigma);
+    channels.map(|(channel, sigma)| channel.quantisation() / (sigma * sigma))
+}
+
 /// The noise that these residuals show, by the best source there is.
 fn estimate_noise(
     session: &Session,
@@ -249,10 +315,10 @@ fn estimate_noise(
     declared: bool,
     parameters: usize,
 ) -> NoiseEstimate {
-    let channels = &session.mechanism.channels;
-    let rounding = channels[0].quantisation().sqrt() / used.sigma[0];
+    let rounding = roundings(session, used).fold(f64::INFINITY, f64::min).sqrt();
+    let share = roundings(session, used).sum::<f64>() / used.sigma.len() as f64;
     let Scatter { within, dof, correlation, inflation, slow, effective, shown } =
-        groups.scatter(residuals, rounding * rounding);
+        groups.scatter(residuals, share);
     let scaled = |s: f64, source, dof| NoiseEstimate {
         source,
         sigma: used.sigma.iter().map(|v| v * s).collect(),
@@ -261,12 +327,13 @@ fn estimate_noise(
         correlation,
         inflation,
         slow,
+        apart: 0,
     };
     if declared {
         return scaled(1.0, Source::Declared, f64::INFINITY);
     }
-    if dof >= 8.0 {
-        let lasting = groups.lasting_rounding(session) / used.sigma[0].powi(2);
+    if dof >= FEW {
+        let lasting = groups.lasting_rounding(session) * share;
         let white = within / dof / shown;
         let variance = (white + lasting).max(rounding * rounding);
         let (source, dof) = if white < lasting || white + lasting < variance {
@@ -333,7 +400,9 @@ fn conclude(
         .then(|| stats::f_tail(chi2 / dof, dof, noise.dof));
 
     let (covariance, unknowable, condition) = invert(&gram);
-    let covariance = Mat::from_fn(n, n, |i, j| covariance[(i, j)] * noise.slow);
+    // What is left and is no noise of the samples moved the estimates as well.
+    let left = if p_value.is_some_and(|p| p < LEFT) { (chi2 / dof).max(1.0) } else { 1.0 };
+    let covariance = Mat::from_fn(n, n, |i, j| covariance[(i, j)] * noise.slow * left);
     let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
     let rms_misclosure =
         (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
@@ -361,6 +430,9 @@ fn conclude(
         warnings: start.warnings,
     }
 }
+
+/// A residual that chance exceeds less often than this widens the intervals.
+const LEFT: f64 = 0.01;
 
 /// Parameters that the data pay for: priors take part of those they hold.
 #[must_use]

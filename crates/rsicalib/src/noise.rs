@@ -12,6 +12,7 @@
 //! Neighbouring samples may resemble each other; what that does to the mean of a pose
 //! is said in `noise/correlation.rs`.
 
+mod channels;
 mod correlation;
 
 use std::f64::consts::PI;
@@ -20,6 +21,8 @@ use crate::objective::Residuals;
 use crate::readings::Readings;
 use crate::session::Session;
 use correlation::correlated;
+
+pub use channels::{Alike, by_channel};
 
 /// Rows that a stretch of a recording has.
 const STRETCH: usize = 8;
@@ -112,8 +115,8 @@ impl Groups {
         self.rows.iter().map(Vec::len).sum::<usize>() as f64 / self.rows.len().max(1) as f64
     }
 
-    /// Variance of the rounding that all samples of a held pose share: nearly all of it
-    /// where the readings hardly change within a pose, none where they do.
+    /// Part of the variance of rounding that all samples of a held pose share: nearly all of
+    /// it where the readings hardly change within a pose, none where they do.
     ///
     /// With steady noise `σ` the mean code is off by `Σ (-1)ᵏ e^(-2π²k²σ²) sin(2πkx) / πk`
     /// for a reading at `x`, in units of a code.
@@ -135,7 +138,7 @@ impl Groups {
                 dof += (rows.len() - 1) as f64;
             }
         }
-        if dof == 0.0 { 0.0 } else { lasting(within / dof) }
+        if dof == 0.0 { 0.0 } else { 12.0 * lasting(within / dof) }
     }
 
     /// Eq. (61): the scatter of residuals within these groups, of which a variance of

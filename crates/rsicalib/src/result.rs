@@ -186,7 +186,7 @@ pub fn estimates(session: &Session, fit: &Fit) -> Estimates {
     let directions = crate::observability::directions(session, fit);
     Estimates {
         noise: NoiseReport {
-            source: fit.noise.source.words().into(),
+            source: fit.noise.words(),
             sigma: Named(sigma.collect()),
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
             correlation: fit.noise.correlation,
