@@ -597,7 +597,7 @@ def print_held(run: Runner, few: int, seed: int) -> None:
     print_cells(cells, sessions, run, seed)
     print("   of two samples correlation cannot be seen; that the model does not fit can (KS):")
     print_cells([Cell(48, 2, 1.0, correlation=0.6)], sessions // 2, run, seed)
-    print("== One channel noisier, and readings so quiet that rounding lasts. Demanded: cover 94-96 %")
+    print("== One channel noisier; readings so quiet that rounding lasts. Demanded: 94-96 %")
     cells = [Cell(p, n, 1.0, louder=4.0) for p, n in ((24, 2), (48, 2), (24, 8))]
     print_cells([*cells, Cell(24, 8, 0.1), Cell(24, 8, 0.0)], sessions // 2, run, seed)
 
