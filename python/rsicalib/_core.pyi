@@ -206,6 +206,15 @@ def jacobian(
 ) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
 
+def faults(
+    values: Array, counts: Sequence[bool], pose: Sequence[int], held: bool
+) -> list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]:
+    """Faults of converters: channel, stuck bits and their values, clipped at and in which poses.
+
+    `values` has shape (n, channels), `counts` says which are read in whole counts, `pose` numbers
+    the pose of each row from 0.
+    """
+
 def linearize(
     mechanism: Mechanism,
     table: Mapping[str, Any],

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib import _core
+
 if TYPE_CHECKING:
     from rsicalib.checks import MechanismLike
     from rsicalib.data import Readings
@@ -50,7 +52,7 @@ def suspicions(readings: Readings, mechanism: MechanismLike) -> list[str]:
     """
     return [
         *_constant_channels(readings),
-        *_stuck_bits(readings, mechanism),
+        *_faults(readings, mechanism),
         *_saturated_codes(readings, mechanism),
         *_moved_poses(readings, mechanism),
         *_stale_rows(readings),
@@ -73,47 +75,30 @@ def _constant_channels(readings: Readings) -> Iterator[str]:
         )
 
 
-def _stuck_bits(readings: Readings, mechanism: MechanismLike) -> Iterator[str]:
-    """Bits that keep one value, in channels of integer codes; alike channels in one message."""
-    found: dict[tuple[tuple[int, int], ...], list[str]] = {}
-    for k, channel in enumerate(mechanism.channels):
-        values = readings.values[:, k]
-        if channel.unit != "count" or not (values == np.rint(values)).all():
-            continue  # averages of codes have no bits
-        bits = _constant_bits(values.astype(np.int64), readings.pose, len(readings.channels))
+def _faults(readings: Readings, mechanism: MechanismLike) -> Iterator[str]:
+    """Bits that keep one value, alike channels in one message, and codes as at a wall."""
+    counts = [channel.unit == "count" for channel in mechanism.channels]
+    starts, lengths = _runs(readings.pose)
+    pose = np.repeat(np.arange(len(starts)), lengths)
+    alike: dict[tuple[tuple[int, bool], ...], list[str]] = {}
+    for k, bits, clipped in _core.faults(readings.values, counts, pose.tolist(), readings.held):
         if bits:
-            found.setdefault(tuple(bits), []).append(channel.name)
-    for stuck, names in found.items():
+            alike.setdefault(tuple(bits), []).append(readings.channels[k])
+        if clipped:
+            at, poses = clipped
+            yield (
+                f"{readings.channels[k]}: reads exactly {at:.10g} in {len(poses)} poses and never "
+                f"beyond ({_places(readings, starts[poses])}); it is clipped there: check its "
+                "amplifier, and keep the joint within range"
+            )
+    for stuck, names in alike.items():
         listed = ", ".join(
-            f"bit {bit} (worth {1 << bit}) is always {state}" for bit, state in stuck
+            f"bit {bit} (worth {1 << bit}) is always {int(state)}" for bit, state in stuck
         )
         yield (
             f"{', '.join(names)}: {listed}, while higher bits change; check the converter, "
             f"and count at least {1 << stuck[-1][0]} counts of error into the noise"
         )
-
-
-def _constant_bits(codes: IntArray, pose: IntArray, channels: int) -> list[tuple[int, int]]:
-    """Pairs (bit, its constant value), for bits that smooth data would have toggled.
-
-    Bit `b` halves every block of `2^(b+1)` codes. Readings spread over several blocks, all in
-    the same half, are as many tosses of a coin as there are independent places: different
-    cells of an eighth of a half (neighbours in a cell say nothing new), and not more than
-    different blocks seen in each pose (repeats of a held pose say nothing new).
-    """
-    bits = range(int(np.ptp(codes)).bit_length())
-    tosses = math.log2(max(len(bits), 1) * channels / RARE)
-    stuck = []
-    for b in bits:
-        state = (codes >> b) & 1
-        if state.min() != state.max():
-            continue
-        block = codes >> (b + 1)
-        visits = len(np.unique(np.column_stack([pose, block]), axis=0))
-        cells = len(np.unique(codes >> max(b - 3, 0)))
-        if min(visits, cells) >= tosses and len(np.unique(block)) >= 4:
-            stuck.append((b, int(state[0])))
-    return stuck
 
 
 def _saturated_codes(readings: Readings, mechanism: MechanismLike) -> Iterator[str]:

@@ -3,6 +3,7 @@
 mod apply;
 mod error;
 mod experiments;
+mod faults;
 mod linear;
 mod mechanism;
 mod session;
@@ -32,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::forward, module)?)?;
     module.add_function(wrap_pyfunction!(apply::points, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
+    module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(linear::linearize, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
     Ok(())

@@ -16,6 +16,7 @@ pub mod chain;
 pub mod check;
 mod context;
 mod error;
+pub mod faults;
 pub mod fit;
 pub mod fixture;
 pub mod lanes;

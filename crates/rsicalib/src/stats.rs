@@ -1,6 +1,8 @@
 //! Tail probabilities and quantiles, in the words of this crate.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Normal};
+use statrs::distribution::{
+    ChiSquared, ContinuousCDF, DiscreteCDF, FisherSnedecor, Normal, Poisson,
+};
 
 /// `P(χ²(dof) > x)`; one for no degrees of freedom.
 #[must_use]
@@ -39,4 +41,13 @@ pub fn normal_quantile(p: f64) -> f64 {
 #[must_use]
 pub fn normal_cdf(z: f64) -> f64 {
     Normal::standard().cdf(z)
+}
+
+/// `P(Poisson(mean) >= count)`.
+#[must_use]
+pub fn poisson_tail(count: f64, mean: f64) -> f64 {
+    if count < 1.0 {
+        return 1.0;
+    }
+    Poisson::new(mean).map_or(1.0, |d| d.sf(count as u64 - 1))
 }

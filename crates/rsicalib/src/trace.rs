@@ -9,12 +9,12 @@
 //! averaged for the search, whose noise is then known; the answer is fitted to
 //! all of them.
 
-use crate::fit::{Fit, Options, fit};
+use crate::fit::{Fit, NoiseEstimate, Options, fit};
 use crate::model::{Instance, Target};
 use crate::noise::Source;
 use crate::scan::{self, CHARGE, Family, Judge, Scored};
 use crate::session::Session;
-use crate::{Error, bad};
+use crate::{Error, bad, faults};
 
 /// How to search.
 #[derive(Debug, Clone)]
@@ -132,12 +132,20 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let mut session = session.clone();
     let base = session.instances()?;
     let before = fit(&session, base.clone(), None)?;
-    let mut excluded = bad::samples(&mut session, &before);
-    excluded.extend(bad::placements(&mut session, &before)?);
-    let clean = if excluded.is_empty() {
+    let faults = faults::faults(&session.mechanism, &session.readings);
+    let mut excluded = faults::set_apart(&mut session, &before, &faults);
+    let sound = if excluded.is_empty() {
         before.clone()
     } else {
-        fit(&session, base.clone(), Some(&before))?
+        seen_by(&before, fit(&session, base.clone(), Some(&before))?)
+    };
+    let faulty = excluded.len();
+    excluded.extend(bad::samples(&mut session, &sound));
+    excluded.extend(bad::placements(&mut session, &sound)?);
+    let clean = if excluded.len() == faulty {
+        sound
+    } else {
+        seen_by(&before, fit(&session, base.clone(), Some(&sound))?)
     };
 
     let mut hunt = Hunt::new(&session, &clean, search)?;
@@ -149,7 +157,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     for _ in 0..=search.most {
         let scored = scan::scan(&hunt.small, &current, &hunt.judge(&current), &search.without)?;
         left = best_of(&scored);
-        if found.len() + poses.len() + excluded.len() >= search.most {
+        if found.len() + poses.len() >= search.most {
             break;
         }
         let Some((step, next)) = hunt.step(&current, scored)? else { break };
@@ -197,7 +205,8 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         if current.model.instances.len() == clean.model.instances.len() && excluded.is_empty() {
             clean.clone()
         } else {
-            fit(&session, current.model.instances.clone(), Some(&expand(&clean, &current)))?
+            let from = expand(&clean, &current);
+            seen_by(&before, fit(&session, current.model.instances.clone(), Some(&from))?)
         };
     let judge = hunt.judge(&current);
     let small = hunt.small;
@@ -215,6 +224,15 @@ pub fn averaged(session: &Session, full: &Fit) -> Result<(Session, Fit), Error> 
     let mut small = fit(&hunt.small, full.model.instances.clone(), Some(full))?;
     hunt.rescale(&mut small)?;
     Ok((hunt.small, small))
+}
+
+/// A fit whose noise was seen by an earlier one, although faults were added to it.
+fn seen_by(before: &Fit, fit: Fit) -> Fit {
+    let (source, dof) = match fit.noise.source {
+        Source::Declared => (before.noise.source, before.noise.dof),
+        source => (source, fit.noise.dof),
+    };
+    Fit { noise: NoiseEstimate { source, dof, ..fit.noise.clone() }, ..fit }
 }
 
 /// A fit to start from: the parameters of the search, the noise of all samples.

@@ -4,6 +4,8 @@
 //! from `super`: whoever includes this file says whether that is the crate or
 //! its user.
 
+mod rng;
+
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
@@ -14,29 +16,7 @@ use super::model::{self, Target, Want, Workspace};
 use super::terms::{self, Term};
 use super::{Instance, Mechanism, Model, Readings, Table, rsi};
 
-/// Seeded numbers: SplitMix64.
-pub struct Rng(u64);
-
-impl Rng {
-    /// A sequence of its own for each seed.
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15))
-    }
-
-    /// Between `low` and `high`.
-    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        low + (high - low) * ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Standard normal, by Box and Muller.
-    pub fn normal(&mut self) -> f64 {
-        (-2.0 * self.uniform(0.0, 1.0).max(1e-300).ln()).sqrt()
-            * (2.0 * PI * self.uniform(0.0, 1.0)).cos()
-    }
-}
+pub use rng::Rng;
 
 /// How the readings were taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,26 @@
+//! Faults of converters.
+
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use rsicalib::faults::{Kind, of_codes};
+
+/// Stuck bits `[(bit, value)]`, and the code at which it is clipped, with its poses.
+type PyFault = (usize, Vec<(u32, bool)>, Option<(f64, Vec<usize>)>);
+
+/// Faults of the channels that are read in counts: (channel, stuck bits, clipped at and where).
+#[pyfunction]
+pub fn faults(
+    values: PyReadonlyArray2<'_, f64>,
+    counts: Vec<bool>,
+    pose: Vec<usize>,
+    held: bool,
+) -> Vec<PyFault> {
+    let values: Vec<f64> = values.as_array().iter().copied().collect();
+    let found = of_codes(&values, &counts, &pose, held).into_iter();
+    found
+        .map(|fault| match fault.kind {
+            Kind::StuckBits(bits) => (fault.channel, bits, None),
+            Kind::Clipped { at, poses } => (fault.channel, Vec::new(), Some((at, poses))),
+        })
+        .collect()
+}
