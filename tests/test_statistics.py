@@ -7,6 +7,7 @@ demanded by more than `SURE` standard errors of itself: 4, once in 16,000 for on
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -145,6 +146,30 @@ def test_wrong_nominal_gains_lead_to_the_same_fit(which: str) -> None:
     # Demanded is 99.9 %: of 100, none may fail but by bad luck of 1 in 10.
     rows = bench.inline(partial(bench.one_start, which, 1), 100)
     assert all(row.arrived for row in rows)
+
+
+def test_without_a_rest_reading_equal_gains_may_be_far_off() -> None:
+    # The paper's method converges in [-1.54, -1.33]e-3 rad/count.
+    low, high = bench.our_interval(step=0.2, reach=3.0)
+    assert low < 2.5 * bench.NOMINAL[1][0]
+    assert high > 0.5 * bench.NOMINAL[1][0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_without_a_rest_reading_and_rest_elsewhere_on_the_track(seed: int) -> None:
+    # Nominal offsets as the potentiometers were clamped, gains off by a common factor.
+    rng = np.random.default_rng(seed)
+    offsets, gains = bench.NOMINAL
+    turned = gains * rng.uniform(-400, 400, 9)
+    device = Device.random(rng)
+    device = replace(device, offsets=device.offsets + turned)
+    read = bench.table(simulator.session(device, rng, simulator.hand_poses(rng, 24, device), 2))
+    there = _core.Session(bench.believed(device.offsets, device.gains), read, starts=1).fit()
+    wrong = bench.believed(offsets + turned, gains * rng.choice([0.4, 0.6, 1.6, 2.5]))
+    found = _core.Session(wrong, read).fit()
+    np.testing.assert_allclose(
+        bench.estimates(found.to_dict()), bench.estimates(there.to_dict()), rtol=1e-6
+    )
 
 
 def session(seed: int) -> tuple[Array, Array, Array]:
