@@ -217,6 +217,20 @@ pub fn averaged(session: &Session, full: &Fit) -> Result<(Session, Fit), Error> 
     Ok((hunt.small, small))
 }
 
+/// True where some reading scores as bad, were the model right.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn looks_bad(session: &Session, full: &Fit) -> Result<bool, Error> {
+    let search = Search::default();
+    let mut hunt = Hunt::new(session, full, &search)?;
+    let mut small = fit(&hunt.small, full.model.instances.clone(), Some(full))?;
+    hunt.rescale(&mut small)?;
+    let scored = scan::bad_readings(&hunt.small, &small, &hunt.judge(&small))?;
+    Ok(scored.iter().any(|s| s.corrected <= search.alpha))
+}
+
 /// A fit to start from: the parameters of the search, the noise of all samples.
 fn expand(clean: &Fit, current: &Fit) -> Fit {
     Fit { noise: clean.noise.clone(), ..current.clone() }
