@@ -366,7 +366,10 @@ def paper_interval(step: float = 0.002) -> tuple[float, float]:
 
 
 def our_interval(step: float = 0.05, reach: float = 5.0) -> tuple[float, float]:
-    """The same for the fit of a session without a rest reading, nominal offsets kept."""
+    """The same for the fit of a session without a rest reading, nominal offsets kept.
+
+    Looked at no farther than a factor `reach` from the truth.
+    """
     offsets, gains = NOMINAL
     counts = (oracle.rsi_inverse(paper_poses("III")).reshape(-1, 9) - offsets) / gains
     read = table({"values": np.rint(counts), "pose": np.arange(12), "time_s": None})
@@ -634,7 +637,7 @@ def print_starts(run: Runner, few: int, seed: int) -> None:
     low, high = (1e3 * k for k in paper_interval())
     print(f"equal gains, the paper's method: [{low:.2f}, {high:.2f}]e-3; paper [-1.54, -1.33]e-3")
     low, high = (1e3 * k for k in our_interval())
-    print(f"equal gains, ours, no rest reading: [{low:.2f}, {high:.2f}]e-3 or beyond")
+    print(f"equal gains, ours, no rest reading: [{low:.2f}, {high:.2f}]e-3, looked at to 5 times")
 
 
 def print_bad(run: Runner, few: int, seed: int) -> None:

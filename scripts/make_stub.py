@@ -78,6 +78,7 @@ RETURNS = {
     "Mechanism.to_toml": "str",
     "Mechanism.value_columns": "list[str]",
     "Mechanism.with_sensors": "Mechanism",
+    "Session.calibrate": "tuple[Fit, Fit | None, list[dict[str, Any]]]",
     "Session.fit": "Fit",
     "Session.lacking": "dict[str, str]",
     "Session.reference": "dict[str, Any]",

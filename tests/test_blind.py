@@ -240,8 +240,9 @@ def test_a_case_is_the_same_for_the_same_seed() -> None:
 @pytest.mark.parametrize("suite", trials.SUITES)
 def test_every_suite_can_be_made(suite: str) -> None:
     case = trials.make(suite, 2, seed=0)
-    assert len(case.effects) == {"clean": 0, "pairs": 2}.get(suite, 1)
-    assert case.readings["values"].shape == (384, 9)
+    assert len(case.effects) == {"clean": 0, "pairs": 2, "triples": 3}.get(suite, 1)
+    rows = {"clean": 24 * 2, "recordings": 4000}.get(suite, 48 * 8)
+    assert case.readings["values"].shape == (rows, 9)
     assert case.check["poses"].shape == (160, 6)
 
 
@@ -287,7 +288,10 @@ def test_a_bad_reading_must_be_excluded_by_pose_and_channel() -> None:
     truth = [effects.BadReading("a31", 50.0, pose=7)]
     entry = {"pose": 7, "sample": None, "chain": "arm3", "channel": "a31"}
     assert grade(said(excluded=[entry]), truth).right
-    assert grade(said(excluded=[entry | {"channel": None}]), truth).effects[0].credit < 0.2
+    arm = grade(said(excluded=[entry | {"channel": None}]), truth)
+    assert arm.effects[0].credit == pytest.approx(1 / 3)
+    nothing = entry | {"channel": None, "chain": None}
+    assert grade(said(excluded=[nothing]), truth).effects[0].credit == pytest.approx(1 / 9)
     wrong = grade(said(excluded=[entry | {"pose": 8}]), truth)
     assert wrong.effects[0].credit == 0
     assert wrong.extras == 1
@@ -299,6 +303,16 @@ def test_outside_the_catalogue_only_the_place_counts() -> None:
     near = grade(said(step("link_length", "geometry", "arm1/2")), truth)
     assert near.effects[0].credit == 0
     assert near.arms == (1.0,)
+
+
+def test_a_spoilt_converter_may_be_left_out_or_warned_of() -> None:
+    truth = [effects.FAULTS[0]("a12", 1.0)]
+    entry = {"pose": None, "sample": None, "chain": "arm1", "channel": "a12"}
+    assert grade(said(excluded=[entry]), truth).right
+    assert grade(said(warnings=["a12: bit 3 is always 1"]), truth).right
+    wrong = grade(said(excluded=[entry | {"channel": "a13"}]), truth)
+    assert wrong.extras == 1
+    assert wrong.effects[0].credit == 0
 
 
 def test_handle_errors_come_from_the_check() -> None:

@@ -7,15 +7,21 @@ demanded by more than `SURE` standard errors of itself: 4, once in 16,000 for on
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import rsicalib
 from benches import honesty as bench
 from benches.honesty import Cell, Honesty
-from rsicalib import _core
+from rsicalib import Calibration, Trace, _core
 from tests.blind import effects, simulator
+from tests.blind.effects import Effect
 from tests.blind.scene import held
 from tests.blind.simulator import CHANNELS, Device
 from tests.oracle import Array
@@ -147,6 +153,30 @@ def test_wrong_nominal_gains_lead_to_the_same_fit(which: str) -> None:
     assert all(row.arrived for row in rows)
 
 
+def test_without_a_rest_reading_equal_gains_may_be_far_off() -> None:
+    # The paper's method converges in [-1.54, -1.33]e-3 rad/count.
+    low, high = bench.our_interval(step=0.2, reach=3.0)
+    assert low < 2.5 * bench.NOMINAL[1][0]
+    assert high > 0.5 * bench.NOMINAL[1][0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_without_a_rest_reading_and_rest_elsewhere_on_the_track(seed: int) -> None:
+    # Nominal offsets as the potentiometers were clamped, gains off by a common factor.
+    rng = np.random.default_rng(seed)
+    offsets, gains = bench.NOMINAL
+    turned = gains * rng.uniform(-400, 400, 9)
+    device = Device.random(rng)
+    device = replace(device, offsets=device.offsets + turned)
+    read = bench.table(simulator.session(device, rng, simulator.hand_poses(rng, 24, device), 2))
+    there = _core.Session(bench.believed(device.offsets, device.gains), read, starts=1).fit()
+    wrong = bench.believed(offsets + turned, gains * rng.choice([0.4, 0.6, 1.6, 2.5]))
+    found = _core.Session(wrong, read).fit()
+    np.testing.assert_allclose(
+        bench.estimates(found.to_dict()), bench.estimates(there.to_dict()), rtol=1e-6
+    )
+
+
 def session(seed: int) -> tuple[Array, Array, Array]:
     """Readings of 24 poses, their labels, and a rest reading."""
     rng = np.random.default_rng(seed)
@@ -209,6 +239,58 @@ def test_bad_readings_are_found_and_clean_sessions_left_alone() -> None:
     sample = bench.inline(partial(bench.one_bad, effects.GrossSample, 1, 1), 10)
     assert all(row.pose == 1 for row in sample)
     assert bench.error_ratio(sample) < 1.05
+
+
+def spoilt_file(folder: Path) -> tuple[Path, Path, Effect]:
+    """Files of a session of 48 poses with a bad reading, and that reading."""
+    rng = np.random.default_rng(11)
+    device = Device.random(rng)
+    scene = held(rng, simulator.hand_poses(rng, 48, device), 8, (0.0, 0.0))
+    (bad,) = bench.spoilt(effects.BadReading, 1, device, scene, rng)
+    read = simulator.observe(device, scene, rng, 1.0, (bad,))
+    rest = simulator.rest(device, rng)["values"]
+    lines = np.column_stack([read["pose"], read["values"]])
+    head = ",".join(CHANNELS)
+    np.savetxt(folder / "r.csv", lines, "%d", ",", header="pose," + head, comments="")
+    np.savetxt(folder / "rest.csv", rest, "%d", ",", header=head, comments="")
+    return folder / "r.csv", folder / "rest.csv", bad
+
+
+def test_a_calibration_is_given_with_and_without_a_bad_reading(tmp_path: Path) -> None:
+    readings, rest, bad = spoilt_file(tmp_path)
+    found = rsicalib.calibrate(readings, rest=rest)
+    assert [bench.at_pose(bad, e.to_dict()) for e in found.excluded] == [True]
+    assert found.verdict == "adequate"
+    whole = found.with_excluded
+    assert whole is not None and whole.fit.chi2 is not None and found.fit.chi2 is not None
+    # A reading of noncentrality 40 or more is gone, and the rest of χ² stays.
+    assert whole.fit.chi2 - found.fit.chi2 > 20.0
+    names = {(p.spec, p.name) for p in whole.parameters}
+    assert len(names) == 18 and names < {(p.spec, p.name) for p in found.parameters}
+    again = type(found).from_dict(json.loads(found.to_json()))
+    assert again.with_excluded == whole
+    place = f"left out  pose {found.excluded[0].pose} "
+    assert place in found.summary() and "with what was left out" in found.report()
+    traced = rsicalib.trace(readings, rest=rest)
+    assert traced.with_excluded is not None
+    assert traced.with_excluded.fit.chi2 == pytest.approx(whole.fit.chi2)
+
+
+@pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.trace])
+def test_a_wiring_mistake_reaches_json_terminal_and_report(
+    verb: Callable[..., Calibration | Trace], tmp_path: Path
+) -> None:
+    values, pose, rest = session(3)
+    values[:, 4], rest[:, 4] = 4095 - values[:, 4], 4095 - rest[:, 4]
+    head = ",".join(CHANNELS)
+    table = np.column_stack([pose, values])
+    np.savetxt(tmp_path / "r.csv", table, "%d", ",", header="pose," + head, comments="")
+    np.savetxt(tmp_path / "rest.csv", rest, "%d", ",", header=head, comments="")
+    found = verb(tmp_path / "r.csv", rest=tmp_path / "rest.csv")
+    words = "a22 reads the wrong way round"
+    assert [words in text for text in found.to_dict()["warnings"]] == [True]
+    assert words in found.summary()
+    assert words in found.report()
 
 
 # ------------------------------------------------------------------ cost

@@ -135,6 +135,11 @@ class Session:
         max_iterations: int | None = None,
         xtol: float | None = None,
     ) -> Session: ...
+    def calibrate(self) -> tuple[Fit, Fit | None, list[dict[str, Any]]]:
+        """Fits the terms that the options ask for, without readings that are wrong: the fit,
+        that of all readings where any was left out, and what was left out.
+        """
+
     def fit(self) -> Fit:
         """Fits the terms that the options ask for."""
 

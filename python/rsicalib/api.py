@@ -144,7 +144,8 @@ def calibrate(
     """Find the parameters of a closed mechanism from its joint readings alone.
 
     Minimises eq. (51) of `docs/model.md`, noise in every reading, over the
-    parameters of `terms`.
+    parameters of `terms`. Readings that are wrong are left out and listed in
+    `excluded`; the calibration with them is `with_excluded`.
 
     Parameters
     ----------
@@ -218,18 +219,24 @@ def calibrate(
     }
     session = job.session(rest, job.terms(terms), options)
     try:
-        fit = session.fit()
+        fit, whole, out = session.calibrate()
     except UndeterminedError as error:
         return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
-    found = dict(fit.to_dict())
+    found = dict(fit.to_dict()) | {"excluded": out}
+    if whole is not None:
+        found["with_excluded"] = {k: whole.to_dict()[k] for k in ("fit", "parameters")}
     if found["converged"] and found["fit"]["dof"] >= 1.0 and job.count <= MOST_HELD_OUT:
         found["fit"] |= {"held_out": fit.held_out()}
     known = job.known(check)
     if known is not None:
         found["nominal"] = {**NOTHING, "check": job.nominal_error(known, align=False)}
         found["fit"] |= {"check": fit.check(*known)}
+        if whole is not None:
+            found["with_excluded"]["fit"] |= {"check": whole.check(*known)}
         if align:
             found["fit"] |= {"aligned": fit.check(*known, align=True)}
+            if whole is not None:
+                found["with_excluded"]["fit"] |= {"aligned": whole.check(*known, align=True)}
             found["nominal"] |= {"aligned": job.nominal_error(known, align=True)}
     judged = found["fit"]["p_value"]
     verdict = None if judged is None else "adequate" if judged >= ALPHA else "unexplained"

@@ -241,13 +241,19 @@ def _moved(result: Result) -> str:
 
 
 def _parameters(result: Result) -> str:
+    whole = result.with_excluded.parameters if result.with_excluded else ()
+    before = {(p.spec, p.name): p for p in whole}
+    heads = ["target", "parameter", "value", "± 95 %", "unit"]
+    heads += ["with what was left out"] * bool(whole)
     rows = []
     for p in result.parameters:
         value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
         name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
         target = p.target if p.place is None else f"{p.target} at {p.place}"
-        rows.append((target, name, value, half, p.unit))
-    table = _table(("target", "parameter", "value", "± 95 %", "unit"), rows, 2) if rows else ""
+        old = before.get((p.spec, p.name))
+        all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
+        rows.append((target, name, value, half, p.unit, *[all_readings] * bool(whole)))
+    table = _table(heads, rows, 2) if rows else ""
     notes = [f"Not determined: {text}" for text in result.unobservable]
     notes += [f"Weak: {text}" for text in result.weak]
     return _section("Parameters", table, _list(notes))

@@ -58,9 +58,12 @@ def summary(result: Result) -> str:
     data = result.readings
     head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
     head += [f"  {'noise':10}{noise_words(result)}"]
+    head += [f"  {'warning':10}{text}"[:WIDTH] for text in result.warnings[:2]]
     middle = _errors(result)
     if isinstance(result, Trace):
-        middle = [*_found(result), *middle, *_left(result)]
+        middle = [*_found(result), *_left_out(result), *middle, *_left(result)]
+    else:
+        middle = [*_left_out(result), *middle]
     tail = [line for text in advice(result)[:3] for line in _next(text)][:5]
     if tail:
         tail = ["", *tail]
@@ -102,7 +105,13 @@ def _found(result: Trace) -> list[str]:
             names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
             more = "" if len(names) < 4 else f" and {len(names) - 3} more"
             lines.append(f"            fits as well: {', '.join(names[:3])}{more}"[:WIDTH])
-    lines += [f"  left out  {excluded_words(e)}"[:WIDTH] for e in result.excluded[:3]]
+    return lines if not lines or result.excluded else [*lines, ""]
+
+
+def _left_out(result: Result) -> list[str]:
+    lines = [f"  left out  {excluded_words(e)}"[:WIDTH] for e in result.excluded[:3]]
+    if len(result.excluded) > 3:
+        lines.append(f"            and {len(result.excluded) - 3} more")
     return [*lines, ""] if lines else []
 
 

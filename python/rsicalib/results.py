@@ -35,6 +35,7 @@ __all__ = [
     "Step",
     "Trace",
     "Unexplained",
+    "WithExcluded",
     "load_calibration",
 ]
 
@@ -153,6 +154,14 @@ class Excluded(Record):
     chain: str | None
     channel: str | None
     reason: str
+
+
+@dataclass(frozen=True)
+class WithExcluded(Record):
+    """The calibration of all readings, where some were left out."""
+
+    fit: FitQuality
+    parameters: tuple[Parameter, ...]
 
 
 @dataclass(frozen=True)
@@ -284,6 +293,8 @@ class Result(Record):
     noise: Noise | None
     warnings: tuple[str, ...] = ()
     excluded: tuple[Excluded, ...] = ()
+    with_excluded: WithExcluded | None = field(default=None, metadata=IF_KNOWN)
+    """What the calibration would be with the readings in `excluded`."""
     verdict: str | None
     parameters: tuple[Parameter, ...]
     covariance: npt.NDArray[np.float64]

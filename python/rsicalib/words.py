@@ -133,6 +133,12 @@ def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, st
     """The error before and after: two headings, and rows of name, before, after."""
     if isinstance(result, Trace):
         before, after, heads = result.before, result.after, ("before", "after")
+    elif result.with_excluded is not None:
+        before, after, heads = (
+            result.with_excluded.fit,
+            result.quality,
+            ("all readings", "left out"),
+        )
     else:
         nothing = FitQuality(None, None, None, None)
         before, after, heads = (

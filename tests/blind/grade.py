@@ -68,13 +68,18 @@ def judge_step(effect: Effect, step: Result) -> float:
 
 
 def judge_excluded(effect: Effect, entry: Result) -> float:
-    """Credit of a bad reading for one excluded entry: less where all channels were blamed."""
+    """Credit of a bad reading for one excluded entry: less where an arm or all channels are blamed.
+
+    A fault of a converter is right to be left out wherever it spoils its channel.
+    """
+    if isinstance(effect, Fault):
+        return float(entry.get("channel") == effect.target)
     if not isinstance(effect, BadReading) or entry["pose"] != effect.pose:
         return 0.0
     if isinstance(effect, GrossSample) and entry.get("sample") not in (None, effect.sample):
         return 0.0
     if entry.get("channel") is None:
-        return 1.0 / 9.0
+        return 1.0 / 3.0 if entry.get("chain") == arm_of(effect.target) else 1.0 / 9.0
     return 1.0 if entry["channel"] == effect.target else 0.0
 
 

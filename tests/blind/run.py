@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.blind.trials import FLOOR, SUITES, Row, run
+from tests.blind.trials import FLOOR, SUITES, Row, Size, run
 
 
 def rate(values: Iterable[float]) -> str:
@@ -61,6 +61,8 @@ def figures(suite: str, rows: Sequence[Row]) -> list[tuple[str, str]]:
     out.append(("extra names per session", f"{extra.mean():.3f} ± {error:.3f}"))
     for stage, place in (("before", 0), ("after", 1)):
         out.append((f"handle position {stage} [in]", middle(g.position[place] for g in grades)))
+    ratios = [r.grade.position[1] / r.told for r in rows if r.told and r.grade.position[1]]
+    out.append(("after / told the answer", middle(ratios)))
     for stage, place in (("before", 0), ("after", 1)):
         out.append((f"handle angle {stage} [rad]", middle(g.orientation[place] for g in grades)))
     return out
@@ -120,9 +122,9 @@ def report(suite: str, rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def sessions(suite: str, count: int, jobs: int, seed: int, floor: float) -> list[Row]:
+def sessions(suite: str, count: int, jobs: int, seed: int, size: Size) -> list[Row]:
     """All rows of a suite, in order."""
-    work = partial(run, suite, seed=seed, floor=floor)
+    work = partial(run, suite, seed=seed, size=size)
     if jobs == 1:
         return [work(number) for number in range(count)]
     with multiprocessing.get_context("spawn").Pool(jobs) as pool:
@@ -137,12 +139,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--floor", type=float, default=FLOOR, help="least noncentrality")
+    parser.add_argument("--exactly", action="store_true", help="all effects at that noncentrality")
     parser.add_argument("--misses", action="store_true", help="list the sessions that failed")
     parser.add_argument("--out", type=Path, help="write every graded session, one JSON per line")
     options = parser.parse_args(arguments)
     every: list[Row] = []
+    size = Size(options.floor, options.exactly)
     for suite in SUITES if options.suite == "all" else (options.suite,):
-        rows = sessions(suite, options.sessions, options.jobs, options.seed, options.floor)
+        rows = sessions(suite, options.sessions, options.jobs, options.seed, size)
         print(report(suite, rows), flush=True)
         if options.misses:
             print("\n".join(misses(rows)), flush=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,38 @@ from tests.blind.grade import Grade, grade
 from tests.blind.scene import Scene, held, waved
 from tests.blind.simulator import Device, Session
 
-SUITES = ("clean", "single", "pairs", "outside", "left_out", "faults")
-POSES, SAMPLES, SIGMA = 48, 8, 1.0
+SUITES = ("clean", "single", "pairs", "triples", "outside", "left_out", "faults", "recordings")
 FLOOR = 40.0
 """Fainter effects are enlarged to this noncentrality."""
+COUNT = {"pairs": 2, "triples": 3}
+"""Effects of a session, where there is more than one."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How a session is taken."""
+
+    poses: int = 48
+    samples: int = 8
+    sigma: float = 1.0
+    tremor: tuple[float, float] = (0.0, 0.0)
+
+
+CLEAN = tuple(
+    Conditions(poses, samples, sigma, tremor)
+    for poses, samples, sigma, tremor in product(
+        (24, 48), (2, 8), (0.5, 1.0, 3.0), ((0.0, 0.0), (0.01, 0.01))
+    )
+)
+"""Clean sessions go through these by turns."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How strong effects are made: at least `floor`, or just so where `exactly`."""
+
+    floor: float = FLOOR
+    exactly: bool = False
 
 
 @dataclass(frozen=True)
@@ -45,13 +74,23 @@ class Row:
     truth: tuple[str, ...]
     strength: tuple[float, ...]
     grade: Grade
+    told: float | None = None
+    """Handle position error of a fit that is told the effects [in]; None where none can be."""
 
 
-def stage(device: Device, rng: np.random.Generator, moving: bool) -> Scene:
-    """A recording for what shows in motion only, 48 held poses otherwise."""
+def stage(
+    device: Device, rng: np.random.Generator, moving: bool, how: Conditions | None = None
+) -> Scene:
+    """A recording for what shows in motion only, held poses otherwise, all within range."""
     if moving:
         return waved(rng, device.allows)
-    return held(rng, simulator.hand_poses(rng, POSES, device), SAMPLES, (0.0, 0.0))
+    how = how or Conditions()
+    while True:
+        poses = simulator.hand_poses(rng, how.poses, device)
+        scene = held(rng, poses, how.samples, how.tremor)
+        # A hand that trembles at the end of a joint's range gives no reading.
+        if device.allows(scene.pose).all():
+            return scene
 
 
 def draw(
@@ -69,16 +108,17 @@ def draw(
 
 
 def enlarged(
-    device: Device, session: Session, drawn: tuple[Effect, ...], floor: float
+    device: Device, session: Session, drawn: tuple[Effect, ...], size: Size
 ) -> tuple[tuple[Effect, ...], tuple[float, ...]]:
-    """Every effect at `floor` or more beside the others; `ValueError` if that takes too much."""
+    """Effects as strong as `size` says, each beside the others; `ValueError` if that is too much."""
     out = list(drawn)
+    most = 8 if size.exactly else 5
     for _ in range(2):
         for i, effect in enumerate(out):
             others = [e for e in out if e is not effect]
-            if power.noncentrality(device, session, effect, others) < floor:
-                out[i] = power.scaled_to(device, session, effect, floor, others)
-                if abs(out[i].size) > 5 * effect.sizes[1]:
+            if size.exactly or power.noncentrality(device, session, effect, others) < size.floor:
+                out[i] = power.scaled_to(device, session, effect, size.floor, others)
+                if abs(out[i].size) > most * effect.sizes[1]:
                     raise ValueError(f"{effect.term} at {effect.target} would be unreasonable")
     strength = [
         power.noncentrality(device, session, e, [o for o in out if o is not e]) for e in out
@@ -99,6 +139,8 @@ def kinds_of(suite: str) -> tuple[type[Effect], ...]:
         "clean": (),
         "single": catalogue.CATALOGUE,
         "pairs": tuple(k for k in catalogue.CATALOGUE if not k.moving and not k.mishap),
+        "triples": tuple(k for k in catalogue.CATALOGUE if not k.moving and not k.mishap),
+        "recordings": tuple(k for k in catalogue.CATALOGUE if k.recorded and not k.mishap),
         "outside": catalogue.OUTSIDE,
         "left_out": catalogue.SENSOR,
         "faults": catalogue.FAULTS,
@@ -106,26 +148,29 @@ def kinds_of(suite: str) -> tuple[type[Effect], ...]:
     return by_suite[suite]
 
 
-def make(suite: str, number: int, seed: int, floor: float = FLOOR) -> Case:
+def make(suite: str, number: int, seed: int, size: Size | None = None) -> Case:
     """Case `number` of a suite: the same for the same seed, whoever runs it and in what order."""
     rng = np.random.default_rng([seed, SUITES.index(suite), number])
     device = Device.random(rng)
     kinds = kinds_of(suite)
-    scene = stage(device, rng, bool(kinds) and kinds[number % len(kinds)].moving)
+    how = CLEAN[number % len(CLEAN)] if suite == "clean" else Conditions()
+    moving = suite == "recordings" or (bool(kinds) and kinds[number % len(kinds)].moving)
+    scene = stage(device, rng, moving, how)
     drawn: tuple[Effect, ...] = ()
     strength: tuple[float, ...] = ()
     while kinds:
-        drawn = draw(rng, kinds, number, 2 if suite == "pairs" else 1)
+        drawn = draw(rng, kinds, number, COUNT.get(suite, 1))
         if suite == "faults":
             if spoils(device, scene, drawn[0]):
                 break
             continue
         try:
-            drawn, strength = enlarged(device, {"scene": scene, "sigma": SIGMA}, drawn, floor)
+            session = {"scene": scene, "sigma": how.sigma}
+            drawn, strength = enlarged(device, session, drawn, size or Size())
             break
         except ValueError:
             continue
-    readings = simulator.observe(device, scene, rng, SIGMA, drawn)
+    readings = simulator.observe(device, scene, rng, how.sigma, drawn)
     return Case(
         suite=suite,
         number=number,
@@ -139,8 +184,18 @@ def make(suite: str, number: int, seed: int, floor: float = FLOOR) -> Case:
     )
 
 
-def examine(case: Case) -> dict[str, Any]:
-    """What the library says, as the dictionary of `rsicalib trace --json`."""
+@dataclass(frozen=True)
+class Given:
+    """A case as the library is given it."""
+
+    mechanism: Any
+    readings: Any
+    rest: Any
+    check: Any
+
+
+def given(case: Case) -> Given:
+    """The three files of a case, as objects of the library."""
     import rsicalib
 
     mechanism = rsicalib.load_mechanism("rsi")
@@ -155,24 +210,43 @@ def examine(case: Case) -> dict[str, Any]:
             poses=session.get("poses"),
         )
 
+    return Given(mechanism, readings(case.readings), readings(case.rest), readings(case.check))
+
+
+def examine(case: Case) -> dict[str, Any]:
+    """What the library says, as the dictionary of `rsicalib trace --json`."""
+    import rsicalib
+
+    it = given(case)
     options: dict[str, Any] = {"without": list(case.without)} if case.without else {}
     result: dict[str, Any] = rsicalib.trace(
-        readings(case.readings),
-        mechanism,
-        check=readings(case.check),
-        rest=readings(case.rest),
-        **options,
+        it.readings, it.mechanism, check=it.check, rest=it.rest, **options
     ).to_dict()
     return result
 
 
-def run(suite: str, number: int, seed: int, floor: float = FLOOR) -> Row:
+def told(case: Case) -> float | None:
+    """Handle position error [in] of the fit that is told what is there; None if none can be."""
+    import rsicalib
+
+    names = [effect.told() for effect in case.effects]
+    if None in names or not names:
+        return None
+    it = given(case)
+    terms = ["offset", "gain", *(name for name in names if name is not None)]
+    fit = rsicalib.calibrate(it.readings, it.mechanism, check=it.check, rest=it.rest, terms=terms)
+    error: float = fit.to_dict()["fit"]["check"]["position_rms"]
+    return error
+
+
+def run(suite: str, number: int, seed: int, size: Size | None = None) -> Row:
     """Makes, examines and grades one case."""
-    case = make(suite, number, seed, floor)
+    case = make(suite, number, seed, size)
     return Row(
         suite=suite,
         number=number,
         truth=tuple(f"{effect.term} {effect.target}" for effect in case.effects),
         strength=case.strength,
         grade=grade(examine(case), case.effects, left_out=suite == "left_out"),
+        told=told(case),
     )

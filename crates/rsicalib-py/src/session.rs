@@ -11,7 +11,7 @@ use rsicalib::model::provided;
 use rsicalib::result::{FitReport, estimates};
 use rsicalib::terms::{ALL, Term};
 use rsicalib::trace::Search;
-use rsicalib::verdict::Known;
+use rsicalib::verdict::{ExcludedReport, Known};
 use rsicalib::{Fit, Method, Options, Session, Table, fit};
 use serde::Serialize;
 
@@ -73,9 +73,13 @@ pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
 #[derive(Serialize)]
 struct FitView {
     fit: FitReport,
+    warnings: Vec<String>,
     #[serde(flatten)]
     estimates: rsicalib::result::Estimates,
 }
+
+/// A fit, the fit with what was left out, and what that is.
+type Calibration<'py> = (PyFit, Option<PyFit>, Bound<'py, PyAny>);
 
 #[pymethods]
 impl PySession {
@@ -156,6 +160,19 @@ impl PySession {
         Ok(pythonize(py, &report)?)
     }
 
+    /// Fits the terms that the options ask for, without readings that are wrong: the fit,
+    /// that of all readings where any was left out, and what was left out.
+    fn calibrate<'py>(&self, py: Python<'py>) -> PyResult<Calibration<'py>> {
+        let session = Arc::clone(&self.0);
+        let found =
+            py.detach(|| rsicalib::calibrate::calibrate(&session)).map_err(PyError::from)?;
+        let out: Vec<ExcludedReport> =
+            found.excluded.iter().map(|e| rsicalib::verdict::excluded(&found.session, e)).collect();
+        let with = found.with.map(|fit| PyFit { session, fit });
+        let fit = PyFit { session: Arc::new(found.session), fit: found.fit };
+        Ok((fit, with, pythonize(py, &out)?))
+    }
+
     /// Fits the terms that the options ask for.
     fn fit(&self, py: Python<'_>) -> PyResult<PyFit> {
         let session = Arc::clone(&self.0);
@@ -175,6 +192,7 @@ impl PyFit {
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let view = FitView {
             fit: FitReport::of(&self.fit),
+            warnings: self.fit.warnings.clone(),
             estimates: estimates(&self.session, &self.fit),
         };
         Ok(pythonize(py, &view)?)

@@ -6,7 +6,8 @@
 
 use std::collections::BTreeSet;
 
-use crate::fit::Fit;
+use crate::fit::{Fit, NoiseEstimate};
+use crate::noise::Source;
 use crate::readings::Readings;
 use crate::session::Session;
 use crate::trace::Excluded;
@@ -218,6 +219,16 @@ pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excl
         session.options.play = fit.noise.play;
     }
     excluded
+}
+
+/// A fit whose noise was seen by an earlier one, although faults were added to it.
+#[must_use]
+pub fn seen_by(before: &Fit, fit: Fit) -> Fit {
+    let (source, dof) = match fit.noise.source {
+        Source::Declared => (before.noise.source, before.noise.dof),
+        source => (source, fit.noise.dof),
+    };
+    Fit { noise: NoiseEstimate { source, dof, ..fit.noise.clone() }, ..fit }
 }
 
 /// True where the poses that are left give equations for twice the parameters.

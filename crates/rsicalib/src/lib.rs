@@ -12,6 +12,7 @@
 pub mod algebraic;
 pub mod apply;
 pub mod bad;
+pub mod calibrate;
 pub mod chain;
 pub mod check;
 mod context;

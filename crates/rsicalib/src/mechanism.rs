@@ -468,6 +468,14 @@ impl Mechanism {
         (0..self.chains.len()).find(|&c| self.channels_of(c).contains(&channel))
     }
 
+    /// True where a channel senses joints that turn, so that whole turns make no difference.
+    #[must_use]
+    pub fn turns(&self, channel: usize) -> bool {
+        let name = Some(&self.channels[channel].name);
+        let rows = self.chains.iter().flat_map(|c| &c.rows);
+        rows.filter(|row| row.channel.as_ref() == name).all(|row| row.joint == Motion::Revolute)
+    }
+
     /// Checks that every name leads somewhere and every number is one.
     ///
     /// # Errors

@@ -435,6 +435,16 @@ fn declumped(turns: &[f64], score: f64) -> f64 {
     1.0 + turns.iter().map(new).sum::<f64>()
 }
 
+/// Scores bad readings and bad poses alone.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub fn bad_readings(session: &Session, fit: &Fit, judge: &Judge) -> Result<Vec<Scored>, Error> {
+    let (inverse, ..) = crate::fit::invert(&fit.gram);
+    scan_places(session, fit, judge, &inverse, &["slip".to_owned()])
+}
+
 /// Scores bad readings, bad poses and slips by running sums over poses.
 fn scan_places(
     session: &Session,

@@ -29,6 +29,17 @@ pub struct Session {
     pub held: Option<(Mechanism, Readings)>,
 }
 
+/// A reading of each channel at which its joint coordinate is known, more or less.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchor {
+    /// What it rests on, in words.
+    pub name: &'static str,
+    /// Reading and joint coordinate, one pair per channel.
+    pub at: Vec<(f64, f64)>,
+    /// True where it was read, not presumed.
+    pub known: bool,
+}
+
 impl Session {
     /// Gathers what is known.
     ///
@@ -86,24 +97,37 @@ impl Session {
         crate::model::parse(&self.mechanism, &self.readings, terms)
     }
 
-    /// Reading at which the rest angles are taken to hold, one per channel.
+    /// Where offsets may be held while gains are sought, the best first.
     ///
-    /// Without a reading of the rest pose, where the nominal sensor has it.
+    /// A reading of the rest pose settles it. Without one, the rest pose is where the nominal
+    /// sensors have it; but where their gains are far off, the nominal offsets may be right, or
+    /// the rest pose at the middle of the range.
     #[must_use]
-    pub fn anchor(&self) -> Vec<(f64, f64)> {
-        let nominal = |c: usize| {
-            let channel = &self.mechanism.channels[c];
-            match &self.rest_angles {
-                Some(angles) => ((angles[c] - channel.offset) / channel.gain, angles[c]),
-                None => (self.readings.mean[c], channel.angle(self.readings.mean[c])),
-            }
+    pub fn anchors(&self) -> Vec<Anchor> {
+        let channels = &self.mechanism.channels;
+        let all = |f: &dyn Fn(usize) -> (f64, f64)| (0..channels.len()).map(f).collect();
+        if let (Some(rest), Some(angles)) = (&self.rest, &self.rest_angles) {
+            return vec![Anchor { name: "rest", at: all(&|c| (rest[c], angles[c])), known: true }];
+        }
+        let nominal = |c: usize| match &self.rest_angles {
+            Some(angles) => ((angles[c] - channels[c].offset) / channels[c].gain, angles[c]),
+            None => (self.readings.mean[c], channels[c].angle(self.readings.mean[c])),
         };
-        (0..self.mechanism.channels.len())
-            .map(|c| match (&self.rest, &self.rest_angles) {
-                (Some(rest), Some(angles)) => (rest[c], angles[c]),
-                _ => nominal(c),
-            })
-            .collect()
+        let mut anchors = vec![
+            Anchor { name: "nominal", at: all(&nominal), known: false },
+            Anchor {
+                name: "nominal offsets",
+                at: all(&|c| (0.0, channels[c].offset)),
+                known: false,
+            },
+        ];
+        if let Some(angles) = &self.rest_angles
+            && channels.iter().all(|c| c.range.is_some())
+        {
+            let at = all(&|c| (channels[c].middle(), angles[c]));
+            anchors.push(Anchor { name: "rest at half range", at, known: false });
+        }
+        anchors
     }
 
     /// What is known of a model's parameters without readings: what holds a free

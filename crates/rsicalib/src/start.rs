@@ -8,12 +8,16 @@
 //! moves any more is recognised and left for another start. Which start was right is told
 //! by the weighted χ², which grows without bound as a gain goes to zero. That χ² finds
 //! the gains, too, while offsets are tied to the anchor, where the first start did not.
+//! Without a reading of the rest pose there are several anchors, each in turn. A mechanism
+//! may close in other assemblies as well: those beyond its joint limits come last.
+
+use std::f64::consts::TAU;
 
 use crate::lm::{self, Problem};
 use crate::model::Model;
 use crate::objective::{Algebraic, Implicit, Noise, Part, Prior};
 use crate::readings::{Readings, Table};
-use crate::session::Session;
+use crate::session::{Anchor, Session};
 use crate::wiring;
 
 /// A start that was tried.
@@ -45,12 +49,17 @@ const COLLAPSED: f64 = 0.05;
 const FACTORS: [f64; 9] = [1.0, 0.75, 1.35, 0.55, 1.8, 0.4, 2.4, 0.3, 3.2];
 
 /// Parameters that give every channel `factor` times its nominal gain, about
-/// the anchor of the session.
+/// the best anchor of the session.
 #[must_use]
 pub fn anchored(session: &Session, model: &Model, factors: &[f64]) -> Vec<f64> {
+    let best = session.anchors().into_iter().next();
+    best.map_or_else(|| model.nominal(), |anchor| about(&anchor, model, factors))
+}
+
+/// The same about this anchor.
+fn about(anchor: &Anchor, model: &Model, factors: &[f64]) -> Vec<f64> {
     let mut beta = model.nominal();
-    let anchor = session.anchor();
-    for (c, (reading, angle)) in anchor.into_iter().enumerate() {
+    for (c, &(reading, angle)) in anchor.at.iter().enumerate() {
         let scale = &model.scales[c];
         let gain = scale.gain * factors[c];
         if let Some(column) = model.column("gain", c) {
@@ -106,7 +115,7 @@ pub struct Search<'a> {
     noise: Noise,
     priors: Vec<Prior>,
     options: lm::Options,
-    tied: Option<Tied>,
+    anchors: Vec<(Anchor, Option<Tied>)>,
 }
 
 /// The same model with offsets at the anchor, where they can be held while gains are sought.
@@ -117,15 +126,14 @@ struct Tied {
 }
 
 impl Tied {
-    fn new(session: &Session, model: &Model) -> Option<Self> {
-        let (at, angles): (Vec<f64>, Vec<f64>) = session.anchor().into_iter().unzip();
+    fn new(session: &Session, model: &Model, anchor: &Anchor) -> Option<Self> {
+        let (at, angles): (Vec<f64>, Vec<f64>) = anchor.at.iter().copied().unzip();
         let instances = model.instances.clone();
         let model = Model::about(&session.mechanism, &session.readings, instances, &at).ok()?;
         let mut priors = session.priors(&model);
-        let known = session.rest.is_some() && session.rest_angles.is_some();
         for (c, scale) in model.scales.iter().enumerate() {
             if let Some(column) = model.column("offset", c) {
-                let (mean, sd) = (angles[c] - scale.angle, TIED[usize::from(!known)]);
+                let (mean, sd) = (angles[c] - scale.angle, TIED[usize::from(!anchor.known)]);
                 priors.push(Prior::Parameter { column, mean, sd });
             }
         }
@@ -154,6 +162,24 @@ pub struct End {
     pub cost: f64,
     /// χ² per equation at the presumed noise; infinite where a joint stopped moving.
     pub score: f64,
+    /// True where some joint would move beyond its limits: another way of assembly.
+    pub elsewhere: bool,
+}
+
+impl End {
+    /// True where every joint keeps within its limits and χ² per equation below `limit`.
+    fn good(&self, limit: f64) -> bool {
+        self.score < limit && !self.elsewhere
+    }
+
+    /// True where it beats another end: a good one before others, then by χ².
+    fn beats(&self, other: &Self, limit: f64) -> bool {
+        match (self.good(limit), other.good(limit)) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => self.score < other.score,
+        }
+    }
 }
 
 impl<'a> Search<'a> {
@@ -177,20 +203,28 @@ impl<'a> Search<'a> {
             noise: noise.clone(),
             priors: session.priors(model),
             options: lm::Options { max_iterations: 60, xtol: 1e-8, ..session.options.lm.clone() },
-            tied: Tied::new(session, model),
+            anchors: session
+                .anchors()
+                .into_iter()
+                .map(|anchor| {
+                    let tied = Tied::new(session, model, &anchor);
+                    (anchor, tied)
+                })
+                .collect(),
         }
     }
 
-    /// Parameters `start` with better gains: the maximum-likelihood fit while offsets are
-    /// tied to the anchor. Its weights keep gains from zero, the ties from wandering.
-    fn better(&self, start: &[f64]) -> Vec<f64> {
-        let Some(Tied { model, priors }) = &self.tied else { return start.to_vec() };
+    /// A start with better gains than these: the maximum-likelihood fit while offsets are
+    /// tied to an anchor. Its weights keep gains from zero, the ties from wandering.
+    fn better(&self, (anchor, tied): &(Anchor, Option<Tied>), factors: &[f64]) -> Vec<f64> {
+        let start = about(anchor, self.model, factors);
+        let Some(Tied { model, priors }) = tied else { return start };
         let part = Part { model, readings: &self.readings, weights: Some(&self.weights) };
         let sigma = self.noise.sigma.iter().map(|s| LOOSE * s).collect();
         let noise = Noise { sigma, play: LOOSE * LOOSE * self.noise.play };
         let options = lm::Options { xtol: 1e-4, ..self.options.clone() };
         let problem = Implicit::new(vec![(part, noise)], priors);
-        let tied = lm::minimize(&problem, &moved(start, self.model, model), &options);
+        let tied = lm::minimize(&problem, &moved(&start, self.model, model), &options);
         moved(&tied.x, model, self.model)
     }
 
@@ -208,7 +242,32 @@ impl<'a> Search<'a> {
             let score = chi2 / (self.model.equations() * live) as f64;
             if score.is_finite() { score } else { f64::INFINITY }
         };
-        End { cost: 2.0 * outcome.cost, beta: outcome.x, score }
+        let mut beta = outcome.x;
+        let elsewhere = self.turn_back(&mut beta);
+        End { cost: 2.0 * outcome.cost, beta, score, elsewhere }
+    }
+
+    /// Takes whole turns off the joint angles; true where one is beyond its limits
+    /// even so, at the mean reading.
+    fn turn_back(&self, beta: &mut [f64]) -> bool {
+        let Self { session, model, .. } = self;
+        let mut elsewhere = false;
+        for (c, scale) in model.scales.iter().enumerate() {
+            let limits = session.mechanism.channels[c].limits;
+            let (Some([low, high]), Some(column)) = (limits, model.column("offset", c)) else {
+                continue;
+            };
+            let gain = scale.gain + model.column("gain", c).map_or(0.0, |column| beta[column]);
+            let mean = session.readings.mean[c];
+            let angle = |offset: f64| scale.angle + offset + gain * (mean - scale.centre);
+            if session.mechanism.turns(c) {
+                let off = angle(beta[column]) - 0.5 * (low + high);
+                beta[column] -= TAU * (off / TAU).round();
+            }
+            let angle = angle(beta[column]);
+            elsewhere |= angle < low || angle > high;
+        }
+        elsewhere
     }
 
     /// The algebraic fit from parameters `start`; a reversed gain is no answer.
@@ -229,14 +288,18 @@ pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
     let mut tries = Vec::new();
     let mut best: Option<End> = None;
     let mut agreeing = 0;
-    let anchor = if session.rest.is_some() { "rest" } else { "nominal" };
     // What is near needs no care: the first start is the anchor as it is.
-    let near = (anchor.to_owned(), vec![1.0; channels]);
-    let tied = |(name, factors)| (format!("{anchor}, offsets tied, {name}"), factors);
-    let starts = starts(channels, options.starts).into_iter().map(tied);
-    for (name, factors) in std::iter::once(near).chain(starts).take(options.starts.max(1)) {
-        let start = anchored(session, model, &factors);
-        let end = search.end(&if tries.is_empty() { start } else { search.better(&start) });
+    let near = (None, search.anchors[0].0.name.to_owned(), vec![1.0; channels]);
+    let anchors = &search.anchors;
+    let tied = starts(channels, anchors.len(), options.starts).into_iter().map(|(at, name, f)| {
+        (Some(&anchors[at]), format!("{}, offsets tied, {name}", anchors[at].0.name), f)
+    });
+    for (at, name, factors) in std::iter::once(near).chain(tied).take(options.starts.max(1)) {
+        let start = match at {
+            None => anchored(session, model, &factors),
+            Some(anchor) => search.better(anchor, &factors),
+        };
+        let end = search.end(&start);
         tries.push(Try { from: name, cost: end.cost, collapsed: end.score.is_infinite() });
         let before = best.as_ref().map_or(f64::INFINITY, |b| b.score);
         if end.score < 0.999 * before {
@@ -244,10 +307,13 @@ pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
         } else if end.score < 1.001 * before {
             agreeing += 1;
         }
-        if end.score < before {
+        let limit = options.good_start;
+        if end.score.is_finite() && best.as_ref().is_none_or(|b| end.beats(b, limit)) {
             best = Some(end);
         }
-        if best.as_ref().is_some_and(|b| b.score < options.good_start) || agreeing >= AGREE {
+        let good = best.as_ref().is_some_and(|b| b.good(limit));
+        let enough = if best.as_ref().is_some_and(|b| b.elsewhere) { 3 * AGREE } else { AGREE };
+        if good || agreeing >= enough {
             break;
         }
     }
@@ -271,18 +337,21 @@ pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
     Start { beta, tries, warnings }
 }
 
-/// Names and gain factors of so many starts, nearest first.
-fn starts(channels: usize, count: usize) -> Vec<(String, Vec<f64>)> {
-    let mut starts: Vec<_> =
-        FACTORS.iter().map(|f| (format!("gains × {f}"), vec![*f; channels])).collect();
+/// Anchor, name and gain factors of so many starts, nearest first, anchors in turn.
+fn starts(channels: usize, anchors: usize, count: usize) -> Vec<(usize, String, Vec<f64>)> {
+    let mut starts: Vec<_> = FACTORS
+        .iter()
+        .flat_map(|f| (0..anchors).map(move |at| (at, f)))
+        .map(|(at, f)| (at, format!("gains × {f}"), vec![*f; channels]))
+        .collect();
     // Low-discrepancy factors between 0.3 and 3: the additive recurrence of Roberts.
     let root = generalised_golden(channels);
-    for n in 1..=count.saturating_sub(FACTORS.len()) {
+    for n in 1..=count.saturating_sub(starts.len()) {
         let factors = (0..channels).map(|c| {
             let alpha = root.powi(-(c as i32 + 1));
             0.3 * 10.0_f64.powf((0.5 + alpha * n as f64).fract())
         });
-        starts.push((format!("gains scattered #{n}"), factors.collect()));
+        starts.push((n % anchors, format!("gains scattered #{n}"), factors.collect()));
     }
     starts
 }

@@ -9,7 +9,7 @@
 //! averaged for the search, whose noise is then known; the answer is fitted to
 //! all of them.
 
-use crate::fit::{Fit, NoiseEstimate, Options, fit};
+use crate::fit::{Fit, Options, fit};
 use crate::model::{Instance, Target};
 use crate::noise::Source;
 use crate::scan::{self, CHARGE, Family, Judge, Scored};
@@ -137,7 +137,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let sound = if excluded.is_empty() {
         before.clone()
     } else {
-        seen_by(&before, fit(&session, base.clone(), Some(&before))?)
+        faults::seen_by(&before, fit(&session, base.clone(), Some(&before))?)
     };
     let faulty = excluded.len();
     excluded.extend(bad::samples(&mut session, &sound));
@@ -145,7 +145,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let clean = if excluded.len() == faulty {
         sound
     } else {
-        seen_by(&before, fit(&session, base.clone(), Some(&sound))?)
+        faults::seen_by(&before, fit(&session, base.clone(), Some(&sound))?)
     };
 
     let mut hunt = Hunt::new(&session, &clean, search)?;
@@ -206,7 +206,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
             clean.clone()
         } else {
             let from = expand(&clean, &current);
-            seen_by(&before, fit(&session, current.model.instances.clone(), Some(&from))?)
+            faults::seen_by(&before, fit(&session, current.model.instances.clone(), Some(&from))?)
         };
     let judge = hunt.judge(&current);
     let small = hunt.small;
@@ -226,13 +226,18 @@ pub fn averaged(session: &Session, full: &Fit) -> Result<(Session, Fit), Error> 
     Ok((hunt.small, small))
 }
 
-/// A fit whose noise was seen by an earlier one, although faults were added to it.
-fn seen_by(before: &Fit, fit: Fit) -> Fit {
-    let (source, dof) = match fit.noise.source {
-        Source::Declared => (before.noise.source, before.noise.dof),
-        source => (source, fit.noise.dof),
-    };
-    Fit { noise: NoiseEstimate { source, dof, ..fit.noise.clone() }, ..fit }
+/// True where some reading scores as bad, were the model right.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn looks_bad(session: &Session, full: &Fit) -> Result<bool, Error> {
+    let search = Search::default();
+    let mut hunt = Hunt::new(session, full, &search)?;
+    let mut small = fit(&hunt.small, full.model.instances.clone(), Some(full))?;
+    hunt.rescale(&mut small)?;
+    let scored = scan::bad_readings(&hunt.small, &small, &hunt.judge(&small))?;
+    Ok(scored.iter().any(|s| s.corrected <= search.alpha))
 }
 
 /// A fit to start from: the parameters of the search, the noise of all samples.

@@ -90,6 +90,16 @@ pub struct ExcludedReport {
     pub reason: String,
 }
 
+/// The calibration with the readings that were left out.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct WithExcluded {
+    /// How well it fits.
+    pub fit: FitReport,
+    /// Its parameters.
+    pub parameters: Vec<ParameterReport>,
+}
+
 /// What is left.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -128,6 +138,8 @@ pub struct TraceReport {
     pub warnings: Vec<String>,
     /// Readings left out.
     pub excluded: Vec<ExcludedReport>,
+    /// The fit as asked for with them.
+    pub with_excluded: Option<WithExcluded>,
     /// The fit as asked for.
     pub before: FitReport,
     /// Effects found.
@@ -186,11 +198,16 @@ pub fn report(
     };
     let unexplained = unexplained(&traced);
     let verdict = verdict(&traced, &unexplained);
+    let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
+        fit: before.clone(),
+        parameters: estimates(session, &traced.before).parameters,
+    });
     let estimates = estimates(&traced.session, &traced.after);
     Ok(TraceReport {
         verdict,
-        warnings: Vec::new(),
-        excluded: traced.excluded.iter().map(|e| excluded(&traced, e)).collect(),
+        warnings: traced.before.warnings.clone(),
+        excluded: traced.excluded.iter().map(|e| excluded(&traced.session, e)).collect(),
+        with_excluded,
         before,
         steps,
         after,
@@ -390,9 +407,10 @@ fn by_pose(session: &Session, fit: &Fit) -> Vec<Vec<f64>> {
     rows.iter().map(|r| fit.residuals.whitened[r[0] * k..(r[0] + 1) * k].to_vec()).collect()
 }
 
-fn excluded(traced: &Traced, excluded: &Excluded) -> ExcludedReport {
-    let readings = &traced.session.readings;
-    let mechanism = &traced.session.mechanism;
+/// A reading that was left out, as users call it.
+#[must_use]
+pub fn excluded(session: &Session, excluded: &Excluded) -> ExcludedReport {
+    let Session { readings, mechanism, .. } = session;
     let rows = readings.rows_of_poses();
     let first = excluded.pose.map(|p| rows[p][0]).or(excluded.placement);
     let keys =

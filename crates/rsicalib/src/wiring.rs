@@ -116,7 +116,8 @@ fn reversed(search: &Search<'_>, at: impl Fn(usize) -> bool) -> End {
         let start = anchored(search.session, search.model, &factors);
         search.end_with(&search.readings, &search.weights, &start)
     };
-    let nothing = End { beta: search.model.nominal(), cost: f64::INFINITY, score: f64::INFINITY };
+    let (cost, score) = (f64::INFINITY, f64::INFINITY);
+    let nothing = End { beta: search.model.nominal(), cost, score, elsewhere: false };
     best_of(FACTORS.into_iter().map(from)).unwrap_or(nothing)
 }
 

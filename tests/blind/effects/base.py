@@ -50,6 +50,8 @@ class Effect:
     """Overrides `play`."""
     moving: ClassVar[bool] = False
     """Shows in recordings only."""
+    recorded: ClassVar[bool] = True
+    """Shows in recordings as well."""
     outside: ClassVar[bool] = False
     """Not in any reasonable catalogue: only the target can be graded."""
 
@@ -66,6 +68,10 @@ class Effect:
     def details(cls, rng: np.random.Generator) -> dict[str, Any]:
         """Further fields: phases, times, directions."""
         return {}
+
+    def told(self) -> str | None:
+        """How the library is told of it; None for what its terms cannot say beforehand."""
+        return None if self.outside or self.mishap else f"{self.term}@{self.target}"
 
     def resized(self, size: float) -> Effect:
         """The same effect, larger or smaller."""

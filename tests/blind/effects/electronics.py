@@ -39,6 +39,7 @@ class ReferenceTemperature(Shared):
     """The law sees all counts times `1 + b (T - 21 °C)`."""
 
     term: ClassVar[str] = "reference_temperature"
+    recorded: ClassVar[bool] = False
     unit: ClassVar[str] = "1/K"
     sizes: ClassVar[tuple[float, float]] = (0.00015, 0.0006)
 

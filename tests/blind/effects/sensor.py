@@ -110,6 +110,10 @@ class Slip(Sensor):
     term: ClassVar[str] = "slip"
     sizes: ClassVar[tuple[float, float]] = (0.004, 0.02)
 
+    def told(self) -> str | None:
+        """The library counts poses, not time."""
+        return None
+
     @classmethod
     def details(cls, rng: np.random.Generator) -> dict[str, Any]:
         """A time."""
@@ -125,6 +129,7 @@ class TemperatureOffset(Sensor):
     """`b (T - 21 °C)`."""
 
     term: ClassVar[str] = "temperature_offset"
+    recorded: ClassVar[bool] = False
     unit: ClassVar[str] = "rad/K"
     sizes: ClassVar[tuple[float, float]] = (0.0008, 0.003)
 
@@ -138,6 +143,7 @@ class TemperatureGain(Sensor):
     """The gain grows by `b` per kelvin, about the middle of the range."""
 
     term: ClassVar[str] = "temperature_gain"
+    recorded: ClassVar[bool] = False
     unit: ClassVar[str] = "1/K"
     sizes: ClassVar[tuple[float, float]] = (0.0015, 0.006)
 
@@ -181,6 +187,10 @@ class Crosstalk(Effect):
     def kinds(self) -> frozenset[str]:
         """Of the wiring, but at one channel: both words are fair."""
         return frozenset({"sensor", "electronics"})
+
+    def told(self) -> str | None:
+        """With the channel that disturbs."""
+        return f"{self.term}@{self.target}:{CHANNELS[self.neighbour]}"
 
     @property
     def neighbour(self) -> int:
