@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 
 from rsicalib.page import page
 from rsicalib.results import Parameter, Result, Trace
@@ -58,7 +59,7 @@ def summary(result: Result) -> str:
     data = result.readings
     head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
     head += [f"  {'noise':10}{noise_words(result)}"]
-    head += [f"  {'warning':10}{text}"[:WIDTH] for text in result.warnings[:2]]
+    head += _listed("warning", result.warnings, 1)
     middle = _errors(result)
     if isinstance(result, Trace):
         middle = [*_found(result), *_left_out(result), *middle, *_left(result)]
@@ -75,6 +76,17 @@ def summary(result: Result) -> str:
     return "\n".join([*head, "", *middle, *tail][:LINES])
 
 
+def _cut(line: str) -> str:
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 2].rstrip()} …"
+
+
+def _listed(label: str, texts: Sequence[str], most: int) -> list[str]:
+    """A line for each of the first texts, and how many more there are."""
+    more = len(texts) - most
+    lines = [_cut(f"  {label:10}{text}") for text in texts[:most]]
+    return [*lines, f"  {'':10}and {more} more"] if more > 0 else lines
+
+
 def _next(text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent="→ ", subsequent_indent="  ")
 
@@ -82,6 +94,8 @@ def _next(text: str) -> list[str]:
 def _errors(result: Result) -> list[str]:
     heads, rows = comparison(result)
     rows = [row for row in rows if row[0] != "p-value"]  # it stands in the first line
+    # What has the least to say comes last, where lines are short.
+    rows.sort(key=lambda row: row[0].startswith(("held-out", "misclosure")))
     if not rows:
         return []
     wide = max(len(row[0]) for row in rows) + 2
@@ -100,25 +114,23 @@ def _found(result: Trace) -> list[str]:
             cost = f"{number(rms.position, 2)} {result.length_unit}"
             extra = f"; platform {cost}, {number(rms.orientation, 2)} rad"
             line += extra if len(line) + len(extra) <= WIDTH else ""
-        lines.append(line[:WIDTH])
+        lines.append(_cut(line))
         if step.also_fits:
             names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
             more = "" if len(names) < 4 else f" and {len(names) - 3} more"
-            lines.append(f"            fits as well: {', '.join(names[:3])}{more}"[:WIDTH])
+            lines.append(_cut(f"            fits as well: {', '.join(names[:3])}{more}"))
     return lines if not lines or result.excluded else [*lines, ""]
 
 
 def _left_out(result: Result) -> list[str]:
-    lines = [f"  left out  {excluded_words(e)}"[:WIDTH] for e in result.excluded[:3]]
-    if len(result.excluded) > 3:
-        lines.append(f"            and {len(result.excluded) - 3} more")
+    lines = _listed("left out", [excluded_words(e) for e in result.excluded], 3)
     return [*lines, ""] if lines else []
 
 
 def _left(result: Trace) -> list[str]:
     lines = []
     if result.unexplained is not None:
-        lines.append(f"  left over {result.unexplained.text}"[:WIDTH])
+        lines.append(_cut(f"  left over {result.unexplained.text}"))
     for hidden in result.could_hide[:1]:
         rms = hidden.platform_rms
         cost = (
@@ -127,9 +139,8 @@ def _left(result: Trace) -> list[str]:
             else f", {number(rms.position, 2)} {result.length_unit} at the platform"
         )
         size = f"{number(hidden.detectable, 2)} {hidden.unit}"
-        lines.append(
-            f"  could hide {name_of(hidden.term)} of {hidden.target} up to {size}{cost}"[:WIDTH]
-        )
+        name = f"{name_of(hidden.term)} of {hidden.target}"
+        lines.append(_cut(f"  may hide  {name} up to {size}{cost}"))
     return ["", *lines] if lines else []
 
 
@@ -152,7 +163,7 @@ def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
         lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>28}")
     for p in others:
         name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
-        lines.append(f"  {p.target:10}{name} = {_estimate(p)} {p.unit}"[:WIDTH])
+        lines.append(_cut(f"  {p.target:10}{name} = {_estimate(p)} {p.unit}"))
     if len(lines) > room:
         lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
     return lines

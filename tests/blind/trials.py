@@ -110,7 +110,7 @@ def draw(
 def enlarged(
     device: Device, session: Session, drawn: tuple[Effect, ...], size: Size
 ) -> tuple[tuple[Effect, ...], tuple[float, ...]]:
-    """Effects as strong as `size` says, each beside the others; `ValueError` if that is too much."""
+    """Effects as strong as `size` says, each beside the others; `ValueError` if too much."""
     out = list(drawn)
     most = 8 if size.exactly else 5
     for _ in range(2):

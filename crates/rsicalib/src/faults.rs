@@ -198,7 +198,7 @@ pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excl
                 sigma[fault.channel] = sigma[fault.channel].hypot(lasting * usual.sqrt());
                 excluded.push(entry(
                     None,
-                    format!("{}; {lasting:.3} counts of error taken into its noise", fault.text()),
+                    format!("{}; {lasting:.1} counts of error taken into its noise", fault.text()),
                 ));
             }
             Kind::Clipped { poses, .. } if enough(session, fit, poses) => {
