@@ -26,6 +26,8 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
     if !session.readings.held {
         return excluded;
     }
+    // A channel may be declared noisier than its repeats are, and the others are not then.
+    let declared = f64::from(u8::from(session.options.noise.is_some()));
     loop {
         let siblings = |rows: &Vec<usize>| -> Vec<usize> {
             rows.iter().copied().filter(|&r| session.weights[r] > 0.0).collect()
@@ -48,7 +50,7 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
             }
         }
         let Some((pose, row, far)) = worst else { return excluded };
-        let typical = (scatter - far) / (dof - k);
+        let typical = ((scatter - far) / (dof - k)).max(declared);
         if stats::f_tail(far / k / typical, k, dof - k) * tests > ALPHA {
             return excluded;
         }
