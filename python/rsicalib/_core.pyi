@@ -193,6 +193,15 @@ def exchange(
     Also returns what was made small.
     """
 
+def faults(
+    values: Array, counts: Sequence[bool], pose: Sequence[int], held: bool
+) -> list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]:
+    """Faults of converters: channel, stuck bits and their values, clipped at and in which poses.
+
+    `values` has shape (n, channels), `counts` says which are read in whole counts, `pose` numbers
+    the pose of each row from 0.
+    """
+
 def fixture(
     mechanism: Mechanism, table: Mapping[str, Any], poses: Array
 ) -> tuple[list[dict[str, Any]], int]:
@@ -210,15 +219,6 @@ def jacobian(
     closures: Sequence[str] | None = None,
 ) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
-
-def faults(
-    values: Array, counts: Sequence[bool], pose: Sequence[int], held: bool
-) -> list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]:
-    """Faults of converters: channel, stuck bits and their values, clipped at and in which poses.
-
-    `values` has shape (n, channels), `counts` says which are read in whole counts, `pose` numbers
-    the pose of each row from 0.
-    """
 
 def linearize(
     mechanism: Mechanism,

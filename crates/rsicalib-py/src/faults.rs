@@ -7,7 +7,10 @@ use rsicalib::faults::{Kind, of_codes};
 /// Stuck bits `[(bit, value)]`, and the code at which it is clipped, with its poses.
 type PyFault = (usize, Vec<(u32, bool)>, Option<(f64, Vec<usize>)>);
 
-/// Faults of the channels that are read in counts: (channel, stuck bits, clipped at and where).
+/// Faults of converters: channel, stuck bits and their values, clipped at and in which poses.
+///
+/// `values` has shape (n, channels), `counts` says which are read in whole counts, `pose` numbers
+/// the pose of each row from 0.
 #[pyfunction]
 pub fn faults(
     values: PyReadonlyArray2<'_, f64>,
