@@ -132,22 +132,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let mut session = session.clone();
     let base = session.instances()?;
     let before = fit(&session, base.clone(), None)?;
-    let faults = faults::faults(&session.mechanism, &session.readings);
-    let mut excluded = faults::set_apart(&mut session, &before, &faults);
-    let sound = if excluded.is_empty() {
-        before.clone()
-    } else {
-        faults::seen_by(&before, fit(&session, base.clone(), Some(&before))?)
-    };
-    let faulty = excluded.len();
-    excluded.extend(bad::samples(&mut session, &sound));
-    excluded.extend(bad::placements(&mut session, &sound)?);
-    let clean = if excluded.len() == faulty {
-        sound
-    } else {
-        faults::seen_by(&before, fit(&session, base.clone(), Some(&sound))?)
-    };
-
+    let (clean, mut excluded) = sound(&mut session, &before)?;
     let mut hunt = Hunt::new(&session, &clean, search)?;
     let mut current = fit(&hunt.small, base, Some(&clean))?;
     hunt.rescale(&mut current)?;
@@ -224,6 +209,32 @@ pub fn averaged(session: &Session, full: &Fit) -> Result<(Session, Fit), Error> 
     let mut small = fit(&hunt.small, full.model.instances.clone(), Some(full))?;
     hunt.rescale(&mut small)?;
     Ok((hunt.small, small))
+}
+
+/// The fit without what is wrong whatever the model lacks, which is left out of the
+/// session: faults of converters, single bad samples, placements.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn sound(session: &mut Session, before: &Fit) -> Result<(Fit, Vec<Excluded>), Error> {
+    let base = &before.model.instances;
+    let faults = faults::faults(&session.mechanism, &session.readings);
+    let mut excluded = faults::set_apart(session, before, &faults);
+    let sound = if excluded.is_empty() {
+        before.clone()
+    } else {
+        faults::seen_by(before, fit(session, base.clone(), Some(before))?)
+    };
+    let faulty = excluded.len();
+    excluded.extend(bad::samples(session, &sound));
+    excluded.extend(bad::placements(session, &sound)?);
+    let clean = if excluded.len() == faulty {
+        sound
+    } else {
+        faults::seen_by(before, fit(session, base.clone(), Some(&sound))?)
+    };
+    Ok((clean, excluded))
 }
 
 /// True where some reading scores as bad, were the model right.
