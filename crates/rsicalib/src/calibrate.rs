@@ -36,13 +36,14 @@ const MOST: usize = 2000;
 pub fn calibrate(session: &Session) -> Result<Calibrated, Error> {
     let all = fit(session, session.instances()?, None)?;
     let usable = all.plausible && all.termination.converged() && all.dof >= 1.0;
-    if session.options.method == Method::Algebraic || !usable || session.readings.poses() > MOST {
+    if session.options.method == Method::Algebraic || !usable {
         return Ok(whole(session, all));
     }
     let mut rest = session.clone();
     let (clean, excluded) = sound(&mut rest, &all)?;
     // Points that are touched are judged by placement.
-    if all.model.unknown_names.is_empty() && looks_bad(&rest, &clean)? {
+    let searched = all.model.unknown_names.is_empty() && session.readings.poses() <= MOST;
+    if searched && looks_bad(&rest, &clean)? {
         let traced = trace(session, &Search::default())?;
         let data: Vec<Instance> =
             traced.after.model.instances.iter().copied().filter(scan::is_data).collect();
