@@ -149,9 +149,11 @@ fn culprit(
     let scores: Vec<(f64, usize)> = (0..c).map(|i| (score(i), i)).collect();
     let credible = crate::trace::credible(&scores);
     let close: Vec<usize> = (0..c).filter(|&i| credible[i]).collect();
-    let chain = session.mechanism.chain_of(close[0]);
-    let one_chain = close.iter().all(|&i| session.mechanism.chain_of(i) == chain);
-    ((close.len() == 1).then_some(close[0]), chain.filter(|_| one_chain))
+    if let [channel] = close[..] {
+        return (Some(channel), session.mechanism.chain_of(channel));
+    }
+    let chains: Vec<_> = scores.iter().map(|s| (s.0, session.mechanism.chain_of(s.1))).collect();
+    (None, crate::trace::likeliest_chain(&chains).0)
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

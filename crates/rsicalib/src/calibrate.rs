@@ -4,12 +4,12 @@
 //! look bad, the whole search of [`crate::trace()`] judges them beside the effects that the
 //! model may lack, which would make good readings look bad; what it finds wrong is left out.
 
+use crate::Error;
 use crate::fit::{Fit, Method, fit};
 use crate::model::Instance;
-use crate::scan;
 use crate::session::Session;
-use crate::trace::{Excluded, Search, looks_bad, trace};
-use crate::{Error, bad, faults};
+use crate::trace::{Excluded, Search, looks_bad, sound, trace};
+use crate::{faults, scan};
 
 /// A calibration.
 #[derive(Debug, Clone)]
@@ -35,45 +35,37 @@ const MOST: usize = 2000;
 /// As [`fit`].
 pub fn calibrate(session: &Session) -> Result<Calibrated, Error> {
     let all = fit(session, session.instances()?, None)?;
-    let sound = all.plausible && all.termination.converged() && all.dof >= 1.0;
-    if session.options.method == Method::Algebraic || !sound || session.readings.poses() > MOST {
+    let usable = all.plausible && all.termination.converged() && all.dof >= 1.0;
+    if session.options.method == Method::Algebraic || !usable {
         return Ok(whole(session, all));
     }
     let mut rest = session.clone();
-    let faulty = faults::faults(&session.mechanism, &session.readings);
-    let mut excluded = faults::set_apart(&mut rest, &all, &faulty);
-    excluded.extend(bad::samples(&mut rest, &all));
-    if !all.model.unknown_names.is_empty() {
-        // Points that are touched are judged by placement.
-        excluded.extend(bad::placements(&mut rest, &all)?);
-    } else {
-        let clean = if excluded.is_empty() { all.clone() } else { again(&rest, &all, &[])? };
-        if looks_bad(&rest, &clean)? {
-            let traced = trace(session, &Search::default())?;
-            if traced.excluded.is_empty() {
-                return Ok(whole(session, all));
-            }
-            let data: Vec<Instance> =
-                traced.after.model.instances.iter().copied().filter(scan::is_data).collect();
-            let fit = again(&traced.session, &all, &data)?;
+    let (clean, excluded) = sound(&mut rest, &all)?;
+    // Points that are touched are judged by placement.
+    let searched = all.model.unknown_names.is_empty() && session.readings.poses() <= MOST;
+    if searched && looks_bad(&rest, &clean)? {
+        let traced = trace(session, &Search::default())?;
+        let data: Vec<Instance> =
+            traced.after.model.instances.iter().copied().filter(scan::is_data).collect();
+        if !traced.excluded.is_empty() {
+            let mut instances = all.model.instances.clone();
+            instances.extend_from_slice(&data);
+            let left = fit(&traced.session, instances, Some(&clean))?;
             let (session, excluded) = (traced.session, traced.excluded);
-            return Ok(Calibrated { session, fit, excluded, with: Some(all) });
+            return Ok(Calibrated {
+                session,
+                fit: faults::seen_by(&all, left),
+                excluded,
+                with: Some(all),
+            });
         }
     }
     if excluded.is_empty() {
         return Ok(whole(session, all));
     }
-    let fit = again(&rest, &all, &[])?;
-    Ok(Calibrated { session: rest, fit, excluded, with: Some(all) })
+    Ok(Calibrated { session: rest, fit: clean, excluded, with: Some(all) })
 }
 
 fn whole(session: &Session, fit: Fit) -> Calibrated {
     Calibrated { session: session.clone(), fit, excluded: Vec::new(), with: None }
-}
-
-/// The fit of what is left, readings that are wrong fitted apart.
-fn again(session: &Session, all: &Fit, data: &[Instance]) -> Result<Fit, Error> {
-    let mut instances = all.model.instances.clone();
-    instances.extend_from_slice(data);
-    Ok(faults::seen_by(all, fit(session, instances, Some(all))?))
 }

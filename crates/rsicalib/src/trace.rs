@@ -69,6 +69,27 @@ pub fn credible<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<bool> {
     rivals.iter().map(|(value, target)| *value > best - AS_WELL && kept(target)).collect()
 }
 
+/// A chain, and whether it is sure.
+type Likely = (Option<usize>, bool);
+
+/// Of rivals `(value, chain)` as in [`credible`], the chain that holds the truth with the
+/// greatest probability, and whether that is [`SURE`].
+#[must_use]
+pub fn likeliest_chain(rivals: &[(f64, Option<usize>)]) -> Likely {
+    let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let mut chains: Vec<(Option<usize>, f64)> = Vec::new();
+    for &(value, chain) in rivals {
+        let weight = (0.5 * (value - best)).exp();
+        match chains.iter_mut().find(|c| c.0 == chain) {
+            Some(known) => known.1 += weight,
+            None => chains.push((chain, weight)),
+        }
+    }
+    let all: f64 = chains.iter().map(|c| c.1).sum();
+    let likeliest = chains.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    likeliest.map_or((None, false), |(chain, weight)| (chain, weight >= SURE * all))
+}
+
 /// Residuals above chance at this level are not explained.
 pub const LEFT: f64 = 0.001;
 
@@ -132,22 +153,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let mut session = session.clone();
     let base = session.instances()?;
     let before = fit(&session, base.clone(), None)?;
-    let faults = faults::faults(&session.mechanism, &session.readings);
-    let mut excluded = faults::set_apart(&mut session, &before, &faults);
-    let sound = if excluded.is_empty() {
-        before.clone()
-    } else {
-        faults::seen_by(&before, fit(&session, base.clone(), Some(&before))?)
-    };
-    let faulty = excluded.len();
-    excluded.extend(bad::samples(&mut session, &sound));
-    excluded.extend(bad::placements(&mut session, &sound)?);
-    let clean = if excluded.len() == faulty {
-        sound
-    } else {
-        faults::seen_by(&before, fit(&session, base.clone(), Some(&sound))?)
-    };
-
+    let (clean, mut excluded) = sound(&mut session, &before)?;
     let mut hunt = Hunt::new(&session, &clean, search)?;
     let mut current = fit(&hunt.small, base, Some(&clean))?;
     hunt.rescale(&mut current)?;
@@ -180,16 +186,16 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut named = Vec::new();
     for index in 0..found.len() {
-        let (better, also) = hunt.alternatives(&mut current, &mut found, index)?;
+        let (better, also, chain) = hunt.alternatives(&mut current, &mut found, index)?;
         if better {
             hunt.rescale(&mut current)?;
         }
-        named.push(also);
+        named.push((also, chain));
     }
     let mut steps = Vec::new();
-    for (Scored { instance, corrected, .. }, also) in found.iter().zip(named) {
+    for (Scored { instance, corrected, .. }, (also, chain)) in found.iter().zip(named) {
         if scan::is_data(instance) {
-            excluded.push(hunt.bad_reading(instance, &also));
+            excluded.push(hunt.bad_reading(instance, &also, chain));
         } else {
             steps.push(Found { instance: *instance, p_value: *corrected, also });
         }
@@ -224,6 +230,32 @@ pub fn averaged(session: &Session, full: &Fit) -> Result<(Session, Fit), Error> 
     let mut small = fit(&hunt.small, full.model.instances.clone(), Some(full))?;
     hunt.rescale(&mut small)?;
     Ok((hunt.small, small))
+}
+
+/// The fit without what is wrong whatever the model lacks, which is left out of the
+/// session: faults of converters, single bad samples, placements.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn sound(session: &mut Session, before: &Fit) -> Result<(Fit, Vec<Excluded>), Error> {
+    let base = &before.model.instances;
+    let faults = faults::faults(&session.mechanism, &session.readings);
+    let mut excluded = faults::set_apart(session, before, &faults);
+    let sound = if excluded.is_empty() {
+        before.clone()
+    } else {
+        faults::seen_by(before, fit(session, base.clone(), Some(before))?)
+    };
+    let faulty = excluded.len();
+    excluded.extend(bad::samples(session, &sound));
+    excluded.extend(bad::placements(session, &sound)?);
+    let clean = if excluded.len() == faulty {
+        sound
+    } else {
+        faults::seen_by(before, fit(session, base.clone(), Some(&sound))?)
+    };
+    Ok((clean, excluded))
 }
 
 /// True where some reading scores as bad, were the model right.
@@ -307,10 +339,11 @@ impl<'a> Hunt<'a> {
         scored.retain(|s| s.corrected <= self.search.alpha);
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         let mut best: Option<(f64, Scored, Fit)> = None;
-        for candidate in scored.into_iter().take(self.search.refits) {
+        for &candidate in scored.iter().take(self.search.refits) {
             if whole_pose(&candidate.instance).is_some() {
                 if best.is_none() {
-                    return Ok(Some((candidate, current.clone())));
+                    let one = self.one_channel(current, &candidate, &scored)?;
+                    return Ok(Some(one.unwrap_or_else(|| (candidate, current.clone()))));
                 }
                 continue;
             }
@@ -321,6 +354,33 @@ impl<'a> Hunt<'a> {
             }
         }
         Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
+    }
+
+    /// The one channel that explains as much as leaving its whole pose out does: scores are
+    /// of first order, and of a reading that is far off that is not enough.
+    fn one_channel(
+        &self,
+        current: &Fit,
+        pose: &Scored,
+        scored: &[Scored],
+    ) -> Result<Option<(Scored, Fit)>, Error> {
+        let here = |s: &&Scored| {
+            scan::is_data(&s.instance)
+                && whole_pose(&s.instance).is_none()
+                && s.instance.place == pose.instance.place
+        };
+        let mut without = self.small.clone();
+        without.weights[pose.instance.place] = 0.0;
+        let left = fit(&without, current.model.instances.clone(), Some(current))?;
+        let mut best = (self.gain(current, &left, pose), None);
+        for candidate in scored.iter().filter(here) {
+            let refit = self.with(current, candidate.instance)?;
+            let gain = self.gain(current, &refit, candidate);
+            if gain >= best.0 {
+                best = (gain, Some((*candidate, refit)));
+            }
+        }
+        Ok(best.1)
     }
 
     /// The fit with one more effect.
@@ -468,7 +528,7 @@ impl<'a> Hunt<'a> {
         current: &mut Fit,
         found: &mut [Scored],
         index: usize,
-    ) -> Result<(bool, Vec<Instance>), Error> {
+    ) -> Result<(bool, Vec<Instance>, Likely), Error> {
         let own = found[index].instance;
         let fewer: Vec<Instance> =
             current.model.instances.iter().copied().filter(|i| *i != own).collect();
@@ -476,7 +536,7 @@ impl<'a> Hunt<'a> {
         let judge = self.judge(&without);
         let mut scored = scan::scan(&self.small, &without, &judge, &self.search.without)?;
         let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
-            return Ok((false, Vec::new()));
+            return Ok((false, Vec::new(), (self.chain_of(&own), true)));
         };
         // Scores are first order: leave room for what refitting changes.
         let room = AS_WELL + 4.0 + 0.15 * mine.score;
@@ -510,39 +570,42 @@ impl<'a> Hunt<'a> {
         }
         also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
         let named = found[index].instance;
+        let chains: Vec<_> = also.iter().map(|(v, i)| (*v, self.chain_of(i))).collect();
         let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
         let kept = also.iter().zip(credible(&rivals));
         let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
-        Ok((better, also.collect()))
+        Ok((better, also.collect(), likeliest_chain(&chains)))
     }
 
-    /// A bad reading, with the chain or channel as far as it can be told.
-    fn bad_reading(&self, instance: &Instance, also: &[Instance]) -> Excluded {
-        let Target::Channel(channel) = instance.target else {
-            return Excluded {
-                pose: Some(instance.place),
-                placement: None,
-                row: None,
-                channel: None,
-                chain: None,
-                reason: String::new(),
-            };
-        };
-        let chain_of = |i: &Instance| match i.target {
+    /// The chain of an instance's channel.
+    fn chain_of(&self, instance: &Instance) -> Option<usize> {
+        match instance.target {
             Target::Channel(c) => self.small.mechanism.chain_of(c),
             _ => None,
+        }
+    }
+
+    /// A bad reading, with the channel where it can be told, else the likeliest chain.
+    fn bad_reading(
+        &self,
+        instance: &Instance,
+        also: &[Instance],
+        (chain, sure): Likely,
+    ) -> Excluded {
+        let others = also.iter().any(|i| scan::is_data(i) && i.place == instance.place);
+        let channel = match instance.target {
+            Target::Channel(channel) if !others => Some(channel),
+            _ => None,
         };
-        let here = |i: &&Instance| scan::is_data(i) && i.place == instance.place;
-        let others: Vec<&Instance> = also.iter().filter(here).collect();
-        let chain = chain_of(instance).filter(|c| others.iter().all(|o| chain_of(o) == Some(*c)));
-        let channel = others.is_empty().then_some(channel);
+        let chain = if channel.is_some() { self.chain_of(instance) } else { chain };
+        let mechanism = &self.small.mechanism;
         let what = match (channel, chain) {
-            (Some(c), _) => {
-                format!("channel {} reads wrong", self.small.mechanism.channels[c].name)
-            }
-            (None, Some(c)) => {
-                format!("a channel of {} reads wrong", self.small.mechanism.chains[c].name)
-            }
+            (Some(c), _) => format!("channel {} reads wrong", mechanism.channels[c].name),
+            (None, Some(c)) => format!(
+                "a channel of {} reads wrong{}",
+                mechanism.chains[c].name,
+                if sure { "" } else { ", most likely: these equations hardly tell which" }
+            ),
             (None, None) => "a channel reads wrong; these equations cannot tell which".into(),
         };
         Excluded {
