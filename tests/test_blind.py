@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import rsicalib
 from tests import oracle
 from tests.blind import effects, power, simulator, trials
 from tests.blind.effects import Effect
@@ -320,6 +322,48 @@ def test_handle_errors_come_from_the_check() -> None:
     found = grade(said(before=before, after={}), [])
     assert found.position == (0.02, None)
     assert found.orientation == (0.01, None)
+
+
+# ------------------------------------------------------------------ where what is left lies
+
+
+def left_over(effect: Effect, number: int) -> str:
+    """What is said of an effect when no term at all may explain it."""
+    rng = np.random.default_rng([5, number])
+    device = Device.random(rng)
+    scene = trials.stage(device, rng, moving=False)
+    effect = power.scaled_to(device, {"scene": scene, "sigma": 1.0}, effect, 500.0)
+    readings = simulator.observe(device, scene, rng, 1.0, (effect,))
+    case = trials.Case(
+        suite="outside",
+        number=number,
+        device=device,
+        effects=(effect,),
+        strength=(500.0,),
+        readings=readings,
+        rest=simulator.rest(device, rng),
+        check=simulator.check(device, rng),
+        without=tuple(term["id"] for term in rsicalib.terms()),
+    )
+    result = trials.examine(case)
+    assert result["verdict"] == "unexplained"
+    assert result["unexplained"]["target"] == effect.target
+    text: str = result["unexplained"]["text"]
+    return text
+
+
+def test_what_depends_on_the_direction_of_approach_is_said_to() -> None:
+    text = left_over(effects.Hysteresis("a22", 2.0), 1)
+    assert "its sign is that of the direction in which a22 came" in text
+
+
+def test_what_lies_at_some_readings_is_said_to() -> None:
+    spot = effects.WornSpot("a32", 0.02, centre=0.1)
+    text = left_over(spot, 2)
+    found = re.search(r"where a32 reads (\d+) to (\d+) count", text)
+    assert found is not None, text
+    low, high = map(float, found.groups())
+    assert low < 2048 + 1000 * spot.centre < high
 
 
 # ------------------------------------------------------------------ devices made by others

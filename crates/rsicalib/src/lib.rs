@@ -21,6 +21,7 @@ pub mod faults;
 pub mod fit;
 pub mod fixture;
 pub mod lanes;
+pub mod leftover;
 pub mod linear;
 pub mod lm;
 pub mod mechanism;

@@ -2,6 +2,7 @@
 
 use crate::check::{Check, check, error_of, some_poses};
 use crate::fit::{Fit, fit};
+use crate::leftover::whereabouts;
 use crate::model::{Instance, Model, Target};
 use crate::objective::{Implicit, Noise, Part};
 use crate::result::{
@@ -486,8 +487,10 @@ fn locate(traced: &Traced) -> (String, String) {
     };
     let everything: Vec<usize> = (0..mechanism.channels.len()).collect();
     let share = 100.0 * if alone { channels[channel] } else { chains[chain] } / excess(&everything);
+    let places = of_chain[chain].get(channel).map(|&c| whereabouts(traced, c)).unwrap_or_default();
+    let places = if places.is_empty() { places } else { format!(" ({places})") };
     let text = format!(
-        "structure is left that no effect of the catalogue explains; {what} would take up {:.0} % of it. \
+        "structure is left that no effect of the catalogue explains; {what} would take up {:.0} % of it{places}. \
          Record more poses that move {name} through its range, alone, slowly, in both directions.",
         share.clamp(0.0, 100.0)
     );
