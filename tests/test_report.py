@@ -14,8 +14,8 @@ import rsicalib
 from rsicalib import DEMO, Trace, svg
 from rsicalib.page import residual_figure
 from rsicalib.records import plain, to_json
-from rsicalib.results import Excluded, Result
-from rsicalib.words import number, plus_minus, sentence
+from rsicalib.results import Excluded, Noise, Result
+from rsicalib.words import noise_words, number, plus_minus, sentence
 
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
 
@@ -140,6 +140,15 @@ def test_a_value_has_as_many_digits_as_its_uncertainty_allows() -> None:
     assert plus_minus(1234.5, 12.0) == ("1234", "12")
     assert plus_minus(3.38714, None) == ("3.38714", "–")
     assert plus_minus(None, 1.0) == ("–", "–")
+
+
+def test_a_noisy_channel_is_named_beside_what_is_usual(traced: Trace) -> None:
+    sigma = {"a11": 1.04, "a12": 1.04, "a13": 4.1}
+    noise = Noise("misclosure of repeats, by channel", sigma, 100.0, 0.0)
+    words = noise_words(dataclasses.replace(traced, noise=noise))
+    assert words.startswith("1.04 count per sample, a13 4.10 (misclosure of repeats, by channel")
+    apart = Noise("declared", {"a11": 1.0, "a12": 2.0}, None, None)
+    assert noise_words(dataclasses.replace(traced, noise=apart)).startswith("1.00 … 2.00 count")
 
 
 def test_ticks_are_round_and_lie_within_the_bounds() -> None:
