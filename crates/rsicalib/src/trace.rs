@@ -372,7 +372,8 @@ impl<'a> Hunt<'a> {
         let mut without = self.small.clone();
         without.weights[pose.instance.place] = 0.0;
         let left = fit(&without, current.model.instances.clone(), Some(current))?;
-        let mut best = (self.gain(current, &left, pose), None);
+        // Several wrong readings at once are the rarer story: chance may not tell it.
+        let mut best = (self.gain(current, &left, pose) - AS_WELL, None);
         for candidate in scored.iter().filter(here) {
             let refit = self.with(current, candidate.instance)?;
             let gain = self.gain(current, &refit, candidate);

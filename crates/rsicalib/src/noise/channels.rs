@@ -23,7 +23,7 @@ use crate::stats;
 const ALPHA: f64 = 1e-3;
 
 /// So many groups are enough to tell.
-const MOST: usize = 1500;
+const MOST: usize = 400;
 
 /// One in so many groups may be strange without setting a channel apart: a bad sample
 /// is not a noisy channel.
