@@ -386,8 +386,9 @@ fn conclude(
         (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
     let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
     let total: f64 = live.iter().map(of).sum();
+    let (inverse, unknowable, condition) = invert(&gram);
     let (mut chi2, mut dof) =
-        (total, (live.len() * k) as f64 - free_parameters(&gram, &priors, &outcome.x));
+        (total, (live.len() * k) as f64 - free_parameters(&inverse, &priors, &outcome.x));
     if matches!(
         noise.source,
         Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
@@ -399,10 +400,9 @@ fn conclude(
     let p_value = (noise.source.independent() && dof >= 1.0)
         .then(|| stats::f_tail(chi2 / dof, dof, noise.dof));
 
-    let (covariance, unknowable, condition) = invert(&gram);
     // What is left and is no noise of the samples moved the estimates as well.
     let left = if p_value.is_some_and(|p| p < LEFT) { (chi2 / dof).max(1.0) } else { 1.0 };
-    let covariance = Mat::from_fn(n, n, |i, j| covariance[(i, j)] * noise.slow * left);
+    let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise.slow * left);
     let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
     let rms_misclosure =
         (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
@@ -434,18 +434,15 @@ fn conclude(
 /// A residual that chance exceeds less often than this widens the intervals.
 const LEFT: f64 = 0.01;
 
-/// Parameters that the data pay for: priors take part of those they hold.
+/// Parameters that the data pay for: priors take part of those they hold, of whose
+/// Gram matrix, priors included, this is the inverse.
 #[must_use]
-pub fn free_parameters(gram: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
-    let n = gram.nrows();
-    if priors.is_empty() {
-        return n as f64;
-    }
-    let (covariance, ..) = invert(gram);
+pub fn free_parameters(inverse: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
+    let n = inverse.nrows();
     let held = |prior: &Prior| -> f64 {
         let slopes = prior.slopes(x);
         let pairs = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
-        pairs.map(|((i, a), (j, b))| a * covariance[(*i, *j)] * b).sum()
+        pairs.map(|((i, a), (j, b))| a * inverse[(*i, *j)] * b).sum()
     };
     n as f64 - priors.iter().map(held).sum::<f64>()
 }
@@ -478,13 +475,14 @@ pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
             }
         }
     }
-    let inverse = Mat::from_fn(n, n, |i, j| {
-        let sum: f64 = (0..n)
-            .filter(|&k| values[k] >= RANK * largest)
-            .map(|k| vectors[(i, k)] * vectors[(j, k)] / values[k])
-            .sum();
-        let norm = norms[i] * norms[j];
-        if norm > 0.0 { sum / norm } else { 0.0 }
+    let kept: Vec<usize> = (0..n).filter(|&k| values[k] >= RANK * largest).collect();
+    let root = Mat::from_fn(n, kept.len(), |i, k| {
+        if norms[i] > 0.0 {
+            vectors[(i, kept[k])] / (norms[i] * values[kept[k]].sqrt())
+        } else {
+            0.0
+        }
     });
+    let inverse = &root * root.transpose();
     (inverse, unknowable, (largest / smallest).sqrt())
 }

@@ -11,6 +11,7 @@
 
 pub mod algebraic;
 pub mod apply;
+mod arrow;
 pub mod bad;
 pub mod calibrate;
 pub mod chain;

@@ -462,6 +462,14 @@ impl Mechanism {
         names.filter_map(|n| self.channels.iter().position(|c| c.name == *n)).collect()
     }
 
+    /// True for a channel whose joint slides: its coordinate is a length.
+    #[must_use]
+    pub fn slides(&self, channel: usize) -> bool {
+        let name = &self.channels[channel].name;
+        let mut rows = self.chains.iter().flat_map(|c| &c.rows);
+        rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
+    }
+
     /// The chain that a channel belongs to.
     #[must_use]
     pub fn chain_of(&self, channel: usize) -> Option<usize> {

@@ -132,9 +132,13 @@ impl Session {
 
     /// What is known of a model's parameters without readings: what holds a free
     /// shape, what the mechanism declares, how far apart unknown points are.
+    ///
+    /// Complete geometry has directions that no reading tells: an offset turns what
+    /// the frame of its link, or the tool, turns too. All of it is held, offsets too.
     #[must_use]
     pub fn priors(&self, model: &Model) -> Vec<Prior> {
         let mut priors = model.links();
+        let complete = model.instances.iter().any(|i| i.term.info().broad);
         for (instance, &first) in model.instances.iter().zip(&model.first) {
             let info = instance.term.info();
             let declared = self.mechanism.model.sd.get(info.id).copied();
@@ -143,9 +147,11 @@ impl Session {
                 _ => None,
             };
             // What has redundant directions, or a free shape, is held by its typical size.
-            let held =
-                info.penalised || info.broad || matches!(instance.term.acts(), Acts::Load(_));
-            let typical = terms::typical(&self.mechanism, instance.term);
+            let held = info.penalised
+                || info.broad
+                || matches!(instance.term.acts(), Acts::Load(_))
+                || (complete && info.id == "offset");
+            let typical = terms::typical(&self.mechanism, instance.term, instance.target);
             for (k, typical) in typical.into_iter().enumerate() {
                 if let Some(sd) = declared.or(drawing).or(held.then_some(typical)) {
                     priors.push(Prior::Parameter { column: first + k, mean: 0.0, sd });

@@ -14,7 +14,7 @@ use crate::model::{Instance, Target};
 use crate::noise::Source;
 use crate::scan::{self, CHARGE, Family, Judge, Scored};
 use crate::session::Session;
-use crate::{Error, bad, faults};
+use crate::{Error, bad, faults, lm};
 
 /// How to search.
 #[derive(Debug, Clone)]
@@ -92,6 +92,10 @@ pub fn likeliest_chain(rivals: &[(f64, Option<usize>)]) -> Likely {
 
 /// Residuals above chance at this level are not explained.
 pub const LEFT: f64 = 0.001;
+
+/// To this fraction of its χ² a fit of the search need be at its minimum: decisions
+/// turn on units of χ², and the answer is fitted to all digits.
+const ENOUGH: f64 = 1e-7;
 
 /// One effect that was found.
 #[derive(Debug, Clone)]
@@ -309,8 +313,9 @@ impl<'a> Hunt<'a> {
             small.readings = readings;
             sigma.iter_mut().for_each(|s| *s *= (fit.noise.inflation / usual).sqrt());
         }
-        small.options =
-            Options { noise: Some(sigma), play: fit.noise.play, ..session.options.clone() };
+        let lm = lm::Options { ftol: ENOUGH, xtol: ENOUGH, ..session.options.lm.clone() };
+        let (noise, play) = (Some(sigma), fit.noise.play);
+        small.options = Options { noise, play, lm, ..session.options.clone() };
         let counts = small.weights.clone();
         Ok(Self { small, search, counts, source: fit.noise.source, noise_dof: fit.noise.dof })
     }
@@ -345,6 +350,11 @@ impl<'a> Hunt<'a> {
                     let one = self.one_channel(current, &candidate, &scored)?;
                     return Ok(Some(one.unwrap_or_else(|| (candidate, current.clone()))));
                 }
+                continue;
+            }
+            // Scores are first order; what is this far behind does not catch up.
+            let room = 4.0 + 0.25 * candidate.score;
+            if best.as_ref().is_some_and(|(gain, ..)| *gain > candidate.charged() + room) {
                 continue;
             }
             let refit = self.with(current, candidate.instance)?;

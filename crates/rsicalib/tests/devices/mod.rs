@@ -365,7 +365,7 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
         _ => 1.0,
     };
     let parameters = instance.term.info().parameters.iter();
-    let typical = terms::typical(mechanism, instance.term);
+    let typical = terms::typical(mechanism, instance.term, instance.target);
     parameters
         .zip(typical)
         .map(|(p, typical)| {
