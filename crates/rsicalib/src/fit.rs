@@ -306,6 +306,25 @@ fn roundings(session: &Session, used: &Noise) -> impl Iterator<Item = f64> {
     channels.map(|(channel, sigma)| channel.quantisation() / (sigma * sigma))
 }
 
+/// Where all closures declare their play, and readings nobody spoke of make less than
+/// this share of the misclosure's variance, the noise is declared.
+const MINOR: f64 = 0.5;
+
+/// True where every closure of a sample declares its play.
+fn plays(session: &Session) -> bool {
+    let mechanism = &session.mechanism;
+    let mut closures = mechanism.closures.iter().filter(|c| !mechanism.is_link(c));
+    closures.all(|c| c.noise.is_some_and(|n| n > 0.0))
+}
+
+/// Share of the misclosure's variance that is from the readings, play aside.
+fn readings_share(residuals: &Residuals, noise: &Noise) -> f64 {
+    let rows = residuals.by_reading.chunks_exact(noise.sigma.len());
+    let count = rows.len().max(1) as f64;
+    let of = |row: &[f64]| row.iter().zip(&noise.sigma).map(|(a, s)| (a * s).powi(2)).sum::<f64>();
+    rows.map(of).sum::<f64>() / count
+}
+
 /// The noise that these residuals show, by the best source there is.
 fn estimate_noise(
     session: &Session,
@@ -349,6 +368,9 @@ fn estimate_noise(
         let inflation = inflation + share * (n - inflation);
         let slow = slow + share * (n - slow);
         return NoiseEstimate { inflation, slow, ..estimate };
+    }
+    if plays(session) && readings_share(residuals, used) < MINOR {
+        return scaled(1.0, Source::Declared, f64::INFINITY);
     }
     let k = residuals.equations;
     let live: Vec<usize> =

@@ -23,7 +23,7 @@ use crate::model::{Instance, Model, Target, places, provided, targets};
 use crate::objective::{Implicit, Noise, Part};
 use crate::session::Session;
 use crate::sums::{Own, add_all, add_line};
-use crate::terms::{ALL, Class, Per, Term, find};
+use crate::terms::{ALL, Class, Term, find};
 use crate::{Error, stats};
 
 /// Kinds of candidates that share an error budget.
@@ -134,7 +134,7 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
             continue;
         }
         for target in targets(term, mechanism) {
-            if info.per == Per::Row && !meaningful(session, info.id, target) {
+            if !meaningful(session, fit, info.id, target) {
                 continue;
             }
             let channel = if let Target::Channel(c) = target { c } else { 0 };
@@ -149,14 +149,30 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
     all
 }
 
-/// False for rows where a term would repeat another: a body that carries no
-/// joint has no axis to tilt, and before the first joint the base tilts.
-fn meaningful(session: &Session, id: &str, target: Target) -> bool {
-    let Target::Row(chain, row) = target else { return true };
-    let rows = &session.mechanism.chains[chain].rows;
-    let first = rows.iter().position(|r| r.channel.is_some()).unwrap_or(0);
-    let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
-    id != "joint_tilt" || (row >= first && row < last)
+/// False where a term would repeat another: a body that carries no joint has no axis
+/// to tilt, before the first joint the base tilts, a frame that is free as a whole is
+/// longer by itself, and where nothing is fixed to the base a single chain has none.
+fn meaningful(session: &Session, fit: &Fit, id: &str, target: Target) -> bool {
+    let mechanism = &session.mechanism;
+    match target {
+        Target::Row(chain, row) => {
+            let rows = &mechanism.chains[chain].rows;
+            let first = rows.iter().position(|r| r.channel.is_some()).unwrap_or(0);
+            let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
+            let free = fit.model.instances.iter();
+            let mut free = free.filter(|i| i.target == target && i.term.info().broad);
+            free.next().is_none() && (id != "joint_tilt" || (row >= first && row < last))
+        }
+        Target::Chain(_) if id.starts_with("base_") => {
+            let fixed = |end: &String| {
+                let mut points = mechanism.points.iter();
+                points.any(|p| p.name == *end && p.chain.is_none() && p.unknown.is_empty())
+            };
+            mechanism.chains.len() > 1
+                || mechanism.closures.iter().any(|c| c.between.iter().any(fixed))
+        }
+        _ => true,
+    }
 }
 
 /// Sums for (71) over all candidates.

@@ -14,6 +14,7 @@ use crate::model::{Instance, Target};
 use crate::noise::Source;
 use crate::scan::{self, CHARGE, Family, Judge, Scored};
 use crate::session::Session;
+use crate::terms::{Acts, Weight};
 use crate::{Error, bad, faults, lm};
 
 /// How to search.
@@ -170,15 +171,15 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         if found.len() + poses.len() >= search.most {
             break;
         }
-        let Some((step, next)) = hunt.step(&current, scored)? else { break };
-        if let Some(pose) = whole_pose(&step.instance) {
+        let Some((steps, next)) = hunt.step(&current, scored)? else { break };
+        if let Some(pose) = whole_pose(&steps[0].instance) {
             hunt.small.weights[pose] = 0.0;
-            poses.push(step);
+            poses.extend(steps);
             current = fit(&hunt.small, current.model.instances.clone(), Some(&current))?;
             hunt.rescale(&mut current)?;
             continue;
         }
-        found.push(step);
+        found.extend(steps);
         current = next;
         hunt.rescale(&mut current)?;
         current = hunt.look_back(current, &mut found)?;
@@ -286,6 +287,22 @@ fn whole_pose(instance: &Instance) -> Option<usize> {
     (scan::is_data(instance) && instance.target == Target::All).then_some(instance.place)
 }
 
+/// A parameter of an effect in units of its standard deviation; none where the effect
+/// is not in the model, or not to be seen.
+fn estimate_of(fit: &Fit, instance: &Instance) -> Option<f64> {
+    let k = fit.model.instances.iter().position(|i| i == instance)?;
+    let first = fit.model.first[k];
+    let variance = fit.covariance[(first, first)];
+    (variance > 0.0).then(|| fit.beta[first] / variance.sqrt())
+}
+
+/// False for a load that lifts: a joint cannot give against it, and what explains the
+/// residual so is something else.
+fn physical(fit: &Fit, instance: &Instance) -> bool {
+    !matches!(instance.term.acts(), Acts::Load(_))
+        || estimate_of(fit, instance).is_none_or(|sure| sure > 0.0)
+}
+
 /// The candidate least likely by chance.
 fn best_of(scored: &[Scored]) -> Option<Scored> {
     scored.iter().copied().min_by(|a, b| a.corrected.total_cmp(&b.corrected))
@@ -340,7 +357,12 @@ impl<'a> Hunt<'a> {
     }
 
     /// Refits the best candidates; the best of them, if any is above chance.
-    fn step(&self, current: &Fit, mut scored: Vec<Scored>) -> Result<Option<(Scored, Fit)>, Error> {
+    fn step(
+        &self,
+        current: &Fit,
+        mut scored: Vec<Scored>,
+    ) -> Result<Option<(Vec<Scored>, Fit)>, Error> {
+        let yielding = self.yielding(current, &scored)?;
         scored.retain(|s| s.corrected <= self.search.alpha);
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         let mut best: Option<(f64, Scored, Fit)> = None;
@@ -348,7 +370,8 @@ impl<'a> Hunt<'a> {
             if whole_pose(&candidate.instance).is_some() {
                 if best.is_none() {
                     let one = self.one_channel(current, &candidate, &scored)?;
-                    return Ok(Some(one.unwrap_or_else(|| (candidate, current.clone()))));
+                    let (one, fit) = one.unwrap_or_else(|| (candidate, current.clone()));
+                    return Ok(Some((vec![one], fit)));
                 }
                 continue;
             }
@@ -363,7 +386,53 @@ impl<'a> Hunt<'a> {
                 best = Some((gain, candidate, refit));
             }
         }
-        Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
+        Ok(match (best, yielding) {
+            (best, Some((gain, joints, refit)))
+                if best.as_ref().is_none_or(|(alone, ..)| gain > *alone) =>
+            {
+                Some((joints, refit))
+            }
+            (best, _) => best.map(|(_, candidate, refit)| (vec![candidate], refit)),
+        })
+    }
+
+    /// All joints that give under the links' weight, as one effect: what one joint gives
+    /// is not told without what the others do. Those that do not stand out are left out,
+    /// and those that would have to give against their load.
+    fn yielding(
+        &self,
+        current: &Fit,
+        scored: &[Scored],
+    ) -> Result<Option<(f64, Vec<Scored>, Fit)>, Error> {
+        let of_links = |s: &&Scored| matches!(s.instance.term.acts(), Acts::Load(Weight::Links));
+        let mut joints: Vec<Scored> = scored.iter().filter(of_links).copied().collect();
+        while joints.len() > 1 {
+            let mut instances = current.model.instances.clone();
+            instances.extend(joints.iter().map(|s| s.instance));
+            let refit = fit(&self.small, instances, Some(current))?;
+            let judge = self.judge(&refit);
+            let mut weakest: Option<(f64, usize)> = None;
+            for (k, joint) in joints.iter_mut().enumerate() {
+                let Some(sure) = estimate_of(&refit, &joint.instance) else { return Ok(None) };
+                // By how much χ² would rise without it, to first order; with its sign.
+                joint.score = sure * sure.abs();
+                joint.p_value = judge.p_value(joint.score.max(0.0), joint.width);
+                joint.corrected = joint.p_value * joint.places;
+                if weakest.is_none_or(|(score, _)| joint.score < score) {
+                    weakest = Some((joint.score, k));
+                }
+            }
+            match weakest {
+                Some((_, k)) if joints[k].corrected > self.search.alpha => joints.remove(k),
+                _ => {
+                    let width = current.dof - refit.dof;
+                    let searched = 2.0 * joints[0].places.ln().max(0.0);
+                    let paid = CHARGE * width + searched * joints.len() as f64;
+                    return Ok(Some((cost(current) - cost(&refit) - paid, joints, refit)));
+                }
+            };
+        }
+        Ok(None)
     }
 
     /// The one channel that explains as much as leaving its whole pose out does: scores are
@@ -403,7 +472,8 @@ impl<'a> Hunt<'a> {
     /// By how much χ² fell, its parameters and places paid for.
     fn gain(&self, before: &Fit, after: &Fit, candidate: &Scored) -> f64 {
         let paid = candidate.score - candidate.charged();
-        if after.plausible && after.termination.converged() {
+        if after.plausible && physical(after, &candidate.instance) && after.termination.converged()
+        {
             cost(before) - cost(after) - paid
         } else {
             f64::NEG_INFINITY
@@ -563,7 +633,8 @@ impl<'a> Hunt<'a> {
         let my_value = value(current, &mine);
         for candidate in scored.into_iter().take(self.search.refits + 4) {
             let refit = self.with(&without, candidate.instance)?;
-            if refit.plausible && refit.termination.converged() {
+            let sensible = refit.plausible && physical(&refit, &candidate.instance);
+            if sensible && refit.termination.converged() {
                 rivals.push((value(&refit, &candidate), candidate, refit));
             }
         }
