@@ -456,6 +456,14 @@ fn conclude(
 /// A residual that chance exceeds less often than this widens the intervals.
 const LEFT: f64 = 0.01;
 
+impl Fit {
+    /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.
+    #[must_use]
+    pub fn inverse(&self) -> Mat<f64> {
+        invert(&self.gram).0
+    }
+}
+
 /// Parameters that the data pay for: priors take part of those they hold, of whose
 /// Gram matrix, priors included, this is the inverse.
 #[must_use]

@@ -17,6 +17,7 @@ pub mod calibrate;
 pub mod chain;
 pub mod check;
 mod context;
+pub mod damage;
 mod error;
 pub mod faults;
 pub mod fit;

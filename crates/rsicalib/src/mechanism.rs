@@ -462,6 +462,17 @@ impl Mechanism {
         names.filter_map(|n| self.channels.iter().position(|c| c.name == *n)).collect()
     }
 
+    /// True where nothing ties the mechanism to its base: a single chain that touches
+    /// unknown points alone. Turning the whole world changes no reading.
+    #[must_use]
+    pub fn floats(&self) -> bool {
+        let fixed = |end: &String| {
+            let mut points = self.points.iter();
+            points.any(|p| p.name == *end && p.chain.is_none() && p.unknown.is_empty())
+        };
+        self.chains.len() == 1 && !self.closures.iter().any(|c| c.between.iter().any(fixed))
+    }
+
     /// True for a channel whose joint slides: its coordinate is a length.
     #[must_use]
     pub fn slides(&self, channel: usize) -> bool {

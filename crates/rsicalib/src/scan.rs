@@ -163,14 +163,7 @@ fn meaningful(session: &Session, fit: &Fit, id: &str, target: Target) -> bool {
             let mut free = free.filter(|i| i.target == target && i.term.info().broad);
             free.next().is_none() && (id != "joint_tilt" || (row >= first && row < last))
         }
-        Target::Chain(_) if id.starts_with("base_") => {
-            let fixed = |end: &String| {
-                let mut points = mechanism.points.iter();
-                points.any(|p| p.name == *end && p.chain.is_none() && p.unknown.is_empty())
-            };
-            mechanism.chains.len() > 1
-                || mechanism.closures.iter().any(|c| c.between.iter().any(fixed))
-        }
+        Target::Chain(_) => !(id.starts_with("base_") && mechanism.floats()),
         _ => true,
     }
 }

@@ -15,7 +15,7 @@ use crate::noise::Source;
 use crate::scan::{self, CHARGE, Family, Judge, Scored};
 use crate::session::Session;
 use crate::terms::{Acts, Weight};
-use crate::{Error, bad, faults, lm};
+use crate::{Error, bad, damage, faults, lm};
 
 /// How to search.
 #[derive(Debug, Clone)]
@@ -122,8 +122,18 @@ pub struct Excluded {
     pub channel: Option<usize>,
     /// The chain at fault; none where it cannot be told.
     pub chain: Option<usize>,
+    /// How many samples were left out.
+    pub samples: usize,
     /// Why.
     pub reason: String,
+}
+
+impl Excluded {
+    /// So many samples, the first of them of this pose; nothing else is known.
+    #[must_use]
+    pub fn of(pose: Option<usize>, samples: usize, reason: String) -> Self {
+        Self { pose, placement: None, row: None, channel: None, chain: None, samples, reason }
+    }
 }
 
 /// What the search found.
@@ -187,7 +197,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
 
     hunt.merge_pairs(&mut current, &mut found)?;
     hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
-    excluded.extend(poses.iter().map(Hunt::excluded));
+    excluded.extend(poses.iter().map(|step| hunt.excluded(step)));
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut named = Vec::new();
     for index in 0..found.len() {
@@ -254,7 +264,7 @@ pub fn sound(session: &mut Session, before: &Fit) -> Result<(Fit, Vec<Excluded>)
     };
     let faulty = excluded.len();
     excluded.extend(bad::samples(session, &sound));
-    excluded.extend(bad::placements(session, &sound)?);
+    excluded.extend(damage::find(session, &sound)?);
     let clean = if excluded.len() == faulty {
         sound
     } else {
@@ -314,6 +324,8 @@ struct Hunt<'a> {
     search: &'a Search,
     /// Weights of the samples before any pose was left out.
     counts: Vec<f64>,
+    /// Samples of each pose.
+    samples: Vec<usize>,
     source: Source,
     noise_dof: f64,
 }
@@ -334,7 +346,9 @@ impl<'a> Hunt<'a> {
         let (noise, play) = (Some(sigma), fit.noise.play);
         small.options = Options { noise, play, lm, ..session.options.clone() };
         let counts = small.weights.clone();
-        Ok(Self { small, search, counts, source: fit.noise.source, noise_dof: fit.noise.dof })
+        let samples = session.readings.rows_of_poses().iter().map(Vec::len).collect();
+        let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
+        Ok(Self { small, search, counts, samples, source, noise_dof })
     }
 
     fn judge(&self, fit: &Fit) -> Judge {
@@ -689,28 +703,17 @@ impl<'a> Hunt<'a> {
             ),
             (None, None) => "a channel reads wrong; these equations cannot tell which".into(),
         };
-        Excluded {
-            pose: Some(instance.place),
-            placement: None,
-            row: None,
-            channel,
-            chain,
-            reason: what,
-        }
+        let samples = self.samples[instance.place];
+        Excluded { channel, chain, ..Excluded::of(Some(instance.place), samples, what) }
     }
 
-    fn excluded(step: &Scored) -> Excluded {
-        Excluded {
-            pose: Some(step.instance.place),
-            placement: None,
-            row: None,
-            channel: None,
-            chain: None,
-            reason: format!(
-                "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",
-                step.p_value
-            ),
-        }
+    fn excluded(&self, step: &Scored) -> Excluded {
+        let pose = step.instance.place;
+        let reason = format!(
+            "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",
+            step.p_value
+        );
+        Excluded::of(Some(pose), self.samples[pose], reason)
     }
 }
 

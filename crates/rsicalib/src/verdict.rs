@@ -86,6 +86,8 @@ pub struct ExcludedReport {
     pub chain: Option<String>,
     /// The channel at fault.
     pub channel: Option<String>,
+    /// How many samples that are.
+    pub samples: usize,
     /// Why.
     pub reason: String,
 }
@@ -427,6 +429,7 @@ pub fn excluded(session: &Session, excluded: &Excluded) -> ExcludedReport {
             .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
         chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
+        samples: excluded.samples,
         reason: excluded.reason.clone(),
     }
 }
