@@ -521,7 +521,20 @@ impl Mechanism {
         for closure in &self.closures {
             self.check_closure(closure)?;
         }
-        self.check_platform()
+        self.check_platform()?;
+        self.check_model()
+    }
+
+    /// Terms by their ids: where they act is told by the readings, too.
+    fn check_model(&self) -> Result<(), Error> {
+        let ids = self.model.terms.iter().map(|spec| ("terms", spec));
+        for (key, spec) in ids.chain(self.model.sd.keys().map(|id| ("sd", id))) {
+            let id = spec.split('@').next().unwrap_or_default();
+            if let Err(Error::Unknown { found, known, .. }) = crate::terms::find(id) {
+                return Err(refuse(format!("model, {key}"), format!("term {found:?}"), known));
+            }
+        }
+        Ok(())
     }
 
     fn check_chains(&self) -> Result<(), Error> {

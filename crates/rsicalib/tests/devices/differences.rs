@@ -5,7 +5,6 @@ use std::ops::Range;
 use super::devices::derivative;
 use super::lanes::Lanes;
 use super::model::{Want, Workspace};
-use super::readings::Block;
 use super::{Model, Readings};
 
 /// Terms of every stage; those that a device has no data for are left out.
@@ -30,13 +29,14 @@ pub const EVERY_STAGE: [&str; 14] = [
 pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], columns: Range<usize>) {
     let workspaces = every_block(model, readings, beta);
     for column in columns {
-        let of_block = |(ws, block): (&Workspace, &Block)| {
-            let here = model.columns()[block.group].iter().position(|c| *c == column);
-            let row = |k: usize| here.map_or(Lanes::ZERO, |i| ws.x[k * model.width() + i]);
-            (0..model.equations()).flat_map(|k| row(k).0).collect::<Vec<_>>()
-        };
-        let analytic: Vec<f64> =
-            workspaces.iter().zip(readings.blocks()).flat_map(of_block).collect();
+        let blocks = workspaces.iter().zip(readings.blocks());
+        let analytic: Vec<f64> = blocks
+            .flat_map(|(ws, block)| {
+                let here = model.columns()[block.group].iter().position(|c| *c == column);
+                let row = |k: usize| here.map_or(Lanes::ZERO, |i| ws.x[k * model.width() + i]);
+                (0..model.equations()).flat_map(|k| row(k).0).collect::<Vec<_>>()
+            })
+            .collect();
         let largest = largest(&analytic);
         // A step that moves f by 0.001 in², or twice the size of the parameter.
         let h = (0.001 / largest).min(2.0 * beta[column].abs());
