@@ -8,18 +8,14 @@ mechanism files of `examples/`; nothing is tuned for a robot.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
-# Beside this file stands one that bears the name of a module of the library.
-sys.path = [p for p in sys.path if Path(p).resolve() != Path(__file__).resolve().parent]
-
 import argparse
 import csv
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import rsicalib
