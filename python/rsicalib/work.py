@@ -66,8 +66,8 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
         return Mechanism.from_toml(text)
     except InputError as error:
         file = os.fspath(name_or_path)
-        nowhere: Where = {"line": None, "column": None, "found": None, "expected": None}
-        raise InputError(f"{file}: {error.message}", {**nowhere, "file": file}) from None
+        where = Where(file=file, line=None, column=None, found=None, expected=None)
+        raise InputError(f"{file}: {error.message}", where) from None
 
 
 class Work:

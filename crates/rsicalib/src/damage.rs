@@ -285,16 +285,14 @@ impl<'a> Looking<'a> {
 
     fn from_there_on(&self, m: &Move) -> (Excluded, Vec<usize>) {
         let rows = &self.runs[m.run];
-        let (before, after) = rows.split_at(m.at);
-        let out = if before.len() < after.len() { before } else { after };
+        let out = &rows[m.at..];
         let unit = &self.session.mechanism.length_unit;
         let reason = format!(
-            "{} moved by {:.2e} {unit} between its samples {} and {} (counted from 0): those {} it left out, {} samples",
+            "{} moved by {:.2e} {unit} between its samples {} and {} (counted from 0): left out from there on, {} samples",
             m.what,
             m.by,
             self.place(rows[m.at - 1]),
             self.place(rows[m.at]),
-            if before.len() < after.len() { "before" } else { "after" },
             out.len()
         );
         let pose = Some(self.session.readings.pose[out[0]]);
