@@ -91,17 +91,15 @@ fn factor(n: usize, entry: impl Fn(usize, usize) -> f64) -> Option<Vec<Vec<f64>>
     let mut l: Vec<Vec<f64>> = Vec::with_capacity(n);
     for i in 0..n {
         let mut row: Vec<f64> = Vec::with_capacity(i + 1);
-        for j in 0..=i {
-            let known: f64 = match j < i {
-                true => row.iter().zip(&l[j]).map(|(a, b)| a * b).sum(),
-                false => row.iter().map(|a| a * a).sum(),
-            };
-            let left = entry(i, j) - known;
-            if i == j && !(left > 0.0) {
-                return None;
-            }
-            row.push(if i == j { left.sqrt() } else { left / l[j][j] });
+        for (j, above) in l.iter().enumerate() {
+            let known: f64 = row.iter().zip(above).map(|(a, b)| a * b).sum();
+            row.push((entry(i, j) - known) / above[j]);
         }
+        let left = entry(i, i) - row.iter().map(|a| a * a).sum::<f64>();
+        if !(left > 0.0) {
+            return None;
+        }
+        row.push(left.sqrt());
         l.push(row);
     }
     Some(l)

@@ -133,7 +133,7 @@ impl<'a> Looking<'a> {
         match (single, moved) {
             // A move shows in many samples, each of which stands off a little.
             (Some((row, score)), Some(m)) if FEW * score > m.score => Some(self.one_row(row)),
-            (_, Some(m)) => Some(self.from_there_on(&m)),
+            (_, Some(m)) => Some(self.all_from_there_on(&m)),
             (Some((row, _)), None) => Some(self.one_row(row)),
             (None, None) => None,
         }
@@ -283,7 +283,7 @@ impl<'a> Looking<'a> {
         (Excluded { placement, ..Excluded::of(None, rows.len(), reason) }, rows)
     }
 
-    fn from_there_on(&self, m: &Move) -> (Excluded, Vec<usize>) {
+    fn all_from_there_on(&self, m: &Move) -> (Excluded, Vec<usize>) {
         let rows = &self.runs[m.run];
         let out = &rows[m.at..];
         let unit = &self.session.mechanism.length_unit;
