@@ -77,13 +77,9 @@ impl Device {
     ///
     /// Velocities, directions and spans follow the readings, so this repeats
     /// until both stand still. A row between two directions of approach never
-    /// does: it is moved away.
-    pub fn close(&mut self, instances: &[Instance], terms: &[f64]) {
-        assert!(self.closes(instances, terms), "readings and their context do not settle");
-    }
-
-    /// As [`Device::close`]; false where some pose cannot be assembled.
-    fn closes(&mut self, instances: &[Instance], terms: &[f64]) -> bool {
+    /// does: it is moved away. False where some pose cannot be assembled.
+    #[must_use]
+    pub fn closes(&mut self, instances: &[Instance], terms: &[f64]) -> bool {
         let gains: Vec<f64> = self.mechanism.channels.iter().map(|c| c.gain).collect();
         for round in 1..=60 {
             let readings = self.readings();
