@@ -93,6 +93,7 @@ def measure(shop: Workshop, case: Case) -> Row:
     row = Row(case)
     readings = shop.readings(case)
     fitted = list(case.fitted)
+    chi2: dict[str, float] = {}
     for name, turned, loaded in (
         ("geometry", False, False),
         ("compliance", False, True),
@@ -114,48 +115,65 @@ def measure(shop: Workshop, case: Case) -> Row:
             row.says.append(f"{name}: {found.termination}")
         if not turned:
             row.says += found.warnings
-    row.says += traced(shop, case, readings)
+        if found.fit.chi2 is not None:
+            chi2[name] = found.fit.chi2
+        if name == "geometry" and found.fit.p_value is not None:
+            p_value = "" if found.fit.p_value < 1e-300 else f", p = {found.fit.p_value:.1g}"
+            row.says.append(
+                f"geometry alone leaves χ² {found.fit.chi2:.0f} for {found.fit.dof:.0f} degrees of "
+                f"freedom of the declared play{p_value}"
+            )
+    if len(chi2) == 3:
+        falls = [chi2["geometry"] - chi2[name] for name in ("compliance", "control")]
+        row.says.append(
+            f"compliance of all joints: χ² falls by {falls[0]:.0f}; with gravity along y by "
+            f"{falls[1]:.0f}"
+        )
+    trace(shop, row, readings)
     return row
 
 
-def traced(shop: Workshop, case: Case, readings: rsicalib.Readings) -> list[str]:
+def trace(shop: Workshop, row: Row, readings: rsicalib.Readings) -> None:
     """What tracing the residual says, on the groups fitted and on all of them."""
-    words = []
     everything = list(dict.fromkeys(readings.keys["group"]))
-    for what, fitted in (("fitted groups", list(case.fitted)), ("all groups", everything)):
-        if what == "all groups" and fitted == list(case.fitted):
+    for what, fitted in (("fitted groups", list(row.case.fitted)), ("all groups", everything)):
+        if what == "all groups" and fitted == list(row.case.fitted):
             continue
         for turned in (False, True):
             label = f"trace, {what}" + (", gravity along y" if turned else "")
             try:
-                mechanism = shop.mechanism(case.robot, turned)
+                mechanism = shop.mechanism(row.case.robot, turned)
                 found = rsicalib.trace(readings, mechanism, fit_groups=fitted)
             except rsicalib.RsicalibError as error:
-                words.append(f"{label}: {error}")
+                row.says.append(f"{label}: {error}")
                 continue
-            words.append(f"{label}: {in_words(found)}")
-    return words
+            row.says.append(f"{label}: {in_words(found)}")
+            if turned or found.groups is None:
+                continue
+            if what == "fitted groups":
+                row.figures["traced"] = pair(found.groups.fitted, found.groups.others, 3)
+            count = sum(e.samples or 0 for e in found.excluded)
+            row.figures[what] = f"{(found.verdict or 'not judged').replace('_', ' ')}, {count}"
 
 
 def in_words(found: rsicalib.Trace) -> str:
     """Verdict, steps, what was left out, and what remains."""
-    parts = [f"**{found.verdict or 'not judged'}**"]
+    parts = [f"**{(found.verdict or 'not judged').replace('_', ' ')}**"]
     for step in found.steps:
         values = [f"{p.value:.2g}" for p in step.parameters if p.value is not None]
+        size = ", ".join(values) if len(values) < 4 else f"{len(values)} waves"
         also = [f"{a.term}@{a.target}" for a in step.also_fits]
         p_value = "" if step.p_value is None else f", p = {step.p_value:.1g}"
         notes = "; ".join(dict.fromkeys(p.note for p in step.parameters if p.note))
         parts.append(
-            f"{step.term}@{step.target} ({', '.join(values)}{p_value})"
+            f"{step.term}@{step.target} ({size}{p_value})"
             + (f", as well {', '.join(also)}" if also else "")
             + (f", {notes}" if notes else "")
         )
     if found.excluded:
-        reasons = [
-            "/".join(str(v) for v in (e.group, e.pose, e.channel) if v is not None)
-            for e in found.excluded
-        ]
-        parts.append(f"{len(reasons)} left out ({', '.join(reasons[:8])})")
+        count = sum(e.samples or 0 for e in found.excluded)
+        parts.append(f"{count} samples left out")
+        parts += [f"{e.group or e.pose}: {e.reason}" for e in found.excluded]
     if found.groups is not None:
         figures = pair(found.groups.fitted, found.groups.others, 3)
         parts.append(f"then {figures} mm")
@@ -183,22 +201,32 @@ that were fitted / all others. **Closure is not accuracy**: there are no check p
 that repeats sockets it has not seen is the better one; how far it is off in the room is not known.
 
 *Control* is `+ compliance` with gravity along y: the same number of parameters, with no physics. A
-gain that it has too is not from weight.
+gain that it has too is not from weight. *Traced* is `rsicalib.trace(…)` from the geometry, of the
+fitted groups; nobody tells it of compliance. The last columns are its verdict, and how many samples
+it left out, on the fitted groups and on all of them.
 """
+
+
+COLUMNS = {
+    "nominal": "nominal",
+    "geometry": "geometry",
+    "compliance": "+ compliance",
+    "control": "control",
+    "traced": "traced",
+    "fitted groups": "verdict, left out",
+    "all groups": "all groups",
+}
 
 
 def page(rows: list[Row]) -> str:
     """The Markdown page."""
-    lines = [HEAD, "| robot | fitted on | nominal | authors | geometry | + compliance | control |"]
-    lines.append("|---|---|---|---|---|---|---|")
+    heads = ["robot", "fitted on", "authors", *COLUMNS.values()]
+    lines = [HEAD, f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for row in rows:
         case = row.case
         robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
-        figures = [
-            row.figures.get(k, "–") for k in ("nominal", "geometry", "compliance", "control")
-        ]
-        nominal, *others = figures
-        cells = [robot, ", ".join(case.fitted), nominal, case.published or "–", *others]
+        figures = [row.figures.get(k, "–") for k in COLUMNS]
+        cells = [robot, ", ".join(case.fitted), case.published or "–", *figures]
         lines.append(f"| {' | '.join(cells)} |")
     lines += ["", "## What it says of each", ""]
     for row in rows:

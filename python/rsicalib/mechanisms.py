@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Mapping
 from datetime import date, time
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -232,8 +233,10 @@ def _value(value: object) -> str:
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
+    if isinstance(value, Integral):
+        return repr(int(value))
+    if isinstance(value, Real):  # of numpy, too, whose repr is no TOML
+        return repr(float(value))
     if isinstance(value, (date, time)):
         return value.isoformat()
     if isinstance(value, Mapping):

@@ -154,6 +154,8 @@ class Excluded(Record):
     chain: str | None
     channel: str | None
     reason: str
+    samples: int | None = None
+    """How many that are."""
 
 
 @dataclass(frozen=True)

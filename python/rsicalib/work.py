@@ -15,7 +15,7 @@ import numpy.typing as npt
 from rsicalib import _core, data
 from rsicalib._core import Mechanism
 from rsicalib.data import Readings
-from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.errors import InputError, UndeterminedError, Where
 from rsicalib.mechanisms import load_mechanism_text
 from rsicalib.records import plain
 from rsicalib.results import ALPHA, Data, Moved, Parameter, Result, load_calibration
@@ -60,7 +60,14 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
     if isinstance(name_or_path, Mechanism):
         return name_or_path
     text = load_mechanism_text(name_or_path)
-    return Mechanism.rsi() if text is None else Mechanism.from_toml(text)
+    if text is None:
+        return Mechanism.rsi()
+    try:
+        return Mechanism.from_toml(text)
+    except InputError as error:
+        file = os.fspath(name_or_path)
+        where = Where(file=file, line=None, column=None, found=None, expected=None)
+        raise InputError(f"{file}: {error.message}", where) from None
 
 
 class Work:

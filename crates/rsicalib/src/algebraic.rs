@@ -475,6 +475,7 @@ impl Paper {
             cost: 0.5 * sums.cost.sum(),
             gradient: (0..2 * c).map(|i| sums.gradient[i % c][i / c].sum()).collect(),
             curvature: Curvature::Gram(gram),
+            islands: Vec::new(),
         }
     }
 }

@@ -11,8 +11,8 @@
 
 use crate::fit::Fit;
 use crate::session::Session;
+use crate::stats;
 use crate::trace::Excluded;
-use crate::{Error, stats};
 
 /// Probability of accusing any sample of a clean session.
 const ALPHA: f64 = 0.0015;
@@ -59,6 +59,7 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
         excluded.push(Excluded {
             pose: Some(pose),
             placement: None,
+            samples: 1,
             row: Some(row),
             channel,
             chain,
@@ -75,59 +76,6 @@ fn apart(fit: &Fit, row: usize, rows: &[usize]) -> Vec<f64> {
     let mean =
         |e: usize| rows.iter().filter(|&&r| r != row).map(|&r| at(r, e)).sum::<f64>() / others;
     (0..k).map(|e| at(row, e) - mean(e)).collect()
-}
-
-/// A placement whose residual is this many times the usual one does not fit.
-const STRANGE: f64 = 3.0;
-/// Placements that it takes to say what is usual.
-const SIBLINGS: usize = 4;
-
-/// Finds placements that do not fit their siblings, worst first, and leaves them
-/// out of the session; each time the others are fitted again.
-///
-/// # Errors
-///
-/// As [`crate::fit`].
-pub fn placements(session: &mut Session, fit: &Fit) -> Result<Vec<Excluded>, Error> {
-    let Some(of_row) = fit.model.placements(&session.readings) else { return Ok(Vec::new()) };
-    let mut excluded: Vec<Excluded> = Vec::new();
-    let mut current = fit.clone();
-    loop {
-        let k = current.residuals.equations;
-        let mut sums: Vec<(usize, f64, f64)> = Vec::new();
-        for (row, &placement) in
-            of_row.iter().enumerate().filter(|(r, _)| session.weights[*r] > 0.0)
-        {
-            let square: f64 =
-                current.residuals.whitened[row * k..(row + 1) * k].iter().map(|r| r * r).sum();
-            match sums.iter_mut().find(|s| s.0 == placement) {
-                Some(sum) => (sum.1, sum.2) = (sum.1 + square, sum.2 + k as f64),
-                None => sums.push((placement, square, k as f64)),
-            }
-        }
-        let size = |s: &(usize, f64, f64)| (s.1 / s.2).sqrt();
-        let usual = median(sums.iter().map(size).collect());
-        let worst = sums.iter().max_by(|a, b| size(a).total_cmp(&size(b)));
-        let Some(worst) = worst.filter(|w| sums.len() >= SIBLINGS && size(w) > STRANGE * usual)
-        else {
-            return Ok(excluded);
-        };
-        let rows: Vec<usize> = (0..of_row.len()).filter(|&r| of_row[r] == worst.0).collect();
-        rows.iter().for_each(|&r| session.weights[r] = 0.0);
-        excluded.push(Excluded {
-            pose: None,
-            placement: rows.first().copied(),
-            row: None,
-            channel: None,
-            chain: None,
-            reason: format!(
-                "the placement does not fit its siblings: its residual is {:.1} times theirs; {} samples left out",
-                size(worst) / usual,
-                rows.len()
-            ),
-        });
-        current = crate::fit::fit(session, current.model.instances.clone(), Some(&current))?;
-    }
 }
 
 /// The channel whose error would move the misclosure so, and its chain, as far
@@ -154,10 +102,4 @@ fn culprit(
     }
     let chains: Vec<_> = scores.iter().map(|s| (s.0, session.mechanism.chain_of(s.1))).collect();
     (None, crate::trace::likeliest_chain(&chains).0)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }

@@ -102,6 +102,35 @@ pub struct Weight {
     pub levers: usize,
 }
 
+/// What a lever carries: weights as one.
+#[derive(Debug, Clone, Copy)]
+pub struct Carried {
+    /// How heavy they are together.
+    pub weight: f64,
+    /// Sum of weight times place.
+    pub moment: Vec3,
+}
+
+impl Carried {
+    /// Sum over the weights of weight times [`Lever::moves`].
+    #[inline(always)]
+    #[must_use]
+    pub fn moved_by(&self, lever: &Lever) -> Vec3 {
+        let mut moved = lever.axis;
+        match lever.way {
+            Way::Turn => {
+                let mut arm = self.moment;
+                for (arm, origin) in arm.iter_mut().zip(&lever.origin) {
+                    *arm -= *origin * self.weight;
+                }
+                moved = cross(&lever.axis, &arm);
+            }
+            Way::Slide => moved.iter_mut().for_each(|m| *m = *m * self.weight),
+        }
+        moved
+    }
+}
+
 /// A chain at eight samples.
 #[derive(Debug, Clone)]
 pub struct Posture {
@@ -217,6 +246,31 @@ impl Posture {
             }
         }
         self.tip = frame;
+    }
+}
+
+impl Posture {
+    /// What each lever carries of one kind of weight.
+    #[inline(always)]
+    pub fn carried(&self, whose: Whose, out: &mut Vec<Carried>) {
+        out.clear();
+        out.resize(self.levers.len(), Carried { weight: 0.0, moment: [Lanes::ZERO; 3] });
+        for weight in self.weights.iter().filter(|w| w.whose == whose && w.levers > 0) {
+            let last = &mut out[weight.levers - 1];
+            last.weight += weight.weight;
+            for (moment, at) in last.moment.iter_mut().zip(&weight.at) {
+                *moment += *at * weight.weight;
+            }
+        }
+        // The weights of a lever are also those of all levers before it.
+        for j in (1..out.len()).rev() {
+            let next = out[j];
+            let own = &mut out[j - 1];
+            own.weight += next.weight;
+            for (moment, more) in own.moment.iter_mut().zip(&next.moment) {
+                *moment += *more;
+            }
+        }
     }
 }
 

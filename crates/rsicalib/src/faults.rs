@@ -189,8 +189,11 @@ pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excl
     for fault in faults {
         let channel = Some(fault.channel);
         let chain = session.mechanism.chain_of(fault.channel);
-        let entry =
-            |pose, reason| Excluded { pose, placement: None, row: None, channel, chain, reason };
+        let entry = |pose, samples, reason| Excluded {
+            channel,
+            chain,
+            ..Excluded::of(pose, samples, reason)
+        };
         match &fault.kind {
             Kind::StuckBits(_) => {
                 let usual = session.readings.samples as f64 / rows.len().max(1) as f64;
@@ -198,16 +201,20 @@ pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excl
                 sigma[fault.channel] = sigma[fault.channel].hypot(lasting * usual.sqrt());
                 excluded.push(entry(
                     None,
+                    0,
                     format!("{}; {lasting:.1} counts of error taken into its noise", fault.text()),
                 ));
             }
             Kind::Clipped { poses, .. } if enough(session, fit, poses) => {
                 let clipped = poses.iter().flat_map(|&pose| &rows[pose]);
                 clipped.for_each(|&r| session.weights[r] = 0.0);
+                let count = |p: &usize| rows[*p].len();
                 if session.readings.held {
-                    excluded.extend(poses.iter().map(|&p| entry(Some(p), fault.text())));
+                    let own = |p: &usize| entry(Some(*p), count(p), fault.text());
+                    excluded.extend(poses.iter().map(own));
                 } else {
-                    excluded.push(entry(None, format!("{}; left out", fault.text())));
+                    let all = poses.iter().map(count).sum();
+                    excluded.push(entry(None, all, format!("{}; left out", fault.text())));
                 }
             }
             // Without them there would be too little left: it is said, and that is all.

@@ -306,6 +306,25 @@ fn roundings(session: &Session, used: &Noise) -> impl Iterator<Item = f64> {
     channels.map(|(channel, sigma)| channel.quantisation() / (sigma * sigma))
 }
 
+/// Where all closures declare their play, and readings nobody spoke of make less than
+/// this share of the misclosure's variance, the noise is declared.
+const MINOR: f64 = 0.5;
+
+/// True where every closure of a sample declares its play.
+fn plays(session: &Session) -> bool {
+    let mechanism = &session.mechanism;
+    let mut closures = mechanism.closures.iter().filter(|c| !mechanism.is_link(c));
+    closures.all(|c| c.noise.is_some_and(|n| n > 0.0))
+}
+
+/// Share of the misclosure's variance that is from the readings, play aside.
+fn readings_share(residuals: &Residuals, noise: &Noise) -> f64 {
+    let rows = residuals.by_reading.chunks_exact(noise.sigma.len());
+    let count = rows.len().max(1) as f64;
+    let of = |row: &[f64]| row.iter().zip(&noise.sigma).map(|(a, s)| (a * s).powi(2)).sum::<f64>();
+    rows.map(of).sum::<f64>() / count
+}
+
 /// The noise that these residuals show, by the best source there is.
 fn estimate_noise(
     session: &Session,
@@ -350,6 +369,9 @@ fn estimate_noise(
         let slow = slow + share * (n - slow);
         return NoiseEstimate { inflation, slow, ..estimate };
     }
+    if plays(session) && readings_share(residuals, used) < MINOR {
+        return scaled(1.0, Source::Declared, f64::INFINITY);
+    }
     let k = residuals.equations;
     let live: Vec<usize> =
         (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
@@ -386,8 +408,9 @@ fn conclude(
         (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
     let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
     let total: f64 = live.iter().map(of).sum();
+    let (inverse, unknowable, condition) = invert(&gram);
     let (mut chi2, mut dof) =
-        (total, (live.len() * k) as f64 - free_parameters(&gram, &priors, &outcome.x));
+        (total, (live.len() * k) as f64 - free_parameters(&inverse, &priors, &outcome.x));
     if matches!(
         noise.source,
         Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
@@ -399,10 +422,9 @@ fn conclude(
     let p_value = (noise.source.independent() && dof >= 1.0)
         .then(|| stats::f_tail(chi2 / dof, dof, noise.dof));
 
-    let (covariance, unknowable, condition) = invert(&gram);
     // What is left and is no noise of the samples moved the estimates as well.
     let left = if p_value.is_some_and(|p| p < LEFT) { (chi2 / dof).max(1.0) } else { 1.0 };
-    let covariance = Mat::from_fn(n, n, |i, j| covariance[(i, j)] * noise.slow * left);
+    let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise.slow * left);
     let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
     let rms_misclosure =
         (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
@@ -434,18 +456,23 @@ fn conclude(
 /// A residual that chance exceeds less often than this widens the intervals.
 const LEFT: f64 = 0.01;
 
-/// Parameters that the data pay for: priors take part of those they hold.
-#[must_use]
-pub fn free_parameters(gram: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
-    let n = gram.nrows();
-    if priors.is_empty() {
-        return n as f64;
+impl Fit {
+    /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.
+    #[must_use]
+    pub fn inverse(&self) -> Mat<f64> {
+        invert(&self.gram).0
     }
-    let (covariance, ..) = invert(gram);
+}
+
+/// Parameters that the data pay for: priors take part of those they hold, of whose
+/// Gram matrix, priors included, this is the inverse.
+#[must_use]
+pub fn free_parameters(inverse: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
+    let n = inverse.nrows();
     let held = |prior: &Prior| -> f64 {
         let slopes = prior.slopes(x);
         let pairs = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
-        pairs.map(|((i, a), (j, b))| a * covariance[(*i, *j)] * b).sum()
+        pairs.map(|((i, a), (j, b))| a * inverse[(*i, *j)] * b).sum()
     };
     n as f64 - priors.iter().map(held).sum::<f64>()
 }
@@ -478,13 +505,14 @@ pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
             }
         }
     }
-    let inverse = Mat::from_fn(n, n, |i, j| {
-        let sum: f64 = (0..n)
-            .filter(|&k| values[k] >= RANK * largest)
-            .map(|k| vectors[(i, k)] * vectors[(j, k)] / values[k])
-            .sum();
-        let norm = norms[i] * norms[j];
-        if norm > 0.0 { sum / norm } else { 0.0 }
+    let kept: Vec<usize> = (0..n).filter(|&k| values[k] >= RANK * largest).collect();
+    let root = Mat::from_fn(n, kept.len(), |i, k| {
+        if norms[i] > 0.0 {
+            vectors[(i, kept[k])] / (norms[i] * values[kept[k]].sqrt())
+        } else {
+            0.0
+        }
     });
+    let inverse = &root * root.transpose();
     (inverse, unknowable, (largest / smallest).sqrt())
 }

@@ -11,11 +11,13 @@
 
 pub mod algebraic;
 pub mod apply;
+mod arrow;
 pub mod bad;
 pub mod calibrate;
 pub mod chain;
 pub mod check;
 mod context;
+pub mod damage;
 mod error;
 pub mod faults;
 pub mod fit;

@@ -83,8 +83,11 @@ pub fn linearize(
             for k in 0..equations * channels {
                 out.a[first * channels + k] = ws.a[k].0[lane];
             }
-            for k in 0..equations * n {
-                out.x[first * n + k] = ws.x[k].0[lane];
+            for k in 0..equations {
+                let x = &ws.x[k * model.width()..];
+                for (column, value) in model.columns()[meta.group].iter().zip(x) {
+                    out.x[(first + k) * n + column] = value.0[lane];
+                }
             }
         }
     }

@@ -23,6 +23,7 @@
 use faer::linalg::solvers::{Llt, Qr, Solve};
 use faer::{Mat, Side};
 
+use crate::arrow;
 use crate::lanes::dispatch;
 
 /// A least-squares problem.
@@ -44,6 +45,9 @@ pub struct Linearization {
     pub gradient: Vec<f64>,
     /// `JᵀJ`, in one of two forms.
     pub curvature: Curvature,
+    /// Parameters after all others that meet these only within an island, which is
+    /// eliminated first; of `JᵀJ` only.
+    pub islands: Vec<Vec<usize>>,
 }
 
 /// `JᵀJ`, or a factor of it.
@@ -106,6 +110,9 @@ impl Linearization {
     fn damped_step(&self, damping: f64, scale: &[f64]) -> Option<Vec<f64>> {
         let n = self.gradient.len();
         let step: Vec<f64> = match &self.curvature {
+            Curvature::Gram(h) if !self.islands.is_empty() => {
+                arrow::solve(h, &self.gradient, damping, scale, &self.islands)?
+            }
             Curvature::Gram(h) => solve_damped(h, &self.gradient, damping, scale)?,
             Curvature::Factor(r, qtr) => {
                 let stacked = Mat::from_fn(r.nrows() + n, n, |i, j| {
@@ -244,7 +251,8 @@ where
             .map(|column| column.iter().zip(&r).map(|(j, r)| j * r).sum())
             .collect();
         if !cost.is_finite() {
-            return Linearization { cost, gradient, curvature: Curvature::Gram(Mat::zeros(n, n)) };
+            let curvature = Curvature::Gram(Mat::zeros(n, n));
+            return Linearization { cost, gradient, curvature, islands: Vec::new() };
         }
         let j = Mat::from_fn(m, n, |row, col| j[col * m + row]);
         let qr = Qr::new(j.as_ref());
@@ -252,7 +260,8 @@ where
         let rhs = Mat::from_fn(m, 1, |i, _| r[i]);
         let qtr = qr.compute_thin_Q().transpose() * rhs;
         let qtr = (0..qtr.nrows()).map(|i| qtr[(i, 0)]).collect();
-        Linearization { cost, gradient, curvature: Curvature::Factor(factor, qtr) }
+        let curvature = Curvature::Factor(factor, qtr);
+        Linearization { cost, gradient, curvature, islands: Vec::new() }
     }
 }
 

@@ -462,6 +462,25 @@ impl Mechanism {
         names.filter_map(|n| self.channels.iter().position(|c| c.name == *n)).collect()
     }
 
+    /// True where nothing ties the mechanism to its base: a single chain that touches
+    /// unknown points alone. Turning the whole world changes no reading.
+    #[must_use]
+    pub fn floats(&self) -> bool {
+        let fixed = |end: &String| {
+            let mut points = self.points.iter();
+            points.any(|p| p.name == *end && p.chain.is_none() && p.unknown.is_empty())
+        };
+        self.chains.len() == 1 && !self.closures.iter().any(|c| c.between.iter().any(fixed))
+    }
+
+    /// True for a channel whose joint slides: its coordinate is a length.
+    #[must_use]
+    pub fn slides(&self, channel: usize) -> bool {
+        let name = &self.channels[channel].name;
+        let mut rows = self.chains.iter().flat_map(|c| &c.rows);
+        rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
+    }
+
     /// The chain that a channel belongs to.
     #[must_use]
     pub fn chain_of(&self, channel: usize) -> Option<usize> {
@@ -502,7 +521,20 @@ impl Mechanism {
         for closure in &self.closures {
             self.check_closure(closure)?;
         }
-        self.check_platform()
+        self.check_platform()?;
+        self.check_model()
+    }
+
+    /// Terms by their ids: where they act is told by the readings, too.
+    fn check_model(&self) -> Result<(), Error> {
+        let ids = self.model.terms.iter().map(|spec| ("terms", spec));
+        for (key, spec) in ids.chain(self.model.sd.keys().map(|id| ("sd", id))) {
+            let id = spec.split('@').next().unwrap_or_default();
+            if let Err(Error::Unknown { found, known, .. }) = crate::terms::find(id) {
+                return Err(refuse(format!("model, {key}"), format!("term {found:?}"), known));
+            }
+        }
+        Ok(())
     }
 
     fn check_chains(&self) -> Result<(), Error> {

@@ -21,7 +21,7 @@
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-use crate::chain::{Axis, Lever, Posture, Source, Step, Way, push_place};
+use crate::chain::{Axis, Carried, Lever, Posture, Source, Step, Way, push_place};
 use crate::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::mechanism::{ClosureKind, Value};
 use crate::objective::Prior;
@@ -296,6 +296,8 @@ pub struct Model {
     pub scales: Vec<Scale>,
     /// For each unknown point and combination of keys, its number.
     unknown: Vec<Vec<usize>>,
+    /// For each combination of keys, the parameters that its samples depend on.
+    columns: Vec<Vec<usize>>,
     /// Names of the unknown points' instances.
     pub unknown_names: Vec<String>,
     /// What they are: a point of the mechanism, and the values of its columns.
@@ -322,7 +324,7 @@ pub struct Workspace {
     pub f: Vec<Lanes>,
     /// `A`, equation by equation, one per channel.
     pub a: Vec<Lanes>,
-    /// `X`, equation by equation, one per parameter.
+    /// `X`, equation by equation, one per column of [`Model::columns`].
     pub x: Vec<Lanes>,
     /// Joint coordinates after every correction.
     pub angles: Vec<Lanes>,
@@ -335,6 +337,7 @@ pub struct Workspace {
     turned: Vec<Lanes>,
     postures: Vec<Posture>,
     unloaded: Vec<Posture>,
+    carried: Vec<Vec<Carried>>,
 }
 
 /// Which derivatives are wanted.
@@ -415,6 +418,13 @@ impl Model {
             .map(|(c, channel)| Scale::of(channel, centre[c], readings.span[c]))
             .collect();
         let (unknown, unknown_points) = number_unknowns(mechanism, readings);
+        let columns = (0..readings.groups.len())
+            .map(|group| {
+                let points = unknown.iter().map(|of_group: &Vec<usize>| of_group[group]);
+                let own = points.flat_map(|p| (0..3).map(move |k| term_parameters + 3 * p + k));
+                (0..term_parameters).chain(own).collect()
+            })
+            .collect();
         let unknown_names: Vec<String> = unknown_points
             .iter()
             .map(|(point, keys)| unknown_name(mechanism, *point, keys))
@@ -437,6 +447,7 @@ impl Model {
             term_parameters,
             scales,
             unknown,
+            columns,
             unknown_names,
             unknown_points,
         };
@@ -676,6 +687,21 @@ impl Model {
         self.equations
     }
 
+    /// For each group of the readings, the parameters that the columns of its `X` stand
+    /// for: those of the terms, then three for each unknown point that it touches.
+    ///
+    /// A sample knows no unknown point but its own, however many there are.
+    #[must_use]
+    pub fn columns(&self) -> &[Vec<usize>] {
+        &self.columns
+    }
+
+    /// Columns of `X`, the same number for every group.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.term_parameters + 3 * self.unknown.len()
+    }
+
     /// The same terms, on other closures and readings: a part that shares parameters.
     ///
     /// The readings may lack what a term needs: a rest pose has no velocity, and
@@ -730,7 +756,7 @@ impl Model {
         }
     }
 
-    /// For each equation, the parameters that it may depend on, ascending.
+    /// For each equation, the columns that are not zero throughout, ascending.
     #[must_use]
     pub fn active(&self) -> Vec<Vec<usize>> {
         let mut active = Vec::with_capacity(self.equations);
@@ -739,7 +765,10 @@ impl Model {
             for end in &closure.ends {
                 match end {
                     End::Carried(chain, _) => self.columns_of_chain(*chain, &mut columns),
-                    End::Unknown(_) => columns.extend(self.term_parameters..self.parameters),
+                    End::Unknown(point) => {
+                        let first = self.term_parameters + 3 * point;
+                        columns.extend(first..first + 3);
+                    }
                     End::Fixed(_) => {}
                 }
             }
@@ -945,49 +974,37 @@ impl Model {
         for (posture, steps) in ws.unloaded.iter_mut().zip(&self.steps) {
             posture.take(steps, &ws.angles, beta);
         }
+        // What levers carry is the same for all loads of one kind on one chain.
+        ws.carried.resize_with(2 * self.steps.len(), Vec::new);
+        for (k, load) in self.loads.iter().enumerate() {
+            if k == 0 || self.loads[k - 1].slot() != load.slot() {
+                let carried = &mut ws.carried[load.slot()];
+                ws.unloaded[load.chain].carried(load.whose, carried);
+            }
+        }
         for load in &self.loads {
-            let posture = &ws.unloaded[load.chain];
+            let (posture, carried) = (&ws.unloaded[load.chain], &ws.carried[load.slot()]);
             for (j, lever) in posture.levers.iter().enumerate() {
                 if let Some(channel) = load.gives(lever) {
-                    ws.angles[channel] +=
-                        self.torque(posture, load.whose, j) * beta[load.parameter];
+                    let torque = dot(&carried[j].moved_by(lever), &self.gravity);
+                    ws.angles[channel] += torque * beta[load.parameter];
                 }
             }
         }
     }
 
-    /// Torque of gravity about lever `j`, or force along it.
+    /// Derivative of the torque of gravity about lever `j` by lever `s`.
     #[inline(always)]
-    fn torque(&self, posture: &Posture, whose: Weight, j: usize) -> Lanes {
-        let lever = &posture.levers[j];
-        let mut torque = Lanes::ZERO;
-        for weight in posture.weights.iter().filter(|w| w.whose == whose && w.levers > j) {
-            torque += dot(&lever.moves(&weight.at), &self.gravity) * weight.weight;
+    fn torque_slope(&self, levers: &[Lever], carried: &[Carried], j: usize, s: usize) -> Lanes {
+        // Beyond the later of the two everything moves rigidly with the earlier.
+        let (turning, moved) = match s <= j {
+            true => (&levers[s], carried[j].moved_by(&levers[j])),
+            false => (&levers[j], carried[s].moved_by(&levers[s])),
+        };
+        match turning.way {
+            Way::Turn => dot(&cross(&turning.axis, &moved), &self.gravity),
+            Way::Slide => Lanes::ZERO,
         }
-        torque
-    }
-
-    /// Derivative of [`Model::torque`] about lever `j` by lever `s`.
-    #[inline(always)]
-    fn torque_slope(&self, posture: &Posture, whose: Weight, j: usize, s: usize) -> Lanes {
-        let (lever, by) = (&posture.levers[j], &posture.levers[s]);
-        let mut slope = Lanes::ZERO;
-        for weight in posture.weights.iter().filter(|w| w.whose == whose && w.levers > j.max(s)) {
-            let change = if s <= j {
-                // Everything beyond `s` moves rigidly, the lever with it.
-                match by.way {
-                    Way::Turn => cross(&by.axis, &lever.moves(&weight.at)),
-                    Way::Slide => [Lanes::ZERO; 3],
-                }
-            } else {
-                match lever.way {
-                    Way::Turn => cross(&lever.axis, &by.moves(&weight.at)),
-                    Way::Slide => [Lanes::ZERO; 3],
-                }
-            };
-            slope += dot(&change, &self.gravity) * weight.weight;
-        }
-        slope
     }
 
     /// Eq. (10), `G` and the columns of geometry, closures and unknown points.
@@ -1000,7 +1017,7 @@ impl Model {
         want: Want,
         ws: &mut Workspace,
     ) {
-        let (channels, parameters) = (self.scales.len(), self.parameters);
+        let (channels, width) = (self.scales.len(), self.width());
         ws.f.clear();
         ws.f.resize(self.equations, Lanes::ZERO);
         if want.x || want.a {
@@ -1009,7 +1026,7 @@ impl Model {
         }
         if want.x {
             ws.x.clear();
-            ws.x.resize(self.equations * parameters, Lanes::ZERO);
+            ws.x.resize(self.equations * width, Lanes::ZERO);
         }
         let group = readings.blocks()[block].group;
         for closure in &self.closures {
@@ -1021,7 +1038,7 @@ impl Model {
             if let Some(parameter) = closure.parameter {
                 distance += Lanes::splat(beta[parameter]);
                 if want.x {
-                    ws.x[closure.equation * parameters + parameter] = distance * -2.0;
+                    ws.x[closure.equation * width + parameter] = distance * -2.0;
                 }
             }
             match closure.kind {
@@ -1042,7 +1059,7 @@ impl Model {
                             ws.g[(closure.equation + row) * channels + c] += value * sign
                         }
                         Source::Parameter(p) if want.x => {
-                            ws.x[(closure.equation + row) * parameters + p] += value * sign;
+                            ws.x[(closure.equation + row) * width + p] += value * sign;
                         }
                         Source::Parameter(_) => {}
                     };
@@ -1060,7 +1077,7 @@ impl Model {
                         }
                     }
                     End::Unknown(point) => {
-                        let first = self.unknown_first(*point, group);
+                        let first = self.term_parameters + 3 * point;
                         for axis in 0..3 {
                             let mut unit = [Lanes::ZERO; 3];
                             unit[axis] = Lanes::ONE;
@@ -1091,20 +1108,20 @@ impl Model {
     /// Eq. (44), and the columns of `X` that act through joint coordinates.
     #[inline(always)]
     fn chain_rule(&self, beta: &[f64], want: Want, ws: &mut Workspace) {
-        let (channels, parameters) = (self.scales.len(), self.parameters);
+        let (channels, width) = (self.scales.len(), self.width());
         if !self.loads.is_empty() {
             self.bend_back(beta, want, ws);
         }
         if want.x {
             for &(column, channel, partial) in &ws.partials {
                 for k in 0..self.equations {
-                    ws.x[k * parameters + column] += ws.g[k * channels + channel] * partial;
+                    ws.x[k * width + column] += ws.g[k * channels + channel] * partial;
                 }
             }
             for &(column, channel, partial) in &ws.electric {
                 let partial = ws.slopes[channel] * partial;
                 for k in 0..self.equations {
-                    ws.x[k * parameters + column] += ws.g[k * channels + channel] * partial;
+                    ws.x[k * width + column] += ws.g[k * channels + channel] * partial;
                 }
             }
         }
@@ -1133,27 +1150,28 @@ impl Model {
     /// `G ← G ∂q'/∂q`, the columns of load, and what geometry does to torques.
     #[inline(always)]
     fn bend_back(&self, beta: &[f64], want: Want, ws: &mut Workspace) {
-        let (channels, parameters) = (self.scales.len(), self.parameters);
+        let (channels, width) = (self.scales.len(), self.width());
         ws.turned.clear();
         ws.turned.extend_from_slice(&ws.g);
         for load in &self.loads {
-            let posture = &ws.unloaded[load.chain];
+            let (posture, carried) = (&ws.unloaded[load.chain], &ws.carried[load.slot()]);
             for (j, lever) in posture.levers.iter().enumerate() {
                 let Some(channel) = load.gives(lever) else { continue };
                 if want.x {
-                    let torque = self.torque(posture, load.whose, j);
+                    let torque = dot(&carried[j].moved_by(lever), &self.gravity);
                     for k in 0..self.equations {
-                        ws.x[k * parameters + load.parameter] +=
+                        ws.x[k * width + load.parameter] +=
                             ws.turned[k * channels + channel] * torque;
                     }
                 }
                 for (s, by) in posture.levers.iter().enumerate() {
-                    let slope = self.torque_slope(posture, load.whose, j, s) * beta[load.parameter];
+                    let slope = self.torque_slope(&posture.levers, carried, j, s);
+                    let slope = slope * beta[load.parameter];
                     for k in 0..self.equations {
                         let change = ws.turned[k * channels + channel] * slope;
                         match by.source {
                             Source::Channel(c) => ws.g[k * channels + c] += change,
-                            Source::Parameter(p) if want.x => ws.x[k * parameters + p] += change,
+                            Source::Parameter(p) if want.x => ws.x[k * width + p] += change,
                             Source::Parameter(_) => {}
                         }
                     }
@@ -1196,6 +1214,12 @@ impl Model {
 }
 
 impl LoadAt {
+    /// Where what the levers carry is kept.
+    #[inline(always)]
+    fn slot(&self) -> usize {
+        2 * self.chain + self.whose as usize
+    }
+
     /// The channel of a lever that gives under this load.
     #[inline(always)]
     fn gives(&self, lever: &Lever) -> Option<usize> {

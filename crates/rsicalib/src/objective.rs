@@ -19,11 +19,12 @@
 
 use std::sync::Mutex;
 
+use crate::arrow::islands;
 use crate::lanes::{Lanes, WIDTH, dispatch};
 use crate::lm::{Curvature, Linearization, Problem};
 use crate::model::{Model, Want, Workspace};
 use crate::readings::Readings;
-use crate::sums::{Sums, over_chunks};
+use crate::sums::{Sums, Total, over_chunks};
 use crate::terms::Scale;
 
 /// Readings with the model that they are to fit.
@@ -138,39 +139,43 @@ impl Problem for Algebraic<'_> {
 
     fn linearize(&self, x: &[f64]) -> Linearization {
         let Part { model, readings, .. } = self.part;
+        let width = model.width();
         let mut blocks = vec![(); readings.blocks().len()];
         let one = |first: usize, chunk: &mut [()]| {
             dispatch(
                 #[inline(always)]
                 || {
                     let mut ws = Workspace::default();
-                    let mut sums = Sums::new(model.parameters);
+                    let mut sums = Sums::new(model.term_parameters, width);
                     let want = Want { x: true, a: false };
                     for block in first..first + chunk.len() {
                         model.evaluate(readings, block, readings.raw(block), x, want, &mut ws);
                         let weight = self.part.weight(block);
+                        let group = readings.blocks()[block].group;
                         for (k, active) in self.active.iter().enumerate() {
-                            let row = &mut ws.x[k * model.parameters..(k + 1) * model.parameters];
+                            let row = &mut ws.x[k * width..(k + 1) * width];
                             for &i in active {
                                 row[i] = row[i] * weight;
                             }
-                            sums.add(ws.f[k] * weight, row, active);
+                            sums.add_active(group, ws.f[k] * weight, row, active);
                         }
                     }
                     sums
                 },
             )
         };
-        let sums = over_chunks(&mut blocks, 1, one, |a, b| a.merge(&b));
-        let sums = sums.unwrap_or_else(|| Sums::new(model.parameters));
-        let mut here = sums.finish();
-        add_priors(&mut here, self.priors, x);
+        let mut total = Total::new(model.parameters);
+        if let Some(sums) = over_chunks(&mut blocks, 1, one, |a, b| a.merge(&b)) {
+            total.add(&sums, model.columns());
+        }
+        let mut here = total.finish();
+        add_priors(&mut here, self.priors, model, x);
         here
     }
 }
 
-/// Adds the observations that priors are.
-fn add_priors(here: &mut Linearization, priors: &[Prior], x: &[f64]) {
+/// Adds the observations that priors are; then it is known which unknown points meet.
+fn add_priors(here: &mut Linearization, priors: &[Prior], model: &Model, x: &[f64]) {
     let Curvature::Gram(gram) = &mut here.curvature else { return };
     for prior in priors {
         let off = prior.off(x);
@@ -183,6 +188,7 @@ fn add_priors(here: &mut Linearization, priors: &[Prior], x: &[f64]) {
             }
         }
     }
+    here.islands = islands(gram, model.term_parameters);
 }
 
 /// The maximum-likelihood objective (51), with priors.
@@ -275,8 +281,10 @@ impl<'a> Implicit<'a> {
                     out.by_reading[row * k * c + i] = value.0[lane] * weight;
                 }
                 if by_parameter {
-                    for (i, value) in room.ws.x.iter().enumerate() {
-                        out.by_parameter[row * k * p + i] = value.0[lane] * weight;
+                    for (e, x) in room.ws.x.chunks_exact(model.width()).enumerate() {
+                        for (column, value) in model.columns()[meta.group].iter().zip(x) {
+                            out.by_parameter[(row * k + e) * p + column] = value.0[lane] * weight;
+                        }
                     }
                 }
             }
@@ -317,13 +325,13 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 impl Implicit<'_> {
-    /// Visits every block of the first part at `x`: whitened misclosure, whitened
-    /// `X`, equation by equation, and the weights, in the order of the blocks.
+    /// Visits every block of the first part at `x`: its group, whitened misclosure and
+    /// whitened `X`, equation by equation, both weighted, in the order of the blocks.
     pub(crate) fn sweep<S: Send>(
         &self,
         x: &[f64],
         zero: impl Fn() -> S + Sync,
-        visit: impl Fn(&mut S, &[Lanes], &mut [Lanes], Lanes) + Sync,
+        visit: impl Fn(&mut S, usize, &[Lanes], &[Lanes]) + Sync,
         merge: impl FnMut(&mut S, S),
     ) -> Option<S> {
         let (part, noise) = &self.parts[0];
@@ -338,7 +346,11 @@ impl Implicit<'_> {
                     for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                         room.settle(part, first + i, x, a_hat, true);
                         let weight = part.weight(first + i);
-                        visit(&mut sums, &room.w, &mut room.ws.x, weight);
+                        for value in room.ws.x.iter_mut().chain(&mut room.w) {
+                            *value = *value * weight;
+                        }
+                        let group = part.readings.blocks()[first + i].group;
+                        visit(&mut sums, group, &room.w, &room.ws.x);
                     }
                     sums
                 },
@@ -354,40 +366,36 @@ impl Problem for Implicit<'_> {
     }
 
     fn linearize(&self, x: &[f64]) -> Linearization {
-        let columns = self.parameters();
-        let all: Vec<usize> = (0..columns).collect();
-        let mut sums = Sums::new(columns);
+        let mut total = Total::new(self.parameters());
         let mut adjusted = lock(&self.adjusted);
         for ((part, noise), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
-            let (model, channels) = (part.model, part.readings.channels);
+            let (model, readings, channels) = (part.model, part.readings, part.readings.channels);
             let one = |first: usize, chunk: &mut [Lanes]| {
                 dispatch(
                     #[inline(always)]
                     || {
                         let mut room = Room::new(model, noise);
-                        let mut sums = Sums::new(columns);
+                        let mut sums = Sums::new(model.term_parameters, model.width());
                         for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                             let block = first + i;
                             room.settle(part, block, x, a_hat, true);
                             let weight = part.weight(block);
-                            for k in 0..model.equations() {
-                                let row = &mut room.ws.x[k * columns..(k + 1) * columns];
-                                for value in row.iter_mut() {
-                                    *value = *value * weight;
-                                }
-                                sums.add(room.w[k] * weight, row, &all);
+                            for value in room.ws.x.iter_mut().chain(&mut room.w) {
+                                *value = *value * weight;
                             }
+                            let group = readings.blocks()[block].group;
+                            sums.add(group, &room.w, &room.ws.x);
                         }
                         sums
                     },
                 )
             };
-            if let Some(part) = over_chunks(adjusted, channels, one, |a, b| a.merge(&b)) {
-                sums.merge(&part);
+            if let Some(sums) = over_chunks(adjusted, channels, one, |a, b| a.merge(&b)) {
+                total.add(&sums, model.columns());
             }
         }
-        let mut here = sums.finish();
-        add_priors(&mut here, self.priors, x);
+        let mut here = total.finish();
+        add_priors(&mut here, self.priors, self.parts[0].0.model, x);
         here
     }
 }
@@ -445,18 +453,18 @@ impl Room {
         loop {
             repeats += 1;
             // Many parameters are differentiated once, where `â` already stands still.
-            let want = Want { x: want_x && model.parameters <= FEW, a: true };
+            let want = Want { x: want_x && model.width() <= FEW, a: true };
             model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
             if !self.step(raw, a_hat) || repeats == INNER {
                 break;
             }
         }
         if want_x {
-            if model.parameters > FEW {
+            if model.width() > FEW {
                 let want = Want { x: true, a: true };
                 model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
             }
-            self.whiten_parameters(model.parameters);
+            self.whiten_parameters(model.width());
         }
         repeats
     }

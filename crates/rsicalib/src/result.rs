@@ -258,5 +258,8 @@ pub fn unit(session: &Session, instance: &Instance, unit: &str) -> String {
         crate::Target::Channel(c) => session.mechanism.channels[c].unit.as_str(),
         _ => "reading",
     };
+    let slides =
+        matches!(instance.target, crate::Target::Channel(c) if session.mechanism.slides(c));
+    let unit = if slides { unit.replace("rad", "length") } else { unit.into() };
     unit.replace("reading", reading).replace("length", &session.mechanism.length_unit)
 }

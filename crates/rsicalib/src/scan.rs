@@ -22,7 +22,8 @@ use crate::lanes::Lanes;
 use crate::model::{Instance, Model, Target, places, provided, targets};
 use crate::objective::{Implicit, Noise, Part};
 use crate::session::Session;
-use crate::terms::{ALL, Class, Per, Term, find};
+use crate::sums::{Own, add_all, add_line};
+use crate::terms::{ALL, Class, Term, find};
 use crate::{Error, stats};
 
 /// Kinds of candidates that share an error budget.
@@ -133,7 +134,7 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
             continue;
         }
         for target in targets(term, mechanism) {
-            if info.per == Per::Row && !meaningful(session, info.id, target) {
+            if !meaningful(session, fit, info.id, target) {
                 continue;
             }
             let channel = if let Target::Channel(c) = target { c } else { 0 };
@@ -148,26 +149,81 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
     all
 }
 
-/// False for rows where a term would repeat another: a body that carries no
-/// joint has no axis to tilt, and before the first joint the base tilts.
-fn meaningful(session: &Session, id: &str, target: Target) -> bool {
-    let Target::Row(chain, row) = target else { return true };
-    let rows = &session.mechanism.chains[chain].rows;
-    let first = rows.iter().position(|r| r.channel.is_some()).unwrap_or(0);
-    let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
-    id != "joint_tilt" || (row >= first && row < last)
+/// False where a term would repeat another: a body that carries no joint has no axis
+/// to tilt, before the first joint the base tilts, a frame that is free as a whole is
+/// longer by itself, and where nothing is fixed to the base a single chain has none.
+fn meaningful(session: &Session, fit: &Fit, id: &str, target: Target) -> bool {
+    let mechanism = &session.mechanism;
+    match target {
+        Target::Row(chain, row) => {
+            let rows = &mechanism.chains[chain].rows;
+            let first = rows.iter().position(|r| r.channel.is_some()).unwrap_or(0);
+            let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
+            let free = fit.model.instances.iter();
+            let mut free = free.filter(|i| i.target == target && i.term.info().broad);
+            free.next().is_none() && (id != "joint_tilt" || (row >= first && row < last))
+        }
+        Target::Chain(_) => !(id.starts_with("base_") && mechanism.floats()),
+        _ => true,
+    }
 }
 
 /// Sums for (71) over all candidates.
 struct Sums {
     /// `Zᵀr`.
     gradient: Vec<Lanes>,
-    /// `ZᵀX`, candidate column by candidate column.
+    /// `ZᵀX` of the terms, candidate column by candidate column.
     cross: Vec<Lanes>,
     /// `ZᵀZ` of each candidate, full square.
     square: Vec<Lanes>,
-    /// `Xᵀr`.
+    /// `Xᵀr` of the terms.
     base: Vec<Lanes>,
+    /// `Xᵀr` of the unknown points of each group, and `XᵀX`, `XᵀZ` column by column.
+    own: Vec<Own>,
+}
+
+impl Sums {
+    /// Adds a block, of whose columns the first `base` are fitted, the candidates'
+    /// next, and those of the unknown points last.
+    #[inline(always)]
+    fn add(&mut self, group: usize, widths: &[usize], w: &[Lanes], x: &[Lanes]) {
+        let (base, extra, columns) = (self.base.len(), self.gradient.len(), x.len() / w.len());
+        for i in 0..base {
+            add_line(&mut [], &mut self.base[i], w, x, columns, i);
+        }
+        for (i, gradient) in self.gradient.iter_mut().enumerate() {
+            let line = &mut self.cross[i * base..(i + 1) * base];
+            add_line(line, gradient, w, x, columns, base + i);
+        }
+        if columns > base + extra {
+            let (points, others) = (columns - base - extra, base + extra);
+            let own = Own::of(&mut self.own, group, points, points * others);
+            for (c, gradient) in own.gradient.iter_mut().enumerate() {
+                let line = &mut own.gram[c * others..(c + 1) * others];
+                add_line(line, gradient, w, x, columns, others + c);
+            }
+        }
+        for row in x.chunks_exact(columns) {
+            let (mut at, mut first) = (0, base);
+            for &width in widths {
+                for i in 0..width {
+                    for j in 0..width {
+                        self.square[at] += row[first + i] * row[first + j];
+                        at += 1;
+                    }
+                }
+                first += width;
+            }
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        add_all(&mut self.gradient, &other.gradient);
+        add_all(&mut self.cross, &other.cross);
+        add_all(&mut self.square, &other.square);
+        add_all(&mut self.base, &other.base);
+        Own::merge(&mut self.own, &other.own);
+    }
 }
 
 /// Scores every candidate at a fit.
@@ -227,62 +283,42 @@ pub fn project(
     let mut beta = model.nominal();
     beta[..base].copy_from_slice(&fit.beta[..base]);
     beta[base + extra..].copy_from_slice(&fit.beta[base..]);
-    // Columns of what is fitted, in the order of the fit.
-    let fitted: Vec<usize> = (0..base).chain(base + extra..model.parameters).collect();
 
     let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
     let noise = Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
     let problem = Implicit::new(vec![(part, noise)], &[]);
-    let columns = model.parameters;
     let squares: usize = widths.iter().map(|w| w * w).sum();
     let zero = || Sums {
         gradient: vec![Lanes::ZERO; extra],
-        cross: vec![Lanes::ZERO; extra * n],
+        cross: vec![Lanes::ZERO; extra * base],
         square: vec![Lanes::ZERO; squares],
-        base: vec![Lanes::ZERO; n],
+        base: vec![Lanes::ZERO; base],
+        own: Vec::new(),
     };
-    let visit = |sums: &mut Sums, w: &[Lanes], x: &mut [Lanes], weight: Lanes| {
-        for (k, residual) in w.iter().enumerate() {
-            let row = &mut x[k * columns..(k + 1) * columns];
-            for value in row.iter_mut() {
-                *value = *value * weight;
-            }
-            let residual = *residual * weight;
-            for (sum, &j) in sums.base.iter_mut().zip(&fitted) {
-                *sum += row[j] * residual;
-            }
-            for (i, z) in row[base..base + extra].iter().enumerate() {
-                sums.gradient[i] += *z * residual;
-                for (sum, &j) in sums.cross[i * n..(i + 1) * n].iter_mut().zip(&fitted) {
-                    *sum += *z * row[j];
-                }
-            }
-            let (mut at, mut first) = (0, base);
-            for &width in &widths {
-                for i in 0..width {
-                    for j in 0..width {
-                        sums.square[at] += row[first + i] * row[first + j];
-                        at += 1;
-                    }
-                }
-                first += width;
+    let visit =
+        |sums: &mut Sums, group: usize, w: &[Lanes], x: &[Lanes]| sums.add(group, &widths, w, x);
+    let sums = problem.sweep(&beta, zero, visit, |a, b| a.merge(&b)).unwrap_or_else(zero);
+
+    let mut cross = Mat::from_fn(n, extra, |j, i| match j < base {
+        true => sums.cross[i * base + j].sum(),
+        false => 0.0,
+    });
+    let mut base_gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
+    base_gradient.resize(n, 0.0);
+    for own in &sums.own {
+        let others = base + extra;
+        let parameters = &model.columns()[own.group][others..];
+        for (c, parameter) in parameters.iter().enumerate() {
+            let row = parameter - extra;
+            base_gradient[row] += own.gradient[c].sum();
+            for i in 0..extra {
+                cross[(row, i)] += own.gram[c * others + base + i].sum();
             }
         }
-    };
-    let merge = |a: &mut Sums, b: Sums| {
-        for (a, b) in [
-            (&mut a.gradient, &b.gradient),
-            (&mut a.cross, &b.cross),
-            (&mut a.square, &b.square),
-            (&mut a.base, &b.base),
-        ] {
-            a.iter_mut().zip(b).for_each(|(a, b)| *a += *b);
-        }
-    };
-    let sums = problem.sweep(&beta, zero, visit, merge).unwrap_or_else(zero);
+    }
+    let all_absorbed = inverse * &cross;
 
     // Priors pull on what is fitted: at the minimum their pull balances Xᵀr.
-    let mut base_gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
     for prior in &fit.priors {
         for (column, slope) in prior.slopes(&fit.beta) {
             base_gradient[column] += slope * prior.off(&fit.beta);
@@ -291,8 +327,8 @@ pub fn project(
     let (mut at, mut first) = (0, 0);
     let mut projected = Vec::with_capacity(named.len());
     for (instance, &width) in named.iter().zip(&widths) {
-        let cross = Mat::from_fn(n, width, |j, i| sums.cross[(first + i) * n + j].sum());
-        let absorbed = inverse * &cross;
+        let cross = cross.subcols(first, width);
+        let absorbed = all_absorbed.subcols(first, width).to_owned();
         let raw = Mat::from_fn(width, width, |i, j| sums.square[at + i * width + j].sum());
         let square = &raw - cross.transpose() * &absorbed;
         let gradient = (0..width)
@@ -302,7 +338,7 @@ pub fn project(
             })
             .collect();
         let raw = (0..width).map(|i| raw[(i, i)]).collect();
-        let typical = crate::terms::typical(&session.mechanism, instance.term);
+        let typical = crate::terms::typical(&session.mechanism, instance.term, instance.target);
         projected.push(Projected { instance: *instance, square, raw, gradient, typical, absorbed });
         at += width * width;
         first += width;
@@ -466,8 +502,8 @@ fn scan_places(
         (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| session.weights[r] > 0.0)).collect();
     let mut scored = Vec::new();
     let flat: Vec<f64> = (0..n * n).map(|i| inverse[(i / n, i % n)]).collect();
-    let mut keep = |instance: Instance, family, places: f64, column: &Column| {
-        if let Some(score) = column.score().filter(|_| !has(&instance)) {
+    let mut keep = |instance: Instance, family, places: f64, score: Option<f64>| {
+        if let Some(score) = score.filter(|_| !has(&instance)) {
             let p_value = judge.p_value(score, 1.0);
             scored.push(Scored::of(instance, family, score, 1.0, p_value, places));
         }
@@ -476,28 +512,53 @@ fn scan_places(
     let stride = live.len().div_ceil(MOST_TIMES).max(1);
     let slips =
         allowed("slip") && crate::model::provided(slip, &session.mechanism, readings).is_ok();
+    let live_rows: Vec<Vec<usize>> = live
+        .iter()
+        .map(|&p| rows[p].iter().copied().filter(|&r| session.weights[r] > 0.0).collect())
+        .collect();
+    let fitted = |rows: &[usize]| {
+        Mat::from_fn(rows.len() * k, n, |e, j| {
+            residuals.by_parameter[(rows[e / k] * k + e % k) * n + j]
+        })
+    };
+    // What the fit absorbs of any column of one pose: X (XᵀX)⁻¹ Xᵀ there.
+    let hats: Vec<Mat<f64>> = live_rows
+        .iter()
+        .map(|rows| {
+            let x = fitted(rows);
+            &x * (inverse * x.transpose())
+        })
+        .collect();
     for channel in 0..c {
         let target = Target::Channel(channel);
         let (mut after, mut times) = (Column::new(n), Vec::new());
         for (order, &pose) in live.iter().enumerate().rev() {
-            let mut here = Column::new(n);
-            for &row in rows[pose].iter().filter(|&&r| session.weights[r] > 0.0) {
+            let (mut z, mut r) = (Vec::new(), 0.0);
+            for &row in &live_rows[order] {
                 for e in 0..k {
-                    let z = residuals.by_reading[(row * k + e) * c + channel];
-                    here.r += z * residuals.whitened[row * k + e];
-                    here.zz += z * z;
-                    let x = &residuals.by_parameter[(row * k + e) * n..(row * k + e + 1) * n];
-                    here.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
+                    let value = residuals.by_reading[(row * k + e) * c + channel];
+                    z.push(value);
+                    r += value * residuals.whitened[row * k + e];
                 }
             }
-            after.r += here.r;
-            after.zz += here.zz;
-            after.zx.iter_mut().zip(&here.zx).for_each(|(s, x)| *s += x);
+            let zz = dot(&z, &z);
             if allowed("bad_reading") {
                 let instance = Instance { term: bad, target, place: pose };
-                keep(instance, Family::Bad, tests_bad, &here.projected(&flat));
+                let left = zz - form(&hats[order], &z);
+                let score = (left > 1e-3 * zz).then(|| r * r / left);
+                keep(instance, Family::Bad, tests_bad, score);
             }
-            if slips && order > 0 && order % stride == 0 {
+            if !slips {
+                continue;
+            }
+            after.r += r;
+            after.zz += zz;
+            for (e, z) in z.iter().enumerate() {
+                let first = (live_rows[order][e / k] * k + e % k) * n;
+                let x = &residuals.by_parameter[first..first + n];
+                after.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
+            }
+            if order > 0 && order % stride == 0 {
                 times.push((pose, after.clone().projected(&flat)));
             }
         }
@@ -505,18 +566,16 @@ fn scan_places(
         for (pose, column) in &times {
             let instance = Instance { term: slip, target, place: *pose };
             let tests = c as f64 * declumped(&turns, column.score().unwrap_or(0.0));
-            keep(instance, Family::Slip, tests, column);
+            keep(instance, Family::Slip, tests, column.score());
         }
     }
     if allowed("bad_reading") && readings.held {
-        for &pose in &live {
+        for (order, &pose) in live.iter().enumerate() {
             let row = rows[pose][0];
             if rows[pose].len() > 1 {
                 continue; // repeats: a pose is judged where it is averaged
             }
-            let x = |e: usize, j: usize| residuals.by_parameter[(row * k + e) * n + j];
-            let x = Mat::from_fn(k, n, x);
-            let m = Mat::<f64>::identity(k, k) - &x * inverse * x.transpose();
+            let m = Mat::<f64>::identity(k, k) - &hats[order];
             let (m_inverse, ..) = crate::fit::invert(&m);
             let r = Mat::from_fn(k, 1, |e, _| residuals.whitened[row * k + e]);
             let score = (r.transpose() * m_inverse * &r)[(0, 0)];
@@ -527,6 +586,11 @@ fn scan_places(
         }
     }
     Ok(scored)
+}
+
+/// `zᵀ m z` of a symmetric matrix.
+fn form(m: &Mat<f64>, z: &[f64]) -> f64 {
+    z.iter().enumerate().map(|(j, value)| value * dot(m.col_as_slice(j), z)).sum()
 }
 
 /// True for terms whose class says that a reading is wrong, not the device.

@@ -7,6 +7,10 @@ use crate::readings::{Readings, Table};
 use crate::terms::{self, Acts};
 use crate::{Error, Mechanism, platform};
 
+/// How firmly the first joint's zero is held where it turns the whole world [rad, or
+/// length units]: as the rotations of a frame.
+const ROOT: f64 = 3e-3;
+
 /// Readings to fit, with everything that is known beside them.
 #[derive(Debug, Clone)]
 pub struct Session {
@@ -132,9 +136,16 @@ impl Session {
 
     /// What is known of a model's parameters without readings: what holds a free
     /// shape, what the mechanism declares, how far apart unknown points are.
+    ///
+    /// Complete geometry has directions that no reading tells: an offset turns what
+    /// the frame of its link, or the tool, turns too. All of it is held, offsets too,
+    /// and one that turns the whole world as firmly as the frames.
     #[must_use]
     pub fn priors(&self, model: &Model) -> Vec<Prior> {
         let mut priors = model.links();
+        let complete = model.instances.iter().any(|i| i.term.info().broad);
+        let root = self.mechanism.channels_of(0).first().copied();
+        let root = root.filter(|_| self.mechanism.floats()).map(Target::Channel);
         for (instance, &first) in model.instances.iter().zip(&model.first) {
             let info = instance.term.info();
             let declared = self.mechanism.model.sd.get(info.id).copied();
@@ -143,9 +154,14 @@ impl Session {
                 _ => None,
             };
             // What has redundant directions, or a free shape, is held by its typical size.
-            let held =
-                info.penalised || info.broad || matches!(instance.term.acts(), Acts::Load(_));
-            let typical = terms::typical(&self.mechanism, instance.term);
+            let held = info.penalised
+                || info.broad
+                || matches!(instance.term.acts(), Acts::Load(_))
+                || (complete && info.id == "offset");
+            let mut typical = terms::typical(&self.mechanism, instance.term, instance.target);
+            if complete && info.id == "offset" && root == Some(instance.target) {
+                typical = vec![ROOT];
+            }
             for (k, typical) in typical.into_iter().enumerate() {
                 if let Some(sd) = declared.or(drawing).or(held.then_some(typical)) {
                     priors.push(Prior::Parameter { column: first + k, mean: 0.0, sd });

@@ -14,7 +14,8 @@ use crate::model::{Instance, Target};
 use crate::noise::Source;
 use crate::scan::{self, CHARGE, Family, Judge, Scored};
 use crate::session::Session;
-use crate::{Error, bad, faults};
+use crate::terms::{Acts, Weight};
+use crate::{Error, bad, damage, faults, lm};
 
 /// How to search.
 #[derive(Debug, Clone)]
@@ -93,6 +94,10 @@ pub fn likeliest_chain(rivals: &[(f64, Option<usize>)]) -> Likely {
 /// Residuals above chance at this level are not explained.
 pub const LEFT: f64 = 0.001;
 
+/// To this fraction of its χ² a fit of the search need be at its minimum: decisions
+/// turn on units of χ², and the answer is fitted to all digits.
+const ENOUGH: f64 = 1e-7;
+
 /// One effect that was found.
 #[derive(Debug, Clone)]
 pub struct Found {
@@ -117,8 +122,18 @@ pub struct Excluded {
     pub channel: Option<usize>,
     /// The chain at fault; none where it cannot be told.
     pub chain: Option<usize>,
+    /// How many samples were left out.
+    pub samples: usize,
     /// Why.
     pub reason: String,
+}
+
+impl Excluded {
+    /// So many samples, the first of them of this pose; nothing else is known.
+    #[must_use]
+    pub fn of(pose: Option<usize>, samples: usize, reason: String) -> Self {
+        Self { pose, placement: None, row: None, channel: None, chain: None, samples, reason }
+    }
 }
 
 /// What the search found.
@@ -166,15 +181,15 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         if found.len() + poses.len() >= search.most {
             break;
         }
-        let Some((step, next)) = hunt.step(&current, scored)? else { break };
-        if let Some(pose) = whole_pose(&step.instance) {
+        let Some((steps, next)) = hunt.step(&current, scored)? else { break };
+        if let Some(pose) = whole_pose(&steps[0].instance) {
             hunt.small.weights[pose] = 0.0;
-            poses.push(step);
+            poses.extend(steps);
             current = fit(&hunt.small, current.model.instances.clone(), Some(&current))?;
             hunt.rescale(&mut current)?;
             continue;
         }
-        found.push(step);
+        found.extend(steps);
         current = next;
         hunt.rescale(&mut current)?;
         current = hunt.look_back(current, &mut found)?;
@@ -182,7 +197,7 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
 
     hunt.merge_pairs(&mut current, &mut found)?;
     hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
-    excluded.extend(poses.iter().map(Hunt::excluded));
+    excluded.extend(poses.iter().map(|step| hunt.excluded(step)));
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut named = Vec::new();
     for index in 0..found.len() {
@@ -249,7 +264,7 @@ pub fn sound(session: &mut Session, before: &Fit) -> Result<(Fit, Vec<Excluded>)
     };
     let faulty = excluded.len();
     excluded.extend(bad::samples(session, &sound));
-    excluded.extend(bad::placements(session, &sound)?);
+    excluded.extend(damage::find(session, &sound)?);
     let clean = if excluded.len() == faulty {
         sound
     } else {
@@ -282,6 +297,22 @@ fn whole_pose(instance: &Instance) -> Option<usize> {
     (scan::is_data(instance) && instance.target == Target::All).then_some(instance.place)
 }
 
+/// A parameter of an effect in units of its standard deviation; none where the effect
+/// is not in the model, or not to be seen.
+fn estimate_of(fit: &Fit, instance: &Instance) -> Option<f64> {
+    let k = fit.model.instances.iter().position(|i| i == instance)?;
+    let first = fit.model.first[k];
+    let variance = fit.covariance[(first, first)];
+    (variance > 0.0).then(|| fit.beta[first] / variance.sqrt())
+}
+
+/// False for a load that lifts: a joint cannot give against it, and what explains the
+/// residual so is something else.
+fn physical(fit: &Fit, instance: &Instance) -> bool {
+    !matches!(instance.term.acts(), Acts::Load(_))
+        || estimate_of(fit, instance).is_none_or(|sure| sure > 0.0)
+}
+
 /// The candidate least likely by chance.
 fn best_of(scored: &[Scored]) -> Option<Scored> {
     scored.iter().copied().min_by(|a, b| a.corrected.total_cmp(&b.corrected))
@@ -293,6 +324,8 @@ struct Hunt<'a> {
     search: &'a Search,
     /// Weights of the samples before any pose was left out.
     counts: Vec<f64>,
+    /// Samples of each pose.
+    samples: Vec<usize>,
     source: Source,
     noise_dof: f64,
 }
@@ -309,10 +342,13 @@ impl<'a> Hunt<'a> {
             small.readings = readings;
             sigma.iter_mut().for_each(|s| *s *= (fit.noise.inflation / usual).sqrt());
         }
-        small.options =
-            Options { noise: Some(sigma), play: fit.noise.play, ..session.options.clone() };
+        let lm = lm::Options { ftol: ENOUGH, xtol: ENOUGH, ..session.options.lm.clone() };
+        let (noise, play) = (Some(sigma), fit.noise.play);
+        small.options = Options { noise, play, lm, ..session.options.clone() };
         let counts = small.weights.clone();
-        Ok(Self { small, search, counts, source: fit.noise.source, noise_dof: fit.noise.dof })
+        let samples = session.readings.rows_of_poses().iter().map(Vec::len).collect();
+        let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
+        Ok(Self { small, search, counts, samples, source, noise_dof })
     }
 
     fn judge(&self, fit: &Fit) -> Judge {
@@ -335,7 +371,12 @@ impl<'a> Hunt<'a> {
     }
 
     /// Refits the best candidates; the best of them, if any is above chance.
-    fn step(&self, current: &Fit, mut scored: Vec<Scored>) -> Result<Option<(Scored, Fit)>, Error> {
+    fn step(
+        &self,
+        current: &Fit,
+        mut scored: Vec<Scored>,
+    ) -> Result<Option<(Vec<Scored>, Fit)>, Error> {
+        let yielding = self.yielding(current, &scored)?;
         scored.retain(|s| s.corrected <= self.search.alpha);
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         let mut best: Option<(f64, Scored, Fit)> = None;
@@ -343,8 +384,14 @@ impl<'a> Hunt<'a> {
             if whole_pose(&candidate.instance).is_some() {
                 if best.is_none() {
                     let one = self.one_channel(current, &candidate, &scored)?;
-                    return Ok(Some(one.unwrap_or_else(|| (candidate, current.clone()))));
+                    let (one, fit) = one.unwrap_or_else(|| (candidate, current.clone()));
+                    return Ok(Some((vec![one], fit)));
                 }
+                continue;
+            }
+            // Scores are first order; what is this far behind does not catch up.
+            let room = 4.0 + 0.25 * candidate.score;
+            if best.as_ref().is_some_and(|(gain, ..)| *gain > candidate.charged() + room) {
                 continue;
             }
             let refit = self.with(current, candidate.instance)?;
@@ -353,7 +400,53 @@ impl<'a> Hunt<'a> {
                 best = Some((gain, candidate, refit));
             }
         }
-        Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
+        Ok(match (best, yielding) {
+            (best, Some((gain, joints, refit)))
+                if best.as_ref().is_none_or(|(alone, ..)| gain > *alone) =>
+            {
+                Some((joints, refit))
+            }
+            (best, _) => best.map(|(_, candidate, refit)| (vec![candidate], refit)),
+        })
+    }
+
+    /// All joints that give under the links' weight, as one effect: what one joint gives
+    /// is not told without what the others do. Those that do not stand out are left out,
+    /// and those that would have to give against their load.
+    fn yielding(
+        &self,
+        current: &Fit,
+        scored: &[Scored],
+    ) -> Result<Option<(f64, Vec<Scored>, Fit)>, Error> {
+        let of_links = |s: &&Scored| matches!(s.instance.term.acts(), Acts::Load(Weight::Links));
+        let mut joints: Vec<Scored> = scored.iter().filter(of_links).copied().collect();
+        while joints.len() > 1 {
+            let mut instances = current.model.instances.clone();
+            instances.extend(joints.iter().map(|s| s.instance));
+            let refit = fit(&self.small, instances, Some(current))?;
+            let judge = self.judge(&refit);
+            let mut weakest: Option<(f64, usize)> = None;
+            for (k, joint) in joints.iter_mut().enumerate() {
+                let Some(sure) = estimate_of(&refit, &joint.instance) else { return Ok(None) };
+                // By how much χ² would rise without it, to first order; with its sign.
+                joint.score = sure * sure.abs();
+                joint.p_value = judge.p_value(joint.score.max(0.0), joint.width);
+                joint.corrected = joint.p_value * joint.places;
+                if weakest.is_none_or(|(score, _)| joint.score < score) {
+                    weakest = Some((joint.score, k));
+                }
+            }
+            match weakest {
+                Some((_, k)) if joints[k].corrected > self.search.alpha => joints.remove(k),
+                _ => {
+                    let width = current.dof - refit.dof;
+                    let searched = 2.0 * joints[0].places.ln().max(0.0);
+                    let paid = CHARGE * width + searched * joints.len() as f64;
+                    return Ok(Some((cost(current) - cost(&refit) - paid, joints, refit)));
+                }
+            };
+        }
+        Ok(None)
     }
 
     /// The one channel that explains as much as leaving its whole pose out does: scores are
@@ -394,7 +487,8 @@ impl<'a> Hunt<'a> {
     /// By how much χ² fell, its parameters and places paid for.
     fn gain(&self, before: &Fit, after: &Fit, candidate: &Scored) -> f64 {
         let paid = candidate.score - candidate.charged();
-        if after.plausible && after.termination.converged() {
+        if after.plausible && physical(after, &candidate.instance) && after.termination.converged()
+        {
             cost(before) - cost(after) - paid
         } else {
             f64::NEG_INFINITY
@@ -554,7 +648,8 @@ impl<'a> Hunt<'a> {
         let my_value = value(current, &mine);
         for candidate in scored.into_iter().take(self.search.refits + 4) {
             let refit = self.with(&without, candidate.instance)?;
-            if refit.plausible && refit.termination.converged() {
+            let sensible = refit.plausible && physical(&refit, &candidate.instance);
+            if sensible && refit.termination.converged() {
                 rivals.push((value(&refit, &candidate), candidate, refit));
             }
         }
@@ -609,28 +704,17 @@ impl<'a> Hunt<'a> {
             ),
             (None, None) => "a channel reads wrong; these equations cannot tell which".into(),
         };
-        Excluded {
-            pose: Some(instance.place),
-            placement: None,
-            row: None,
-            channel,
-            chain,
-            reason: what,
-        }
+        let samples = self.samples[instance.place];
+        Excluded { channel, chain, ..Excluded::of(Some(instance.place), samples, what) }
     }
 
-    fn excluded(step: &Scored) -> Excluded {
-        Excluded {
-            pose: Some(step.instance.place),
-            placement: None,
-            row: None,
-            channel: None,
-            chain: None,
-            reason: format!(
-                "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",
-                step.p_value
-            ),
-        }
+    fn excluded(&self, step: &Scored) -> Excluded {
+        let pose = step.instance.place;
+        let reason = format!(
+            "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",
+            step.p_value
+        );
+        Excluded::of(Some(pose), self.samples[pose], reason)
     }
 }
 

@@ -87,6 +87,8 @@ pub struct ExcludedReport {
     pub chain: Option<String>,
     /// The channel at fault.
     pub channel: Option<String>,
+    /// How many samples that are.
+    pub samples: usize,
     /// Why.
     pub reason: String,
 }
@@ -428,6 +430,7 @@ pub fn excluded(session: &Session, excluded: &Excluded) -> ExcludedReport {
             .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
         chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
+        samples: excluded.samples,
         reason: excluded.reason.clone(),
     }
 }
@@ -439,15 +442,30 @@ fn unexplained(traced: &Traced) -> Unexplained {
     let quiet = p_value.is_none_or(|p| p > LEFT);
     if quiet {
         let text = match p_value {
-            Some(_) => "nothing left above the noise",
+            Some(_) => format!("nothing left above the noise{}", nearest(traced)),
             None => {
                 "lack of fit cannot be judged: record each pose several times, or declare the noise"
+                    .into()
             }
         };
-        return Unexplained { p_value, target: None, text: text.into() };
+        return Unexplained { p_value, target: None, text };
     }
     let (target, text) = locate(traced);
     Unexplained { p_value, target: Some(target), text }
+}
+
+/// The effect that came nearest to being named, where chance makes such a one in less
+/// than half of all sessions.
+fn nearest(traced: &Traced) -> String {
+    let near = traced.left.filter(|s| s.corrected < 0.5 && !scan::is_data(&s.instance));
+    near.map_or(String::new(), |s| {
+        let (id, target) = (s.instance.term.info().id, s.instance.target);
+        let target = target.name(&traced.session.mechanism);
+        format!(
+            "; nearest to it is {id} of {target}, as chance makes one with p = {:.2}",
+            s.corrected
+        )
+    })
 }
 
 /// Share of what a chain takes up that one of its channels must take up alone to

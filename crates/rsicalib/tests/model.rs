@@ -155,8 +155,8 @@ fn columns_that_an_equation_does_not_depend_on_are_zero() {
         let (model, beta) = device.model(&readings, &instances, &values);
         let ws = evaluated(&model, &readings, 0, readings.raw(0), &beta);
         for (k, active) in model.active().iter().enumerate() {
-            for column in (0..model.parameters).filter(|c| !active.contains(c)) {
-                let x = ws.x[k * model.parameters + column];
+            for column in (0..model.width()).filter(|c| !active.contains(c)) {
+                let x = ws.x[k * model.width() + column];
                 assert_eq!(x, lanes::Lanes::ZERO, "equation {k}, column {column}");
             }
         }

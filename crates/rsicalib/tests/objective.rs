@@ -29,7 +29,7 @@ impl Case {
         let readings = device.readings();
         let (instances, mut values) = device.terms(&readings, &IDS, seed);
         values.iter_mut().for_each(|v| *v *= 0.3);
-        device.close(&instances, &values);
+        assert!(device.closes(&instances, &values), "every pose assembles");
         let mut rng = Rng::new(seed);
         // Noise of 1.5 mrad, another on each channel; parameters off by 3 %.
         let channels = &device.mechanism.channels;
@@ -212,7 +212,7 @@ fn a_quiet_encoder_stands_still_too() {
         table: case.readings.table.clone(),
         points: beta[case.model.term_parameters..].to_vec(),
     };
-    device.close(&instances, &beta[..case.model.term_parameters]);
+    assert!(device.closes(&instances, &beta[..case.model.term_parameters]), "every pose assembles");
     case.readings = device.readings();
     let gains = device.mechanism.channels.iter().map(|c| c.gain.abs());
     case.noise.sigma = gains.map(|gain| 1e-8 / gain).collect();

@@ -125,7 +125,7 @@ fn found_again(term: &'static dyn Term, target: Target, mut device: Device) {
         let times = if term.info().penalised { 0.5 } else { 3.0 };
         truth.extend(size.iter().map(|s| if *instance == own { times * s } else { 0.0 }));
     }
-    device.close(&all, &truth);
+    assert!(device.closes(&all, &truth), "every pose assembles");
     let readings = device.readings();
     let (model, truth) = device.model(&readings, &all, &truth);
     let zeros = vec![0.0; model.term_parameters];

@@ -15,6 +15,7 @@
 use crate::chain::{Axis, Way};
 use crate::lanes::Lanes;
 use crate::mechanism::{Channel, Mechanism};
+use crate::model::Target;
 
 /// Where the fault lies that a term describes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -383,18 +384,20 @@ pub fn find(id: &str) -> Result<&'static dyn Term, crate::Error> {
     })
 }
 
-/// Typical size of each parameter of a term, in the units of a mechanism.
+/// Typical size of each parameter of a term at a target, in the units of a mechanism.
 ///
 /// Lengths are declared as fractions of the longest link, and what is per torque
-/// for all masses at the end of that link.
+/// for all masses at the end of that link. A joint that slides is off by a length.
 #[must_use]
-pub fn typical(mechanism: &Mechanism, term: &dyn Term) -> Vec<f64> {
+pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f64> {
     let rows = || mechanism.chains.iter().flat_map(|c| &c.rows);
     let at = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
     let lengths = rows().flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]).chain(at.flatten());
     let longest = lengths.fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
     let mass: f64 = rows().filter_map(|r| r.mass).sum();
+    let slides = matches!(target, Target::Channel(c) if mechanism.slides(c));
     let scale = |unit: &str| match unit {
+        "rad" | "length" if slides => longest,
         "length" => longest,
         "rad/length" => 1.0 / longest,
         "rad/torque" => 1.0 / (longest * mass.max(f64::MIN_POSITIVE)),

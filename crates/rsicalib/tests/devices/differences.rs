@@ -29,10 +29,13 @@ pub const EVERY_STAGE: [&str; 14] = [
 pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], columns: Range<usize>) {
     let workspaces = every_block(model, readings, beta);
     for column in columns {
-        let analytic: Vec<f64> = workspaces
-            .iter()
-            .flat_map(|ws| ws.x.iter().skip(column).step_by(model.parameters))
-            .flat_map(|lanes| lanes.0)
+        let blocks = workspaces.iter().zip(readings.blocks());
+        let analytic: Vec<f64> = blocks
+            .flat_map(|(ws, block)| {
+                let here = model.columns()[block.group].iter().position(|c| *c == column);
+                let row = |k: usize| here.map_or(Lanes::ZERO, |i| ws.x[k * model.width() + i]);
+                (0..model.equations()).flat_map(|k| row(k).0).collect::<Vec<_>>()
+            })
             .collect();
         let largest = largest(&analytic);
         // A step that moves f by 0.001 in², or twice the size of the parameter.

@@ -77,13 +77,14 @@ impl Device {
     ///
     /// Velocities, directions and spans follow the readings, so this repeats
     /// until both stand still. A row between two directions of approach never
-    /// does: it is moved away.
-    pub fn close(&mut self, instances: &[Instance], terms: &[f64]) {
+    /// does: it is moved away. False where some pose cannot be assembled.
+    #[must_use]
+    pub fn closes(&mut self, instances: &[Instance], terms: &[f64]) -> bool {
         let gains: Vec<f64> = self.mechanism.channels.iter().map(|c| c.gain).collect();
         for round in 1..=60 {
             let readings = self.readings();
             let (model, beta) = self.model(&readings, instances, terms);
-            let values = assemble(&model, &readings, &beta);
+            let Some(values) = assemble(&model, &readings, &beta) else { return false };
             let rows = values.chunks_exact(gains.len());
             let mut settled = true;
             for (old, new) in self.table.values.chunks_exact_mut(gains.len()).zip(rows) {
@@ -96,15 +97,16 @@ impl Device {
                 }
             }
             if settled {
-                return;
+                return true;
             }
         }
-        panic!("readings and their context do not settle");
+        false
     }
 }
 
-/// Readings nearest to those given that close the loops: Newton's method.
-fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<f64> {
+/// Readings nearest to those given that close the loops: Newton's method. None where a
+/// pose is out of reach, or stretched.
+fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<Vec<f64>> {
     let (k, c) = (model.equations(), readings.channels);
     let mut values = readings.table.values.clone();
     let mut ws = Workspace::default();
@@ -119,8 +121,7 @@ fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<f64> {
                 let unit = |j: usize| 1.0 / model.scales[j].gain;
                 let f = DVector::from_fn(k, |i, _| ws.f[i].0[lane]);
                 let g = DMatrix::from_fn(k, c, |i, j| ws.a[i * c + j].0[lane] * unit(j));
-                let lambda =
-                    (&g * g.transpose()).cholesky().expect("independent closures").solve(&f);
+                let lambda = (&g * g.transpose()).cholesky()?.solve(&f);
                 let step = g.transpose() * lambda;
                 let short = (0.2 / step.amax()).min(1.0);
                 longest = step.amax().max(longest);
@@ -132,14 +133,16 @@ fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<f64> {
                 break;
             }
         }
-        assert!(longest < 1e-11, "block {block} does not assemble: {longest:e}");
+        if longest.is_nan() || longest >= 1e-11 {
+            return None;
+        }
         for (row, lane) in meta.rows.iter().zip(0..meta.live) {
             for j in 0..c {
                 values[row * c + j] = a[j].0[lane];
             }
         }
     }
-    values
+    Some(values)
 }
 
 /// Rows of every device: not a whole number of blocks.
@@ -199,6 +202,12 @@ pub fn hand_controller(how: How, seed: u64) -> Device {
 /// and in radians, masses, distances known and measured, and two unknown points
 /// that the last chain touches.
 pub fn random(chains: usize, how: How, seed: u64) -> Device {
+    // Some drawings cannot be assembled in every pose: draw again.
+    let again = (0..20).map(|n| seed + 1000 * n);
+    again.filter_map(|seed| drawn(chains, how, seed)).next().expect("one of 20 assembles")
+}
+
+fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
     let mut rng = Rng::new(seed);
     let mut mechanism = Mechanism {
         name: format!("random {seed}"),
@@ -261,8 +270,7 @@ pub fn random(chains: usize, how: How, seed: u64) -> Device {
         table.columns = vec![(0..ROWS).map(|r| value * (1.0 + 0.02 * (r as f64).sin())).collect()];
     }
     let mut device = Device { mechanism, table, points };
-    device.close(&[], &[]);
-    device
+    device.closes(&[], &[]).then_some(device)
 }
 
 fn random_chain(
@@ -365,7 +373,7 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
         _ => 1.0,
     };
     let parameters = instance.term.info().parameters.iter();
-    let typical = terms::typical(mechanism, instance.term);
+    let typical = terms::typical(mechanism, instance.term, instance.target);
     parameters
         .zip(typical)
         .map(|(p, typical)| {
