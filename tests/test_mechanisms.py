@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+import rsicalib
 from rsicalib.errors import InputError
 from rsicalib.mechanisms import load_mechanism_text, mechanism_toml, read_mechanism
 from tests import oracle
@@ -266,3 +267,17 @@ def test_an_example_can_be_assembled(name: str) -> None:
 
     # Not from every start: arms that grip from the same side are singular.
     assert any(regular() for _ in range(10))
+
+
+def test_numbers_of_numpy_are_numbers_in_toml() -> None:
+    text = mechanism_toml({"a": np.float64(0.1), "b": np.int64(3), "c": [np.float64(1e-9)]})
+    assert tomllib.loads(text) == {"a": 0.1, "b": 3, "c": [1e-9]}
+
+
+@pytest.mark.parametrize("model", ['terms = ["offset", "gian@a11"]', "sd = {gian = 1.0}"])
+def test_a_term_that_there_is_not_is_refused_with_the_file(tmp_path: Path, model: str) -> None:
+    text = rsicalib.load_mechanism("rsi").to_toml().split("[model]")[0] + f"[model]\n{model}\n"
+    (tmp_path / "mine.toml").write_text(text)
+    with pytest.raises(InputError, match=r"mine\.toml: .*gian.*offset") as error:
+        rsicalib.load_mechanism(tmp_path / "mine.toml")
+    assert error.value.where is not None and str(error.value.where["file"]).endswith("mine.toml")

@@ -756,6 +756,19 @@ impl Model {
         }
     }
 
+    /// First parameters of the unknown points that no sample in use touches.
+    #[must_use]
+    pub fn untouched(&self, readings: &Readings, weights: &[f64]) -> Vec<usize> {
+        let mut touched = vec![false; self.unknown_names.len()];
+        for block in readings.blocks() {
+            if block.rows[..block.live].iter().any(|&r| weights[r] > 0.0) {
+                self.unknown.iter().for_each(|of_group| touched[of_group[block.group]] = true);
+            }
+        }
+        let left = touched.iter().enumerate().filter(|(_, touched)| !**touched);
+        left.map(|(k, _)| self.term_parameters + 3 * k).collect()
+    }
+
     /// For each equation, the columns that are not zero throughout, ascending.
     #[must_use]
     pub fn active(&self) -> Vec<Vec<usize>> {

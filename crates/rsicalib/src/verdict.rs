@@ -388,8 +388,14 @@ pub fn held_out(session: &Session, full: &Fit) -> Option<HeldOut> {
             readings: &session.readings,
             weights: Some(&session.weights),
         };
+        // A point that was left out whole is where the others' terms touch it.
+        let (mut beta, mut placed) = (trained.beta.clone(), trained.beta.clone());
+        trained.model.place_unknowns(&session.readings, &mut placed);
+        for first in trained.model.untouched(&session.readings, &training.weights) {
+            beta[first..first + 3].copy_from_slice(&placed[first..first + 3]);
+        }
         let problem = Implicit::new(vec![(part, noise_of(full))], &[]);
-        let residuals = problem.residuals(&trained.beta, false);
+        let residuals = problem.residuals(&beta, false);
         let k = residuals.equations;
         for row in out.flat_map(|p| rows[p].clone()).filter(|&r| session.weights[r] > 0.0) {
             chi2 += residuals.whitened[row * k..(row + 1) * k].iter().map(|r| r * r).sum::<f64>();
