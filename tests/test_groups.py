@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import rsicalib
 from rsicalib import InputError
 from rsicalib.groups import spread
+from rsicalib.words import advice
 from rsicalib.work import as_applied
 from tests.test_examples import sockets
 
@@ -72,6 +74,31 @@ def test_trace_reports_the_same_measure(made: Any) -> None:
     assert found.to_dict()["groups"]["unit"] == "mm"
     again = rsicalib.Trace.from_dict(found.to_dict())
     assert again.groups is not None and again.groups.others == found.groups.others
+
+
+def test_trace_says_whether_what_it_found_holds_elsewhere(made: Any) -> None:
+    mechanism, readings = made
+    fit_groups = ["front", "left"]
+    found = rsicalib.trace(readings, mechanism, fit_groups=fit_groups)
+    before = rsicalib.calibrate(readings, mechanism, fit_groups=fit_groups)
+    wanted = by_hand(rsicalib.forward(readings, mechanism, before), readings)
+    groups = found.groups
+    assert groups is not None and groups.before_fitted is not None
+    assert groups.before_others == pytest.approx(wanted["high"], rel=1e-6)
+    assert groups.before_fitted == pytest.approx((wanted["front"] + wanted["left"]) / 2, rel=1e-6)
+    assert "at what it touches, other groups [mm]" in found.summary()
+
+
+def test_what_does_not_hold_elsewhere_is_warned_of(made: Any) -> None:
+    mechanism, readings = made
+    bent = readings.values.copy()
+    bent[:, 2] += 0.01 * bent[:, 2] ** 2
+    session = replace(readings, values=bent)
+    found = rsicalib.trace(session, mechanism, fit_groups=["front", "left"])
+    assert found.steps and found.groups is not None and found.groups.before_others is not None
+    assert not any("hold elsewhere" in text for text in advice(found))
+    worse = replace(found.groups, others=1.2 * found.groups.before_others)
+    assert any("hold elsewhere" in text for text in advice(found.with_groups(worse)))
 
 
 def test_an_unknown_group_is_refused_by_name(made: Any) -> None:

@@ -333,7 +333,7 @@ def trace(
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
     lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
-    return measured(job, Trace.from_dict(job.result(Trace, report, session) | lacking))
+    return measured(job, Trace.from_dict(job.result(Trace, report, session) | lacking), session)
 
 
 def fixture(

@@ -16,7 +16,7 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.data import Readings
-from rsicalib.results import Groups, Result
+from rsicalib.results import Calibration, Groups, Result
 from rsicalib.work import FloatArray, Work, as_applied, as_table
 
 __all__ = ["carried_points", "measured", "spread"]
@@ -85,7 +85,7 @@ def spread(
     return {name: float(np.concatenate(rows).mean()) for name, rows in far.items()}
 
 
-def measured(job: Work, result: AnyResult) -> AnyResult:
+def measured(job: Work, result: AnyResult, session: _core.Session | None = None) -> AnyResult:
     """Add the measure of the groups to a result, those included that it was not fitted on.
 
     Parameters
@@ -94,6 +94,8 @@ def measured(job: Work, result: AnyResult) -> AnyResult:
         Which readings there are, and which were used.
     result : Result
         Of a mechanism with or without unknown points.
+    session : Session, optional
+        What was traced: its fit is measured too, for the figures before.
 
     Returns
     -------
@@ -107,6 +109,11 @@ def measured(job: Work, result: AnyResult) -> AnyResult:
         return result
     nominal = spread(job.whole, job.mechanism, as_applied(None, job.mechanism))
     used, others = _sides(job, list(by_group))
+    before: Mapping[str, float] = {}
+    if session is not None:
+        found = {**session.fit().to_dict(), "verdict": None}
+        fitted = Calibration.from_dict(job.result(Calibration, found, session))
+        before = spread(job.whole, job.mechanism, as_applied(fitted, job.mechanism))
     groups = Groups(
         fitted=_mean(by_group, used),
         others=_mean(by_group, others),
@@ -114,6 +121,8 @@ def measured(job: Work, result: AnyResult) -> AnyResult:
         unit=result.length_unit,
         nominal_fitted=_mean(nominal, used),
         nominal_others=_mean(nominal, others),
+        before_fitted=_mean(before, used),
+        before_others=_mean(before, others),
     )
     return result.with_groups(groups)
 

@@ -138,7 +138,7 @@ def _left(result: Trace) -> list[str]:
             if rms is None
             else f", {number(rms.position, 2)} {result.length_unit} at the platform"
         )
-        size = f"{number(hidden.detectable, 2)} {hidden.unit}"
+        size = number(hidden.detectable, 2) + (f" {hidden.unit}" if hidden.unit != "1" else "")
         name = f"{name_of(hidden.term)} of {hidden.target}"
         lines.append(_cut(f"  may hide  {name} up to {size}{cost}"))
     return ["", *lines] if lines else []

@@ -205,6 +205,9 @@ class Groups(Record):
     nominal_fitted: float | None = None
     """`fitted` with the mechanism as it is declared."""
     nominal_others: float | None = None
+    before_fitted: float | None = field(default=None, metadata=OMIT)
+    """`fitted` before effects were traced."""
+    before_others: float | None = field(default=None, metadata=OMIT)
 
 
 @dataclass(frozen=True)

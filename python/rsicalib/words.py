@@ -167,7 +167,23 @@ def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, st
         turn = [number(c.orientation_rms) if c else "–" for c in (old, new)]
         rows.append((f"position, {poses} [{unit}]", at[0], at[1]))
         rows.append((f"orientation, {poses} [rad]", turn[0], turn[1]))
+    rows += _touched(result)
     return heads, [row for row in rows if row[1:] != ("–", "–")]
+
+
+def _touched(result: Result) -> list[tuple[str, str, str]]:
+    """How far carried points are from where they touch, in groups that were fitted, and others."""
+    groups = result.groups
+    if groups is None or (isinstance(result, Calibration) and result.with_excluded is not None):
+        return []
+    traced = isinstance(result, Trace)
+    old = (groups.before_fitted, groups.before_others) if traced else None
+    old = old or (groups.nominal_fitted, groups.nominal_others)
+    names = (f"at what it touches, {which} [{groups.unit}]" for which in ("fitted", "other groups"))
+    return [
+        (name, number(before), number(after))
+        for name, before, after in zip(names, old, (groups.fitted, groups.others), strict=True)
+    ]
 
 
 def size_words(step: Step) -> str:
@@ -207,7 +223,7 @@ def advice(result: Result) -> list[str]:
             "`pose`), or declare the noise with --noise."
         )
     if isinstance(result, Trace):
-        out += _next_measurement(result)
+        out += [*_elsewhere(result), *_next_measurement(result)]
     if fit.check is None:
         out.append(
             "Closure is not accuracy: give poses known from elsewhere with --check to see the "
@@ -216,6 +232,23 @@ def advice(result: Result) -> list[str]:
     if fit.p_value is not None and fit.p_value >= ALPHA and fit.check is not None:
         out.append("Use it: rsicalib forward READINGS --calibration result.json.")
     return out
+
+
+WORSE = 1.05
+"""Groups that were not fitted must not close worse than this many times what they did."""
+
+
+def _elsewhere(result: Trace) -> list[str]:
+    groups = result.groups
+    if groups is None or groups.others is None or groups.before_others is None:
+        return []
+    if not result.steps or groups.others <= WORSE * groups.before_others:
+        return []
+    return [
+        "What was found does not hold elsewhere: groups that were not fitted close to "
+        f"{number(groups.others)} {groups.unit}, and to {number(groups.before_others)} without "
+        "it. Fit more groups together."
+    ]
 
 
 def _next_measurement(result: Trace) -> list[str]:
