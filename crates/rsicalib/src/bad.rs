@@ -9,10 +9,10 @@
 //!
 //! with `S` the scatter within poses and `ν` its degrees of freedom, as in (61).
 
+use crate::excluded::Excluded;
 use crate::fit::Fit;
 use crate::session::Session;
 use crate::stats;
-use crate::trace::Excluded;
 
 /// Probability of accusing any sample of a clean session.
 const ALPHA: f64 = 0.0015;
@@ -95,11 +95,11 @@ fn culprit(
         if length > 0.0 { along * along / length / typical } else { 0.0 }
     };
     let scores: Vec<(f64, usize)> = (0..c).map(|i| (score(i), i)).collect();
-    let credible = crate::trace::credible(&scores);
+    let credible = crate::rivals::credible(&scores);
     let close: Vec<usize> = (0..c).filter(|&i| credible[i]).collect();
     if let [channel] = close[..] {
         return (Some(channel), session.mechanism.chain_of(channel));
     }
     let chains: Vec<_> = scores.iter().map(|s| (s.0, session.mechanism.chain_of(s.1))).collect();
-    (None, crate::trace::likeliest_chain(&chains).0)
+    (None, crate::rivals::likeliest_chain(&chains).0)
 }

@@ -5,10 +5,11 @@
 //! model may lack, which would make good readings look bad; what it finds wrong is left out.
 
 use crate::Error;
+use crate::excluded::Excluded;
 use crate::fit::{Fit, Method, fit};
 use crate::model::Instance;
 use crate::session::Session;
-use crate::trace::{Excluded, Search, looks_bad, sound, trace};
+use crate::trace::{Search, looks_bad, sound, trace};
 use crate::{faults, scan};
 
 /// A calibration.

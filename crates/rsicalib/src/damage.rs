@@ -15,12 +15,12 @@
 
 use faer::Mat;
 
+use crate::excluded::Excluded;
 use crate::fit::Fit;
 use crate::model::{Model, Target};
 use crate::objective::{Implicit, Noise, Part, Residuals};
 use crate::session::Session;
 use crate::terms::{Acts, Spot};
-use crate::trace::Excluded;
 use crate::{Error, stats};
 
 /// Probability of accusing anything in a clean session.

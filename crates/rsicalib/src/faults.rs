@@ -6,11 +6,11 @@
 
 use std::collections::BTreeSet;
 
+use crate::excluded::Excluded;
 use crate::fit::{Fit, NoiseEstimate};
 use crate::noise::Source;
 use crate::readings::Readings;
 use crate::session::Session;
-use crate::trace::Excluded;
 use crate::{Mechanism, stats};
 
 /// How often a rule may speak up in sound data, per file.

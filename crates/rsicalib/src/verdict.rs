@@ -1,6 +1,7 @@
 //! What a trace says, in the shape of the JSON.
 
 use crate::check::{Check, check, error_of, some_poses};
+use crate::excluded::Excluded;
 use crate::fit::{Fit, fit};
 use crate::leftover::whereabouts;
 use crate::model::{Instance, Model, Target};
@@ -11,7 +12,7 @@ use crate::result::{
 use crate::scan::{self, project};
 use crate::session::Session;
 use crate::terms::{Acts, Class, Scale, Site};
-use crate::trace::{Excluded, Found, LEFT, Search, Traced, trace};
+use crate::trace::{Found, LEFT, Search, Traced, trace};
 use crate::{Error, Table, lanes::Lanes, stats};
 
 /// Known poses, for the error before and after.
