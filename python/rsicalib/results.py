@@ -250,6 +250,8 @@ class Step(Record):
     klass: str = field(metadata={"key": "class"})
     target: str
     p_value: float | None
+    chi2_rise: float | None = field(default=None, metadata=OMIT)
+    """By how much χ² would rise without it."""
     parameters: tuple[StepParameter, ...] = ()
     place: str | None = field(default=None, metadata=OMIT)
     also_fits: tuple[Name, ...] = ()

@@ -93,6 +93,11 @@ def sentence(result: Result) -> str:
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
             return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
+        if result.unexplained and (result.unexplained.p_value or 1.0) >= ALPHA:
+            return (
+                f"Partly explained: {missing} leave no more than noise ({judged}), but may stand "
+                "for an effect that no term has."
+            )
         return f"Partly explained: {missing} {were} missing, and something is left ({judged})."
     if isinstance(result, Trace) and result.excluded and result.verdict == "explained":
         count = len(result.excluded)

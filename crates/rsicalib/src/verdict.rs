@@ -12,7 +12,7 @@ use crate::result::{
 use crate::scan::{self, project};
 use crate::session::Session;
 use crate::terms::{Acts, Class, Scale, Site};
-use crate::trace::{Found, LEFT, Search, Traced, trace};
+use crate::trace::{Found, LEFT, Search, Traced, cost, trace};
 use crate::{Error, Table, lanes::Lanes, stats};
 
 /// Known poses, for the error before and after.
@@ -60,6 +60,8 @@ pub struct StepReport {
     pub effect: Place,
     /// Probability by chance, corrected for the places looked at.
     pub p_value: f64,
+    /// By how much χ² would rise without it.
+    pub chi2_rise: f64,
     /// Its parameters.
     pub parameters: Vec<ParameterReport>,
     /// What these poses cannot tell from it.
@@ -200,7 +202,7 @@ pub fn report(
         Some(last) => last.held_out,
         None => held_out(&traced.small, &traced.last),
     };
-    let unexplained = unexplained(&traced);
+    let unexplained = unexplained(&traced, &steps);
     let verdict = verdict(&traced, &unexplained);
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),
@@ -288,6 +290,7 @@ fn step(
     Ok(StepReport {
         effect: effect(session, &found.instance),
         p_value: found.p_value.min(1.0),
+        chi2_rise: cost(&without) - cost(&traced.last),
         parameters: parameters.collect(),
         also_fits: found.also.iter().map(|i| effect(session, i)).collect(),
         platform_rms,
@@ -443,10 +446,13 @@ pub fn excluded(session: &Session, excluded: &Excluded) -> ExcludedReport {
 }
 
 /// Whether what is left is noise, and if not, where it is.
-fn unexplained(traced: &Traced) -> Unexplained {
+fn unexplained(traced: &Traced, steps: &[StepReport]) -> Unexplained {
     let last = &traced.last;
     let p_value = traced.judge.lack_of_fit(last);
     let quiet = p_value.is_none_or(|p| p > LEFT);
+    if let Some(faint) = doubtful(steps).filter(|_| quiet) {
+        return faint_beside_others(p_value, faint);
+    }
     if quiet {
         let text = match p_value {
             Some(_) => format!("nothing left above the noise{}", nearest(traced)),
@@ -459,6 +465,28 @@ fn unexplained(traced: &Traced) -> Unexplained {
     }
     let (target, text) = locate(traced);
     Unexplained { p_value, target: Some(target), text }
+}
+
+/// An effect beside others that χ² would not rise by this much without is doubtful: where
+/// the catalogue lacks the effect, several of its terms make it up between them, the
+/// last of them faint. Measured: docs/decisions/0004.
+const FAINT: f64 = 40.0;
+
+/// The faintest of several effects, if it is doubtful.
+fn doubtful(steps: &[StepReport]) -> Option<&StepReport> {
+    let faintest = steps.iter().min_by(|a, b| a.chi2_rise.total_cmp(&b.chi2_rise))?;
+    (steps.len() > 1 && faintest.chi2_rise < FAINT).then_some(faintest)
+}
+
+fn faint_beside_others(p_value: Option<f64>, faint: &StepReport) -> Unexplained {
+    let Place { term, target, .. } = &faint.effect;
+    let text = format!(
+        "nothing left above the noise, but {term} of {target} is faint beside the others (χ² would rise \
+         by {:.0} without it): together they may stand for one effect that the catalogue lacks. \
+         Record more poses, and see whether all of them are found again.",
+        faint.chi2_rise
+    );
+    Unexplained { p_value, target: Some(target.clone()), text }
 }
 
 /// The effect that came nearest to being named, where chance makes such a one in less
