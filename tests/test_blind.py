@@ -278,6 +278,14 @@ def test_credit_is_divided_by_the_targets_listed() -> None:
     assert grade(said(shape), truth).effects[0].credit == 1
 
 
+def test_an_explanation_of_another_class_misleads() -> None:
+    truth = [effects.Drift("a11", 0.02)]
+    wrong = said(step("link_length", "geometry", "arm1/2"))
+    assert grade(wrong, truth).misled
+    assert not grade(wrong | {"verdict": "partly_explained"}, truth).misled
+    assert not grade(said(step("slip", "sensor", "a11")), truth).misled
+
+
 def test_what_is_not_there_is_extra() -> None:
     truth = [effects.Drift("a11", 0.02)]
     result = said(step("drift", "sensor", "a11"), step("sag", "load", "all"))

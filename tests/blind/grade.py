@@ -39,6 +39,8 @@ class Grade:
     orientation: tuple[float | None, float | None]
     arms: tuple[float, ...] = field(default=())
     """For each effect, whether at least its arm was named."""
+    misled: bool = False
+    """Said to be explained, by a class that no effect has."""
 
     @property
     def right(self) -> bool:
@@ -154,6 +156,13 @@ def extras(result: Result, effects: Sequence[Effect]) -> int:
     return steps + entries
 
 
+def misled(result: Result, effects: Sequence[Effect]) -> bool:
+    """Whether it is said to be explained, by a class that no effect has."""
+    kinds = {kind for effect in effects for kind in effect.kinds}
+    named = {step["class"] for step in result["steps"]}
+    return bool(effects) and result["verdict"] == "explained" and not named <= kinds
+
+
 def handle_error(result: Result, stage: str, figure: str) -> float | None:
     """An rms error on the check poses, `before` or `after`; None where there is none."""
     value = ((result.get(stage) or {}).get("check") or {}).get(figure)
@@ -175,4 +184,5 @@ def grade(result: Result, effects: Sequence[Effect], left_out: bool = False) -> 
         position=pairs["position_rms"],
         orientation=pairs["orientation_rms"],
         arms=tuple(arm for _, arm in judged),
+        misled=misled(result, effects),
     )

@@ -56,6 +56,7 @@ def figures(suite: str, rows: Sequence[Row]) -> list[tuple[str, str]]:
         out.append(("at least the arm", rate(a > 0 for g in grades for a in g.arms)))
         out.append(("said to be adequate", rate(g.verdict == "adequate" for g in grades)))
         out.append(("said to be explained", rate(g.verdict == "explained" for g in grades)))
+        out.append(("explained by another class", rate(g.misled for g in grades)))
     extra = np.array([g.extras for g in grades], dtype=float)
     error = extra.std() / np.sqrt(max(len(extra), 1))
     out.append(("extra names per session", f"{extra.mean():.3f} ± {error:.3f}"))

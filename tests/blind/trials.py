@@ -135,14 +135,15 @@ def spoils(device: Device, scene: Scene, fault: Effect) -> bool:
 
 def kinds_of(suite: str) -> tuple[type[Effect], ...]:
     """What a suite draws from."""
+    standing = tuple(k for k in catalogue.CATALOGUE if not k.moving and not k.mishap)
     by_suite = {
         "clean": (),
         "single": catalogue.CATALOGUE,
-        "pairs": tuple(k for k in catalogue.CATALOGUE if not k.moving and not k.mishap),
-        "triples": tuple(k for k in catalogue.CATALOGUE if not k.moving and not k.mishap),
+        "pairs": standing,
+        "triples": standing,
         "recordings": tuple(k for k in catalogue.CATALOGUE if k.recorded and not k.mishap),
         "outside": catalogue.OUTSIDE,
-        "left_out": catalogue.SENSOR,
+        "left_out": standing,
         "faults": catalogue.FAULTS,
     }
     return by_suite[suite]

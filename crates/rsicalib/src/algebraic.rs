@@ -28,6 +28,7 @@ use crate::chain::{Axis, Posture, Source, Step, Way, push_place};
 use crate::lanes::{Lanes, Vec3, WIDTH, dispatch, dot, minus};
 use crate::lm::{self, Curvature, Linearization, Problem, Termination};
 use crate::mechanism::{ClosureKind, Motion, Value};
+use crate::objective::lock;
 use crate::{Error, Mechanism};
 
 /// Blocks that one task takes; parts are added up in their order.
@@ -514,11 +515,6 @@ impl Problem for Paper {
         lock(&self.spare).append(&mut parts);
         here
     }
-}
-
-/// A panic elsewhere leaves spare room usable.
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// The channels that move a chain.

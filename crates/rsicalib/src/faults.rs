@@ -240,7 +240,6 @@ pub fn seen_by(before: &Fit, fit: Fit) -> Fit {
 
 /// True where the poses that are left give equations for twice the parameters.
 fn enough(session: &Session, fit: &Fit, without: &[usize]) -> bool {
-    let live = |p: &usize| !without.contains(p);
-    let left = (0..session.readings.poses()).filter(live).count();
+    let left = session.readings.poses() - without.len();
     left * fit.model.equations() >= 2 * fit.model.parameters
 }

@@ -447,7 +447,7 @@ impl Column {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -462,6 +462,9 @@ fn turns(times: &[(usize, Column)]) -> Vec<f64> {
     };
     times.windows(2).map(|pair| angle(&pair[0].1, &pair[1].1)).collect()
 }
+
+/// Scores of one degree of freedom below this are never named, at however few times.
+const SURPRISE: f64 = 4.0;
 
 /// Number of independent tests that tests one after another amount to, at a score:
 /// neighbours score alike. Efron's length heuristic (Biometrika 84, 1997).
@@ -565,8 +568,12 @@ fn scan_places(
         let turns = turns(&times);
         for (pose, column) in &times {
             let instance = Instance { term: slip, target, place: *pose };
-            let tests = c as f64 * declumped(&turns, column.score().unwrap_or(0.0));
-            keep(instance, Family::Slip, tests, column.score());
+            let score = column.score();
+            // What is no surprise at one time is none at many: only surprises are paid for.
+            let rare = score.is_some_and(|score| score > SURPRISE);
+            let times =
+                if rare { declumped(&turns, score.unwrap_or(0.0)) } else { times.len() as f64 };
+            keep(instance, Family::Slip, c as f64 * times, score);
         }
     }
     if allowed("bad_reading") && readings.held {

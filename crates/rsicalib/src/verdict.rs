@@ -9,7 +9,7 @@ use crate::objective::{Implicit, Noise, Part};
 use crate::result::{
     Estimates, FitReport, HeldOut, ParameterReport, estimates, place, reported, unit,
 };
-use crate::scan::{self, project};
+use crate::scan::{self, dot, project};
 use crate::session::Session;
 use crate::terms::{Acts, Class, Scale, Site};
 use crate::trace::{Found, LEFT, Search, Traced, cost, trace};
@@ -576,10 +576,6 @@ fn taken_up(traced: &Traced, channels: &[usize]) -> (f64, f64) {
         dimensions += basis.len() as f64;
     }
     (taken, dimensions)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// How large each absent effect would have to be to be seen, and what it would do.
