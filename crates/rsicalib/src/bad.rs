@@ -11,6 +11,7 @@
 
 use crate::excluded::Excluded;
 use crate::fit::Fit;
+use crate::rivals::Blame;
 use crate::session::Session;
 use crate::stats;
 
@@ -54,16 +55,20 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
         if stats::f_tail(far / k / typical, k, dof - k) * tests > ALPHA {
             return excluded;
         }
-        let (channel, chain) = culprit(session, fit, row, &apart(fit, row, &groups[pose]), typical);
+        let blame = culprit(session, fit, row, &apart(fit, row, &groups[pose]), typical);
         session.weights[row] = 0.0;
         excluded.push(Excluded {
             pose: Some(pose),
             placement: None,
             samples: 1,
             row: Some(row),
-            channel,
-            chain,
-            reason: format!("{:.0} σ off the other samples of its pose", (far / typical).sqrt()),
+            channel: blame.channel,
+            chain: blame.chain,
+            reason: format!(
+                "{:.0} σ off the other samples of its pose: {}",
+                (far / typical).sqrt(),
+                blame.reason
+            ),
         });
     }
 }
@@ -78,15 +83,8 @@ fn apart(fit: &Fit, row: usize, rows: &[usize]) -> Vec<f64> {
     (0..k).map(|e| at(row, e) - mean(e)).collect()
 }
 
-/// The channel whose error would move the misclosure so, and its chain, as far
-/// as they can be told.
-fn culprit(
-    session: &Session,
-    fit: &Fit,
-    row: usize,
-    off: &[f64],
-    typical: f64,
-) -> (Option<usize>, Option<usize>) {
+/// The channel whose error would move the misclosure so, as far as it can be told.
+fn culprit(session: &Session, fit: &Fit, row: usize, off: &[f64], typical: f64) -> Blame {
     let (k, c) = (off.len(), session.readings.channels);
     let score = |channel: usize| {
         let a = |e: usize| fit.residuals.by_reading[(row * k + e) * c + channel];
@@ -95,11 +93,5 @@ fn culprit(
         if length > 0.0 { along * along / length / typical } else { 0.0 }
     };
     let scores: Vec<(f64, usize)> = (0..c).map(|i| (score(i), i)).collect();
-    let credible = crate::rivals::credible(&scores);
-    let close: Vec<usize> = (0..c).filter(|&i| credible[i]).collect();
-    if let [channel] = close[..] {
-        return (Some(channel), session.mechanism.chain_of(channel));
-    }
-    let chains: Vec<_> = scores.iter().map(|s| (s.0, session.mechanism.chain_of(s.1))).collect();
-    (None, crate::rivals::likeliest_chain(&chains).0)
+    Blame::of(&scores, &session.mechanism)
 }

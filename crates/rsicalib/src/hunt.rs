@@ -5,7 +5,7 @@ use crate::excluded::Excluded;
 use crate::fit::{Fit, Options, fit};
 use crate::model::{Instance, Target};
 use crate::noise::Source;
-use crate::rivals::{AS_WELL, Likely, credible, likeliest_chain};
+use crate::rivals::{AS_WELL, Blame, credible};
 use crate::scan::{self, CHARGE, Family, Judge, Scored};
 use crate::session::Session;
 use crate::terms::{Acts, Weight};
@@ -364,7 +364,7 @@ impl<'a> Hunt<'a> {
         current: &mut Fit,
         found: &mut [Scored],
         index: usize,
-    ) -> Result<(bool, Vec<Instance>, Likely), Error> {
+    ) -> Result<(bool, Vec<Instance>, Blame), Error> {
         let own = found[index].instance;
         let fewer: Vec<Instance> =
             current.model.instances.iter().copied().filter(|i| *i != own).collect();
@@ -372,7 +372,7 @@ impl<'a> Hunt<'a> {
         let judge = self.judge(&without);
         let mut scored = scan::scan(&self.small, &without, &judge, &self.search.without)?;
         let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
-            return Ok((false, Vec::new(), (self.chain_of(&own), true)));
+            return Ok((false, Vec::new(), self.blame(&[(0.0, own)])));
         };
         // Scores are first order: leave room for what refitting changes.
         let room = AS_WELL + 4.0 + 0.15 * mine.score;
@@ -407,46 +407,28 @@ impl<'a> Hunt<'a> {
         }
         also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
         let named = found[index].instance;
-        let chains: Vec<_> = also.iter().map(|(v, i)| (*v, self.chain_of(i))).collect();
+        let blame = self.blame(&also);
         let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
         let kept = also.iter().zip(credible(&rivals));
         let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
-        Ok((better, also.collect(), likeliest_chain(&chains)))
+        Ok((better, also.collect(), blame))
     }
 
-    /// The chain of an instance's channel.
-    fn chain_of(&self, instance: &Instance) -> Option<usize> {
-        match instance.target {
-            Target::Channel(c) => self.small.mechanism.chain_of(c),
+    /// Whose reading is wrong, of rivals `(value, effect)`.
+    fn blame(&self, rivals: &[(f64, Instance)]) -> Blame {
+        let of_channel = |(value, instance): &(f64, Instance)| match instance.target {
+            Target::Channel(channel) => Some((*value, channel)),
             _ => None,
-        }
+        };
+        let channels: Vec<_> = rivals.iter().filter_map(of_channel).collect();
+        Blame::of(&channels, &self.small.mechanism)
     }
 
     /// A bad reading, with the channel where it can be told, else the likeliest chain.
-    pub fn bad_reading(
-        &self,
-        instance: &Instance,
-        also: &[Instance],
-        (chain, sure): Likely,
-    ) -> Excluded {
-        let others = also.iter().any(|i| scan::is_data(i) && i.place == instance.place);
-        let channel = match instance.target {
-            Target::Channel(channel) if !others => Some(channel),
-            _ => None,
-        };
-        let chain = if channel.is_some() { self.chain_of(instance) } else { chain };
-        let mechanism = &self.small.mechanism;
-        let what = match (channel, chain) {
-            (Some(c), _) => format!("channel {} reads wrong", mechanism.channels[c].name),
-            (None, Some(c)) => format!(
-                "a channel of {} reads wrong{}",
-                mechanism.chains[c].name,
-                if sure { "" } else { ", most likely: these equations hardly tell which" }
-            ),
-            (None, None) => "a channel reads wrong; these equations cannot tell which".into(),
-        };
+    pub fn bad_reading(&self, instance: &Instance, blame: Blame) -> Excluded {
         let samples = self.samples[instance.place];
-        Excluded { channel, chain, ..Excluded::of(Some(instance.place), samples, what) }
+        let Blame { channel, chain, reason } = blame;
+        Excluded { channel, chain, ..Excluded::of(Some(instance.place), samples, reason) }
     }
 
     pub fn excluded(&self, step: &Scored) -> Excluded {

@@ -95,16 +95,16 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut named = Vec::new();
     for index in 0..found.len() {
-        let (better, also, chain) = hunt.alternatives(&mut current, &mut found, index)?;
+        let (better, also, blame) = hunt.alternatives(&mut current, &mut found, index)?;
         if better {
             hunt.rescale(&mut current)?;
         }
-        named.push((also, chain));
+        named.push((also, blame));
     }
     let mut steps = Vec::new();
-    for (Scored { instance, corrected, .. }, (also, chain)) in found.iter().zip(named) {
+    for (Scored { instance, corrected, .. }, (also, blame)) in found.iter().zip(named) {
         if scan::is_data(instance) {
-            excluded.push(hunt.bad_reading(instance, &also, chain));
+            excluded.push(hunt.bad_reading(instance, blame));
         } else {
             steps.push(Found { instance: *instance, p_value: *corrected, also });
         }
