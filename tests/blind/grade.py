@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from tests.blind.effects.base import Effect
@@ -20,6 +20,10 @@ class Verdict:
     target: str
     credit: float
     named: str | None
+    arm: float = 0.0
+    """Whether at least its arm was named: from 0 to 1."""
+    place: float | None = None
+    """Whether the one channel or arm at fault was named; None where it is not one."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +41,6 @@ class Grade:
     verdict: str
     position: tuple[float | None, float | None]
     orientation: tuple[float | None, float | None]
-    arms: tuple[float, ...] = field(default=())
-    """For each effect, whether at least its arm was named."""
     misled: bool = False
     """Said to be explained, by a class that no effect has."""
 
@@ -130,8 +132,15 @@ def best(credits: Sequence[float], named: Sequence[str]) -> tuple[float, str | N
     return max(credits), named[credits.index(max(credits))]
 
 
-def judge(effect: Effect, result: Result, left_out: bool = False) -> tuple[Verdict, float]:
-    """One effect, and whether at least its arm was named."""
+def place(effect: Effect, credit: float, arm: float) -> float | None:
+    """Credit where one channel or arm is at fault: of a sensor its channel, of geometry its arm."""
+    if arm_of(effect.target) is None:
+        return None
+    return arm if effect.kind == "geometry" else credit
+
+
+def judge(effect: Effect, result: Result, left_out: bool = False) -> Verdict:
+    """One effect."""
     steps, excluded = result["steps"], result["excluded"]
     if isinstance(effect, Fault):
         credit, named = judge_fault(effect, result), steps[0]["term"] if steps else None
@@ -146,7 +155,7 @@ def judge(effect: Effect, result: Result, left_out: bool = False) -> tuple[Verdi
         if named is None and (steps or excluded):
             named = steps[0]["term"] if steps else "excluded"
         arm = judge_outside(effect, result)[1]
-    return Verdict(effect.term, effect.target, credit, named), arm
+    return Verdict(effect.term, effect.target, credit, named, arm, place(effect, credit, arm))
 
 
 def extras(result: Result, effects: Sequence[Effect]) -> int:
@@ -171,18 +180,16 @@ def handle_error(result: Result, stage: str, figure: str) -> float | None:
 
 def grade(result: Result, effects: Sequence[Effect], left_out: bool = False) -> Grade:
     """Judges a result; `left_out` if the effects' terms were kept from the catalogue."""
-    judged = [judge(effect, result, left_out) for effect in effects]
     pairs = {
         figure: (handle_error(result, "before", figure), handle_error(result, "after", figure))
         for figure in ("position_rms", "orientation_rms")
     }
     return Grade(
-        effects=tuple(verdict for verdict, _ in judged),
+        effects=tuple(judge(effect, result, left_out) for effect in effects),
         extras=extras(result, effects),
         flagged=bool(result["steps"] or result["excluded"] or result["verdict"] != "adequate"),
         verdict=result["verdict"],
         position=pairs["position_rms"],
         orientation=pairs["orientation_rms"],
-        arms=tuple(arm for _, arm in judged),
         misled=misled(result, effects),
     )

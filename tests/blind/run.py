@@ -53,7 +53,9 @@ def figures(suite: str, rows: Sequence[Row]) -> list[tuple[str, str]]:
         out.append(("named, class and target", rate(c > 0 for c in found)))
         out.append(("credit, shared names divided", rate(found)))
         out.append(("every effect, nothing else", rate(g.right for g in grades)))
-        out.append(("at least the arm", rate(a > 0 for g in grades for a in g.arms)))
+        places = [v.place for g in grades for v in g.effects if v.place is not None]
+        out.append(("of one channel or arm, it", rate(p > 0 for p in places)))
+        out.append(("at least the arm", rate(v.arm > 0 for g in grades for v in g.effects)))
         out.append(("said to be adequate", rate(g.verdict == "adequate" for g in grades)))
         out.append(("said to be explained", rate(g.verdict == "explained" for g in grades)))
         out.append(("explained by another class", rate(g.misled for g in grades)))
@@ -64,9 +66,22 @@ def figures(suite: str, rows: Sequence[Row]) -> list[tuple[str, str]]:
         out.append((f"handle position {stage} [in]", middle(g.position[place] for g in grades)))
     ratios = [r.grade.position[1] / r.told for r in rows if r.told and r.grade.position[1]]
     out.append(("after / told the answer", middle(ratios)))
+    out += worse(rows)
     for stage, place in (("before", 0), ("after", 1)):
         out.append((f"handle angle {stage} [rad]", middle(g.orientation[place] for g in grades)))
     return out
+
+
+def worse(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """How often the handle is worse than before by more than a tenth; where the model is told
+    the answer it is so by noise alone.
+    """
+    known = [(r.told, *r.grade.position) for r in rows]
+    errors = [(t, b, a) for t, b, a in known if t and b and a]
+    return [
+        ("after > 1.1 times before", rate(a > 1.1 * b for _, b, a in errors)),
+        ("the same, told the answer", rate(t > 1.1 * b for t, b, _ in errors)),
+    ]
 
 
 def confusion(rows: Sequence[Row]) -> list[str]:

@@ -1,105 +1,135 @@
-//! When and where what is left lies: in which poses, at which readings, from which side.
+//! What is left of the residual: whether it is noise, and where it is if it is not.
 
-use crate::trace::Traced;
+mod doubt;
+mod whereabouts;
 
-/// Parts into which the session, and the range of a channel, are divided.
-const PARTS: usize = 6;
-/// A part stands out that has this share of what is left,
-const SHARE: f64 = 0.4;
-/// and this many times its own share of the poses.
-const DENSE: f64 = 2.0;
-/// Difference between the two directions of approach, in standard deviations.
-const SIDES: f64 = 4.0;
+use crate::leftover::doubt::doubt;
+use crate::leftover::whereabouts::whereabouts;
+use crate::model::{Instance, Target};
+use crate::scan::{self, dot};
+use crate::trace::{LEFT, Traced};
 
-/// What is left in one pose, as an error of one channel.
-struct Wrong {
-    /// Error over its variance: `aᵀr`.
-    pull: f64,
-    /// Inverse variance: `aᵀa`.
-    weight: f64,
-    reading: f64,
-    side: f64,
-    label: i64,
+/// What is left.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Unexplained {
+    /// Probability of the residual by chance.
+    pub p_value: Option<f64>,
+    /// Where the structure is.
+    pub target: Option<String>,
+    /// In words.
+    pub text: String,
 }
 
-impl Wrong {
-    /// χ² that it takes up beyond what it would of noise.
-    fn excess(&self) -> f64 {
-        self.pull * self.pull / self.weight - 1.0
-    }
-}
-
-/// Where errors of a channel would lie that made what is left, in words; empty where
-/// they would lie anywhere.
+/// Whether what is left is noise, and if not, where it is; `rises` is by how much χ² would
+/// rise without each effect found.
 #[must_use]
-pub fn whereabouts(traced: &Traced, channel: usize) -> String {
-    let errors = errors_of(traced, channel);
-    let name = &traced.small.mechanism.channels[channel].name;
-    let mut words = Vec::new();
-    if let Some((first, last, share)) = dense(&errors) {
-        let unit = if traced.small.readings.held { "poses" } else { "rows" };
-        words.push(format!(
-            "{share:.0} % of it in {unit} {} to {}",
-            errors[first].label, errors[last].label
-        ));
+pub fn unexplained(traced: &Traced, rises: &[f64]) -> Unexplained {
+    let p_value = traced.judge.lack_of_fit(&traced.last);
+    if p_value.is_some_and(|p| p <= LEFT) {
+        let (target, text) = locate(traced);
+        return Unexplained { p_value, target: Some(target), text };
     }
-    let mut by_reading: Vec<&Wrong> = errors.iter().collect();
-    by_reading.sort_by(|a, b| a.reading.total_cmp(&b.reading));
-    if let Some((first, last, share)) = dense_of(&by_reading) {
-        let (low, high) = (by_reading[first].reading, by_reading[last].reading);
-        let unit = &traced.small.mechanism.channels[channel].unit;
-        let digits = if unit == "count" { 0 } else { 3 };
-        words.push(format!(
-            "{share:.0} % of it where {name} reads {low:.digits$} to {high:.digits$} {unit}"
-        ));
+    let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
+    if let Some((target, text)) = doubt(&traced.small.mechanism, &found, rises) {
+        let text = format!("nothing left above the noise, but {text}");
+        return Unexplained { p_value, target: Some(target), text };
     }
-    let pull: f64 = errors.iter().map(|e| e.side * e.pull).sum();
-    let weight: f64 = errors.iter().map(|e| e.side * e.side * e.weight).sum();
-    if weight > 0.0 && pull.abs() > SIDES * weight.sqrt() {
-        words.push(format!("its sign is that of the direction in which {name} came"));
-    }
-    words.join(", ")
-}
-
-fn errors_of(traced: &Traced, channel: usize) -> Vec<Wrong> {
-    let (session, residuals) = (&traced.small, &traced.last.residuals);
-    let (readings, k, c) = (&session.readings, residuals.equations, session.readings.channels);
-    let mut side = vec![0.0; readings.samples];
-    for (block, meta) in readings.blocks().iter().enumerate() {
-        for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-            side[*row] = readings.approach(block)[channel].0[lane];
+    let text = match p_value {
+        Some(_) => format!("nothing left above the noise{}", nearest(traced)),
+        None => {
+            "lack of fit cannot be judged: record each pose several times, or declare the noise"
+                .into()
         }
+    };
+    Unexplained { p_value, target: None, text }
+}
+
+/// The effect that came nearest to being named, where chance makes such a one in less
+/// than half of all sessions.
+fn nearest(traced: &Traced) -> String {
+    let near = traced.left.filter(|s| s.corrected < 0.5 && !scan::is_data(&s.instance));
+    near.map_or(String::new(), |s| {
+        let (id, target) = (s.instance.term.info().id, s.instance.target);
+        let target = target.name(&traced.session.mechanism);
+        format!(
+            "; nearest to it is {id} of {target}, as chance makes one with p = {:.2}",
+            s.corrected
+        )
+    })
+}
+
+/// Share of what a chain takes up that one of its channels must take up alone to
+/// be the one at fault.
+const ALONE: f64 = 0.6;
+/// The same where an effect was named at another of its channels: two that are
+/// wrong may be one fault of what they carry.
+const ALONE_BESIDE: f64 = 0.85;
+
+/// The channel, or the chain, whose readings could best take up what is left, pose
+/// by pose: what it takes up beyond what it would take up of noise.
+fn locate(traced: &Traced) -> (String, String) {
+    let mechanism = &traced.small.mechanism;
+    let excess = |channels: &[usize]| {
+        let (taken, dimensions) = taken_up(traced, channels);
+        taken - dimensions
+    };
+    let best = |scores: &[f64]| (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+    let of_chain: Vec<Vec<usize>> =
+        (0..mechanism.chains.len()).map(|c| mechanism.channels_of(c)).collect();
+    let chains: Vec<f64> = of_chain.iter().map(|channels| excess(channels)).collect();
+    let chain = best(&chains).unwrap_or(0);
+    let channels: Vec<f64> = of_chain[chain].iter().map(|&c| excess(&[c])).collect();
+    let channel = best(&channels).unwrap_or(0);
+    let beside = traced.found.iter().any(|found| match found.instance.target {
+        Target::Channel(c) => c != of_chain[chain][channel] && of_chain[chain].contains(&c),
+        _ => false,
+    });
+    let needed = if beside { ALONE_BESIDE } else { ALONE };
+    let alone = channels.get(channel).is_some_and(|e| *e >= needed * chains[chain]);
+    let (name, what) = if alone {
+        let name = &mechanism.channels[of_chain[chain][channel]].name;
+        (name.clone(), format!("errors of {name}"))
+    } else {
+        let name = &mechanism.chains[chain].name;
+        (name.clone(), format!("errors of several joints of {name}, or of its tip,"))
+    };
+    let everything: Vec<usize> = (0..mechanism.channels.len()).collect();
+    let share = 100.0 * if alone { channels[channel] } else { chains[chain] } / excess(&everything);
+    let places = of_chain[chain].get(channel).map(|&c| whereabouts(traced, c)).unwrap_or_default();
+    let places = if places.is_empty() { places } else { format!(" ({places})") };
+    let text = format!(
+        "structure is left that no effect of the catalogue explains; {what} would take up {:.0} % of it{places}. \
+         Record more poses that move {name} through its range, alone, slowly, in both directions.",
+        share.clamp(0.0, 100.0)
+    );
+    (name, text)
+}
+
+/// χ² of what is left that errors of these channels, free in each pose, would take
+/// up, and in how many dimensions.
+fn taken_up(traced: &Traced, channels: &[usize]) -> (f64, f64) {
+    let (session, residuals) = (&traced.small, &traced.last.residuals);
+    let (k, c) = (residuals.equations, session.readings.channels);
+    let (mut taken, mut dimensions) = (0.0, 0.0);
+    for row in (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0) {
+        let r = &residuals.whitened[row * k..(row + 1) * k];
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for &channel in channels {
+            let column: Vec<f64> =
+                (0..k).map(|e| residuals.by_reading[(row * k + e) * c + channel]).collect();
+            let mut rest = column.clone();
+            for known in &basis {
+                let along = dot(known, &rest);
+                rest.iter_mut().zip(known).for_each(|(r, k)| *r -= along * k);
+            }
+            let length = dot(&rest, &rest).sqrt();
+            if length > 1e-6 * dot(&column, &column).sqrt() {
+                basis.push(rest.iter().map(|v| v / length).collect());
+            }
+        }
+        taken += basis.iter().map(|b| dot(b, r).powi(2)).sum::<f64>();
+        dimensions += basis.len() as f64;
     }
-    let error = |row: usize| {
-        let a = |e: usize| residuals.by_reading[(row * k + e) * c + channel];
-        let pull = (0..k).map(|e| a(e) * residuals.whitened[row * k + e]).sum();
-        let weight = (0..k).map(|e| a(e) * a(e)).sum();
-        let (reading, label) = (readings.row(row)[channel], readings.labels[readings.pose[row]]);
-        Wrong { pull, weight, reading, side: side[row], label }
-    };
-    (0..readings.samples)
-        .filter(|&row| session.weights[row] > 0.0)
-        .map(error)
-        .filter(|e| e.weight > 0.0)
-        .collect()
-}
-
-fn dense(errors: &[Wrong]) -> Option<(usize, usize, f64)> {
-    dense_of(&errors.iter().collect::<Vec<_>>())
-}
-
-/// The densest part of a sequence: its first and last, and its share in per cent.
-fn dense_of(errors: &[&Wrong]) -> Option<(usize, usize, f64)> {
-    let all: f64 = errors.iter().map(|e| e.excess()).sum();
-    let n = errors.len();
-    let part = |p: usize| (n * p / PARTS, n * (p + 1) / PARTS);
-    let share = |p: usize| {
-        let (first, end) = part(p);
-        errors[first..end].iter().map(|e| e.excess()).sum::<f64>() / all
-    };
-    let best = (0..PARTS).max_by(|&a, &b| share(a).total_cmp(&share(b)))?;
-    let (first, end) = part(best);
-    let enough = n >= 4 * PARTS && all > 0.0 && share(best) >= SHARE;
-    (enough && share(best) >= DENSE / PARTS as f64)
-        .then(|| (first, end - 1, (100.0 * share(best)).min(100.0)))
+    (taken, dimensions)
 }
