@@ -1,6 +1,7 @@
 //! The moves of a search: add the best effect, drop what is no longer needed, replace
 //! two by one, and say what fits as well.
 
+use crate::alone::belongs;
 use crate::excluded::Excluded;
 use crate::fit::{Fit, Options, fit};
 use crate::model::{Instance, Target};
@@ -62,7 +63,9 @@ fn physical(fit: &Fit, instance: &Instance) -> bool {
 pub struct Hunt<'a> {
     /// One sample for each held pose.
     pub small: Session,
-    search: &'a Search,
+    /// The channel, closure or chain to which the search is confined.
+    pub only: Option<Target>,
+    pub search: &'a Search,
     /// Weights of the samples before any pose was left out.
     counts: Vec<f64>,
     /// Samples of each pose.
@@ -89,12 +92,41 @@ impl<'a> Hunt<'a> {
         let counts = small.weights.clone();
         let samples = session.readings.rows_of_poses().iter().map(Vec::len).collect();
         let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
-        Ok(Self { small, search, counts, samples, source, noise_dof })
+        Ok(Self { small, only: None, search, counts, samples, source, noise_dof })
     }
 
     pub fn judge(&self, fit: &Fit) -> Judge {
         let residual_dof = (!self.source.independent()).then_some(fit.dof);
         Judge { noise_dof: self.noise_dof, residual_dof }
+    }
+
+    /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is;
+    /// where that is a chain, no channel of it is.
+    pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
+        let mut scored = scan::scan(&self.small, fit, &self.judge(fit), &self.search.without)?;
+        if let Some(only) = self.only {
+            let mechanism = &self.small.mechanism;
+            let channel = |i: &Instance| matches!(i.target, Target::Channel(_));
+            scored.retain(|Scored { instance, .. }| {
+                belongs(mechanism, instance.target, only)
+                    && !scan::is_data(instance)
+                    && (instance.target == only || !channel(instance))
+            });
+        }
+        Ok(scored)
+    }
+
+    /// All poses count again, and nothing but this may be wrong; gives
+    /// the weights that were.
+    pub fn confine(&mut self, only: Target) -> Vec<f64> {
+        self.only = Some(only);
+        std::mem::replace(&mut self.small.weights, self.counts.clone())
+    }
+
+    /// Anything may be wrong again.
+    pub fn release(&mut self, weights: Vec<f64>) {
+        self.only = None;
+        self.small.weights = weights;
     }
 
     /// Where nothing but the fit gives the noise, it shrinks as the model grows.
@@ -225,6 +257,12 @@ impl<'a> Hunt<'a> {
         fit(&self.small, instances, Some(current))
     }
 
+    /// The fit without one of its effects.
+    pub fn without(&self, current: &Fit, instance: &Instance) -> Result<Fit, Error> {
+        let fewer = current.model.instances.iter().copied().filter(|i| i != instance).collect();
+        fit(&self.small, fewer, Some(current))
+    }
+
     /// By how much χ² fell, its parameters and places paid for.
     fn gain(&self, before: &Fit, after: &Fit, candidate: &Scored) -> f64 {
         let paid = candidate.score - candidate.charged();
@@ -242,9 +280,7 @@ impl<'a> Hunt<'a> {
         let mut index = 0;
         while index + 1 < found.len() {
             let instance = found[index].instance;
-            let fewer: Vec<Instance> =
-                current.model.instances.iter().copied().filter(|i| *i != instance).collect();
-            let without = fit(&self.small, fewer, Some(&current))?;
+            let without = self.without(&current, &instance)?;
             let lost = cost(&without) - cost(&current);
             let width = instance.width() as f64;
             let p_value = self.judge(&current).p_value(lost.max(0.0), width);
@@ -279,8 +315,7 @@ impl<'a> Hunt<'a> {
         };
         let mut kept = Vec::new();
         for step in found.iter() {
-            let fewer = current.model.instances.iter().copied().filter(|i| *i != step.instance);
-            let without = fit(&self.small, fewer.collect(), Some(current))?;
+            let without = self.without(current, &step.instance)?;
             if stands_out(cost(&without) - cost(current), step) {
                 kept.push(*step);
             }
@@ -334,8 +369,7 @@ impl<'a> Hunt<'a> {
         let fewer: Vec<Instance> =
             current.model.instances.iter().copied().filter(|i| !pair.contains(i)).collect();
         let without = fit(&self.small, fewer, Some(current))?;
-        let mut scored =
-            scan::scan(&self.small, &without, &self.judge(&without), &self.search.without)?;
+        let mut scored = self.scan(&without)?;
         let paid = |s: &Scored| s.score - s.charged();
         let price: f64 = scored.iter().filter(|s| pair.contains(&s.instance)).map(paid).sum();
         let both = cost(&without) - cost(current) - price;
@@ -366,11 +400,8 @@ impl<'a> Hunt<'a> {
         index: usize,
     ) -> Result<(bool, Vec<Instance>, Blame), Error> {
         let own = found[index].instance;
-        let fewer: Vec<Instance> =
-            current.model.instances.iter().copied().filter(|i| *i != own).collect();
-        let without = fit(&self.small, fewer, Some(current))?;
-        let judge = self.judge(&without);
-        let mut scored = scan::scan(&self.small, &without, &judge, &self.search.without)?;
+        let without = self.without(current, &own)?;
+        let mut scored = self.scan(&without)?;
         let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
             return Ok((false, Vec::new(), self.blame(&[(0.0, own)])));
         };

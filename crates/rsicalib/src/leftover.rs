@@ -3,10 +3,11 @@
 mod doubt;
 mod whereabouts;
 
-use crate::leftover::doubt::doubt;
+use crate::alone::{Alone, taken_up};
+pub use crate::leftover::doubt::doubt;
 use crate::leftover::whereabouts::whereabouts;
 use crate::model::{Instance, Target};
-use crate::scan::{self, dot};
+use crate::scan;
 use crate::trace::{LEFT, Traced};
 
 /// What is left.
@@ -27,11 +28,12 @@ pub struct Unexplained {
 pub fn unexplained(traced: &Traced, rises: &[f64]) -> Unexplained {
     let p_value = traced.judge.lack_of_fit(&traced.last);
     if p_value.is_some_and(|p| p <= LEFT) {
-        let (target, text) = locate(traced);
+        let (target, text) = traced.alone.map_or_else(|| locate(traced), |it| at_fault(traced, it));
         return Unexplained { p_value, target: Some(target), text };
     }
     let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
     if let Some((target, text)) = doubt(&traced.small.mechanism, &found, rises) {
+        let target = traced.alone.map_or(target, |it| it.target.name(&traced.small.mechanism));
         let text = format!("nothing left above the noise, but {text}");
         return Unexplained { p_value, target: Some(target), text };
     }
@@ -59,6 +61,28 @@ fn nearest(traced: &Traced) -> String {
     })
 }
 
+/// What is at fault alone, by a law that no effect of the catalogue has.
+fn at_fault(traced: &Traced, alone: Alone) -> (String, String) {
+    let name = alone.target.name(&traced.small.mechanism);
+    let places = match alone.target {
+        Target::Channel(channel) => whereabouts(traced, channel),
+        _ => String::new(),
+    };
+    let places = if places.is_empty() { places } else { format!(" ({places})") };
+    let next = match alone.target {
+        Target::Closure(_) => "Look for play or bending there, and record more poses.".into(),
+        _ => format!(
+            "Record more poses that move {name} through its range, alone, slowly, in both directions."
+        ),
+    };
+    let text = format!(
+        "errors of {name} alone explain what is left{places}: without it all else closes within its \
+         noise (p = {:.2}). But no effect of the catalogue has their law. {next}",
+        alone.p_value
+    );
+    (name, text)
+}
+
 /// Share of what a chain takes up that one of its channels must take up alone to
 /// be the one at fault.
 const ALONE: f64 = 0.6;
@@ -71,7 +95,7 @@ const ALONE_BESIDE: f64 = 0.85;
 fn locate(traced: &Traced) -> (String, String) {
     let mechanism = &traced.small.mechanism;
     let excess = |channels: &[usize]| {
-        let (taken, dimensions) = taken_up(traced, channels);
+        let (taken, dimensions) = taken_up(&traced.small, &traced.last, channels);
         taken - dimensions
     };
     let best = |scores: &[f64]| (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]));
@@ -104,32 +128,4 @@ fn locate(traced: &Traced) -> (String, String) {
         share.clamp(0.0, 100.0)
     );
     (name, text)
-}
-
-/// χ² of what is left that errors of these channels, free in each pose, would take
-/// up, and in how many dimensions.
-fn taken_up(traced: &Traced, channels: &[usize]) -> (f64, f64) {
-    let (session, residuals) = (&traced.small, &traced.last.residuals);
-    let (k, c) = (residuals.equations, session.readings.channels);
-    let (mut taken, mut dimensions) = (0.0, 0.0);
-    for row in (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0) {
-        let r = &residuals.whitened[row * k..(row + 1) * k];
-        let mut basis: Vec<Vec<f64>> = Vec::new();
-        for &channel in channels {
-            let column: Vec<f64> =
-                (0..k).map(|e| residuals.by_reading[(row * k + e) * c + channel]).collect();
-            let mut rest = column.clone();
-            for known in &basis {
-                let along = dot(known, &rest);
-                rest.iter_mut().zip(known).for_each(|(r, k)| *r -= along * k);
-            }
-            let length = dot(&rest, &rest).sqrt();
-            if length > 1e-6 * dot(&column, &column).sqrt() {
-                basis.push(rest.iter().map(|v| v / length).collect());
-            }
-        }
-        taken += basis.iter().map(|b| dot(b, r).powi(2)).sum::<f64>();
-        dimensions += basis.len() as f64;
-    }
-    (taken, dimensions)
 }

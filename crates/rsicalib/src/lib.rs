@@ -10,6 +10,7 @@
 //! ```
 
 pub mod algebraic;
+pub mod alone;
 pub mod apply;
 mod arrow;
 pub mod bad;

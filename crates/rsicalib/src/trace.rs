@@ -9,10 +9,13 @@
 //! averaged for the search, whose noise is then known; the answer is fitted to
 //! all of them.
 
+use crate::alone::{Alone, alone};
 use crate::excluded::Excluded;
 use crate::fit::{Fit, fit};
 use crate::hunt::{Hunt, whole_pose};
-use crate::model::Instance;
+use crate::leftover::doubt;
+use crate::model::{Instance, Target};
+use crate::rivals::Blame;
 use crate::scan::{self, Judge, Scored};
 use crate::session::Session;
 use crate::{Error, bad, damage, faults};
@@ -28,6 +31,8 @@ pub struct Found {
     pub p_value: f64,
     /// What fits as well.
     pub also: Vec<Instance>,
+    /// The search's fit without it.
+    pub without: Fit,
 }
 
 /// What the search found.
@@ -49,6 +54,8 @@ pub struct Traced {
     pub excluded: Vec<Excluded>,
     /// The best that is left, whether or not it is above chance.
     pub left: Option<Scored>,
+    /// The channel or chain that is at fault alone, where the catalogue does not explain it all.
+    pub alone: Option<Alone>,
     /// How scores were judged.
     pub judge: Judge,
 }
@@ -64,49 +71,30 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let before = fit(&session, base.clone(), None)?;
     let (clean, mut excluded) = sound(&mut session, &before)?;
     let mut hunt = Hunt::new(&session, &clean, search)?;
-    let mut current = fit(&hunt.small, base, Some(&clean))?;
-    hunt.rescale(&mut current)?;
-    let mut found: Vec<Scored> = Vec::new();
-    let mut poses: Vec<Scored> = Vec::new();
-    let mut left = None;
-    for _ in 0..=search.most {
-        let scored = scan::scan(&hunt.small, &current, &hunt.judge(&current), &search.without)?;
-        left = best_of(&scored);
-        if found.len() + poses.len() >= search.most {
-            break;
-        }
-        let Some((steps, next)) = hunt.step(&current, scored)? else { break };
-        if let Some(pose) = whole_pose(&steps[0].instance) {
-            hunt.small.weights[pose] = 0.0;
-            poses.extend(steps);
-            current = fit(&hunt.small, current.model.instances.clone(), Some(&current))?;
-            hunt.rescale(&mut current)?;
-            continue;
-        }
-        found.extend(steps);
-        current = next;
-        hunt.rescale(&mut current)?;
-        current = hunt.look_back(current, &mut found)?;
-    }
-
-    hunt.merge_pairs(&mut current, &mut found)?;
-    hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
-    excluded.extend(poses.iter().map(|step| hunt.excluded(step)));
-    // What fits as well as each effect, the others kept; and a better one, if there is.
-    let mut named = Vec::new();
-    for index in 0..found.len() {
-        let (better, also, blame) = hunt.alternatives(&mut current, &mut found, index)?;
-        if better {
-            hunt.rescale(&mut current)?;
-        }
-        named.push((also, blame));
-    }
-    let mut steps = Vec::new();
-    for (Scored { instance, corrected, .. }, (also, blame)) in found.iter().zip(named) {
-        if scan::is_data(instance) {
-            excluded.push(hunt.bad_reading(instance, blame));
+    let mut start = fit(&hunt.small, base, Some(&clean))?;
+    hunt.rescale(&mut start)?;
+    let mut pursued = pursue(&mut hunt, start.clone())?;
+    let alone = match pursued.settled(&hunt) {
+        true => None,
+        false => alone(&hunt.small, &start, &hunt.judge(&start), &pursued.instances(), search)?,
+    };
+    if let Some(Alone { target, .. }) = alone {
+        let weights = hunt.confine(target);
+        let confined = pursue(&mut hunt, start)?;
+        if confined.instead_of(&pursued, target, &hunt) {
+            pursued = confined;
         } else {
-            steps.push(Found { instance: *instance, p_value: *corrected, also });
+            hunt.release(weights);
+        }
+    }
+    let Pursued { current, found, poses, left } = pursued;
+    excluded.extend(poses.iter().map(|step| hunt.excluded(step)));
+    let mut steps = Vec::new();
+    for Step { scored: Scored { instance, corrected, .. }, also, blame, without } in found {
+        if scan::is_data(&instance) {
+            excluded.push(hunt.bad_reading(&instance, blame));
+        } else {
+            steps.push(Found { instance, p_value: corrected, also, without });
         }
     }
     for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
@@ -125,7 +113,101 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         };
     let judge = hunt.judge(&current);
     let small = hunt.small;
-    Ok(Traced { before, after, session, small, last: current, found: steps, excluded, left, judge })
+    let found = steps;
+    Ok(Traced { before, after, session, small, last: current, found, excluded, left, alone, judge })
+}
+
+/// One effect of a search.
+struct Step {
+    scored: Scored,
+    /// What fits as well.
+    also: Vec<Instance>,
+    /// Whose reading is wrong, if it is one.
+    blame: Blame,
+    /// The fit without it.
+    without: Fit,
+}
+
+/// Where a search ended.
+struct Pursued {
+    current: Fit,
+    found: Vec<Step>,
+    /// Poses that are wrong as a whole.
+    poses: Vec<Scored>,
+    left: Option<Scored>,
+}
+
+impl Pursued {
+    fn instances(&self) -> Vec<Instance> {
+        self.found.iter().map(|step| step.scored.instance).collect()
+    }
+
+    /// True where what is left is noise.
+    fn quiet(&self, hunt: &Hunt) -> bool {
+        hunt.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEFT)
+    }
+
+    /// Whether the search confined to one thing takes the place of the open one. Several
+    /// effects that leave nothing stay where the data are as quiet without any, and where
+    /// it takes a whole chain to put one thing in their place.
+    fn instead_of(&self, open: &Self, only: Target, hunt: &Hunt) -> bool {
+        let nothing = self.found.is_empty() && self.quiet(hunt);
+        !open.quiet(hunt) || !(nothing || matches!(only, Target::Chain(_)))
+    }
+
+    /// True where nothing is left, and nothing that was found is in doubt.
+    fn settled(&self, hunt: &Hunt) -> bool {
+        let effects = self.found.iter().filter(|step| !scan::is_data(&step.scored.instance));
+        let (found, rises): (Vec<_>, Vec<_>) = effects
+            .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))
+            .unzip();
+        self.quiet(hunt) && doubt(&hunt.small.mechanism, &found, &rises).is_none()
+    }
+}
+
+/// Adds effects until nothing scores, and looks back.
+fn pursue(hunt: &mut Hunt, start: Fit) -> Result<Pursued, Error> {
+    let mut current = start;
+    let mut found: Vec<Scored> = Vec::new();
+    let mut poses: Vec<Scored> = Vec::new();
+    let mut left = None;
+    let most = hunt.search.most;
+    for _ in 0..=most {
+        let scored = hunt.scan(&current)?;
+        left = best_of(&scored);
+        if found.len() + poses.len() >= most {
+            break;
+        }
+        let Some((steps, next)) = hunt.step(&current, scored)? else { break };
+        if let Some(pose) = whole_pose(&steps[0].instance) {
+            hunt.small.weights[pose] = 0.0;
+            poses.extend(steps);
+            current = fit(&hunt.small, current.model.instances.clone(), Some(&current))?;
+            hunt.rescale(&mut current)?;
+            continue;
+        }
+        found.extend(steps);
+        current = next;
+        hunt.rescale(&mut current)?;
+        current = hunt.look_back(current, &mut found)?;
+    }
+    hunt.merge_pairs(&mut current, &mut found)?;
+    hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
+    // What fits as well as each effect, the others kept; and a better one, if there is.
+    let mut rivals = Vec::new();
+    for index in 0..found.len() {
+        let (better, also, blame) = hunt.alternatives(&mut current, &mut found, index)?;
+        if better {
+            hunt.rescale(&mut current)?;
+        }
+        rivals.push((also, blame));
+    }
+    let mut steps = Vec::new();
+    for (scored, (also, blame)) in found.into_iter().zip(rivals) {
+        let without = hunt.without(&current, &scored.instance)?;
+        steps.push(Step { scored, also, blame, without });
+    }
+    Ok(Pursued { current, found: steps, poses, left })
 }
 
 /// A session with one sample for each held pose, and the same fit of it.

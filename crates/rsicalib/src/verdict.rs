@@ -242,10 +242,7 @@ fn step(
     });
     let curve = curve(traced, &found.instance, first);
     // What it does to the platform: the search's fit with it against the one without.
-    let fewer: Vec<Instance> =
-        traced.last.model.instances.iter().copied().filter(|i| *i != found.instance).collect();
-    let without = fit(&traced.small, fewer, Some(&traced.last))?;
-    let platform_rms = platform_difference(&traced.small, &without, &traced.last);
+    let platform_rms = platform_difference(&traced.small, &found.without, &traced.last);
     // Held out with this effect and those found before it.
     let base = small_before.model.instances.iter().copied();
     let bad = traced.last.model.instances.iter().copied().filter(scan::is_data);
@@ -255,7 +252,7 @@ fn step(
     Ok(StepReport {
         effect: effect(session, &found.instance),
         p_value: found.p_value.min(1.0),
-        chi2_rise: cost(&without) - cost(&traced.last),
+        chi2_rise: cost(&found.without) - cost(&traced.last),
         parameters: parameters.collect(),
         also_fits: found.also.iter().map(|i| effect(session, i)).collect(),
         platform_rms,

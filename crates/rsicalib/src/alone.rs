@@ -1,0 +1,160 @@
+//! Whether one channel, closure or chain is at fault alone, by whatever law.
+//!
+//! What has unbounded variance says nothing, so a fit with `σ_c → ∞` is one to all that
+//! is not `c`: each pose gives up as many equations as `c` moves,
+//!
+//! ```text
+//! χ²_c ~ χ²(ν - Σ_p rank A_p,c + n_c)                                      (82)
+//! ```
+//!
+//! with `n_c` the parameters that only `c` has. Where the rest closes within its noise,
+//! and nothing in it stands out, `c` is all that is wrong.
+
+use crate::fit::{Fit, fit};
+use crate::model::{Instance, Target};
+use crate::rivals::{SURE, probabilities};
+use crate::scan::{self, Judge, dot};
+use crate::session::Session;
+use crate::trace::{LEFT, Search};
+use crate::{Error, Mechanism};
+
+/// Standard deviation of a reading that says nothing, in units of its own noise.
+const UNBOUNDED: f64 = 1e4;
+/// Fewer degrees of freedom than this judge nothing.
+const FEW: f64 = 8.0;
+/// What was found elsewhere is not needed where chance makes as much this often.
+const NEEDLESS: f64 = 1e-3;
+
+/// What is at fault alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alone {
+    /// A channel, a closure or a chain.
+    pub target: Target,
+    /// Probability of a larger χ² of the rest, (82).
+    pub p_value: f64,
+}
+
+/// The channel or closure, or else the chain, that is at fault alone; none where there is
+/// no such one, or where nothing but the fit gives the noise.
+///
+/// `base` is the fit without any effect, `found` what the search found.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn alone(
+    session: &Session,
+    base: &Fit,
+    judge: &Judge,
+    found: &[Instance],
+    search: &Search,
+) -> Result<Option<Alone>, Error> {
+    let mechanism = &session.mechanism;
+    if judge.residual_dof.is_some() {
+        return Ok(None);
+    }
+    let channels = (0..mechanism.channels.len()).map(Target::Channel);
+    let closures = (0..mechanism.closures.len()).map(Target::Closure);
+    let chains = (0..mechanism.chains.len()).map(Target::Chain);
+    let kinds: [Vec<Target>; 2] = [channels.chain(closures).collect(), chains.collect()];
+    for kind in kinds {
+        let mut able = Vec::new();
+        for target in kind {
+            if let Some((chi2, p_value)) = closes(session, base, judge, target, found, search)? {
+                able.push((-chi2, Alone { target, p_value }));
+            }
+        }
+        if let Some(&(alone, sure)) = probabilities(&able).first()
+            && sure >= SURE
+        {
+            return Ok(Some(alone));
+        }
+    }
+    Ok(None)
+}
+
+/// χ² of (82) and its probability, where the rest closes within its noise and nothing in it stands out.
+fn closes(
+    session: &Session,
+    base: &Fit,
+    judge: &Judge,
+    target: Target,
+    found: &[Instance],
+    search: &Search,
+) -> Result<Option<(f64, f64)>, Error> {
+    let mechanism = &session.mechanism;
+    let mut freed = session.clone();
+    let channels = channels_of(mechanism, target);
+    let mut sigma = base.noise.sigma.clone();
+    channels.iter().for_each(|&c| sigma[c] *= UNBOUNDED);
+    freed.options.noise = Some(sigma);
+    let (_, mut lost) = taken_up(session, base, &channels);
+    if let Target::Closure(k) = target {
+        let closure = &mut freed.mechanism.closures[k];
+        closure.noise = Some(UNBOUNDED * base.rms_misclosure);
+        let live = session.weights.iter().filter(|w| **w > 0.0).count();
+        lost = (live * closure.kind.equations()) as f64;
+    }
+    let rest = fit(&freed, base.model.instances.clone(), Some(base))?;
+    let own = base.model.instances.iter().filter(|i| belongs(mechanism, i.target, target));
+    let dof = rest.dof - lost + own.map(Instance::width).sum::<usize>() as f64;
+    let p_value = judge.p_value(rest.chi2, dof);
+    if dof < FEW || p_value <= LEFT {
+        return Ok(None);
+    }
+    let elsewhere = scan::scan(&freed, &rest, judge, &search.without)?;
+    let needed =
+        elsewhere.iter().filter(|s| !belongs(mechanism, s.instance.target, target)).any(|s| {
+            s.corrected <= search.alpha || (found.contains(&s.instance) && s.p_value <= NEEDLESS)
+        });
+    Ok((!needed).then_some((rest.chi2, p_value)))
+}
+
+fn channels_of(mechanism: &Mechanism, target: Target) -> Vec<usize> {
+    match target {
+        Target::Channel(channel) => vec![channel],
+        Target::Chain(chain) => mechanism.channels_of(chain),
+        _ => Vec::new(),
+    }
+}
+
+/// True where what is wrong with `target` is a fault of `of`: a channel, a closure or a chain.
+#[must_use]
+pub fn belongs(mechanism: &Mechanism, target: Target, of: Target) -> bool {
+    match (of, target) {
+        (Target::Chain(chain), Target::Row(its, _)) => its == chain,
+        (Target::Chain(chain), Target::Channel(channel)) => {
+            mechanism.chain_of(channel) == Some(chain)
+        }
+        _ => of == target,
+    }
+}
+
+/// χ² of what is left that errors of these channels, free in each pose, would take
+/// up, and in how many dimensions.
+#[must_use]
+pub fn taken_up(session: &Session, fit: &Fit, channels: &[usize]) -> (f64, f64) {
+    let residuals = &fit.residuals;
+    let (k, c) = (residuals.equations, session.readings.channels);
+    let (mut taken, mut dimensions) = (0.0, 0.0);
+    for row in (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0) {
+        let r = &residuals.whitened[row * k..(row + 1) * k];
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for &channel in channels {
+            let column: Vec<f64> =
+                (0..k).map(|e| residuals.by_reading[(row * k + e) * c + channel]).collect();
+            let mut rest = column.clone();
+            for known in &basis {
+                let along = dot(known, &rest);
+                rest.iter_mut().zip(known).for_each(|(r, k)| *r -= along * k);
+            }
+            let length = dot(&rest, &rest).sqrt();
+            if length > 1e-6 * dot(&column, &column).sqrt() {
+                basis.push(rest.iter().map(|v| v / length).collect());
+            }
+        }
+        taken += basis.iter().map(|b| dot(b, r).powi(2)).sum::<f64>();
+        dimensions += basis.len() as f64;
+    }
+    (taken, dimensions)
+}
