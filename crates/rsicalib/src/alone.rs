@@ -88,16 +88,17 @@ fn closes(
     let mut sigma = base.noise.sigma.clone();
     channels.iter().for_each(|&c| sigma[c] *= UNBOUNDED);
     freed.options.noise = Some(sigma);
+    let live = session.weights.iter().filter(|w| **w > 0.0).count();
     let (_, mut lost) = taken_up(session, base, &channels);
     if let Target::Closure(k) = target {
         let closure = &mut freed.mechanism.closures[k];
         closure.noise = Some(UNBOUNDED * base.rms_misclosure);
-        let live = session.weights.iter().filter(|w| **w > 0.0).count();
         lost = (live * closure.kind.equations()) as f64;
     }
     let rest = fit(&freed, base.model.instances.clone(), Some(base))?;
-    let own = base.model.instances.iter().filter(|i| belongs(mechanism, i.target, target));
-    let dof = rest.dof - lost + own.map(Instance::width).sum::<usize>() as f64;
+    // Priors may know more of the parameters than the readings do.
+    let most = (live * base.residuals.equations) as f64 - lost;
+    let dof = (rest.dof - lost + own(base, mechanism, target)).min(most);
     let p_value = judge.p_value(rest.chi2, dof);
     if dof < FEW || p_value <= LEFT {
         return Ok(None);
@@ -108,6 +109,17 @@ fn closes(
             s.corrected <= search.alpha || (found.contains(&s.instance) && s.p_value <= NEEDLESS)
         });
     Ok((!needed).then_some((rest.chi2, p_value)))
+}
+
+/// `n_c`: what only this has, of what can be known.
+fn own(base: &Fit, mechanism: &Mechanism, target: Target) -> f64 {
+    let model = &base.model;
+    let its = model.instances.iter().zip(&model.first);
+    let its = its.filter(|(instance, _)| belongs(mechanism, instance.target, target));
+    let known = its.map(|(instance, &first)| {
+        base.unknowable[first..first + instance.width()].iter().filter(|u| !**u).count()
+    });
+    known.sum::<usize>() as f64
 }
 
 fn channels_of(mechanism: &Mechanism, target: Target) -> Vec<usize> {
