@@ -22,6 +22,8 @@ use crate::{Error, Mechanism};
 const UNBOUNDED: f64 = 1e4;
 /// Fewer degrees of freedom than this judge nothing.
 const FEW: f64 = 8.0;
+/// So many are looked at, those first that leave the least: one at fault leaves least.
+const LIKELY: usize = 3;
 /// What was found elsewhere is not needed where chance makes as much this often.
 const NEEDLESS: f64 = 1e-3;
 
@@ -58,13 +60,19 @@ pub fn alone(
     let chains = (0..mechanism.chains.len()).map(Target::Chain);
     let kinds: [Vec<Target>; 2] = [channels.chain(closures).collect(), chains.collect()];
     for kind in kinds {
-        let mut able = Vec::new();
+        let mut able: Vec<Without> = Vec::new();
         for target in kind {
-            if let Some((chi2, p_value)) = closes(session, base, judge, target, found, search)? {
-                able.push((-chi2, Alone { target, p_value }));
+            able.extend(closes(session, base, judge, target)?);
+            able.sort_by(|a, b| a.rest.chi2.total_cmp(&b.rest.chi2));
+            able.truncate(LIKELY);
+        }
+        let mut alone = Vec::new();
+        for it in able {
+            if !it.needs_more(judge, found, search)? {
+                alone.push((-it.rest.chi2, Alone { target: it.target, p_value: it.p_value }));
             }
         }
-        if let Some(&(alone, sure)) = probabilities(&able).first()
+        if let Some(&(alone, sure)) = probabilities(&alone).first()
             && sure >= SURE
         {
             return Ok(Some(alone));
@@ -73,15 +81,40 @@ pub fn alone(
     Ok(None)
 }
 
-/// χ² of (82) and its probability, where the rest closes within its noise and nothing in it stands out.
+/// A fit to all but one thing.
+struct Without {
+    target: Target,
+    freed: Session,
+    rest: Fit,
+    p_value: f64,
+}
+
+impl Without {
+    /// Whether something else stands out, or was found and still is needed.
+    fn needs_more(
+        &self,
+        judge: &Judge,
+        found: &[Instance],
+        search: &Search,
+    ) -> Result<bool, Error> {
+        let mechanism = &self.freed.mechanism;
+        let scored = scan::scan(&self.freed, &self.rest, judge, &search.without)?;
+        let mut elsewhere =
+            scored.iter().filter(|s| !belongs(mechanism, s.instance.target, self.target));
+        Ok(elsewhere.any(|s| {
+            let needed = found.contains(&s.instance) && s.p_value <= NEEDLESS;
+            needed || s.corrected <= search.alpha
+        }))
+    }
+}
+
+/// The fit to the rest, where that closes within its noise by (82).
 fn closes(
     session: &Session,
     base: &Fit,
     judge: &Judge,
     target: Target,
-    found: &[Instance],
-    search: &Search,
-) -> Result<Option<(f64, f64)>, Error> {
+) -> Result<Option<Without>, Error> {
     let mechanism = &session.mechanism;
     let mut freed = session.clone();
     let channels = channels_of(mechanism, target);
@@ -100,15 +133,8 @@ fn closes(
     let most = (live * base.residuals.equations) as f64 - lost;
     let dof = (rest.dof - lost + own(base, mechanism, target)).min(most);
     let p_value = judge.p_value(rest.chi2, dof);
-    if dof < FEW || p_value <= LEFT {
-        return Ok(None);
-    }
-    let elsewhere = scan::scan(&freed, &rest, judge, &search.without)?;
-    let needed =
-        elsewhere.iter().filter(|s| !belongs(mechanism, s.instance.target, target)).any(|s| {
-            s.corrected <= search.alpha || (found.contains(&s.instance) && s.p_value <= NEEDLESS)
-        });
-    Ok((!needed).then_some((rest.chi2, p_value)))
+    let quiet = dof >= FEW && p_value > LEFT;
+    Ok(quiet.then_some(Without { target, freed, rest, p_value }))
 }
 
 /// `n_c`: what only this has, of what can be known.

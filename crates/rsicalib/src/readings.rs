@@ -458,13 +458,14 @@ fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]>
     ends
 }
 
-/// Time from 0 to 1 over each session.
+/// Time from 0 to 1 over each session. Readings from before or after it are told as its
+/// first or last: how a drift went on there nobody knows.
 fn session_time(table: &Table, pose: &[usize], clock: &[[f64; 2]], samples: usize) -> Vec<f64> {
     (0..samples)
         .map(|row| {
             let [first, last] = clock[session_of(table, row).min(clock.len() - 1)];
             let at = clock_of(table, pose, row);
-            if last > first { (at - first) / (last - first) } else { 0.5 }
+            if last > first { ((at - first) / (last - first)).clamp(0.0, 1.0) } else { 0.5 }
         })
         .collect()
 }
