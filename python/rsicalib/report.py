@@ -129,7 +129,8 @@ def _left_out(result: Result) -> list[str]:
 
 def _left(result: Trace) -> list[str]:
     lines = []
-    if result.unexplained is not None:
+    # Where something is, it stands whole among what to do next.
+    if result.unexplained is not None and result.unexplained.target is None:
         lines.append(_cut(f"  left over {result.unexplained.text}"))
     for hidden in result.could_hide[:1]:
         rms = hidden.platform_rms

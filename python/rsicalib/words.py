@@ -74,6 +74,12 @@ def _and(items: Sequence[str]) -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
 
 
+def _at(result: Trace) -> str:
+    """Where something is left: ` at a33`."""
+    target = None if result.unexplained is None else result.unexplained.target
+    return "" if target in (None, "all") else f" at {target}"
+
+
 def _judged(fit: FitQuality) -> str:
     if fit.p_value is None:
         return "lack of fit cannot be judged"
@@ -98,18 +104,16 @@ def sentence(result: Result) -> str:
                 f"Partly explained: {missing} leave no more than noise ({judged}), but may stand "
                 "for an effect that no term has."
             )
-        return f"Partly explained: {missing} {were} missing, and something is left ({judged})."
+        left = f"something is left{_at(result)}"
+        return f"Partly explained: {missing} {were} missing, and {left} ({judged})."
     if isinstance(result, Trace) and result.excluded and result.verdict == "explained":
         count = len(result.excluded)
         bad = "a bad reading" if count == 1 else f"{count} bad readings"
         return f"Explained: {bad} left out; what is left is noise ({judged})."
     if result.verdict == "unexplained":
-        lacks = (
-            "and no known effect explains it"
-            if isinstance(result, Trace)
-            else "the model lacks something"
-        )
-        return f"The residual is significant ({judged}): {lacks}."
+        if isinstance(result, Trace):
+            return f"Unexplained: no known effect explains what is left{_at(result)} ({judged})."
+        return f"The residual is significant ({judged}): the model lacks something."
     if result.verdict == "adequate":
         return f"Adequate: what is left is the noise of the readings ({judged})."
     if isinstance(result, Calibration) and result.method == "fixture":

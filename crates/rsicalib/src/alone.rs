@@ -13,7 +13,7 @@
 use crate::fit::{Fit, fit};
 use crate::model::{Instance, Target};
 use crate::rivals::{SURE, probabilities};
-use crate::scan::{self, Judge, dot};
+use crate::scan::{self, Judge, Scored, dot};
 use crate::session::Session;
 use crate::trace::{LEFT, Search};
 use crate::{Error, Mechanism};
@@ -39,7 +39,8 @@ pub struct Alone {
 /// The channel or closure, or else the chain, that is at fault alone; none where there is
 /// no such one, or where nothing but the fit gives the noise.
 ///
-/// `base` is the fit without any effect, `found` what the search found.
+/// `base` is the fit without any effect, of what is not left out; `found` what the search
+/// found.
 ///
 /// # Errors
 ///
@@ -81,6 +82,27 @@ pub fn alone(
     Ok(None)
 }
 
+/// Of readings and poses that were found wrong, those that are so even where whatever
+/// is at fault alone says nothing.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn wrong_anyway(
+    session: &Session,
+    base: &Fit,
+    judge: &Judge,
+    target: Target,
+    wrong: &[Instance],
+    search: &Search,
+) -> Result<Vec<Scored>, Error> {
+    let freed = freed(session, base, target);
+    let rest = fit(&freed, base.model.instances.clone(), Some(base))?;
+    let mut scored = scan::bad_readings(&freed, &rest, judge)?;
+    scored.retain(|s| wrong.contains(&s.instance) && s.corrected <= search.alpha);
+    Ok(scored)
+}
+
 /// A fit to all but one thing.
 struct Without {
     target: Target,
@@ -116,18 +138,12 @@ fn closes(
     target: Target,
 ) -> Result<Option<Without>, Error> {
     let mechanism = &session.mechanism;
-    let mut freed = session.clone();
-    let channels = channels_of(mechanism, target);
-    let mut sigma = base.noise.sigma.clone();
-    channels.iter().for_each(|&c| sigma[c] *= UNBOUNDED);
-    freed.options.noise = Some(sigma);
     let live = session.weights.iter().filter(|w| **w > 0.0).count();
-    let (_, mut lost) = taken_up(session, base, &channels);
-    if let Target::Closure(k) = target {
-        let closure = &mut freed.mechanism.closures[k];
-        closure.noise = Some(UNBOUNDED * base.rms_misclosure);
-        lost = (live * closure.kind.equations()) as f64;
-    }
+    let lost = match target {
+        Target::Closure(k) => (live * mechanism.closures[k].kind.equations()) as f64,
+        _ => taken_up(session, base, &channels_of(mechanism, target)).1,
+    };
+    let freed = freed(session, base, target);
     let rest = fit(&freed, base.model.instances.clone(), Some(base))?;
     // Priors may know more of the parameters than the readings do.
     let most = (live * base.residuals.equations) as f64 - lost;
@@ -135,6 +151,20 @@ fn closes(
     let p_value = judge.p_value(rest.chi2, dof);
     let quiet = dof >= FEW && p_value > LEFT;
     Ok(quiet.then_some(Without { target, freed, rest, p_value }))
+}
+
+/// The session in which this says nothing.
+fn freed(session: &Session, base: &Fit, target: Target) -> Session {
+    let mut freed = session.clone();
+    let mut sigma = base.noise.sigma.clone();
+    for channel in channels_of(&session.mechanism, target) {
+        sigma[channel] *= UNBOUNDED;
+    }
+    freed.options.noise = Some(sigma);
+    if let Target::Closure(k) = target {
+        freed.mechanism.closures[k].noise = Some(UNBOUNDED * base.rms_misclosure);
+    }
+    freed
 }
 
 /// `n_c`: what only this has, of what can be known.

@@ -100,16 +100,17 @@ impl<'a> Hunt<'a> {
         Judge { noise_dof: self.noise_dof, residual_dof }
     }
 
-    /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is;
-    /// where that is a chain, no channel of it is.
+    /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,
+    /// crests of an unknown law look like jumps, and of a chain no one channel is to blame.
     pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
         let mut scored = scan::scan(&self.small, fit, &self.judge(fit), &self.search.without)?;
         if let Some(only) = self.only {
             let mechanism = &self.small.mechanism;
             let channel = |i: &Instance| matches!(i.target, Target::Channel(_));
-            scored.retain(|Scored { instance, .. }| {
+            scored.retain(|Scored { instance, family, .. }| {
                 belongs(mechanism, instance.target, only)
                     && !scan::is_data(instance)
+                    && *family != Family::Slip
                     && (instance.target == only || !channel(instance))
             });
         }

@@ -9,7 +9,7 @@
 //! averaged for the search, whose noise is then known; the answer is fitted to
 //! all of them.
 
-use crate::alone::{Alone, alone};
+use crate::alone::{Alone, alone, wrong_anyway};
 use crate::excluded::Excluded;
 use crate::fit::{Fit, fit};
 use crate::hunt::{Hunt, whole_pose};
@@ -73,15 +73,17 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let mut hunt = Hunt::new(&session, &clean, search)?;
     let mut start = fit(&hunt.small, base, Some(&clean))?;
     hunt.rescale(&mut start)?;
-    let mut pursued = pursue(&mut hunt, start.clone())?;
+    let mut pursued = pursue(&mut hunt, start.clone(), Vec::new(), Vec::new())?;
     let alone = match pursued.settled(&hunt) {
         true => None,
-        false => alone(&hunt.small, &start, &hunt.judge(&start), &pursued.instances(), search)?,
+        false => pursued.alone(&hunt, &start)?,
     };
     if let Some(Alone { target, .. }) = alone {
+        let quiet = pursued.quiet(&hunt);
         let weights = hunt.confine(target);
-        let confined = pursue(&mut hunt, start)?;
-        if confined.instead_of(&pursued, target, &hunt) {
+        let confined = pursue_alone(&mut hunt, &start, target, &pursued.wrong())?;
+        // Several effects that leave nothing give way to one that does, not to none.
+        if !quiet || (confined.settled(&hunt) && !confined.found.is_empty()) {
             pursued = confined;
         } else {
             hunt.release(weights);
@@ -138,21 +140,24 @@ struct Pursued {
 }
 
 impl Pursued {
-    fn instances(&self) -> Vec<Instance> {
-        self.found.iter().map(|step| step.scored.instance).collect()
+    /// Readings and poses that are wrong.
+    fn wrong(&self) -> Vec<Instance> {
+        let readings = self.found.iter().map(|step| step.scored.instance).filter(scan::is_data);
+        readings.chain(self.poses.iter().map(|pose| pose.instance)).collect()
+    }
+
+    /// What is at fault alone beside what is wrong; `start` is the fit without any effect.
+    fn alone(&self, hunt: &Hunt, start: &Fit) -> Result<Option<Alone>, Error> {
+        let found: Vec<Instance> = self.found.iter().map(|step| step.scored.instance).collect();
+        let wrong = found.iter().copied().filter(scan::is_data);
+        let instances = start.model.instances.iter().copied().chain(wrong).collect();
+        let base = fit(&hunt.small, instances, Some(start))?;
+        alone(&hunt.small, &base, &hunt.judge(&base), &found, hunt.search)
     }
 
     /// True where what is left is noise.
     fn quiet(&self, hunt: &Hunt) -> bool {
         hunt.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEFT)
-    }
-
-    /// Whether the search confined to one thing takes the place of the open one. Several
-    /// effects that leave nothing stay where the data are as quiet without any, and where
-    /// it takes a whole chain to put one thing in their place.
-    fn instead_of(&self, open: &Self, only: Target, hunt: &Hunt) -> bool {
-        let nothing = self.found.is_empty() && self.quiet(hunt);
-        !open.quiet(hunt) || !(nothing || matches!(only, Target::Chain(_)))
     }
 
     /// True where nothing is left, and nothing that was found is in doubt.
@@ -165,11 +170,35 @@ impl Pursued {
     }
 }
 
+/// The search confined to what is at fault alone. Crests of its law look like wrong
+/// readings; those that are wrong without it stay so.
+fn pursue_alone(
+    hunt: &mut Hunt,
+    start: &Fit,
+    target: Target,
+    wrong: &[Instance],
+) -> Result<Pursued, Error> {
+    let judge = hunt.judge(start);
+    let wrong = wrong_anyway(&hunt.small, start, &judge, target, wrong, hunt.search)?;
+    let (poses, found): (Vec<_>, Vec<_>) =
+        wrong.into_iter().partition(|s| whole_pose(&s.instance).is_some());
+    for pose in &poses {
+        hunt.small.weights[pose.instance.place] = 0.0;
+    }
+    let readings = found.iter().map(|s| s.instance);
+    let instances = start.model.instances.iter().copied().chain(readings).collect();
+    let start = fit(&hunt.small, instances, Some(start))?;
+    pursue(hunt, start, found, poses)
+}
+
 /// Adds effects until nothing scores, and looks back.
-fn pursue(hunt: &mut Hunt, start: Fit) -> Result<Pursued, Error> {
+fn pursue(
+    hunt: &mut Hunt,
+    start: Fit,
+    mut found: Vec<Scored>,
+    mut poses: Vec<Scored>,
+) -> Result<Pursued, Error> {
     let mut current = start;
-    let mut found: Vec<Scored> = Vec::new();
-    let mut poses: Vec<Scored> = Vec::new();
     let mut left = None;
     let most = hunt.search.most;
     for _ in 0..=most {
