@@ -275,7 +275,7 @@ impl<'a> Hunt<'a> {
         }
     }
 
-    /// Drops what is no longer needed.
+    /// Drops what is no longer needed, or is part of a free curve that was added.
     pub fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
         let mut current = current;
         let mut index = 0;
@@ -285,7 +285,10 @@ impl<'a> Hunt<'a> {
             let lost = cost(&without) - cost(&current);
             let width = instance.width() as f64;
             let p_value = self.judge(&current).p_value(lost.max(0.0), width);
-            if p_value * 1e3 > self.search.alpha * 10.0 {
+            let repeats = instance.term.is_curve()
+                && !instance.term.info().penalised
+                && scan::has_free_curve(&current, instance.target);
+            if repeats || p_value * 1e3 > self.search.alpha * 10.0 {
                 found.remove(index);
                 current = without;
             } else {

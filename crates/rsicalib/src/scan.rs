@@ -134,7 +134,7 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
             continue;
         }
         for target in targets(term, mechanism) {
-            if !meaningful(session, fit, info.id, target) {
+            if !meaningful(session, fit, term, target) {
                 continue;
             }
             let channel = if let Target::Channel(c) = target { c } else { 0 };
@@ -151,9 +151,10 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
 
 /// False where a term would repeat another: a body that carries no joint has no axis
 /// to tilt, before the first joint the base tilts, a frame that is free as a whole is
-/// longer by itself, and where nothing is fixed to the base a single chain has none.
-fn meaningful(session: &Session, fit: &Fit, id: &str, target: Target) -> bool {
-    let mechanism = &session.mechanism;
+/// longer by itself, where nothing is fixed to the base a single chain has none, and a
+/// free curve is any curve of its channel.
+fn meaningful(session: &Session, fit: &Fit, term: &dyn Term, target: Target) -> bool {
+    let (mechanism, id) = (&session.mechanism, term.info().id);
     match target {
         Target::Row(chain, row) => {
             let rows = &mechanism.chains[chain].rows;
@@ -164,8 +165,16 @@ fn meaningful(session: &Session, fit: &Fit, id: &str, target: Target) -> bool {
             free.next().is_none() && (id != "joint_tilt" || (row >= first && row < last))
         }
         Target::Chain(_) => !(id.starts_with("base_") && mechanism.floats()),
+        Target::Channel(_) => !(term.is_curve() && has_free_curve(fit, target)),
         _ => true,
     }
+}
+
+/// True where a curve of any shape is fitted to this channel.
+#[must_use]
+pub fn has_free_curve(fit: &Fit, target: Target) -> bool {
+    let mut instances = fit.model.instances.iter();
+    instances.any(|i| i.target == target && i.term.info().penalised && i.term.is_curve())
 }
 
 /// Sums for (71) over all candidates.
@@ -415,6 +424,9 @@ fn judge_projected(candidate: &Projected, judge: &Judge) -> (f64, f64, f64) {
 /// At most this many times are tried for a slip of one channel.
 const MOST_TIMES: usize = 256;
 
+/// Share of a column of one pose that must be left after the projection.
+const SEEN: f64 = 1e-3;
+
 /// One candidate of one column: `Zᵀr`, `ZᵀZ`, `ZᵀX`, and `ZᵀX (XᵀX)⁻¹`.
 #[derive(Clone)]
 struct Column {
@@ -443,7 +455,7 @@ impl Column {
     /// `T` of (72); none where nothing of the column is left.
     fn score(&self) -> Option<f64> {
         let left = self.left();
-        (left > 1e-3 * self.zz).then(|| self.r * self.r / left)
+        (left > SEEN * self.zz).then(|| self.r * self.r / left)
     }
 }
 
@@ -548,7 +560,7 @@ fn scan_places(
             if allowed("bad_reading") {
                 let instance = Instance { term: bad, target, place: pose };
                 let left = zz - form(&hats[order], &z);
-                let score = (left > 1e-3 * zz).then(|| r * r / left);
+                let score = (left > SEEN * zz).then(|| r * r / left);
                 keep(instance, Family::Bad, tests_bad, score);
             }
             if !slips {
@@ -582,17 +594,29 @@ fn scan_places(
             if rows[pose].len() > 1 {
                 continue; // repeats: a pose is judged where it is averaged
             }
-            let m = Mat::<f64>::identity(k, k) - &hats[order];
-            let (m_inverse, ..) = crate::fit::invert(&m);
-            let r = Mat::from_fn(k, 1, |e, _| residuals.whitened[row * k + e]);
-            let score = (r.transpose() * m_inverse * &r)[(0, 0)];
-            let width = k as f64;
+            let r = &residuals.whitened[row * k..(row + 1) * k];
+            let Some((score, width)) = left_out(&hats[order], r) else { continue };
             let p_value = judge.p_value(score, width);
             let instance = Instance { term: bad, target: Target::All, place: pose };
             scored.push(Scored::of(instance, Family::Bad, score, width, p_value, tests_bad));
         }
     }
     Ok(scored)
+}
+
+/// By how much χ² falls where all equations of a pose are left out, and how many those
+/// are that the others judge: `rᵀ (I - H)⁻¹ r` where `H`, what the fit absorbs there, is not 1.
+fn left_out(hat: &Mat<f64>, r: &[f64]) -> Option<(f64, f64)> {
+    let left = Mat::<f64>::identity(r.len(), r.len()) - hat;
+    let eigen = left.self_adjoint_eigen(Side::Lower).ok()?;
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let (mut score, mut width) = (0.0, 0.0);
+    for k in (0..r.len()).filter(|&k| values[k] > SEEN) {
+        let along: f64 = r.iter().enumerate().map(|(e, r)| vectors[(e, k)] * r).sum();
+        score += along * along / values[k];
+        width += 1.0;
+    }
+    (width > 0.0).then_some((score, width))
 }
 
 /// `zᵀ m z` of a symmetric matrix.

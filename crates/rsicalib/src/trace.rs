@@ -60,6 +60,9 @@ pub struct Traced {
     pub judge: Judge,
 }
 
+/// More effects than this are a less likely story than one channel whose law nobody knows.
+const FEW: usize = 2;
+
 /// Traces the residual of a session.
 ///
 /// # Errors
@@ -79,11 +82,12 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         false => pursued.alone(&hunt, &start)?,
     };
     if let Some(Alone { target, .. }) = alone {
-        let quiet = pursued.quiet(&hunt);
+        let few = pursued.effects().count() <= FEW || matches!(target, Target::Chain(_));
+        let stays = few && pursued.quiet(&hunt);
         let weights = hunt.confine(target);
         let confined = pursue_alone(&mut hunt, &start, target, &pursued.wrong())?;
-        // Several effects that leave nothing give way to one that does, not to none.
-        if !quiet || (confined.settled(&hunt) && !confined.found.is_empty()) {
+        // A few effects that leave nothing give way to one that does, not to none.
+        if !stays || (confined.settled(&hunt) && confined.effects().count() > 0) {
             pursued = confined;
         } else {
             hunt.release(weights);
@@ -155,6 +159,11 @@ impl Pursued {
         alone(&hunt.small, &base, &hunt.judge(&base), &found, hunt.search)
     }
 
+    /// What is found but wrong readings.
+    fn effects(&self) -> impl Iterator<Item = &Step> {
+        self.found.iter().filter(|step| !scan::is_data(&step.scored.instance))
+    }
+
     /// True where what is left is noise.
     fn quiet(&self, hunt: &Hunt) -> bool {
         hunt.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEFT)
@@ -162,8 +171,8 @@ impl Pursued {
 
     /// True where nothing is left, and nothing that was found is in doubt.
     fn settled(&self, hunt: &Hunt) -> bool {
-        let effects = self.found.iter().filter(|step| !scan::is_data(&step.scored.instance));
-        let (found, rises): (Vec<_>, Vec<_>) = effects
+        let (found, rises): (Vec<_>, Vec<_>) = self
+            .effects()
             .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))
             .unzip();
         self.quiet(hunt) && doubt(&hunt.small.mechanism, &found, &rises).is_none()

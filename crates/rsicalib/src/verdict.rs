@@ -266,7 +266,7 @@ fn step(
 fn curve(traced: &Traced, instance: &Instance, first: usize) -> Option<Vec<[f64; 3]>> {
     let Acts::Sensor(term) = instance.term.acts() else { return None };
     let Target::Channel(channel) = instance.target else { return None };
-    if instance.term.info().needs != crate::terms::Needs::Nothing {
+    if !instance.term.is_curve() {
         return None;
     }
     let after = &traced.after;

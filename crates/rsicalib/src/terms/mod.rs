@@ -283,6 +283,14 @@ pub trait Term: Sync {
     }
 }
 
+impl dyn Term + '_ {
+    /// True for a law that gives an angle for each reading, whenever and from wherever.
+    #[must_use]
+    pub fn is_curve(&self) -> bool {
+        matches!(self.acts(), Acts::Sensor(_)) && self.info().needs == Needs::Nothing
+    }
+}
+
 impl std::fmt::Debug for dyn Term {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.info().id)
