@@ -4,7 +4,7 @@
 //! is not `c`: each pose gives up as many equations as `c` moves,
 //!
 //! ```text
-//! χ²_c ~ χ²(ν - Σ_p rank A_p,c + n_c)                                      (82)
+//! χ²_c ~ χ²(ν - Σ_p rank A_p,c + n_c)                                      (73)
 //! ```
 //!
 //! with `n_c` the parameters that only `c` has. Where the rest closes within its noise,
@@ -32,7 +32,7 @@ const NEEDLESS: f64 = 1e-3;
 pub struct Alone {
     /// A channel, a closure or a chain.
     pub target: Target,
-    /// Probability of a larger χ² of the rest, (82).
+    /// Probability of a larger χ² of the rest, (73).
     pub p_value: f64,
 }
 
@@ -130,7 +130,7 @@ impl Without {
     }
 }
 
-/// The fit to the rest, where that closes within its noise by (82).
+/// The fit to the rest, where that closes within its noise by (73).
 fn closes(
     session: &Session,
     base: &Fit,

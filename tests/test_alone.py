@@ -1,0 +1,117 @@
+"""What is at fault alone, by a law that no catalogue has: errors drawn anew in every pose."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.blind import effects, power, simulator, trials
+from tests.blind.effects import CHANNELS, Effect
+from tests.blind.effects.outside import Strange
+from tests.blind.scene import Scene
+from tests.blind.simulator import Device
+from tests.oracle import Array
+
+
+@dataclass(frozen=True)
+class Lawless(Strange):
+    """Another angle in every pose, normal with standard deviation `b` [rad]."""
+
+    seed: int = 0
+
+    def angle(self, count: Array, scene: Scene) -> Array:
+        """Drawn by the label of the pose."""
+        drawn = np.random.default_rng(self.seed).standard_normal(1000)
+        out: Array = self.size * drawn[scene.label]
+        return out
+
+
+def examined(number: int, *present: Effect, without: tuple[str, ...] = ()) -> dict[str, Any]:
+    """What is said of a session with these effects."""
+    rng = np.random.default_rng([82, number])
+    device = Device.random(rng)
+    scene = trials.stage(device, rng, moving=False)
+    case = trials.Case(
+        suite="outside",
+        number=number,
+        device=device,
+        effects=present,
+        strength=(),
+        readings=simulator.observe(device, scene, rng, 1.0, present),
+        rest=simulator.rest(device, rng),
+        check=simulator.check(device, rng),
+        without=without,
+    )
+    return trials.examine(case)
+
+
+# 0.015 rad are 10 counts: a noncentrality of thousands.
+SIZE = 0.015
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_a_channel_without_a_law_is_named(channel: str) -> None:
+    result = examined(int(channel[1:]), Lawless(channel, SIZE, seed=5))
+    assert result["verdict"] in ("unexplained", "partly_explained")
+    assert result["unexplained"]["target"] == channel
+    assert f"errors of {channel} alone explain" in result["unexplained"]["text"]
+    assert {step["target"] for step in result["steps"]} <= {channel}
+    assert not result["excluded"]
+
+
+def test_two_channels_of_an_arm_are_an_arm_at_fault() -> None:
+    result = examined(1, Lawless("a22", SIZE, seed=1), Lawless("a23", SIZE, seed=2))
+    assert result["unexplained"]["target"] == "arm2"
+    assert "errors of arm2 alone explain" in result["unexplained"]["text"]
+    assert not [step for step in result["steps"] if step["class"] == "sensor"]
+
+
+def test_channels_of_two_arms_are_not_one_fault() -> None:
+    result = examined(2, Lawless("a12", SIZE, seed=1), Lawless("a31", SIZE, seed=2))
+    assert "alone explain" not in result["unexplained"]["text"]
+
+
+def test_a_side_of_the_handle_is_told_from_an_arm() -> None:
+    side = effects.Distance("wrist2-wrist3", 0.06)
+    result = examined(3, side, without=("distance",))
+    assert result["verdict"] in ("unexplained", "partly_explained")
+    assert result["unexplained"]["target"] == "wrist2-wrist3"
+
+
+def test_a_loose_wrist_is_the_fault_of_its_arm_and_of_no_sensor() -> None:
+    result = examined(4, effects.HandlePlay("arm3", 0.03))
+    assert result["unexplained"]["target"] == "arm3"
+    assert not [step for step in result["steps"] if step["class"] == "sensor"]
+
+
+def test_a_wrong_reading_elsewhere_stays_out() -> None:
+    wrong = effects.BadReading("a13", 80.0, pose=20)
+    result = examined(5, Lawless("a32", SIZE, seed=3), wrong)
+    assert result["unexplained"]["target"] == "a32"
+    assert [entry["pose"] for entry in result["excluded"]] == [20]
+
+
+def test_one_effect_of_the_catalogue_is_no_unknown_law() -> None:
+    for number in range(5):
+        rng = np.random.default_rng([83, number])
+        device = Device.random(rng)
+        session = {"scene": trials.stage(device, rng, moving=False), "sigma": 1.0}
+        effect = power.scaled_to(device, session, effects.Hysteresis("a22", 2.0), 1000.0)
+        result = examined(number, effect)
+        assert result["verdict"] == "explained"
+        assert "alone explain" not in result["unexplained"]["text"]
+
+
+def test_the_rest_closes_with_a_uniform_p_value() -> None:
+    """Eq. (73): kept above 0.001, and printed to two digits."""
+    found = []
+    for number in range(40):
+        text = examined(100 + number, Lawless("a21", SIZE, seed=number))["unexplained"]["text"]
+        found += [float(p) for p in re.findall(r"noise \(p = ([0-9.]+)\)", text)]
+    assert len(found) >= 38
+    assert stats.kstest(found, "uniform").pvalue > 0.01
