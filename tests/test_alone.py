@@ -1,4 +1,4 @@
-"""What is at fault alone, by a law that no catalogue has: errors drawn anew in every pose."""
+"""What no catalogue has: laws that are drawn anew in every pose, and curves over time."""
 
 from __future__ import annotations
 
@@ -28,6 +28,16 @@ class Lawless(Strange):
         """Drawn by the label of the pose."""
         drawn = np.random.default_rng(self.seed).standard_normal(1000)
         out: Array = self.size * drawn[scene.label]
+        return out
+
+
+@dataclass(frozen=True)
+class Swell(Strange):
+    """To and fro in the course of the session: `b sin(2 π t)`."""
+
+    def angle(self, count: Array, scene: Scene) -> Array:
+        """At these times."""
+        out: Array = self.size * np.sin(2 * np.pi * scene.turn)
         return out
 
 
@@ -115,3 +125,37 @@ def test_the_rest_closes_with_a_uniform_p_value() -> None:
         found += [float(p) for p in re.findall(r"noise \(p = ([0-9.]+)\)", text)]
     assert len(found) >= 38
     assert stats.kstest(found, "uniform").pvalue > 0.01
+
+
+# ------------------------------------------------------------------ free in time
+
+
+def drawn_over_time(result: dict[str, Any], term: str) -> tuple[Array, Array, Array]:
+    """Time, correction and its standard deviation of the one effect that was found."""
+    assert [step["term"] for step in result["steps"]] == [term]
+    assert result["verdict"] == "explained"
+    step = result["steps"][0]
+    assert step["curve_over"] == "time"
+    time, correction = np.transpose(step["curve"])
+    assert time[0] == 0
+    assert time[-1] == 1
+    return time, correction, np.array(step["curve_sd"])
+
+
+def agrees(correction: Array, truth: Array, sd: Array) -> bool:
+    """But for a constant, which offsets take up, within five standard deviations."""
+    left = correction - truth
+    return bool(np.all(np.abs(left - left.mean()) < 5 * sd))
+
+
+def test_a_reference_that_warms_up_is_drawn_over_time() -> None:
+    warming = effects.WarmUp("all", 0.0015, constant=0.25)
+    time, correction, sd = drawn_over_time(examined(6, warming), "reference_wander")
+    assert agrees(correction, -warming.size * np.expm1(-time / warming.constant), sd)
+    assert not agrees(correction, np.zeros_like(time), sd)
+
+
+def test_a_pot_that_wanders_is_drawn_over_time() -> None:
+    time, correction, sd = drawn_over_time(examined(7, Swell("a22", 0.004)), "wander")
+    assert agrees(correction, 0.004 * np.sin(2 * np.pi * time), sd)
+    assert not agrees(correction, np.zeros_like(time), sd)

@@ -12,6 +12,7 @@ from rsicalib.results import Result, Step, Trace
 from rsicalib.words import (
     advice,
     comparison,
+    curve_unit,
     excluded_words,
     name_of,
     noise_words,
@@ -188,8 +189,15 @@ def _found(result: Trace) -> str:
         parts.append(escape(_cost(step, result.length_unit)) + "</p>")
         if step.curve:
             words = f"correction of {step.target}, with its 95 % band"
+            over = f"reading of {step.target}"
+            if step.curve_over == "time":
+                over = "time, 0 to 1 over the session"
             figure = svg.band_curve(
-                step.curve, step.curve_sd, escape(words), f"reading of {escape(step.target)}"
+                step.curve,
+                step.curve_sd,
+                escape(words),
+                escape(over),
+                f"correction [{curve_unit(step)}]",
             )
             parts.append(f"<figure>{figure}</figure>")
     if result.unexplained is not None:

@@ -259,9 +259,12 @@ class Step(Record):
     platform_rms: Rms | None = None
     """What it did to the platform pose, the other parameters having absorbed what they can."""
     curve: tuple[tuple[float, ...], ...] = field(default=(), metadata=OMIT)
-    """Rows of reading and correction [rad]."""
+    """Rows of reading and correction [rad]; see `curve_over`."""
     curve_sd: tuple[float, ...] = field(default=(), metadata=OMIT)
     """Standard deviation of each correction [rad]."""
+    curve_over: str | None = field(default=None, metadata=OMIT)
+    """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction [rad], of
+    the converter's reference the fraction by which all readings change."""
     held_out: HeldOut | None = None
 
 

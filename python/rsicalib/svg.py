@@ -128,21 +128,21 @@ def band_curve(
     x_words: str,
     y_words: str = "correction [mrad]",
 ) -> str:
-    """Draw a correction over its reading, with its 95 % band.
+    """Draw a correction over its reading or over time, with its 95 % band.
 
     Parameters
     ----------
     rows : sequence of (float, float)
-        Reading and correction [rad].
+        Where, and correction.
     sd : sequence of float
-        Standard deviation of each correction [rad]; may be empty.
+        Standard deviation of each correction; may be empty.
     title, x_words, y_words : str
         Labels.
 
     Returns
     -------
     str
-        An `<svg>` element; corrections in mrad.
+        An `<svg>` element; corrections in thousandths.
     """
     readings = [row[0] for row in rows]
     middle = [1e3 * row[1] for row in rows]

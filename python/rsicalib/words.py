@@ -195,11 +195,16 @@ def _touched(result: Result) -> list[tuple[str, str, str]]:
     ]
 
 
+def curve_unit(step: Step) -> str:
+    """Unit of a thousandth of a correction: of an angle, or of all readings."""
+    return "‰" if step.klass == "electronics" else "mrad"
+
+
 def size_words(step: Step) -> str:
     """How large an effect is, with 95 %."""
     if len(step.parameters) > 3 and step.curve:
         largest = max(abs(row[1]) for row in step.curve)
-        return f"a curve of up to {number(1e3 * largest, 2)} mrad"
+        return f"a curve of up to {number(1e3 * largest, 2)} {curve_unit(step)}"
     parts = []
     for p in step.parameters:
         value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)

@@ -19,6 +19,7 @@ pub mod chain;
 pub mod change;
 pub mod check;
 mod context;
+pub mod curve;
 pub mod damage;
 mod error;
 pub mod excluded;

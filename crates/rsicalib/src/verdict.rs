@@ -2,20 +2,21 @@
 
 use crate::change::{PlatformRms, noise_of, platform_difference};
 use crate::check::check;
+use crate::curve::{Over, curve};
 use crate::excluded::Excluded;
 use crate::fit::{Fit, fit};
 use crate::hidden::{Hidden, could_hide};
 use crate::leftover::{Unexplained, unexplained};
-use crate::model::{Instance, Target};
+use crate::model::Instance;
 use crate::objective::{Implicit, Part};
 use crate::result::{
     Estimates, FitReport, HeldOut, ParameterReport, estimates, place, reported, unit,
 };
 use crate::scan;
 use crate::session::Session;
-use crate::terms::{Acts, Class, Scale, Site};
+use crate::terms::Class;
 use crate::trace::{Found, LEFT, Search, Traced, cost, trace};
-use crate::{Error, Table, lanes::Lanes};
+use crate::{Error, Table};
 
 /// Known poses, for the error before and after.
 #[derive(Debug, Clone)]
@@ -60,8 +61,10 @@ pub struct StepReport {
     pub also_fits: Vec<Place>,
     /// What it does to the platform.
     pub platform_rms: Option<PlatformRms>,
-    /// Reading and correction, where it is a curve.
+    /// Reading (or time) and correction, where it is a curve.
     pub curve: Option<Vec<[f64; 2]>>,
+    /// What the curve runs over.
+    pub curve_over: Option<Over>,
     /// Standard deviation of each correction of the curve.
     pub curve_sd: Option<Vec<f64>>,
     /// Error on poses left out, with this effect and those before it.
@@ -240,7 +243,7 @@ fn step(
             .then(|| covariance[(first + k, first + k)].max(0.0).sqrt()),
         unit: unit(session, &found.instance, p.unit),
     });
-    let curve = curve(traced, &found.instance, first);
+    let curve = curve(after, &found.instance, first);
     // What it does to the platform: the search's fit with it against the one without.
     let platform_rms = platform_difference(&traced.small, &found.without, &traced.last);
     // Held out with this effect and those found before it.
@@ -257,50 +260,10 @@ fn step(
         also_fits: found.also.iter().map(|i| effect(session, i)).collect(),
         platform_rms,
         held_out: held_out(&traced.small, &fitted),
-        curve_sd: curve.as_ref().map(|c| c.iter().map(|p| p[2]).collect()),
-        curve: curve.map(|c| c.into_iter().map(|p| [p[0], p[1]]).collect()),
+        curve_over: curve.as_ref().map(|c| c.over),
+        curve_sd: curve.as_ref().map(|c| c.points.iter().map(|p| p[2]).collect()),
+        curve: curve.map(|c| c.points.into_iter().map(|p| [p[0], p[1]]).collect()),
     })
-}
-
-/// Correction of a sensor term over the readings that occur, with its deviation.
-fn curve(traced: &Traced, instance: &Instance, first: usize) -> Option<Vec<[f64; 3]>> {
-    let Acts::Sensor(term) = instance.term.acts() else { return None };
-    let Target::Channel(channel) = instance.target else { return None };
-    if !instance.term.is_curve() {
-        return None;
-    }
-    let after = &traced.after;
-    let scales: &[Scale] = &after.model.scales;
-    let [low, high] = scales[channel].span;
-    let width = instance.width();
-    let p = &after.beta[first..first + width];
-    let mut out = vec![Lanes::ZERO; width];
-    let points = 33;
-    let curve = (0..points).map(|i| {
-        let reading = low + (high - low) * f64::from(i) / f64::from(points - 1);
-        let readings = vec![Lanes::splat(reading); scales.len()];
-        let still = vec![Lanes::ZERO; scales.len()];
-        let site = Site {
-            readings: &readings,
-            channel,
-            scales,
-            time: Lanes::ZERO,
-            temperature: Lanes::ZERO,
-            approach: &still,
-            velocity: &still,
-            pose: Lanes::ZERO,
-            place: instance.place,
-        };
-        term.partials(p, &site, &mut out);
-        let mut variance = 0.0;
-        for i in 0..width {
-            for j in 0..width {
-                variance += out[i].0[0] * out[j].0[0] * after.covariance[(first + i, first + j)];
-            }
-        }
-        [reading, term.correction(p, &site).0[0], variance.max(0.0).sqrt()]
-    });
-    Some(curve.collect())
 }
 
 /// Folds of the cross-validation.

@@ -1,8 +1,6 @@
 //! [`FreeCurve`].
 
-use std::f64::consts::PI;
-
-use super::{Acts, Info, Sensor, Site, Term};
+use super::{Acts, Info, Sensor, Site, Term, waves};
 use crate::lanes::Lanes;
 
 term! {
@@ -35,35 +33,24 @@ impl Term for FreeCurve {
 
 impl Sensor for FreeCurve {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
-        let mut sum = Lanes::ZERO;
-        for (k, c) in p.iter().enumerate() {
-            sum += (phase(site) * (k + 1) as f64).sin_cos().1 * *c;
-        }
-        sum
+        waves::sum(p, along(site))
     }
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        for (k, out) in out.iter_mut().enumerate() {
-            *out = (phase(site) * (k + 1) as f64).sin_cos().1;
-        }
+        waves::each(along(site), out);
     }
 
     fn slope(&self, p: &[f64], site: &Site) -> Lanes {
-        let mut sum = Lanes::ZERO;
-        for (k, c) in p.iter().enumerate() {
-            let k = (k + 1) as f64;
-            sum -= (phase(site) * k).sin_cos().0 * (k * c);
-        }
-        sum * per_reading(site)
+        waves::slope(p, along(site)) * per_reading(site)
     }
 }
 
-/// `π s`
-fn phase(site: &Site) -> Lanes {
+/// `s`
+fn along(site: &Site) -> Lanes {
     (site.reading() - Lanes::splat(site.scale().span[0])) * per_reading(site)
 }
 
 fn per_reading(site: &Site) -> f64 {
     let [low, high] = site.scale().span;
-    if high > low { PI / (high - low) } else { 0.0 }
+    if high > low { 1.0 / (high - low) } else { 0.0 }
 }

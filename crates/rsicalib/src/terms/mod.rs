@@ -443,15 +443,19 @@ mod once_per_turn;
 mod point_position;
 mod reference_drift;
 mod reference_temperature;
+mod reference_wander;
 mod sag;
 mod slip;
 mod temperature_gain;
 mod temperature_offset;
 mod twice_per_turn;
+mod wander;
+mod waves;
 
 registry! {
     reference_drift::ReferenceDrift,
     reference_temperature::ReferenceTemperature,
+    reference_wander::ReferenceWander,
     channel_skew::ChannelSkew,
     crosstalk::Crosstalk,
     lag::Lag,
@@ -465,6 +469,7 @@ registry! {
     free_curve::FreeCurve,
     hysteresis::Hysteresis,
     drift::Drift,
+    wander::Wander,
     slip::Slip,
     temperature_offset::TemperatureOffset,
     temperature_gain::TemperatureGain,

@@ -1,0 +1,44 @@
+//! [`ReferenceWander`].
+
+use super::{Acts, Electronics, Info, Site, Term, waves};
+use crate::lanes::Lanes;
+
+term! {
+    /// A converter's reference that wanders, or warms up.
+    ///
+    /// Multiplies all readings by `1 + Σ_k r_k cos(k π t)`, where `t` runs from 0 to 1 over
+    /// the session. Each coefficient is held by its typical size, which falls as `1/k`.
+    ReferenceWander("reference_wander", Electronics, per All, needs Order, penalised) {
+        r1: "1" ~ 2e-3,
+        r2: "1" ~ 1e-3,
+        r3: "1" ~ 6.7e-4,
+        r4: "1" ~ 5e-4,
+        r5: "1" ~ 4e-4,
+        r6: "1" ~ 3.3e-4,
+    }
+}
+
+impl Term for ReferenceWander {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Electronics(&Self)
+    }
+}
+
+impl Electronics for ReferenceWander {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        site.reading() * waves::sum(p, site.time)
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        waves::each(site.time, out);
+        out.iter_mut().for_each(|out| *out = *out * site.reading());
+    }
+
+    fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[site.channel] += waves::sum(p, site.time);
+    }
+}

@@ -1,0 +1,44 @@
+//! [`Wander`].
+
+use super::{Acts, Info, Sensor, Site, Term, waves};
+use crate::lanes::Lanes;
+
+term! {
+    /// Offset of a sensor that wanders during the session.
+    ///
+    /// Adds `Σ_k w_k cos(k π t)` to the joint angle, where `t` runs from 0 to 1 over the
+    /// session: a pot that creeps to and fro, or warms up. Each coefficient is held by its
+    /// typical size, which falls as `1/k`.
+    Wander("wander", Sensor, per Channel, needs Order, penalised) {
+        w1: "rad" ~ 5e-3,
+        w2: "rad" ~ 2.5e-3,
+        w3: "rad" ~ 1.7e-3,
+        w4: "rad" ~ 1.25e-3,
+        w5: "rad" ~ 1e-3,
+        w6: "rad" ~ 8.3e-4,
+    }
+}
+
+impl Term for Wander {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+}
+
+impl Sensor for Wander {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        waves::sum(p, site.time)
+    }
+
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        waves::each(site.time, out);
+    }
+
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
+}
