@@ -17,6 +17,7 @@ from rsicalib.words import (
     name_of,
     noise_words,
     number,
+    p_is,
     plus_minus,
     sentence,
     size_words,
@@ -202,13 +203,13 @@ def _found(result: Trace) -> str:
             parts.append(f"<figure>{figure}</figure>")
     if result.unexplained is not None:
         left = result.unexplained
-        p = "" if left.p_value is None else f" (p = {number(left.p_value, 2)})"
+        p = "" if left.p_value is None else f" ({p_is(left.p_value)})"
         parts.append(f"<p>Left over: {escape(left.text)}{escape(p)}.</p>")
     return _section("What was found", *parts)
 
 
 def _cost(step: Step, unit: str) -> str:
-    out = f"Its score is one that chance gives with p = {number(step.p_value, 2)}. "
+    out = f"Its score is one that chance gives with {p_is(step.p_value)}. "
     if step.platform_rms is not None:
         rms = step.platform_rms
         out += (

@@ -83,8 +83,19 @@ def _at(result: Trace) -> str:
 def _judged(fit: FitQuality) -> str:
     if fit.p_value is None:
         return "lack of fit cannot be judged"
-    p = number(fit.p_value, 2)
-    return f"χ² {number(fit.chi2)} for {number(fit.dof)} degrees of freedom, p = {p}"
+    p = p_is(fit.p_value)
+    return f"χ² {number(fit.chi2)} for {number(fit.dof)} degrees of freedom, {p}"
+
+
+def probability(p: float | None) -> str:
+    """A p-value: below what a double can hold it is not zero."""
+    return "< 1e-99" if p is not None and p < 1e-99 else number(p, 2)
+
+
+def p_is(p: float | None) -> str:
+    """`p = 0.03`, `p < 1e-99`."""
+    words = probability(p)
+    return f"p {words}" if words.startswith("<") else f"p = {words}"
 
 
 def sentence(result: Result) -> str:
@@ -162,7 +173,7 @@ def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, st
 
     rows = [
         ("χ² / degrees of freedom", ratio(before), ratio(after)),
-        ("p-value", number(before.p_value, 2), number(after.p_value, 2)),
+        ("p-value", probability(before.p_value), probability(after.p_value)),
         (f"misclosure, rms [{unit}]", number(before.rms_misclosure), number(after.rms_misclosure)),
     ]
     held = [fit.held_out.chi2_per_dof if fit.held_out else None for fit in (before, after)]

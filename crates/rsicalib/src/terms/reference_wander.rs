@@ -9,12 +9,12 @@ term! {
     /// Multiplies all readings by `1 + Σ_k r_k cos(k π t)`, where `t` runs from 0 to 1 over
     /// the session. Each coefficient is held by its typical size, which falls as `1/k`.
     ReferenceWander("reference_wander", Electronics, per All, needs Order, penalised) {
-        r1: "1" ~ 2e-3,
-        r2: "1" ~ 1e-3,
-        r3: "1" ~ 6.7e-4,
-        r4: "1" ~ 5e-4,
-        r5: "1" ~ 4e-4,
-        r6: "1" ~ 3.3e-4,
+        r1: "1" ~ 0.004,
+        r2: "1" ~ 0.002,
+        r3: "1" ~ 0.0013,
+        r4: "1" ~ 0.001,
+        r5: "1" ~ 0.0008,
+        r6: "1" ~ 0.00067,
     }
 }
 

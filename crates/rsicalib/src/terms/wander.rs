@@ -10,12 +10,12 @@ term! {
     /// session: a pot that creeps to and fro, or warms up. Each coefficient is held by its
     /// typical size, which falls as `1/k`.
     Wander("wander", Sensor, per Channel, needs Order, penalised) {
-        w1: "rad" ~ 5e-3,
-        w2: "rad" ~ 2.5e-3,
-        w3: "rad" ~ 1.7e-3,
-        w4: "rad" ~ 1.25e-3,
-        w5: "rad" ~ 1e-3,
-        w6: "rad" ~ 8.3e-4,
+        w1: "rad" ~ 0.01,
+        w2: "rad" ~ 0.005,
+        w3: "rad" ~ 0.0033,
+        w4: "rad" ~ 0.0025,
+        w5: "rad" ~ 0.002,
+        w6: "rad" ~ 0.0017,
     }
 }
 
