@@ -90,3 +90,46 @@ impl Blame {
         Self { channel: None, chain, reason }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A likelihood ratio in units of χ².
+    fn times(ratio: f64) -> f64 {
+        2.0 * f64::ln(ratio)
+    }
+
+    #[test]
+    fn probabilities_are_likelihoods_over_their_sum_best_of_each_target() {
+        let rivals = [(times(1.0), 'b'), (times(3.0), 'a'), (times(2.0), 'a')];
+        let found = probabilities(&rivals);
+        assert_eq!(found.iter().map(|f| f.0).collect::<String>(), "ab");
+        assert!((found[0].1 - 0.75).abs() < 1e-12 && (found[1].1 - 0.25).abs() < 1e-12);
+        assert!(probabilities::<char>(&[]).is_empty());
+    }
+
+    #[test]
+    fn targets_are_listed_until_they_are_sure_to_hold_the_truth() {
+        let of = |ratios: [f64; 3]| {
+            credible(&[(times(ratios[0]), 0), (times(ratios[1]), 1), (times(ratios[2]), 2)])
+        };
+        assert_eq!(of([9.0, 0.5, 0.5]), [true, false, false]);
+        assert_eq!(of([7.0, 2.0, 1.0]), [true, true, false]);
+        // What is unlikely beside the best of its own target is not listed with it.
+        assert_eq!(credible(&[(7.0, 0), (0.5, 0)]), [true, false]);
+    }
+
+    #[test]
+    fn a_channel_is_blamed_where_that_is_sure_and_a_chain_by_all_its_channels() {
+        let mechanism = Mechanism::rsi();
+        let sure = Blame::of(&[(times(9.0), 4), (times(1.0), 0)], &mechanism);
+        assert_eq!((sure.channel, sure.chain), (Some(4), Some(1)));
+        // a11 is the likeliest channel, arm2 the likeliest chain.
+        let unsure = Blame::of(&[(times(4.0), 0), (times(3.0), 4), (times(3.0), 5)], &mechanism);
+        assert_eq!((unsure.channel, unsure.chain), (None, Some(1)));
+        assert!(unsure.reason.contains("a11 (40 %), a22 (30 %), a23 (30 %)"), "{}", unsure.reason);
+        let nobody = Blame::of(&[], &mechanism);
+        assert_eq!((nobody.channel, nobody.chain), (None, None));
+    }
+}

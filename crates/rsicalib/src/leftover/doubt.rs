@@ -57,3 +57,39 @@ fn repeated(mechanism: &Mechanism, found: &[Instance]) -> Option<(String, String
             .then(|| ("all".into(), format!("{id} is named in {} chains", again.len() + 1)))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::terms::find;
+
+    fn doubts(found: &[(&str, Target, f64)]) -> Option<String> {
+        let instance = |id: &str, target| Instance { term: find(id).unwrap(), target, place: 0 };
+        let instances: Vec<Instance> = found.iter().map(|(id, t, _)| instance(id, *t)).collect();
+        let rises: Vec<f64> = found.iter().map(|f| f.2).collect();
+        doubt(&Mechanism::rsi(), &instances, &rises).map(|(target, _)| target)
+    }
+
+    #[test]
+    fn one_effect_is_not_in_doubt_and_strong_ones_of_two_kinds_are_not() {
+        assert_eq!(doubts(&[("slip", Target::Channel(0), 20.0)]), None);
+        let two = [("slip", Target::Channel(0), 90.0), ("drift", Target::Channel(1), 80.0)];
+        assert_eq!(doubts(&two), None);
+    }
+
+    #[test]
+    fn what_is_faint_beside_others_is_in_doubt() {
+        let two = [("slip", Target::Channel(0), 90.0), ("drift", Target::Channel(4), 30.0)];
+        assert_eq!(doubts(&two).as_deref(), Some("a22"));
+    }
+
+    #[test]
+    fn the_same_twice_in_a_chain_or_in_three_chains_has_a_cause_behind_it() {
+        let tilt = |chain, row| ("joint_tilt", Target::Row(chain, row), 90.0);
+        assert_eq!(doubts(&[tilt(2, 1), tilt(2, 2)]).as_deref(), Some("arm3"));
+        assert_eq!(doubts(&[tilt(0, 1), tilt(2, 2)]), None);
+        assert_eq!(doubts(&[tilt(0, 1), tilt(1, 1), tilt(2, 2)]).as_deref(), Some("all"));
+        let sag = |chain| ("sag", Target::Chain(chain), 90.0);
+        assert_eq!(doubts(&[sag(0), sag(1), sag(2)]), None);
+    }
+}
