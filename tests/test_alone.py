@@ -41,11 +41,13 @@ class Swell(Strange):
         return out
 
 
-def examined(number: int, *present: Effect, without: tuple[str, ...] = ()) -> dict[str, Any]:
+def examined(
+    number: int, *present: Effect, without: tuple[str, ...] = (), moving: bool = False
+) -> dict[str, Any]:
     """What is said of a session with these effects."""
     rng = np.random.default_rng([82, number])
     device = Device.random(rng)
-    scene = trials.stage(device, rng, moving=False)
+    scene = trials.stage(device, rng, moving)
     case = trials.Case(
         suite="outside",
         number=number,
@@ -99,11 +101,26 @@ def test_a_loose_wrist_is_the_fault_of_its_arm_and_of_no_sensor() -> None:
     assert not [step for step in result["steps"] if step["class"] == "sensor"]
 
 
-def test_a_wrong_reading_elsewhere_stays_out() -> None:
-    wrong = effects.BadReading("a13", 80.0, pose=20)
+@pytest.mark.parametrize("counts", [15.0, 30.0, 80.0])
+def test_a_wrong_reading_elsewhere_stays_out(counts: float) -> None:
+    wrong = effects.BadReading("a13", counts, pose=20)
     result = examined(5, Lawless("a32", SIZE, seed=3), wrong)
     assert result["unexplained"]["target"] == "a32"
-    assert [entry["pose"] for entry in result["excluded"]] == [20]
+    assert [(entry["pose"], entry["channel"]) for entry in result["excluded"]] == [(20, "a13")]
+
+
+def test_a_channel_of_a_recording_is_named_too() -> None:
+    result = examined(77, effects.Ripple("a22", 0.002, wave=150.0), moving=True)
+    assert "errors of a22 alone explain" in result["unexplained"]["text"]
+    assert {step["target"] for step in result["steps"]} <= {"a22"}
+
+
+def test_what_is_drawn_in_every_pose_does_not_follow_the_direction() -> None:
+    texts = [
+        examined(200 + number, Lawless("a22", SIZE, seed=number))["unexplained"]["text"]
+        for number in range(12)
+    ]
+    assert not [text for text in texts if "its sign is that of the direction" in text]
 
 
 def test_one_effect_of_the_catalogue_is_no_unknown_law() -> None:

@@ -261,7 +261,7 @@ class Step(Record):
     curve: tuple[tuple[float, ...], ...] = field(default=(), metadata=OMIT)
     """Rows of reading and correction [rad]; see `curve_over`."""
     curve_sd: tuple[float, ...] = field(default=(), metadata=OMIT)
-    """Standard deviation of each correction [rad]."""
+    """Standard deviation of each correction."""
     curve_over: str | None = field(default=None, metadata=OMIT)
     """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction [rad], of
     the converter's reference the fraction by which all readings change."""

@@ -11,8 +11,9 @@
 //! and nothing in it stands out, `c` is all that is wrong.
 
 use crate::fit::{Fit, fit};
+use crate::hunt::whole_pose;
 use crate::model::{Instance, Target};
-use crate::rivals::{SURE, probabilities};
+use crate::rivals::{AS_WELL, Blame, SURE, probabilities};
 use crate::scan::{self, Judge, Scored, dot};
 use crate::session::Session;
 use crate::trace::{LEFT, Search};
@@ -26,28 +27,33 @@ const FEW: f64 = 8.0;
 const LIKELY: usize = 3;
 /// What was found elsewhere is not needed where chance makes as much this often.
 const NEEDLESS: f64 = 1e-3;
+/// Wrong readings beside what is at fault, at the most: more would explain away anything.
+const WRONG: usize = 1;
+/// By how much χ² falls, by chance, and is charged, for each equation that is given up (Akaike).
+const EQUATION: f64 = 2.0;
 
 /// What is at fault alone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Alone {
     /// A channel, a closure or a chain.
     pub target: Target,
     /// Probability of a larger χ² of the rest, (73).
     pub p_value: f64,
+    /// Readings and poses that are wrong whatever it does, and whose those readings are.
+    pub wrong: Vec<(Scored, Blame)>,
 }
 
 /// The channel or closure, or else the chain, that is at fault alone; none where there is
 /// no such one, or where nothing but the fit gives the noise.
 ///
-/// `base` is the fit without any effect, of what is not left out; `found` what the search
-/// found.
+/// `start` is the fit without any effect, `found` what the search found.
 ///
 /// # Errors
 ///
 /// As [`fit`].
 pub fn alone(
     session: &Session,
-    base: &Fit,
+    start: &Fit,
     judge: &Judge,
     found: &[Instance],
     search: &Search,
@@ -56,62 +62,128 @@ pub fn alone(
     if judge.residual_dof.is_some() {
         return Ok(None);
     }
+    let closures = mechanism.closures.iter().enumerate().filter(|(_, c)| !mechanism.is_link(c));
     let channels = (0..mechanism.channels.len()).map(Target::Channel);
-    let closures = (0..mechanism.closures.len()).map(Target::Closure);
-    let chains = (0..mechanism.chains.len()).map(Target::Chain);
-    let kinds: [Vec<Target>; 2] = [channels.chain(closures).collect(), chains.collect()];
+    let single = channels.chain(closures.map(|(k, _)| Target::Closure(k))).collect();
+    let chains = (0..mechanism.chains.len()).map(Target::Chain).collect();
+    let kinds: [Vec<Target>; 2] = [single, chains];
     for kind in kinds {
         let mut able: Vec<Without> = Vec::new();
         for target in kind {
-            able.extend(closes(session, base, judge, target)?);
-            able.sort_by(|a, b| a.rest.chi2.total_cmp(&b.rest.chi2));
+            able.extend(Without::of(session, start, target)?);
+            able.sort_by(|a, b| a.left().total_cmp(&b.left()));
             able.truncate(LIKELY);
         }
         let mut alone = Vec::new();
-        for it in able {
-            if !it.needs_more(judge, found, search)? {
-                alone.push((-it.rest.chi2, Alone { target: it.target, p_value: it.p_value }));
+        for mut it in able {
+            if it.closes(judge, search)? && !it.needs_more(judge, found, search)? {
+                alone.push(it);
             }
         }
-        if let Some(&(alone, sure)) = probabilities(&alone).first()
+        let rivals: Vec<(f64, Target)> = alone.iter().map(|it| (-it.left(), it.target)).collect();
+        if let Some(&(target, sure)) = probabilities(&rivals).first()
             && sure >= SURE
         {
-            return Ok(Some(alone));
+            let it = alone.into_iter().find(|it| it.target == target);
+            return Ok(it.map(|Without { target, p_value, wrong, .. }| Alone {
+                target,
+                p_value,
+                wrong,
+            }));
         }
     }
     Ok(None)
 }
 
-/// Of readings and poses that were found wrong, those that are so even where whatever
-/// is at fault alone says nothing.
-///
-/// # Errors
-///
-/// As [`fit`].
-pub fn wrong_anyway(
-    session: &Session,
-    base: &Fit,
-    judge: &Judge,
-    target: Target,
-    wrong: &[Instance],
-    search: &Search,
-) -> Result<Vec<Scored>, Error> {
-    let freed = freed(session, base, target);
-    let rest = fit(&freed, base.model.instances.clone(), Some(base))?;
-    let mut scored = scan::bad_readings(&freed, &rest, judge)?;
-    scored.retain(|s| wrong.contains(&s.instance) && s.corrected <= search.alpha);
-    Ok(scored)
-}
-
 /// A fit to all but one thing.
-struct Without {
+struct Without<'a> {
+    start: &'a Fit,
     target: Target,
     freed: Session,
     rest: Fit,
     p_value: f64,
+    wrong: Vec<(Scored, Blame)>,
 }
 
-impl Without {
+impl<'a> Without<'a> {
+    /// None where without it there is nothing to judge by.
+    fn of(session: &Session, start: &'a Fit, target: Target) -> Result<Option<Self>, Error> {
+        let freed = freed(session, start, target);
+        let (equations, lost) = equations(&freed, start, target);
+        if equations - lost < FEW {
+            return Ok(None);
+        }
+        let rest = fit(&freed, start.model.instances.clone(), Some(start))?;
+        Ok(Some(Self { start, target, freed, rest, p_value: 0.0, wrong: Vec::new() }))
+    }
+
+    /// χ² with what is paid for it.
+    fn left(&self) -> f64 {
+        let (_, lost) = equations(&self.freed, self.start, self.target);
+        let paid = self.wrong.iter().map(|(s, _)| s.score - s.charged());
+        self.rest.chi2 + EQUATION * lost + paid.sum::<f64>()
+    }
+
+    /// Degrees of freedom of (73).
+    fn dof(&self) -> f64 {
+        let (equations, lost) = equations(&self.freed, self.start, self.target);
+        let own = own(self.start, &self.freed.mechanism, self.target);
+        // Priors may know more of the parameters than the readings do.
+        (self.rest.dof - lost + own).min(equations - lost)
+    }
+
+    /// Whether the rest closes within its noise, but for a few readings that are wrong.
+    fn closes(&mut self, judge: &Judge, search: &Search) -> Result<bool, Error> {
+        while let Some((scored, blame)) = self.wrong_reading(judge, search)? {
+            if self.wrong.len() == WRONG {
+                return Ok(false);
+            }
+            let mut instances = self.rest.model.instances.clone();
+            match whole_pose(&scored.instance) {
+                Some(pose) => self.freed.weights[pose] = 0.0,
+                None => instances.push(scored.instance),
+            }
+            self.wrong.push((scored, blame));
+            self.rest = fit(&self.freed, instances, Some(&self.rest))?;
+        }
+        let dof = self.dof();
+        self.p_value = judge.p_value(self.rest.chi2, dof);
+        Ok(dof >= FEW && self.p_value > LEFT)
+    }
+
+    /// The worst reading, or pose, that is wrong though this says nothing.
+    fn wrong_reading(
+        &self,
+        judge: &Judge,
+        search: &Search,
+    ) -> Result<Option<(Scored, Blame)>, Error> {
+        let mechanism = &self.freed.mechanism;
+        if !self.freed.readings.held {
+            return Ok(None);
+        }
+        let mut scored = scan::bad_readings(&self.freed, &self.rest, judge)?;
+        scored.retain(|s| !belongs(mechanism, s.instance.target, self.target));
+        let worst = scored.iter().filter(|s| s.corrected <= search.alpha);
+        let Some(worst) = worst.max_by(|a, b| a.charged().total_cmp(&b.charged())) else {
+            return Ok(None);
+        };
+        // Several wrong readings at once are the rarer story: chance may not tell it.
+        let mut here: Vec<Scored> = scored
+            .iter()
+            .filter(|s| s.instance.place == worst.instance.place)
+            .filter(|s| whole_pose(&s.instance).is_none())
+            .copied()
+            .collect();
+        here.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let of_channel = |s: &Scored| match s.instance.target {
+            Target::Channel(channel) => Some((s.score, channel)),
+            _ => None,
+        };
+        let blame = Blame::of(&here.iter().filter_map(of_channel).collect::<Vec<_>>(), mechanism);
+        let one = here.first().filter(|s| s.charged() >= worst.charged() - AS_WELL);
+        Ok(Some((*one.unwrap_or(worst), blame)))
+    }
+
     /// Whether something else stands out, or was found and still is needed.
     fn needs_more(
         &self,
@@ -121,8 +193,9 @@ impl Without {
     ) -> Result<bool, Error> {
         let mechanism = &self.freed.mechanism;
         let scored = scan::scan(&self.freed, &self.rest, judge, &search.without)?;
-        let mut elsewhere =
-            scored.iter().filter(|s| !belongs(mechanism, s.instance.target, self.target));
+        let mut elsewhere = scored.iter().filter(|s| {
+            !scan::is_data(&s.instance) && !belongs(mechanism, s.instance.target, self.target)
+        });
         Ok(elsewhere.any(|s| {
             let needed = found.contains(&s.instance) && s.p_value <= NEEDLESS;
             needed || s.corrected <= search.alpha
@@ -130,27 +203,18 @@ impl Without {
     }
 }
 
-/// The fit to the rest, where that closes within its noise by (73).
-fn closes(
-    session: &Session,
-    base: &Fit,
-    judge: &Judge,
-    target: Target,
-) -> Result<Option<Without>, Error> {
+/// Equations between poses, and how many of them are given up.
+fn equations(session: &Session, start: &Fit, target: Target) -> (f64, f64) {
     let mechanism = &session.mechanism;
     let live = session.weights.iter().filter(|w| **w > 0.0).count();
+    let all = (live * start.residuals.equations) as f64;
     let lost = match target {
         Target::Closure(k) => (live * mechanism.closures[k].kind.equations()) as f64,
-        _ => taken_up(session, base, &channels_of(mechanism, target)).1,
+        _ => taken_up(session, start, &channels_of(mechanism, target)).1,
     };
-    let freed = freed(session, base, target);
-    let rest = fit(&freed, base.model.instances.clone(), Some(base))?;
-    // Priors may know more of the parameters than the readings do.
-    let most = (live * base.residuals.equations) as f64 - lost;
-    let dof = (rest.dof - lost + own(base, mechanism, target)).min(most);
-    let p_value = judge.p_value(rest.chi2, dof);
-    let quiet = dof >= FEW && p_value > LEFT;
-    Ok(quiet.then_some(Without { target, freed, rest, p_value }))
+    // In a recording neighbours are poses that were sampled several times.
+    let between = 1.0 - start.within / all.max(1.0);
+    (all * between, lost * between)
 }
 
 /// The session in which this says nothing.

@@ -3,19 +3,7 @@
 use crate::fit::Fit;
 use crate::lanes::Lanes;
 use crate::model::{Instance, Target};
-use crate::terms::{Acts, Needs, Scale, Site};
-
-/// What a curve runs over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
-pub enum Over {
-    /// The reading of its channel; the correction is an angle.
-    Reading,
-    /// Time, from 0 to 1 over the session; the correction is an angle, of the converter's
-    /// reference a fraction of all readings.
-    Time,
-}
+use crate::terms::{Acts, Over, Scale, Site};
 
 /// A curve.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,16 +21,13 @@ const POINTS: usize = 33;
 /// parameters say it all.
 #[must_use]
 pub fn curve(fit: &Fit, instance: &Instance, first: usize) -> Option<Curve> {
-    let info = instance.term.info();
     let scales: &[Scale] = &fit.model.scales;
     let channel = if let Target::Channel(channel) = instance.target { channel } else { 0 };
-    let over = if instance.term.is_curve() {
-        Over::Reading
-    } else if info.penalised && info.needs == Needs::Order {
-        Over::Time
-    } else {
+    // What is straight over time its rate says.
+    let over = instance.term.over()?;
+    if over == Over::Time && !instance.term.info().penalised {
         return None;
-    };
+    }
     let p = &fit.beta[first..first + instance.width()];
     let still = vec![Lanes::ZERO; scales.len()];
     let at = |share: f64| {

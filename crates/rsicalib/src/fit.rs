@@ -108,6 +108,8 @@ pub struct Fit {
     pub chi2: f64,
     /// Its degrees of freedom.
     pub dof: f64,
+    /// Degrees of freedom within poses, which gave the noise.
+    pub within: f64,
     /// Probability of a larger χ²; none where nothing but the fit gives the noise.
     pub p_value: Option<f64>,
     /// χ² of all samples.
@@ -411,13 +413,15 @@ fn conclude(
     let (inverse, unknowable, condition) = invert(&gram);
     let (mut chi2, mut dof) =
         (total, (live.len() * k) as f64 - free_parameters(&inverse, &priors, &outcome.x));
+    let mut within = 0.0;
     if matches!(
         noise.source,
         Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
     ) {
         let scatter = groups.scatter(&residuals, 0.0);
         chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
-        dof -= scatter.dof;
+        within = scatter.dof;
+        dof -= within;
     }
     let p_value = (noise.source.independent() && dof >= 1.0)
         .then(|| stats::f_tail(chi2 / dof, dof, noise.dof));
@@ -439,6 +443,7 @@ fn conclude(
         unknowable,
         chi2,
         dof,
+        within,
         p_value,
         total,
         rms_misclosure,

@@ -117,10 +117,13 @@ impl<'a> Hunt<'a> {
         Ok(scored)
     }
 
-    /// All poses count again, and nothing but this may be wrong; gives
-    /// the weights that were.
-    pub fn confine(&mut self, only: Target) -> Vec<f64> {
-        self.only = Some(only);
+    /// The session with all poses.
+    pub fn all(&self) -> Session {
+        Session { weights: self.counts.clone(), ..self.small.clone() }
+    }
+
+    /// All poses count again; gives the weights that were.
+    pub fn restart(&mut self) -> Vec<f64> {
         std::mem::replace(&mut self.small.weights, self.counts.clone())
     }
 
@@ -275,7 +278,7 @@ impl<'a> Hunt<'a> {
         }
     }
 
-    /// Drops what is no longer needed, or is part of a free curve that was added.
+    /// Drops what is no longer needed, or is part of a free shape that was added.
     pub fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
         let mut current = current;
         let mut index = 0;
@@ -285,9 +288,8 @@ impl<'a> Hunt<'a> {
             let lost = cost(&without) - cost(&current);
             let width = instance.width() as f64;
             let p_value = self.judge(&current).p_value(lost.max(0.0), width);
-            let repeats = instance.term.is_curve()
-                && !instance.term.info().penalised
-                && scan::has_free_curve(&current, instance.target);
+            let repeats = !instance.term.info().penalised
+                && scan::has_free_shape(&current, instance.term, instance.target);
             if repeats || p_value * 1e3 > self.search.alpha * 10.0 {
                 found.remove(index);
                 current = without;

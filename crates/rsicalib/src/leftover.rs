@@ -28,12 +28,14 @@ pub struct Unexplained {
 pub fn unexplained(traced: &Traced, rises: &[f64]) -> Unexplained {
     let p_value = traced.judge.lack_of_fit(&traced.last);
     if p_value.is_some_and(|p| p <= LEFT) {
-        let (target, text) = traced.alone.map_or_else(|| locate(traced), |it| at_fault(traced, it));
+        let (target, text) =
+            traced.alone.as_ref().map_or_else(|| locate(traced), |it| at_fault(traced, it));
         return Unexplained { p_value, target: Some(target), text };
     }
     let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
     if let Some((target, text)) = doubt(&traced.small.mechanism, &found, rises) {
-        let target = traced.alone.map_or(target, |it| it.target.name(&traced.small.mechanism));
+        let target =
+            traced.alone.as_ref().map_or(target, |it| it.target.name(&traced.small.mechanism));
         let text = format!("nothing left above the noise, but {text}");
         return Unexplained { p_value, target: Some(target), text };
     }
@@ -62,7 +64,7 @@ fn nearest(traced: &Traced) -> String {
 }
 
 /// What is at fault alone, by a law that no effect of the catalogue has.
-fn at_fault(traced: &Traced, alone: Alone) -> (String, String) {
+fn at_fault(traced: &Traced, alone: &Alone) -> (String, String) {
     let name = alone.target.name(&traced.small.mechanism);
     let places = match alone.target {
         Target::Channel(channel) => whereabouts(traced, channel),

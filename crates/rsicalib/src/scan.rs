@@ -31,7 +31,7 @@ use crate::{Error, stats};
 pub enum Family {
     /// Named effects: a hundred or so.
     Named,
-    /// A free curve on each channel.
+    /// A free shape: of each channel over its reading and over time, of all over time.
     Free,
     /// A jump of one channel at one time: as many as poses and channels.
     Slip,
@@ -122,11 +122,10 @@ impl Judge {
 #[must_use]
 pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Instance> {
     let (mechanism, readings) = (&session.mechanism, &session.readings);
-    let searched = |term: &dyn Term| ["slip", "bad_reading"].contains(&term.info().id);
     let mut all = Vec::new();
     for term in ALL.iter().copied() {
         let info = term.info();
-        if searched(term)
+        if term.searched()
             || info.broad
             || without.iter().any(|w| w == info.id)
             || provided(term, mechanism, readings).is_err()
@@ -152,9 +151,12 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
 /// False where a term would repeat another: a body that carries no joint has no axis
 /// to tilt, before the first joint the base tilts, a frame that is free as a whole is
 /// longer by itself, where nothing is fixed to the base a single chain has none, and a
-/// free curve is any curve of its channel.
+/// free shape is any shape.
 fn meaningful(session: &Session, fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let (mechanism, id) = (&session.mechanism, term.info().id);
+    if has_free_shape(fit, term, target) {
+        return false;
+    }
     match target {
         Target::Row(chain, row) => {
             let rows = &mechanism.chains[chain].rows;
@@ -165,16 +167,16 @@ fn meaningful(session: &Session, fit: &Fit, term: &dyn Term, target: Target) -> 
             free.next().is_none() && (id != "joint_tilt" || (row >= first && row < last))
         }
         Target::Chain(_) => !(id.starts_with("base_") && mechanism.floats()),
-        Target::Channel(_) => !(term.is_curve() && has_free_curve(fit, target)),
         _ => true,
     }
 }
 
-/// True where a curve of any shape is fitted to this channel.
+/// True where any shape over what this term runs over is fitted to its target.
 #[must_use]
-pub fn has_free_curve(fit: &Fit, target: Target) -> bool {
+pub fn has_free_shape(fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let mut instances = fit.model.instances.iter();
-    instances.any(|i| i.target == target && i.term.info().penalised && i.term.is_curve())
+    let free = |i: &Instance| i.target == target && i.term.info().penalised;
+    term.over().is_some() && instances.any(|i| free(i) && i.term.over() == term.over())
 }
 
 /// Sums for (71) over all candidates.

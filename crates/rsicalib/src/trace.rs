@@ -9,7 +9,7 @@
 //! averaged for the search, whose noise is then known; the answer is fitted to
 //! all of them.
 
-use crate::alone::{Alone, alone, wrong_anyway};
+use crate::alone::{Alone, alone};
 use crate::excluded::Excluded;
 use crate::fit::{Fit, fit};
 use crate::hunt::{Hunt, whole_pose};
@@ -54,13 +54,14 @@ pub struct Traced {
     pub excluded: Vec<Excluded>,
     /// The best that is left, whether or not it is above chance.
     pub left: Option<Scored>,
-    /// The channel or chain that is at fault alone, where the catalogue does not explain it all.
+    /// What is at fault alone, where the catalogue does not explain it all.
     pub alone: Option<Alone>,
     /// How scores were judged.
     pub judge: Judge,
 }
 
-/// More effects than this are a less likely story than one channel whose law nobody knows.
+/// More effects than this are a less likely story than one channel, or closure, whose law
+/// nobody knows.
 const FEW: usize = 2;
 
 /// Traces the residual of a session.
@@ -76,25 +77,13 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
     let mut hunt = Hunt::new(&session, &clean, search)?;
     let mut start = fit(&hunt.small, base, Some(&clean))?;
     hunt.rescale(&mut start)?;
-    let mut pursued = pursue(&mut hunt, start.clone(), Vec::new(), Vec::new())?;
-    let alone = match pursued.settled(&hunt) {
-        true => None,
-        false => pursued.alone(&hunt, &start)?,
-    };
-    if let Some(Alone { target, .. }) = alone {
-        let few = pursued.effects().count() <= FEW || matches!(target, Target::Chain(_));
-        let stays = few && pursued.quiet(&hunt);
-        let weights = hunt.confine(target);
-        let confined = pursue_alone(&mut hunt, &start, target, &pursued.wrong())?;
-        // A few effects that leave nothing give way to one that does, not to none.
-        if !stays || (confined.settled(&hunt) && confined.effects().count() > 0) {
-            pursued = confined;
-        } else {
-            hunt.release(weights);
-        }
-    }
-    let Pursued { current, found, poses, left } = pursued;
+    let (pursued, alone) = pursue_all(&mut hunt, &start)?;
+    let Pursued { current, found, poses, wrong, left, .. } = pursued;
     excluded.extend(poses.iter().map(|step| hunt.excluded(step)));
+    excluded.extend(wrong.into_iter().map(|(scored, blame)| match whole_pose(&scored.instance) {
+        Some(_) => hunt.excluded(&scored),
+        None => hunt.bad_reading(&scored.instance, blame),
+    }));
     let mut steps = Vec::new();
     for Step { scored: Scored { instance, corrected, .. }, also, blame, without } in found {
         if scan::is_data(&instance) {
@@ -140,25 +129,14 @@ struct Pursued {
     found: Vec<Step>,
     /// Poses that are wrong as a whole.
     poses: Vec<Scored>,
+    /// What is wrong beside what is at fault alone.
+    wrong: Vec<(Scored, Blame)>,
     left: Option<Scored>,
+    /// It ended because there were enough, not because nothing scored.
+    more: bool,
 }
 
 impl Pursued {
-    /// Readings and poses that are wrong.
-    fn wrong(&self) -> Vec<Instance> {
-        let readings = self.found.iter().map(|step| step.scored.instance).filter(scan::is_data);
-        readings.chain(self.poses.iter().map(|pose| pose.instance)).collect()
-    }
-
-    /// What is at fault alone beside what is wrong; `start` is the fit without any effect.
-    fn alone(&self, hunt: &Hunt, start: &Fit) -> Result<Option<Alone>, Error> {
-        let found: Vec<Instance> = self.found.iter().map(|step| step.scored.instance).collect();
-        let wrong = found.iter().copied().filter(scan::is_data);
-        let instances = start.model.instances.iter().copied().chain(wrong).collect();
-        let base = fit(&hunt.small, instances, Some(start))?;
-        alone(&hunt.small, &base, &hunt.judge(&base), &found, hunt.search)
-    }
-
     /// What is found but wrong readings.
     fn effects(&self) -> impl Iterator<Item = &Step> {
         self.found.iter().filter(|step| !scan::is_data(&step.scored.instance))
@@ -175,45 +153,64 @@ impl Pursued {
             .effects()
             .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))
             .unzip();
-        self.quiet(hunt) && doubt(&hunt.small.mechanism, &found, &rises).is_none()
+        !self.more && self.quiet(hunt) && doubt(&hunt.small.mechanism, &found, &rises).is_none()
     }
 }
 
-/// The search confined to what is at fault alone. Crests of its law look like wrong
-/// readings; those that are wrong without it stay so.
-fn pursue_alone(
-    hunt: &mut Hunt,
-    start: &Fit,
-    target: Target,
-    wrong: &[Instance],
-) -> Result<Pursued, Error> {
-    let judge = hunt.judge(start);
-    let wrong = wrong_anyway(&hunt.small, start, &judge, target, wrong, hunt.search)?;
-    let (poses, found): (Vec<_>, Vec<_>) =
-        wrong.into_iter().partition(|s| whole_pose(&s.instance).is_some());
-    for pose in &poses {
-        hunt.small.weights[pose.instance.place] = 0.0;
-    }
-    let readings = found.iter().map(|s| s.instance);
-    let instances = start.model.instances.iter().copied().chain(readings).collect();
-    let start = fit(&hunt.small, instances, Some(start))?;
-    pursue(hunt, start, found, poses)
-}
-
-/// Adds effects until nothing scores, and looks back.
-fn pursue(
-    hunt: &mut Hunt,
-    start: Fit,
-    mut found: Vec<Scored>,
-    mut poses: Vec<Scored>,
-) -> Result<Pursued, Error> {
-    let mut current = start;
-    let mut left = None;
+/// The search, and once more where one thing is at fault alone.
+fn pursue_all(hunt: &mut Hunt, start: &Fit) -> Result<(Pursued, Option<Alone>), Error> {
     let most = hunt.search.most;
+    // One unknown law takes many effects to make up: it is looked for before them.
+    let mut open = pursue(hunt, start.clone(), most.min(FEW + 1))?;
+    let mut at_fault = None;
+    if !open.settled(hunt) {
+        let found: Vec<Instance> = open.effects().map(|step| step.scored.instance).collect();
+        at_fault = alone(&hunt.all(), start, &hunt.judge(start), &found, hunt.search)?;
+    }
+    let Some(it) = &at_fault else {
+        if open.more {
+            hunt.restart();
+            open = pursue(hunt, start.clone(), most)?;
+        }
+        return Ok((open, None));
+    };
+    let few = open.effects().count() <= FEW || matches!(it.target, Target::Chain(_));
+    let stays = few && open.quiet(hunt);
+    let weights = hunt.restart();
+    let confined = pursue_alone(hunt, start, it)?;
+    // A few effects that leave nothing give way to others that do, and none to nothing.
+    let nothing = confined.quiet(hunt) && confined.effects().count() == 0;
+    if nothing || (stays && !confined.settled(hunt)) {
+        hunt.release(weights);
+        return Ok((open, at_fault));
+    }
+    Ok((confined, at_fault))
+}
+
+/// The search confined to what is at fault alone, and what is wrong beside it left out.
+fn pursue_alone(hunt: &mut Hunt, start: &Fit, it: &Alone) -> Result<Pursued, Error> {
+    hunt.only = Some(it.target);
+    let mut instances = start.model.instances.clone();
+    for (scored, _) in &it.wrong {
+        match whole_pose(&scored.instance) {
+            Some(pose) => hunt.small.weights[pose] = 0.0,
+            None => instances.push(scored.instance),
+        }
+    }
+    let start = fit(&hunt.small, instances, Some(start))?;
+    Ok(Pursued { wrong: it.wrong.clone(), ..pursue(hunt, start, hunt.search.most)? })
+}
+
+/// Adds effects until nothing scores, or there are so many, and looks back.
+fn pursue(hunt: &mut Hunt, start: Fit, most: usize) -> Result<Pursued, Error> {
+    let (mut found, mut poses): (Vec<Scored>, Vec<Scored>) = (Vec::new(), Vec::new());
+    let mut current = start;
+    let (mut left, mut more) = (None, false);
     for _ in 0..=most {
         let scored = hunt.scan(&current)?;
         left = best_of(&scored);
         if found.len() + poses.len() >= most {
+            more = left.is_some_and(|left| left.corrected <= hunt.search.alpha);
             break;
         }
         let Some((steps, next)) = hunt.step(&current, scored)? else { break };
@@ -245,7 +242,7 @@ fn pursue(
         let without = hunt.without(&current, &scored.instance)?;
         steps.push(Step { scored, also, blame, without });
     }
-    Ok(Pursued { current, found: steps, poses, left })
+    Ok(Pursued { current, found: steps, poses, wrong: Vec::new(), left, more })
 }
 
 /// A session with one sample for each held pose, and the same fit of it.

@@ -2,7 +2,7 @@
 
 use crate::change::{PlatformRms, noise_of, platform_difference};
 use crate::check::check;
-use crate::curve::{Over, curve};
+use crate::curve::curve;
 use crate::excluded::Excluded;
 use crate::fit::{Fit, fit};
 use crate::hidden::{Hidden, could_hide};
@@ -14,7 +14,7 @@ use crate::result::{
 };
 use crate::scan;
 use crate::session::Session;
-use crate::terms::Class;
+use crate::terms::{Class, Over};
 use crate::trace::{Found, LEFT, Search, Traced, cost, trace};
 use crate::{Error, Table};
 

@@ -55,7 +55,9 @@ pub fn whereabouts(traced: &Traced, channel: usize) -> String {
     }
     let pull: f64 = errors.iter().map(|e| e.side * e.pull).sum();
     let weight: f64 = errors.iter().map(|e| e.side * e.side * e.weight).sum();
-    if weight > 0.0 && pull.abs() > SIDES * weight.sqrt() {
+    // Judged against what is left, which is more than noise.
+    let spread = errors.iter().map(|e| e.excess() + 1.0).sum::<f64>() / errors.len().max(1) as f64;
+    if weight > 0.0 && pull.abs() > SIDES * (weight * spread.max(1.0)).sqrt() {
         words.push(format!("its sign is that of the direction in which {name} came"));
     }
     words.join(", ")

@@ -283,11 +283,34 @@ pub trait Term: Sync {
     }
 }
 
+/// What a law runs over that gives a correction for each of its values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+pub enum Over {
+    /// The reading of its channel; the correction is an angle.
+    Reading,
+    /// Time, from 0 to 1 over the session; the correction is an angle, of the converter's
+    /// reference a fraction of all readings.
+    Time,
+}
+
 impl dyn Term + '_ {
-    /// True for a law that gives an angle for each reading, whenever and from wherever.
+    /// True for a term whose pose is searched for.
     #[must_use]
-    pub fn is_curve(&self) -> bool {
-        matches!(self.acts(), Acts::Sensor(_)) && self.info().needs == Needs::Nothing
+    pub fn searched(&self) -> bool {
+        ["slip", "bad_reading"].contains(&self.info().id)
+    }
+
+    /// What it is a curve over; none for a law of anything else.
+    #[must_use]
+    pub fn over(&self) -> Option<Over> {
+        match (self.acts(), self.info().needs) {
+            _ if self.searched() => None,
+            (Acts::Sensor(_), Needs::Nothing) => Some(Over::Reading),
+            (Acts::Sensor(_) | Acts::Electronics(_), Needs::Order) => Some(Over::Time),
+            _ => None,
+        }
     }
 }
 
