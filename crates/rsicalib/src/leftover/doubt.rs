@@ -64,7 +64,8 @@ mod tests {
     use crate::terms::find;
 
     fn doubts(found: &[(&str, Target, f64)]) -> Option<String> {
-        let instance = |id: &str, target| Instance { term: find(id).unwrap(), target, place: 0 };
+        let instance =
+            |id: &str, target| Instance { term: find(id).expect("a term"), target, place: 0 };
         let instances: Vec<Instance> = found.iter().map(|(id, t, _)| instance(id, *t)).collect();
         let rises: Vec<f64> = found.iter().map(|f| f.2).collect();
         doubt(&Mechanism::rsi(), &instances, &rises).map(|(target, _)| target)
