@@ -120,7 +120,7 @@ impl<'a> Without<'a> {
     /// χ² with what is paid for it.
     fn left(&self) -> f64 {
         let (_, lost) = equations(&self.freed, self.start, self.target);
-        let paid = self.wrong.iter().map(|(s, _)| s.score - s.charged());
+        let paid = self.wrong.iter().map(|(s, _)| s.paid());
         self.rest.chi2 + EQUATION * lost + paid.sum::<f64>()
     }
 

@@ -43,14 +43,14 @@ pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error
     let noise = noise_of(last);
     let here = platform(session, &last.model, &last.beta, &noise);
     let mut hidden = Vec::with_capacity(named.len());
-    for candidate in projected {
-        let info = candidate.instance.term.info();
+    for (instance, candidate) in named.iter().zip(projected) {
+        let info = instance.term.info();
         let d = info.parameters.len();
         // Noncentrality that is seen in four sessions of five, at the corrected level.
         let z = stats::normal_quantile(1.0 - 0.5 * search.alpha / places) + 0.84;
         let wanted = z * z;
         // The direction, in typical sizes, that is hardest to see among those that can be.
-        let typical = &candidate.typical;
+        let typical = crate::terms::typical(&session.mechanism, instance.term, instance.target);
         let square =
             faer::Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
         let Ok(eigen) = square.self_adjoint_eigen(faer::Side::Lower) else { continue };
@@ -62,13 +62,7 @@ pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let platform_rms = match (&here, visible) {
             (Some(here), true) => {
-                let with = with_effect(
-                    session,
-                    last,
-                    &candidate.instance,
-                    &direction,
-                    &candidate.absorbed,
-                )?;
+                let with = with_effect(session, last, instance, &direction, &candidate.absorbed)?;
                 platform(session, &with.0, &with.1, &noise)
                     .map(|there| difference(session, here, &there))
             }
@@ -76,9 +70,9 @@ pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error
         };
         hidden.push(Hidden {
             term: info.id.into(),
-            target: candidate.instance.target.name(&session.mechanism),
+            target: instance.target.name(&session.mechanism),
             detectable: visible.then_some(largest),
-            unit: unit(session, &candidate.instance, info.parameters[0].unit),
+            unit: unit(session, instance, info.parameters[0].unit),
             platform_rms,
         });
     }

@@ -1,13 +1,17 @@
 //! The moves of a search: add the best effect, drop what is no longer needed, replace
 //! two by one, and say what fits as well.
 
+mod as_well;
+mod exchange;
+mod prune;
+
 use crate::alone::belongs;
 use crate::excluded::Excluded;
 use crate::fit::{Fit, Options, fit};
 use crate::model::{Instance, Target};
 use crate::noise::Source;
-use crate::rivals::{AS_WELL, Blame, credible};
-use crate::scan::{self, CHARGE, Family, Judge, Scored};
+use crate::rivals::{AS_WELL, Blame};
+use crate::scan::{self, CHARGE, Family, Judge, Pair, Scored};
 use crate::session::Session;
 use crate::terms::{Acts, Weight};
 use crate::{Error, lm};
@@ -37,6 +41,9 @@ pub const LEFT: f64 = 0.001;
 /// To this fraction of its χ² a fit of the search need be at its minimum: decisions
 /// turn on units of χ², and the answer is fitted to all digits.
 const ENOUGH: f64 = 1e-7;
+
+/// In place of another effect is named what fits better by this, in units of χ².
+const BETTER: f64 = 0.5;
 
 /// The pose of a candidate that says that the whole pose is wrong.
 pub fn whole_pose(instance: &Instance) -> Option<usize> {
@@ -101,20 +108,30 @@ impl<'a> Hunt<'a> {
     }
 
     /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,
-    /// crests of an unknown law look like jumps, and of a chain no one channel is to blame.
+    /// and crests of an unknown law look like jumps.
     pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
         let mut scored = scan::scan(&self.small, fit, &self.judge(fit), &self.search.without)?;
-        if let Some(only) = self.only {
-            let mechanism = &self.small.mechanism;
-            let channel = |i: &Instance| matches!(i.target, Target::Channel(_));
-            scored.retain(|Scored { instance, family, .. }| {
-                belongs(mechanism, instance.target, only)
-                    && !scan::is_data(instance)
-                    && *family != Family::Slip
-                    && (instance.target == only || !channel(instance))
-            });
-        }
+        scored.retain(|Scored { instance, family, .. }| {
+            let sudden = scan::is_data(instance) || *family == Family::Slip;
+            self.open_to(instance) && !(sudden && self.only.is_some())
+        });
         Ok(scored)
+    }
+
+    /// Scores of two effects at once.
+    fn pairs(&self, fit: &Fit) -> Result<Vec<Pair>, Error> {
+        let mut named = scan::candidates(&self.small, fit, &self.search.without);
+        named.retain(|i| !i.term.info().penalised && self.open_to(i));
+        scan::pairs(&self.small, fit, &self.judge(fit), &named, self.search.alpha)
+    }
+
+    /// Whether this may be wrong. Where a chain is at fault alone, no one channel is to blame.
+    fn open_to(&self, instance: &Instance) -> bool {
+        let channel = matches!(instance.target, Target::Channel(_));
+        self.only.is_none_or(|only| {
+            belongs(&self.small.mechanism, instance.target, only)
+                && (instance.target == only || !channel)
+        })
     }
 
     /// The session with all poses.
@@ -171,8 +188,8 @@ impl<'a> Hunt<'a> {
             if best.as_ref().is_some_and(|(gain, ..)| *gain > candidate.charged() + room) {
                 continue;
             }
-            let refit = self.with(current, candidate.instance)?;
-            let gain = self.gain(current, &refit, &candidate);
+            let refit = self.with(current, &[candidate.instance])?;
+            let gain = self.gain(current, &refit, &[candidate]);
             if best.as_ref().is_none_or(|(g, ..)| gain > *g) {
                 best = Some((gain, candidate, refit));
             }
@@ -243,10 +260,10 @@ impl<'a> Hunt<'a> {
         without.weights[pose.instance.place] = 0.0;
         let left = fit(&without, current.model.instances.clone(), Some(current))?;
         // Several wrong readings at once are the rarer story: chance may not tell it.
-        let mut best = (self.gain(current, &left, pose) - AS_WELL, None);
+        let mut best = (self.gain(current, &left, &[*pose]) - AS_WELL, None);
         for candidate in scored.iter().filter(here) {
-            let refit = self.with(current, candidate.instance)?;
-            let gain = self.gain(current, &refit, candidate);
+            let refit = self.with(current, &[candidate.instance])?;
+            let gain = self.gain(current, &refit, &[*candidate]);
             if gain >= best.0 {
                 best = (gain, Some((*candidate, refit)));
             }
@@ -254,211 +271,27 @@ impl<'a> Hunt<'a> {
         Ok(best.1)
     }
 
-    /// The fit with one more effect.
-    fn with(&self, current: &Fit, instance: Instance) -> Result<Fit, Error> {
+    /// The fit with more effects.
+    fn with(&self, current: &Fit, more: &[Instance]) -> Result<Fit, Error> {
         let mut instances = current.model.instances.clone();
-        instances.push(instance);
+        instances.extend(more);
         fit(&self.small, instances, Some(current))
     }
 
-    /// The fit without one of its effects.
-    pub fn without(&self, current: &Fit, instance: &Instance) -> Result<Fit, Error> {
-        let fewer = current.model.instances.iter().copied().filter(|i| i != instance).collect();
-        fit(&self.small, fewer, Some(current))
+    /// The fit without some of its effects.
+    pub fn without(&self, current: &Fit, gone: &[Instance]) -> Result<Fit, Error> {
+        let kept = current.model.instances.iter().copied().filter(|i| !gone.contains(i));
+        fit(&self.small, kept.collect(), Some(current))
     }
 
-    /// By how much χ² fell, its parameters and places paid for.
-    fn gain(&self, before: &Fit, after: &Fit, candidate: &Scored) -> f64 {
-        let paid = candidate.score - candidate.charged();
-        if after.plausible && physical(after, &candidate.instance) && after.termination.converged()
-        {
-            cost(before) - cost(after) - paid
+    /// By how much χ² fell, the parameters and places of what was added paid for.
+    fn gain(&self, before: &Fit, after: &Fit, added: &[Scored]) -> f64 {
+        let sensible = after.plausible && added.iter().all(|s| physical(after, &s.instance));
+        if sensible && after.termination.converged() {
+            cost(before) - cost(after) - added.iter().map(Scored::paid).sum::<f64>()
         } else {
             f64::NEG_INFINITY
         }
-    }
-
-    /// Drops what is no longer needed, or is part of a free shape that was added.
-    pub fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
-        let mut current = current;
-        let mut index = 0;
-        while index + 1 < found.len() {
-            let instance = found[index].instance;
-            let without = self.without(&current, &instance)?;
-            let lost = cost(&without) - cost(&current);
-            let width = instance.width() as f64;
-            let p_value = self.judge(&current).p_value(lost.max(0.0), width);
-            let repeats = !instance.term.info().penalised
-                && scan::has_free_shape(&current, instance.term, instance.target);
-            if repeats || p_value * 1e3 > self.search.alpha * 10.0 {
-                found.remove(index);
-                current = without;
-            } else {
-                index += 1;
-            }
-        }
-        Ok(current)
-    }
-
-    /// Drops what does not stand out against what stays unexplained.
-    ///
-    /// Where the catalogue lacks the effect, structure is left, and its crests look
-    /// like bad readings and faint effects. Then the rest is the noise that a name
-    /// must be above: scores are divided by its χ² per degree of freedom.
-    pub fn against_the_rest(
-        &mut self,
-        current: &mut Fit,
-        found: &mut Vec<Scored>,
-        poses: &mut Vec<Scored>,
-    ) -> Result<(), Error> {
-        let judge = self.judge(current);
-        if judge.lack_of_fit(current).is_none_or(|p| p > LEFT) {
-            return Ok(());
-        }
-        let rest = current.chi2 / current.dof;
-        let stands_out = |score: f64, step: &Scored| {
-            judge.p_value(score / rest, step.width) * step.places <= self.search.alpha
-        };
-        let mut kept = Vec::new();
-        for step in found.iter() {
-            let without = self.without(current, &step.instance)?;
-            if stands_out(cost(&without) - cost(current), step) {
-                kept.push(*step);
-            }
-        }
-        let whole: Vec<Scored> =
-            poses.iter().copied().filter(|step| stands_out(step.score, step)).collect();
-        if kept.len() == found.len() && whole.len() == poses.len() {
-            return Ok(());
-        }
-        let dropped = |i: &Instance| {
-            found.iter().any(|s| s.instance == *i) && !kept.iter().any(|s| s.instance == *i)
-        };
-        let instances = current.model.instances.iter().copied().filter(|i| !dropped(i)).collect();
-        for step in poses.iter().filter(|s| !whole.contains(s)) {
-            self.small.weights[step.instance.place] = self.counts[step.instance.place];
-        }
-        (*found, *poses) = (kept, whole);
-        *current = fit(&self.small, instances, Some(current))?;
-        self.rescale(current)
-    }
-
-    /// Replaces two effects by one that explains as much, its places paid for:
-    /// the first of two may have been half of the truth.
-    pub fn merge_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
-        let (mut a, mut b) = (0, 1);
-        while b < found.len() {
-            if let Some((one, fit)) =
-                self.one_for_two(current, [found[a].instance, found[b].instance])?
-            {
-                found.remove(b);
-                found[a] = one;
-                *current = fit;
-                self.rescale(current)?;
-                (a, b) = (0, 1);
-                continue;
-            }
-            a += 1;
-            if a == b {
-                (a, b) = (0, b + 1);
-            }
-        }
-        Ok(())
-    }
-
-    /// The one effect that does what two do, and its fit.
-    fn one_for_two(
-        &self,
-        current: &Fit,
-        pair: [Instance; 2],
-    ) -> Result<Option<(Scored, Fit)>, Error> {
-        let fewer: Vec<Instance> =
-            current.model.instances.iter().copied().filter(|i| !pair.contains(i)).collect();
-        let without = fit(&self.small, fewer, Some(current))?;
-        let mut scored = self.scan(&without)?;
-        let paid = |s: &Scored| s.score - s.charged();
-        let price: f64 = scored.iter().filter(|s| pair.contains(&s.instance)).map(paid).sum();
-        let both = cost(&without) - cost(current) - price;
-        scored.retain(|s| {
-            !pair.contains(&s.instance)
-                && whole_pose(&s.instance).is_none()
-                && s.charged() > 0.5 * both
-                && s.corrected <= self.search.alpha
-        });
-        scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-        let mut best: Option<(f64, Scored, Fit)> = None;
-        for candidate in scored.into_iter().take(self.search.refits) {
-            let refit = self.with(&without, candidate.instance)?;
-            let gain = self.gain(&without, &refit, &candidate);
-            if gain > both && best.as_ref().is_none_or(|(g, ..)| gain > *g) {
-                best = Some((gain, candidate, refit));
-            }
-        }
-        Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
-    }
-
-    /// What fits as well in place of one effect; true where something fits
-    /// better, which then takes its place.
-    pub fn alternatives(
-        &self,
-        current: &mut Fit,
-        found: &mut [Scored],
-        index: usize,
-    ) -> Result<(bool, Vec<Instance>, Blame), Error> {
-        let own = found[index].instance;
-        let without = self.without(current, &own)?;
-        let mut scored = self.scan(&without)?;
-        let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
-            return Ok((false, Vec::new(), self.blame(&[(0.0, own)])));
-        };
-        // Scores are first order: leave room for what refitting changes.
-        let room = AS_WELL + 4.0 + 0.15 * mine.score;
-        scored.retain(|s| {
-            s.instance != own
-                && same_kind(&s.instance, &own)
-                && whole_pose(&s.instance).is_none()
-                && value_of(s) > value_of(&mine) - room
-        });
-        scored.sort_by(|a, b| value_of(b).total_cmp(&value_of(a)));
-        one_place_each(&mut scored);
-        let mut rivals = Vec::new();
-        let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
-        let my_value = value(current, &mine);
-        for candidate in scored.into_iter().take(self.search.refits + 4) {
-            let refit = self.with(&without, candidate.instance)?;
-            let sensible = refit.plausible && physical(&refit, &candidate.instance);
-            if sensible && refit.termination.converged() {
-                rivals.push((value(&refit, &candidate), candidate, refit));
-            }
-        }
-        rivals.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut better = false;
-        let mut also: Vec<(f64, Instance)> = vec![(my_value, own)];
-        if let Some((value, candidate, refit)) = rivals.first()
-            && *value > my_value + 0.5
-            && candidate.corrected <= self.search.alpha
-        {
-            found[index] = *candidate;
-            *current = refit.clone();
-            better = true;
-        }
-        also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
-        let named = found[index].instance;
-        let blame = self.blame(&also);
-        let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
-        let kept = also.iter().zip(credible(&rivals));
-        let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
-        Ok((better, also.collect(), blame))
-    }
-
-    /// Whose reading is wrong, of rivals `(value, effect)`.
-    fn blame(&self, rivals: &[(f64, Instance)]) -> Blame {
-        let of_channel = |(value, instance): &(f64, Instance)| match instance.target {
-            Target::Channel(channel) => Some((*value, channel)),
-            _ => None,
-        };
-        let channels: Vec<_> = rivals.iter().filter_map(of_channel).collect();
-        Blame::of(&channels, &self.small.mechanism)
     }
 
     /// A bad reading, with the channel where it can be told, else the likeliest chain.
@@ -476,32 +309,6 @@ impl<'a> Hunt<'a> {
         );
         Excluded::of(Some(pose), self.samples[pose], reason)
     }
-}
-
-/// What a candidate pays: its parameters, and the time that was searched for.
-fn charge(candidate: &Scored) -> f64 {
-    let time = if candidate.family == Family::Slip { CHARGE } else { 0.0 };
-    CHARGE * candidate.width + time
-}
-
-fn value_of(candidate: &Scored) -> f64 {
-    candidate.score - charge(candidate)
-}
-
-/// Keeps the best place of each searched term at each target; best first.
-fn one_place_each(scored: &mut Vec<Scored>) {
-    let mut seen: Vec<(&str, Target)> = Vec::new();
-    scored.retain(|s| {
-        let key = (s.instance.term.info().id, s.instance.target);
-        let new = !seen.contains(&key);
-        seen.push(key);
-        new
-    });
-}
-
-/// Bad readings are rivals of bad readings of the same pose, effects of effects.
-fn same_kind(a: &Instance, b: &Instance) -> bool {
-    scan::is_data(a) == scan::is_data(b) && (!scan::is_data(a) || a.place == b.place)
 }
 
 /// χ² with what priors add to it.

@@ -227,6 +227,7 @@ fn pursue(hunt: &mut Hunt, start: Fit, most: usize) -> Result<Pursued, Error> {
         current = hunt.look_back(current, &mut found)?;
     }
     hunt.merge_pairs(&mut current, &mut found)?;
+    hunt.find_pairs(&mut current, &mut found)?;
     hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut rivals = Vec::new();
@@ -239,7 +240,7 @@ fn pursue(hunt: &mut Hunt, start: Fit, most: usize) -> Result<Pursued, Error> {
     }
     let mut steps = Vec::new();
     for (scored, (also, blame)) in found.into_iter().zip(rivals) {
-        let without = hunt.without(&current, &scored.instance)?;
+        let without = hunt.without(&current, &[scored.instance])?;
         steps.push(Step { scored, also, blame, without });
     }
     Ok(Pursued { current, found: steps, poses, wrong: Vec::new(), left, more })

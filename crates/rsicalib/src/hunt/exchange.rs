@@ -1,0 +1,118 @@
+//! Effects for effects: what was found first may have been half of the truth, or both halves of it.
+
+use crate::Error;
+use crate::fit::Fit;
+use crate::hunt::{BETTER, Hunt, LEFT, cost, whole_pose};
+use crate::model::Instance;
+use crate::scan::{Pair, Scored};
+
+impl Hunt<'_> {
+    /// Replaces two effects by one that explains as much, its places paid for:
+    /// the first of two may have been half of the truth.
+    pub fn merge_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
+        let (mut a, mut b) = (0, 1);
+        while b < found.len() {
+            if let Some((one, fit)) =
+                self.one_for_two(current, [found[a].instance, found[b].instance])?
+            {
+                found.remove(b);
+                found[a] = one;
+                *current = fit;
+                self.rescale(current)?;
+                (a, b) = (0, 1);
+                continue;
+            }
+            a += 1;
+            if a == b {
+                (a, b) = (0, b + 1);
+            }
+        }
+        Ok(())
+    }
+
+    /// The one effect that does what two do, and its fit.
+    fn one_for_two(
+        &self,
+        current: &Fit,
+        pair: [Instance; 2],
+    ) -> Result<Option<(Scored, Fit)>, Error> {
+        let without = self.without(current, &pair)?;
+        let mut scored = self.scan(&without)?;
+        let price: f64 =
+            scored.iter().filter(|s| pair.contains(&s.instance)).map(Scored::paid).sum();
+        let both = cost(&without) - cost(current) - price;
+        scored.retain(|s| {
+            !pair.contains(&s.instance)
+                && whole_pose(&s.instance).is_none()
+                && s.charged() > 0.5 * both
+                && s.corrected <= self.search.alpha
+        });
+        scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        let mut best: Option<(f64, Scored, Fit)> = None;
+        for candidate in scored.into_iter().take(self.search.refits) {
+            let refit = self.with(&without, &[candidate.instance])?;
+            let gain = self.gain(&without, &refit, &[candidate]);
+            if gain > both && best.as_ref().is_none_or(|(g, ..)| gain > *g) {
+                best = Some((gain, candidate, refit));
+            }
+        }
+        Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
+    }
+
+    /// Replaces one effect or two, or none where something is left, by two that explain
+    /// more: of two that hide each other neither is found before the other.
+    pub fn find_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
+        for _ in 0..=self.search.most {
+            let Some((both, fit)) = self.two_for_any(current, found)? else { break };
+            found.retain(|s| fit.model.instances.contains(&s.instance));
+            found.retain(|s| both.iter().all(|new| new.instance != s.instance));
+            found.extend(both);
+            *current = fit;
+            self.rescale(current)?;
+            *current = self.look_back(current.clone(), found)?;
+        }
+        Ok(())
+    }
+
+    /// Two effects that replace some of those that were found, and their fit.
+    fn two_for_any(
+        &self,
+        current: &Fit,
+        found: &[Scored],
+    ) -> Result<Option<([Scored; 2], Fit)>, Error> {
+        let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > LEFT);
+        let none = (!quiet && found.len() + 2 <= self.search.most).then_some(Vec::new());
+        let one = found.iter().map(|s| vec![*s]);
+        let two = (0..found.len()).flat_map(|b| (0..b).map(move |a| vec![found[a], found[b]]));
+        for gone in two.chain(one).chain(none) {
+            let better = self.two_for(current, &gone)?;
+            if better.is_some() {
+                return Ok(better);
+            }
+        }
+        Ok(None)
+    }
+
+    /// The two effects that do more than these do, and their fit.
+    fn two_for(&self, current: &Fit, gone: &[Scored]) -> Result<Option<([Scored; 2], Fit)>, Error> {
+        let those: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
+        let without = self.without(current, &those)?;
+        let needed = self.gain(&without, current, gone) + BETTER;
+        let mut pairs = self.pairs(&without)?;
+        // Scores are first order: leave room for what refitting changes.
+        pairs.retain(|p| {
+            let same = p.both.iter().all(|s| those.contains(&s.instance));
+            !same && p.charged() + 4.0 + 0.15 * p.score > needed
+        });
+        pairs.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        let mut best: Option<(f64, [Scored; 2], Fit)> = None;
+        for Pair { both, .. } in pairs.into_iter().take(self.search.refits) {
+            let refit = self.with(&without, &both.map(|s| s.instance))?;
+            let gain = self.gain(&without, &refit, &both);
+            if gain > best.as_ref().map_or(needed, |(g, ..)| *g) {
+                best = Some((gain, both, refit));
+            }
+        }
+        Ok(best.map(|(_, both, refit)| (both, refit)))
+    }
+}
