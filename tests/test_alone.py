@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.blind import effects, power, simulator, trials
+from tests.blind import effects, trials
 from tests.blind.effects import CHANNELS, Effect
 from tests.blind.effects.outside import Strange
 from tests.blind.scene import Scene
-from tests.blind.simulator import Device
 from tests.oracle import Array
 
 
@@ -41,25 +40,9 @@ class Swell(Strange):
         return out
 
 
-def examined(
-    number: int, *present: Effect, without: tuple[str, ...] = (), moving: bool = False
-) -> dict[str, Any]:
+def examined(number: int, *present: Effect, **how: Any) -> dict[str, Any]:
     """What is said of a session with these effects."""
-    rng = np.random.default_rng([82, number])
-    device = Device.random(rng)
-    scene = trials.stage(device, rng, moving)
-    case = trials.Case(
-        suite="outside",
-        number=number,
-        device=device,
-        effects=present,
-        strength=(),
-        readings=simulator.observe(device, scene, rng, 1.0, present),
-        rest=simulator.rest(device, rng),
-        check=simulator.check(device, rng),
-        without=without,
-    )
-    return trials.examine(case)
+    return trials.examine(trials.staged([82, number], *present, **how))
 
 
 # 0.015 rad are 10 counts: a noncentrality of thousands.
@@ -125,11 +108,7 @@ def test_what_is_drawn_in_every_pose_does_not_follow_the_direction() -> None:
 
 def test_one_effect_of_the_catalogue_is_no_unknown_law() -> None:
     for number in range(5):
-        rng = np.random.default_rng([83, number])
-        device = Device.random(rng)
-        session = {"scene": trials.stage(device, rng, moving=False), "sigma": 1.0}
-        effect = power.scaled_to(device, session, effects.Hysteresis("a22", 2.0), 1000.0)
-        result = examined(number, effect)
+        result = examined(83 + number, effects.Hysteresis("a22", 2.0), exactly=1000.0)
         assert result["verdict"] == "explained"
         assert "alone explain" not in result["unexplained"]["text"]
 

@@ -337,22 +337,8 @@ def test_handle_errors_come_from_the_check() -> None:
 
 def left_over(effect: Effect, number: int) -> str:
     """What is said of an effect when no term at all may explain it."""
-    rng = np.random.default_rng([5, number])
-    device = Device.random(rng)
-    scene = trials.stage(device, rng, moving=False)
-    effect = power.scaled_to(device, {"scene": scene, "sigma": 1.0}, effect, 500.0)
-    readings = simulator.observe(device, scene, rng, 1.0, (effect,))
-    case = trials.Case(
-        suite="outside",
-        number=number,
-        device=device,
-        effects=(effect,),
-        strength=(500.0,),
-        readings=readings,
-        rest=simulator.rest(device, rng),
-        check=simulator.check(device, rng),
-        without=tuple(term["id"] for term in rsicalib.terms()),
-    )
+    every = tuple(term["id"] for term in rsicalib.terms())
+    case = trials.staged([5, number], effect, exactly=500.0, without=every)
     result = trials.examine(case)
     assert result["verdict"] == "unexplained"
     assert result["unexplained"]["target"] == effect.target

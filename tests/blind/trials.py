@@ -171,7 +171,23 @@ def make(suite: str, number: int, seed: int, size: Size | None = None) -> Case:
             break
         except ValueError:
             continue
-    readings = simulator.observe(device, scene, rng, how.sigma, drawn)
+    without = tuple(e.term for e in drawn) if suite == "left_out" else ()
+    return recorded(suite, number, device, scene, rng, drawn, strength, without, how.sigma)
+
+
+def recorded(
+    suite: str,
+    number: int,
+    device: Device,
+    scene: Scene,
+    rng: np.random.Generator,
+    drawn: tuple[Effect, ...],
+    strength: tuple[float, ...] = (),
+    without: tuple[str, ...] = (),
+    sigma: float = 1.0,
+) -> Case:
+    """What a device with these effects reads: in the scene, at rest, and where it is checked."""
+    readings = simulator.observe(device, scene, rng, sigma, drawn)
     return Case(
         suite=suite,
         number=number,
@@ -181,8 +197,26 @@ def make(suite: str, number: int, seed: int, size: Size | None = None) -> Case:
         readings=readings,
         rest=simulator.rest(device, rng, effects=drawn),
         check=simulator.check(device, rng, effects=drawn, like=readings["scene"]),
-        without=tuple(e.term for e in drawn) if suite == "left_out" else (),
+        without=without,
     )
+
+
+def staged(
+    seed: Sequence[int],
+    *present: Effect,
+    exactly: float | None = None,
+    without: tuple[str, ...] = (),
+    moving: bool = False,
+) -> Case:
+    """A session with chosen effects, of this noncentrality where one is given."""
+    rng = np.random.default_rng(seed)
+    device = Device.random(rng)
+    scene = stage(device, rng, moving)
+    strength: tuple[float, ...] = ()
+    if exactly is not None:
+        session = {"scene": scene, "sigma": 1.0}
+        present, strength = enlarged(device, session, present, Size(exactly, exactly=True))
+    return recorded("chosen", seed[-1], device, scene, rng, present, strength, without)
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,10 @@ impl Default for Search {
 /// Residuals above chance at this level are not explained.
 pub const LEFT: f64 = 0.001;
 
+/// More effects than this are a less likely story than one channel, or closure, whose law
+/// nobody knows.
+pub const FEW: usize = 2;
+
 /// To this fraction of its χ² a fit of the search need be at its minimum: decisions
 /// turn on units of χ², and the answer is fitted to all digits.
 const ENOUGH: f64 = 1e-7;

@@ -12,7 +12,7 @@
 use crate::alone::{Alone, alone};
 use crate::excluded::Excluded;
 use crate::fit::{Fit, fit};
-use crate::hunt::{Hunt, whole_pose};
+use crate::hunt::{FEW, Hunt, whole_pose};
 use crate::leftover::doubt;
 use crate::model::{Instance, Target};
 use crate::rivals::Blame;
@@ -59,10 +59,6 @@ pub struct Traced {
     /// How scores were judged.
     pub judge: Judge,
 }
-
-/// More effects than this are a less likely story than one channel, or closure, whose law
-/// nobody knows.
-const FEW: usize = 2;
 
 /// Traces the residual of a session.
 ///
@@ -201,33 +197,54 @@ fn pursue_alone(hunt: &mut Hunt, start: &Fit, it: &Alone) -> Result<Pursued, Err
     Ok(Pursued { wrong: it.wrong.clone(), ..pursue(hunt, start, hunt.search.most)? })
 }
 
-/// Adds effects until nothing scores, or there are so many, and looks back.
-fn pursue(hunt: &mut Hunt, start: Fit, most: usize) -> Result<Pursued, Error> {
-    let (mut found, mut poses): (Vec<Scored>, Vec<Scored>) = (Vec::new(), Vec::new());
-    let mut current = start;
-    let (mut left, mut more) = (None, false);
+/// A search on its way.
+struct Growing {
+    current: Fit,
+    found: Vec<Scored>,
+    /// Poses that are wrong as a whole.
+    poses: Vec<Scored>,
+    /// The best that is left.
+    left: Option<Scored>,
+    /// It stands out, but there are enough.
+    more: bool,
+}
+
+/// Adds effects until nothing scores, or there are so many.
+fn grow(hunt: &mut Hunt, it: &mut Growing, most: usize) -> Result<(), Error> {
+    let Growing { current, found, poses, left, more } = it;
     for _ in 0..=most {
-        let scored = hunt.scan(&current)?;
-        left = best_of(&scored);
+        let scored = hunt.scan(current)?;
+        *left = best_of(&scored);
         if found.len() + poses.len() >= most {
-            more = left.is_some_and(|left| left.corrected <= hunt.search.alpha);
+            *more = left.is_some_and(|left| left.corrected <= hunt.search.alpha);
             break;
         }
-        let Some((steps, next)) = hunt.step(&current, scored)? else { break };
+        let Some((steps, next)) = hunt.step(current, scored)? else { break };
         if let Some(pose) = whole_pose(&steps[0].instance) {
             hunt.small.weights[pose] = 0.0;
             poses.extend(steps);
-            current = fit(&hunt.small, current.model.instances.clone(), Some(&current))?;
-            hunt.rescale(&mut current)?;
+            *current = fit(&hunt.small, current.model.instances.clone(), Some(current))?;
+            hunt.rescale(current)?;
             continue;
         }
         found.extend(steps);
-        current = next;
-        hunt.rescale(&mut current)?;
-        current = hunt.look_back(current, &mut found)?;
+        *current = next;
+        hunt.rescale(current)?;
+        *current = hunt.look_back(current.clone(), found)?;
     }
-    hunt.merge_pairs(&mut current, &mut found)?;
-    hunt.find_pairs(&mut current, &mut found)?;
+    Ok(())
+}
+
+/// Adds effects, exchanges them for better ones, and looks back.
+fn pursue(hunt: &mut Hunt, start: Fit, most: usize) -> Result<Pursued, Error> {
+    let (found, poses) = (Vec::new(), Vec::new());
+    let mut it = Growing { current: start, found, poses, left: None, more: false };
+    grow(hunt, &mut it, most)?;
+    if hunt.exchange(&mut it.current, &mut it.found)? {
+        it.more = false;
+        grow(hunt, &mut it, most)?;
+    }
+    let Growing { mut current, mut found, mut poses, left, more } = it;
     hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut rivals = Vec::new();

@@ -2,15 +2,22 @@
 
 use crate::Error;
 use crate::fit::Fit;
-use crate::hunt::{BETTER, Hunt, LEFT, cost, whole_pose};
+use crate::hunt::{BETTER, FEW, Hunt, LEFT, cost, whole_pose};
 use crate::model::Instance;
 use crate::scan::{Pair, Scored};
 
 impl Hunt<'_> {
+    /// One effect for two, and two for one or two, where that explains more; true where it
+    /// does. What takes many effects to make up is not made up of pairs.
+    pub fn exchange(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        let merged = self.merge_pairs(current, found)?;
+        Ok(found.len() <= FEW + 1 && self.find_pairs(current, found)? || merged)
+    }
+
     /// Replaces two effects by one that explains as much, its places paid for:
     /// the first of two may have been half of the truth.
-    pub fn merge_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
-        let (mut a, mut b) = (0, 1);
+    fn merge_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        let (mut a, mut b, mut merged) = (0, 1, false);
         while b < found.len() {
             if let Some((one, fit)) =
                 self.one_for_two(current, [found[a].instance, found[b].instance])?
@@ -19,7 +26,7 @@ impl Hunt<'_> {
                 found[a] = one;
                 *current = fit;
                 self.rescale(current)?;
-                (a, b) = (0, 1);
+                (a, b, merged) = (0, 1, true);
                 continue;
             }
             a += 1;
@@ -27,7 +34,7 @@ impl Hunt<'_> {
                 (a, b) = (0, b + 1);
             }
         }
-        Ok(())
+        Ok(merged)
     }
 
     /// The one effect that does what two do, and its fit.
@@ -61,8 +68,9 @@ impl Hunt<'_> {
 
     /// Replaces one effect or two, or none where something is left, by two that explain
     /// more: of two that hide each other neither is found before the other.
-    pub fn find_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
-        for _ in 0..=self.search.most {
+    fn find_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        let mut exchanged = false;
+        for _ in 0..=FEW {
             let Some((both, fit)) = self.two_for_any(current, found)? else { break };
             found.retain(|s| fit.model.instances.contains(&s.instance));
             found.retain(|s| both.iter().all(|new| new.instance != s.instance));
@@ -70,8 +78,9 @@ impl Hunt<'_> {
             *current = fit;
             self.rescale(current)?;
             *current = self.look_back(current.clone(), found)?;
+            exchanged = true;
         }
-        Ok(())
+        Ok(exchanged)
     }
 
     /// Two effects that replace some of those that were found, and their fit.
@@ -81,7 +90,7 @@ impl Hunt<'_> {
         found: &[Scored],
     ) -> Result<Option<([Scored; 2], Fit)>, Error> {
         let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > LEFT);
-        let none = (!quiet && found.len() + 2 <= self.search.most).then_some(Vec::new());
+        let none = (!quiet && found.len() < FEW).then_some(Vec::new());
         let one = found.iter().map(|s| vec![*s]);
         let two = (0..found.len()).flat_map(|b| (0..b).map(move |a| vec![found[a], found[b]]));
         for gone in two.chain(one).chain(none) {
