@@ -121,6 +121,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 __version__: str
+LEFT: float
+"""A residual that chance would exceed less often than this is not explained."""
 '''
 
 
@@ -195,7 +197,7 @@ def klass(name: str, cls: type) -> Iterator[str]:
 def stub() -> str:
     """The text of the stub, before formatting."""
     lines = [HEAD.format(doc=inspect.getdoc(core))]
-    names = sorted(n for n in vars(core) if not n.startswith("_"))
+    names = sorted(n for n, it in vars(core).items() if callable(it) and not n.startswith("_"))
     for name in names:
         if inspect.isclass(getattr(core, name)):
             lines += klass(name, getattr(core, name))

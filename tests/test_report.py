@@ -14,7 +14,7 @@ import rsicalib
 from rsicalib import DEMO, Trace, svg
 from rsicalib.page import residual_figure
 from rsicalib.records import plain, to_json
-from rsicalib.results import Excluded, Noise, Result
+from rsicalib.results import Excluded, Noise, Result, Unexplained
 from rsicalib.words import noise_words, number, plus_minus, sentence
 
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
@@ -149,6 +149,17 @@ def test_a_noisy_channel_is_named_beside_what_is_usual(traced: Trace) -> None:
     assert words.startswith("1.04 count per sample, a13 4.10 (misclosure of repeats, by channel")
     apart = Noise("declared", {"a11": 1.0, "a12": 2.0}, None, None)
     assert noise_words(dataclasses.replace(traced, noise=apart)).startswith("1.00 … 2.00 count")
+
+
+@pytest.mark.parametrize(
+    ("p", "words"), [(0.0, "something is left at a22"), (1e-5, "is left"), (0.3, "may stand")]
+)
+def test_what_is_partly_explained_leaves_structure_or_only_doubt(
+    traced: Trace, p: float, words: str
+) -> None:
+    left = Unexplained(p_value=p, target="a22", text="")
+    said = sentence(dataclasses.replace(traced, verdict="partly_explained", unexplained=left))
+    assert words in said
 
 
 def test_ticks_are_round_and_lie_within_the_bounds() -> None:

@@ -11,6 +11,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 __version__: str
+LEFT: float
+"""A residual that chance would exceed less often than this is not explained."""
 
 @final
 class Channel:

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+from rsicalib import _core
 from rsicalib.results import ALPHA, Calibration, Excluded, FitQuality, Name, Result, Step, Trace
 
 __all__ = [
@@ -110,13 +111,14 @@ def sentence(result: Result) -> str:
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
             return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
-        if result.unexplained and (result.unexplained.p_value or 1.0) >= ALPHA:
+        left = result.unexplained
+        if left and (left.p_value is None or left.p_value > _core.LEFT):
             return (
                 f"Partly explained: {missing} leave no more than noise ({judged}), but may stand "
                 "for an effect that no term has."
             )
-        left = f"something is left{_at(result)}"
-        return f"Partly explained: {missing} {were} missing, and {left} ({judged})."
+        where = f"something is left{_at(result)}"
+        return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
     if isinstance(result, Trace) and result.excluded and result.verdict == "explained":
         count = len(result.excluded)
         bad = "a bad reading" if count == 1 else f"{count} bad readings"

@@ -57,18 +57,13 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
         }
         let blame = culprit(session, fit, row, &apart(fit, row, &groups[pose]), typical);
         session.weights[row] = 0.0;
+        let far = (far / typical).sqrt();
+        let reason = format!("{far:.0} σ off the other samples of its pose: {}", blame.reason);
         excluded.push(Excluded {
-            pose: Some(pose),
-            placement: None,
-            samples: 1,
             row: Some(row),
             channel: blame.channel,
             chain: blame.chain,
-            reason: format!(
-                "{:.0} σ off the other samples of its pose: {}",
-                (far / typical).sqrt(),
-                blame.reason
-            ),
+            ..Excluded::of(Some(pose), 1, reason)
         });
     }
 }
