@@ -15,7 +15,7 @@ use crate::fit::{Fit, fit};
 use crate::hunt::{FEW, Hunt, whole_pose};
 use crate::leftover::doubt;
 use crate::model::{Instance, Target};
-use crate::rivals::Blame;
+use crate::rivals::{AS_WELL, Blame};
 use crate::scan::{self, Judge, Scored};
 use crate::session::Session;
 use crate::{Error, bad, damage, faults};
@@ -138,6 +138,13 @@ impl Pursued {
         self.found.iter().filter(|step| !scan::is_data(&step.scored.instance))
     }
 
+    /// What is left, with what is paid for what was found.
+    fn price(&self) -> f64 {
+        let wrong = self.poses.iter().chain(self.wrong.iter().map(|(scored, _)| scored));
+        let found = self.found.iter().map(|step| &step.scored);
+        cost(&self.current) + found.chain(wrong).map(Scored::paid).sum::<f64>()
+    }
+
     /// True where what is left is noise.
     fn quiet(&self, hunt: &Hunt) -> bool {
         hunt.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEFT)
@@ -170,13 +177,15 @@ fn pursue_all(hunt: &mut Hunt, start: &Fit) -> Result<(Pursued, Option<Alone>), 
         }
         return Ok((open, None));
     };
-    let few = open.effects().count() <= FEW || matches!(it.target, Target::Chain(_));
-    let stays = few && open.quiet(hunt);
+    let chain = matches!(it.target, Target::Chain(_));
+    let stays = (chain || open.effects().count() <= FEW) && open.quiet(hunt);
     let weights = hunt.restart();
     let confined = pursue_alone(hunt, start, it)?;
-    // A few effects that leave nothing give way to others that do, and none to nothing.
+    // A few effects that leave nothing give way to others that do, of a whole chain for no
+    // more, and none to nothing.
     let nothing = confined.quiet(hunt) && confined.effects().count() == 0;
-    if nothing || (stays && !confined.settled(hunt)) {
+    let dearer = chain && confined.price() > open.price() + AS_WELL;
+    if nothing || (stays && (dearer || !confined.settled(hunt))) {
         hunt.release(weights);
         return Ok((open, at_fault));
     }
