@@ -1,5 +1,5 @@
-//! The moves of a search: add the best effect, drop what is no longer needed, replace
-//! two by one, and say what fits as well.
+//! The moves of a search: add the best effect, drop what is no longer needed, exchange
+//! some for others, and say what fits as well.
 
 mod as_well;
 mod exchange;

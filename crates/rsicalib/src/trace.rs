@@ -5,9 +5,9 @@
 //! ```
 //!
 //! until nothing scores; after each addition a look back, at what is no longer
-//! needed and at what another effect explains better. Samples of a held pose are
-//! averaged for the search, whose noise is then known; the answer is fitted to
-//! all of them.
+//! needed, and in the end at what another effect, or two others, explain better.
+//! Samples of a held pose are averaged for the search, whose noise is then known;
+//! the answer is fitted to all of them.
 
 use crate::alone::{Alone, alone};
 use crate::excluded::Excluded;
