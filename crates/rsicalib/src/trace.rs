@@ -16,7 +16,7 @@ use crate::hunt::{FEW, Hunt, whole_pose};
 use crate::leftover::doubt;
 use crate::model::{Instance, Target};
 use crate::rivals::{AS_WELL, Blame};
-use crate::scan::{self, Judge, Scored};
+use crate::scan::{self, Family, Judge, Scored};
 use crate::session::Session;
 use crate::{Error, bad, damage, faults};
 
@@ -138,6 +138,12 @@ impl Pursued {
         self.found.iter().filter(|step| !scan::is_data(&step.scored.instance))
     }
 
+    /// True where it takes jumps or wrong readings: crests of an unknown law look like them.
+    fn sudden(&self) -> bool {
+        let jumps = |step: &Step| matches!(step.scored.family, Family::Slip | Family::Bad);
+        !self.poses.is_empty() || self.found.iter().any(jumps)
+    }
+
     /// What is left, with what is paid for what was found.
     fn price(&self) -> f64 {
         let wrong = self.poses.iter().chain(self.wrong.iter().map(|(scored, _)| scored));
@@ -181,10 +187,10 @@ fn pursue_all(hunt: &mut Hunt, start: &Fit) -> Result<(Pursued, Option<Alone>), 
     let stays = (chain || open.effects().count() <= FEW) && open.quiet(hunt);
     let weights = hunt.restart();
     let confined = pursue_alone(hunt, start, it)?;
-    // A few effects that leave nothing give way to others that do, of a whole chain for no
-    // more, and none to nothing.
+    // A few effects that leave nothing give way to others that do, and cost no more; none give
+    // way to nothing.
     let nothing = confined.quiet(hunt) && confined.effects().count() == 0;
-    let dearer = chain && confined.price() > open.price() + AS_WELL;
+    let dearer = (chain || !open.sudden()) && confined.price() > open.price() + AS_WELL;
     if nothing || (stays && (dearer || !confined.settled(hunt))) {
         hunt.release(weights);
         return Ok((open, at_fault));
