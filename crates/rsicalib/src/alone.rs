@@ -101,6 +101,10 @@ struct Without<'a> {
     target: Target,
     freed: Session,
     rest: Fit,
+    /// Equations between poses.
+    equations: f64,
+    /// How many of them are given up.
+    lost: f64,
     p_value: f64,
     wrong: Vec<(Scored, Blame)>,
 }
@@ -114,22 +118,21 @@ impl<'a> Without<'a> {
             return Ok(None);
         }
         let rest = fit(&freed, start.model.instances.clone(), Some(start))?;
-        Ok(Some(Self { start, target, freed, rest, p_value: 0.0, wrong: Vec::new() }))
+        let (p_value, wrong) = (0.0, Vec::new());
+        Ok(Some(Self { start, target, freed, rest, equations, lost, p_value, wrong }))
     }
 
     /// χ² with what is paid for it.
     fn left(&self) -> f64 {
-        let (_, lost) = equations(&self.freed, self.start, self.target);
         let paid = self.wrong.iter().map(|(s, _)| s.paid());
-        self.rest.chi2 + EQUATION * lost + paid.sum::<f64>()
+        self.rest.chi2 + EQUATION * self.lost + paid.sum::<f64>()
     }
 
     /// Degrees of freedom of (73).
     fn dof(&self) -> f64 {
-        let (equations, lost) = equations(&self.freed, self.start, self.target);
         let own = own(self.start, &self.freed.mechanism, self.target);
         // Priors may know more of the parameters than the readings do.
-        (self.rest.dof - lost + own).min(equations - lost)
+        (self.rest.dof - self.lost + own).min(self.equations - self.lost)
     }
 
     /// Whether the rest closes within its noise, but for a few readings that are wrong.
@@ -145,6 +148,7 @@ impl<'a> Without<'a> {
             }
             self.wrong.push((scored, blame));
             self.rest = fit(&self.freed, instances, Some(&self.rest))?;
+            (self.equations, self.lost) = equations(&self.freed, self.start, self.target);
         }
         let dof = self.dof();
         self.p_value = judge.p_value(self.rest.chi2, dof);

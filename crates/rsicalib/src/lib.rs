@@ -39,6 +39,7 @@ pub mod objective;
 pub mod observability;
 pub mod plan;
 pub mod platform;
+mod pursue;
 pub mod readings;
 pub mod result;
 pub mod rivals;
