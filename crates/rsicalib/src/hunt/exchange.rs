@@ -115,7 +115,7 @@ impl Hunt<'_> {
         });
         pairs.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         let mut best: Option<(f64, [Scored; 2], Fit)> = None;
-        for Pair { both, .. } in pairs.into_iter().take(self.search.refits) {
+        for Pair { both, .. } in pairs.into_iter().take(self.search.refits / 2) {
             let refit = self.with(&without, &both.map(|s| s.instance))?;
             let gain = self.gain(&without, &refit, &both);
             if gain > best.as_ref().map_or(needed, |(g, ..)| *g) {
