@@ -218,12 +218,25 @@ def test_ctrl_c_exits_with_130_and_leaves_no_half_written_file(tmp_path: Path) -
     path = tmp_path / "long.csv"
     path.write_text("\n".join([head, *(body * 260)]))
     command = [sys.executable, "-m", "rsicalib", "trace", str(path), "--out", "out"]
+
+    def heed() -> None:
+        # What runs in the background of a shell ignores the signal, and its children do.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
     with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heed,
     ) as process:
         time.sleep(1.5)
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=60)
+        try:
+            out, _ = process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert process.returncode == 130
     assert out == ""
     assert {p.name for p in tmp_path.iterdir()} <= {"long.csv"}
