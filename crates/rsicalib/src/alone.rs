@@ -179,11 +179,7 @@ impl<'a> Without<'a> {
             .copied()
             .collect();
         here.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let of_channel = |s: &Scored| match s.instance.target {
-            Target::Channel(channel) => Some((s.score, channel)),
-            _ => None,
-        };
-        let blame = Blame::of(&here.iter().filter_map(of_channel).collect::<Vec<_>>(), mechanism);
+        let blame = Blame::among(here.iter().map(|s| (s.score, s.instance.target)), mechanism);
         let one = here.first().filter(|s| s.charged() >= worst.charged() - AS_WELL);
         Ok(Some((*one.unwrap_or(worst), blame)))
     }

@@ -21,7 +21,7 @@ use crate::model::{Model, Target};
 use crate::objective::{Implicit, Noise, Part, Residuals};
 use crate::session::Session;
 use crate::terms::{Acts, Spot};
-use crate::{Error, stats};
+use crate::{Error, scan, stats};
 
 /// Probability of accusing anything in a clean session.
 const ALPHA: f64 = 0.002;
@@ -154,13 +154,8 @@ impl<'a> Looking<'a> {
     fn alone(&self, row: usize) -> f64 {
         let (k, n) = (self.residuals.equations, self.model.parameters);
         let x = Mat::from_fn(k, n, |e, j| self.x(row)[e * n + j]);
-        let m = Mat::<f64>::identity(k, k) - &x * (&self.inverse * x.transpose());
-        let (inverse, ..) = crate::fit::invert(&m);
-        let r = self.whitened(row);
-        (0..k)
-            .flat_map(|i| (0..k).map(move |j| (i, j)))
-            .map(|(i, j)| r[i] * inverse[(i, j)] * r[j])
-            .sum()
+        let hat = &x * (&self.inverse * x.transpose());
+        scan::left_out(&hat, self.whitened(row)).map_or(0.0, |(score, _)| score)
     }
 
     /// The row that stands off most, if above chance.

@@ -26,7 +26,9 @@ use crate::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::mechanism::{ClosureKind, Value};
 use crate::objective::Prior;
 use crate::readings::Readings;
-use crate::terms::{self, Acts, Electronics, Needs, Per, Scale, Sensor, Site, Spot, Term, Weight};
+use crate::terms::{
+    self, Acts, Electronics, Needs, Per, Placed, Scale, Sensor, Site, Spot, Term, Weight,
+};
 use crate::{Error, Mechanism};
 
 /// Most parameters that one term may have.
@@ -185,8 +187,7 @@ pub fn parse(
 /// True for a term that each session has anew: what drifts starts again.
 #[must_use]
 pub fn bound_to_session(term: &dyn Term) -> bool {
-    let info = term.info();
-    info.needs == Needs::Order && info.id != "slip"
+    term.info().needs == Needs::Order && term.placed() == Placed::Once
 }
 
 /// Places of a term at a target: a session, or where a searched term acts.
@@ -204,7 +205,7 @@ pub fn places(
     }
 }
 
-/// How users call the place of a searched term: a pose label, or a channel.
+/// How users call the place of a term: a pose label, a channel, or a session.
 #[must_use]
 pub fn place_name(
     term: &dyn Term,
@@ -212,12 +213,11 @@ pub fn place_name(
     readings: &Readings,
     place: usize,
 ) -> String {
-    if term.info().id == "crosstalk" {
-        mechanism.channels[place].name.clone()
-    } else if bound_to_session(term) {
-        (place + 1).to_string()
-    } else {
-        readings.labels.get(place).map(ToString::to_string).unwrap_or_default()
+    match term.placed() {
+        Placed::AtChannel => mechanism.channels[place].name.clone(),
+        Placed::AtPose => readings.labels.get(place).map(ToString::to_string).unwrap_or_default(),
+        Placed::Once if bound_to_session(term) => (place + 1).to_string(),
+        Placed::Once => String::new(),
     }
 }
 
@@ -460,10 +460,10 @@ impl Model {
     fn compile_terms(&mut self, readings: &Readings) {
         for (instance, &first) in self.instances.iter().zip(&self.first) {
             let (place, width) = (instance.place, instance.width());
-            let session = match instance.term.info() {
+            let session = match instance.term.placed() {
                 _ if readings.sessions < 2 => None,
                 _ if bound_to_session(instance.term) => Some(place),
-                info if info.id == "slip" => readings.session_of_pose.get(place).copied(),
+                Placed::AtPose => readings.session_of_pose.get(place).copied(),
                 _ => None,
             };
             let channel = if let Target::Channel(c) = instance.target { Some(c) } else { None };

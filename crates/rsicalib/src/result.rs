@@ -6,6 +6,7 @@ use crate::check::Check;
 use crate::fit::Fit;
 use crate::model::{Instance, place_name};
 use crate::session::Session;
+use crate::terms::Placed;
 
 /// Name and number, in the order of the mechanism.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -242,12 +243,11 @@ pub fn parameter_names(session: &Session, fit: &Fit) -> Vec<ParameterReport> {
     names
 }
 
-/// The place of a searched term, as users call it.
+/// The place of a term that has several, as users call it.
 #[must_use]
 pub fn place(session: &Session, instance: &Instance) -> Option<String> {
     let bound = session.readings.sessions > 1 && crate::model::bound_to_session(instance.term);
-    let searched = ["crosstalk", "slip", "bad_reading"].contains(&instance.term.info().id);
-    (searched || bound)
+    (bound || instance.term.placed() != Placed::Once)
         .then(|| place_name(instance.term, &session.mechanism, &session.readings, instance.place))
 }
 

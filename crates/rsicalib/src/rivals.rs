@@ -1,6 +1,7 @@
 //! Which of several explanations may be right.
 
 use crate::mechanism::Mechanism;
+use crate::model::Target;
 
 /// Effects that fit as well as the one named: refitted χ² within this, extra
 /// parameters charged.
@@ -60,6 +61,17 @@ pub struct Blame {
 }
 
 impl Blame {
+    /// Of rivals `(value, target)`, of which channels count.
+    #[must_use]
+    pub fn among(rivals: impl IntoIterator<Item = (f64, Target)>, mechanism: &Mechanism) -> Self {
+        let of_channel = |(value, target)| match target {
+            Target::Channel(channel) => Some((value, channel)),
+            _ => None,
+        };
+        let channels: Vec<_> = rivals.into_iter().filter_map(of_channel).collect();
+        Self::of(&channels, mechanism)
+    }
+
     /// Of rivals `(value, channel)`.
     #[must_use]
     pub fn of(rivals: &[(f64, usize)], mechanism: &Mechanism) -> Self {

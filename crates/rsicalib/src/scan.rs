@@ -29,7 +29,7 @@ use crate::{Error, stats};
 pub use crate::scan::candidates::{candidates, has_free_shape};
 pub use crate::scan::named::project;
 pub use crate::scan::pairs::{Pair, pairs};
-pub use crate::scan::places::bad_readings;
+pub use crate::scan::places::{bad_readings, left_out};
 
 /// Kinds of candidates that share an error budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

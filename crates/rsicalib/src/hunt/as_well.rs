@@ -20,7 +20,8 @@ impl Hunt<'_> {
         let without = self.without(current, &[own])?;
         let mut scored = self.scan(&without)?;
         let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
-            return Ok((false, Vec::new(), self.blame(&[(0.0, own)])));
+            let blame = Blame::among([(0.0, own.target)], &self.small.mechanism);
+            return Ok((false, Vec::new(), blame));
         };
         // Scores are first order: leave room for what refitting changes.
         let room = AS_WELL + 4.0 + 0.15 * mine.score;
@@ -55,21 +56,11 @@ impl Hunt<'_> {
         }
         also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
         let named = found[index].instance;
-        let blame = self.blame(&also);
         let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
+        let blame = Blame::among(rivals.iter().copied(), &self.small.mechanism);
         let kept = also.iter().zip(credible(&rivals));
         let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
         Ok((better, also.collect(), blame))
-    }
-
-    /// Whose reading is wrong, of rivals `(value, effect)`.
-    fn blame(&self, rivals: &[(f64, Instance)]) -> Blame {
-        let of_channel = |(value, instance): &(f64, Instance)| match instance.target {
-            Target::Channel(channel) => Some((*value, channel)),
-            _ => None,
-        };
-        let channels: Vec<_> = rivals.iter().filter_map(of_channel).collect();
-        Blame::of(&channels, &self.small.mechanism)
     }
 }
 

@@ -10,8 +10,11 @@ impl Hunt<'_> {
     /// One effect for two, and two for one or two, where that explains more; true where it
     /// does. What takes many effects to make up is not made up of pairs.
     pub fn exchange(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        if found.len() > FEW + 1 {
+            return Ok(false);
+        }
         let merged = self.merge_pairs(current, found)?;
-        Ok(found.len() <= FEW + 1 && self.find_pairs(current, found)? || merged)
+        Ok(self.find_pairs(current, found)? || merged)
     }
 
     /// Replaces two effects by one that explains as much, its places paid for:
@@ -91,7 +94,7 @@ impl Hunt<'_> {
     ) -> Result<Option<([Scored; 2], Fit)>, Error> {
         let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > LEFT);
         let none = (!quiet && found.len() < FEW).then_some(Vec::new());
-        let one = found.iter().map(|s| vec![*s]);
+        let one = found.iter().filter(|_| found.len() <= FEW).map(|s| vec![*s]);
         let two = (0..found.len()).flat_map(|b| (0..b).map(move |a| vec![found[a], found[b]]));
         for gone in two.chain(one).chain(none) {
             let better = self.two_for(current, &gone)?;

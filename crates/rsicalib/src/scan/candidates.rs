@@ -3,7 +3,7 @@
 use crate::fit::Fit;
 use crate::model::{Instance, Target, places, provided, targets};
 use crate::session::Session;
-use crate::terms::{ALL, Term};
+use crate::terms::{ALL, Placed, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
 #[must_use]
@@ -12,7 +12,7 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
     let mut all = Vec::new();
     for term in ALL.iter().copied() {
         let info = term.info();
-        if term.searched()
+        if term.placed() == Placed::AtPose
             || info.broad
             || without.iter().any(|w| w == info.id)
             || provided(term, mechanism, readings).is_err()
@@ -40,7 +40,7 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
 /// longer by itself, where nothing is fixed to the base a single chain has none, and a
 /// free shape is any shape.
 fn meaningful(session: &Session, fit: &Fit, term: &dyn Term, target: Target) -> bool {
-    let (mechanism, id) = (&session.mechanism, term.info().id);
+    let mechanism = &session.mechanism;
     if has_free_shape(fit, term, target) {
         return false;
     }
@@ -51,9 +51,10 @@ fn meaningful(session: &Session, fit: &Fit, term: &dyn Term, target: Target) -> 
             let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
             let free = fit.model.instances.iter();
             let mut free = free.filter(|i| i.target == target && i.term.info().broad);
-            free.next().is_none() && (id != "joint_tilt" || (row >= first && row < last))
+            free.next().is_none()
+                && (!term.moves_only(&[Spot::End]) || (row >= first && row < last))
         }
-        Target::Chain(_) => !(id.starts_with("base_") && mechanism.floats()),
+        Target::Chain(_) => !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats()),
         _ => true,
     }
 }

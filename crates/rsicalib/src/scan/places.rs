@@ -191,7 +191,8 @@ pub fn score(
 
 /// By how much χ² falls where all equations of a pose are left out, and how many those
 /// are that the others judge: `rᵀ (I - H)⁻¹ r` where `H`, what the fit absorbs there, is not 1.
-fn left_out(hat: &Mat<f64>, r: &[f64]) -> Option<(f64, f64)> {
+#[must_use]
+pub fn left_out(hat: &Mat<f64>, r: &[f64]) -> Option<(f64, f64)> {
     let left = Mat::<f64>::identity(r.len(), r.len()) - hat;
     let eigen = left.self_adjoint_eigen(Side::Lower).ok()?;
     let (values, vectors) = (eigen.S().column_vector(), eigen.U());

@@ -1,6 +1,6 @@
 //! [`BadReading`].
 
-use super::{Acts, Electronics, Info, Site, Term};
+use super::{Acts, Electronics, Info, Placed, Site, Term};
 use crate::lanes::Lanes;
 use crate::mechanism::Mechanism;
 
@@ -21,6 +21,10 @@ impl Term for BadReading {
 
     fn acts(&self) -> Acts {
         Acts::Electronics(&Self)
+    }
+
+    fn placed(&self) -> Placed {
+        Placed::AtPose
     }
 
     fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {

@@ -1,6 +1,6 @@
 //! [`Crosstalk`].
 
-use super::{Acts, Electronics, Info, Site, Term};
+use super::{Acts, Electronics, Info, Placed, Site, Term};
 use crate::lanes::Lanes;
 use crate::mechanism::Mechanism;
 
@@ -21,6 +21,10 @@ impl Term for Crosstalk {
 
     fn acts(&self) -> Acts {
         Acts::Electronics(&Self)
+    }
+
+    fn placed(&self) -> Placed {
+        Placed::AtChannel
     }
 
     fn places(&self, mechanism: &Mechanism, channel: usize, _poses: usize) -> Vec<usize> {

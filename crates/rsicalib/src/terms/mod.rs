@@ -277,10 +277,26 @@ pub trait Term: Sync {
     /// At which stage it acts.
     fn acts(&self) -> Acts;
 
-    /// Places to try for a target; terms without a search have one.
+    /// What the place of an instance is, of a term that has several at one target.
+    fn placed(&self) -> Placed {
+        Placed::Once
+    }
+
+    /// Those places, to be tried one by one.
     fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {
         vec![0]
     }
+}
+
+/// What the place of an instance is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Placed {
+    /// Nothing: there is one at each target.
+    Once,
+    /// A pose, that is searched for.
+    AtPose,
+    /// Another channel.
+    AtChannel,
 }
 
 /// What a law runs over that gives a correction for each of its values.
@@ -296,17 +312,18 @@ pub enum Over {
 }
 
 impl dyn Term + '_ {
-    /// True for a term whose pose is searched for.
+    /// True for a geometry term that moves nothing but what lies at these spots.
     #[must_use]
-    pub fn searched(&self) -> bool {
-        ["slip", "bad_reading"].contains(&self.info().id)
+    pub fn moves_only(&self, spots: &[Spot]) -> bool {
+        matches!(self.acts(), Acts::Geometry(freedoms)
+            if freedoms.iter().all(|(spot, ..)| spots.contains(spot)))
     }
 
     /// What it is a curve over; none for a law of anything else.
     #[must_use]
     pub fn over(&self) -> Option<Over> {
         match (self.acts(), self.info().needs) {
-            _ if self.searched() => None,
+            _ if self.placed() == Placed::AtPose => None,
             (Acts::Sensor(_), Needs::Nothing) => Some(Over::Reading),
             (Acts::Sensor(_) | Acts::Electronics(_), Needs::Order) => Some(Over::Time),
             _ => None,

@@ -1,6 +1,6 @@
 //! [`Slip`].
 
-use super::{Acts, Info, Sensor, Site, Term};
+use super::{Acts, Info, Placed, Sensor, Site, Term};
 use crate::lanes::Lanes;
 use crate::mechanism::Mechanism;
 
@@ -21,6 +21,10 @@ impl Term for Slip {
 
     fn acts(&self) -> Acts {
         Acts::Sensor(&Self)
+    }
+
+    fn placed(&self) -> Placed {
+        Placed::AtPose
     }
 
     fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
