@@ -67,6 +67,7 @@ def figures(suite: str, rows: Sequence[Row]) -> list[tuple[str, str]]:
     ratios = [r.grade.position[1] / r.told for r in rows if r.told and r.grade.position[1]]
     out.append(("after / told the answer", middle(ratios)))
     out += worse(rows)
+    out.append(("trace [s], as many jobs at once", middle(r.seconds for r in rows)))
     for stage, place in (("before", 0), ("after", 1)):
         out.append((f"handle angle {stage} [rad]", middle(g.orientation[place] for g in grades)))
     return out

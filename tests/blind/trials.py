@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,8 @@ class Row:
     grade: Grade
     told: float | None = None
     """Handle position error of a fit that is told the effects [in]; None where none can be."""
+    seconds: float | None = None
+    """What the trace took, its check included."""
 
 
 def stage(
@@ -248,16 +251,20 @@ def given(case: Case) -> Given:
     return Given(mechanism, readings(case.readings), readings(case.rest), readings(case.check))
 
 
-def examine(case: Case) -> dict[str, Any]:
+def traced(it: Given, without: Sequence[str] = ()) -> dict[str, Any]:
     """What the library says, as the dictionary of `rsicalib trace --json`."""
     import rsicalib
 
-    it = given(case)
-    options: dict[str, Any] = {"without": list(case.without)} if case.without else {}
+    options: dict[str, Any] = {"without": list(without)} if without else {}
     result: dict[str, Any] = rsicalib.trace(
         it.readings, it.mechanism, check=it.check, rest=it.rest, **options
     ).to_dict()
     return result
+
+
+def examine(case: Case) -> dict[str, Any]:
+    """What the library says of a case."""
+    return traced(given(case), case.without)
 
 
 def told(case: Case) -> float | None:
@@ -277,11 +284,15 @@ def told(case: Case) -> float | None:
 def run(suite: str, number: int, seed: int, size: Size | None = None) -> Row:
     """Makes, examines and grades one case."""
     case = make(suite, number, seed, size)
+    it, start = given(case), perf_counter()
+    result = traced(it, case.without)
+    seconds = perf_counter() - start
     return Row(
         suite=suite,
         number=number,
         truth=tuple(f"{effect.term} {effect.target}" for effect in case.effects),
         strength=case.strength,
-        grade=grade(examine(case), case.effects, left_out=suite == "left_out"),
+        grade=grade(result, case.effects, left_out=suite == "left_out"),
         told=told(case),
+        seconds=seconds,
     )

@@ -142,10 +142,7 @@ impl<'a> Without<'a> {
                 return Ok(false);
             }
             let mut instances = self.rest.model.instances.clone();
-            match whole_pose(&scored.instance) {
-                Some(pose) => self.freed.weights[pose] = 0.0,
-                None => instances.push(scored.instance),
-            }
+            leave_out(&scored, &mut self.freed, &mut instances);
             self.wrong.push((scored, blame));
             self.rest = fit(&self.freed, instances, Some(&self.rest))?;
             (self.equations, self.lost) = equations(&self.freed, self.start, self.target);
@@ -200,6 +197,14 @@ impl<'a> Without<'a> {
             let needed = found.contains(&s.instance) && s.p_value <= NEEDLESS;
             needed || s.corrected <= search.alpha
         }))
+    }
+}
+
+/// Leaves a wrong pose out of a session, or gives a wrong reading its own parameter.
+pub fn leave_out(wrong: &Scored, session: &mut Session, instances: &mut Vec<Instance>) {
+    match whole_pose(&wrong.instance) {
+        Some(pose) => session.weights[pose] = 0.0,
+        None => instances.push(wrong.instance),
     }
 }
 

@@ -30,17 +30,11 @@ pub fn platform(session: &Session, model: &Model, beta: &[f64], noise: &Noise) -
         .then(|| some_poses(model, &session.readings, beta, &noise.sigma, noise.play, stride))
 }
 
-/// The noise that a fit assumed.
-#[must_use]
-pub fn noise_of(fit: &Fit) -> Noise {
-    Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play }
-}
-
 /// Between two fits.
 #[must_use]
 pub fn platform_difference(session: &Session, a: &Fit, b: &Fit) -> Option<PlatformRms> {
-    let pa = platform(session, &a.model, &a.beta, &noise_of(a))?;
-    let pb = platform(session, &b.model, &b.beta, &noise_of(b))?;
+    let pa = platform(session, &a.model, &a.beta, &a.assumed())?;
+    let pb = platform(session, &b.model, &b.beta, &b.assumed())?;
     Some(difference(session, &pa, &pb))
 }
 

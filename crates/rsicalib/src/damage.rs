@@ -18,7 +18,7 @@ use faer::Mat;
 use crate::excluded::Excluded;
 use crate::fit::Fit;
 use crate::model::{Model, Target};
-use crate::objective::{Implicit, Noise, Part, Residuals};
+use crate::objective::{Implicit, Part, Residuals};
 use crate::session::Session;
 use crate::terms::{Acts, Spot};
 use crate::{Error, scan, stats};
@@ -90,8 +90,7 @@ impl<'a> Looking<'a> {
     fn at(session: &'a Session, fit: &'a Fit, placements: &'a [usize]) -> Self {
         let readings = &session.readings;
         let part = Part { model: &fit.model, readings, weights: Some(&session.weights) };
-        let noise = Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
-        let residuals = Implicit::new(vec![(part, noise)], &[]).residuals(&fit.beta, true);
+        let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
         let mut runs = vec![Vec::new(); readings.groups.len()];
         for block in readings.blocks() {
             let live = block.rows[..block.live].iter().filter(|&&r| session.weights[r] > 0.0);

@@ -186,7 +186,7 @@ fn first_noise(session: &Session, from: Option<&Fit>) -> Noise {
         return Noise { sigma: sigma.clone(), play };
     }
     if let Some(fit) = from {
-        return Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
+        return fit.assumed();
     }
     let channels = &session.mechanism.channels;
     let guess = |unit: &str, gain: f64| if unit == "count" { 1.0 } else { 1e-5 / gain.abs() };
@@ -462,6 +462,12 @@ fn conclude(
 const LEFT: f64 = 0.01;
 
 impl Fit {
+    /// The noise that it assumed.
+    #[must_use]
+    pub fn assumed(&self) -> Noise {
+        Noise { sigma: self.noise.sigma.clone(), play: self.noise.play }
+    }
+
     /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.
     #[must_use]
     pub fn inverse(&self) -> Mat<f64> {

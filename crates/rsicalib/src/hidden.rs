@@ -1,7 +1,7 @@
 //! What could be there unseen: how large each absent effect would have to be to be seen,
 //! and what it would do to the platform meanwhile.
 
-use crate::change::{PlatformRms, difference, noise_of, platform};
+use crate::change::{PlatformRms, difference, platform};
 use crate::fit::Fit;
 use crate::model::{Instance, Model};
 use crate::result::unit;
@@ -40,7 +40,7 @@ pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error
     let (inverse, ..) = crate::fit::invert(&last.gram);
     let projected = project(session, last, &inverse, &named)?;
     let places = named.len() as f64;
-    let noise = noise_of(last);
+    let noise = last.assumed();
     let here = platform(session, &last.model, &last.beta, &noise);
     let mut hidden = Vec::with_capacity(named.len());
     for (instance, candidate) in named.iter().zip(projected) {

@@ -49,6 +49,11 @@ const ENOUGH: f64 = 1e-7;
 /// In place of another effect is named what fits better by this, in units of χ².
 const BETTER: f64 = 0.5;
 
+/// Scores are first order: this much refitting may change.
+fn room(score: f64) -> f64 {
+    4.0 + 0.15 * score
+}
+
 /// The pose of a candidate that says that the whole pose is wrong.
 pub fn whole_pose(instance: &Instance) -> Option<usize> {
     (scan::is_data(instance) && instance.target == Target::All).then_some(instance.place)

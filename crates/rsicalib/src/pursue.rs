@@ -2,7 +2,7 @@
 //! at; and once more where one thing is at fault alone.
 
 use crate::Error;
-use crate::alone::{Alone, alone};
+use crate::alone::{Alone, alone, leave_out};
 use crate::fit::{Fit, fit};
 use crate::hunt::{FEW, Hunt, LEFT, cost, whole_pose};
 use crate::leftover::doubt;
@@ -105,10 +105,7 @@ fn pursue_alone(hunt: &mut Hunt, start: &Fit, it: &Alone) -> Result<Pursued, Err
     hunt.only = Some(it.target);
     let mut instances = start.model.instances.clone();
     for (scored, _) in &it.wrong {
-        match whole_pose(&scored.instance) {
-            Some(pose) => hunt.small.weights[pose] = 0.0,
-            None => instances.push(scored.instance),
-        }
+        leave_out(scored, &mut hunt.small, &mut instances);
     }
     let start = fit(&hunt.small, instances, Some(start))?;
     Ok(Pursued { wrong: it.wrong.clone(), ..pursue(hunt, start, hunt.search.most)? })

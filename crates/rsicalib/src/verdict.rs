@@ -1,6 +1,6 @@
 //! What a trace says, in the shape of the JSON.
 
-use crate::change::{PlatformRms, noise_of, platform_difference};
+use crate::change::{PlatformRms, platform_difference};
 use crate::check::check;
 use crate::curve::curve;
 use crate::excluded::Excluded;
@@ -293,7 +293,7 @@ pub fn held_out(session: &Session, full: &Fit) -> Option<HeldOut> {
         for first in trained.model.untouched(&session.readings, &training.weights) {
             beta[first..first + 3].copy_from_slice(&placed[first..first + 3]);
         }
-        let problem = Implicit::new(vec![(part, noise_of(full))], &[]);
+        let problem = Implicit::new(vec![(part, full.assumed())], &[]);
         let residuals = problem.residuals(&beta, false);
         let k = residuals.equations;
         for row in out.flat_map(|p| rows[p].clone()).filter(|&r| session.weights[r] > 0.0) {

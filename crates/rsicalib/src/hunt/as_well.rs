@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::fit::Fit;
-use crate::hunt::{BETTER, Hunt, cost, physical, whole_pose};
+use crate::hunt::{BETTER, Hunt, cost, physical, room, whole_pose};
 use crate::model::{Instance, Target};
 use crate::rivals::{AS_WELL, Blame, credible};
 use crate::scan::{self, CHARGE, Family, Scored};
@@ -23,8 +23,7 @@ impl Hunt<'_> {
             let blame = Blame::among([(0.0, own.target)], &self.small.mechanism);
             return Ok((false, Vec::new(), blame));
         };
-        // Scores are first order: leave room for what refitting changes.
-        let room = AS_WELL + 4.0 + 0.15 * mine.score;
+        let room = AS_WELL + room(mine.score);
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)

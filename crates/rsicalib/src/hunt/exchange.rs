@@ -2,9 +2,9 @@
 
 use crate::Error;
 use crate::fit::Fit;
-use crate::hunt::{BETTER, FEW, Hunt, LEFT, cost, whole_pose};
+use crate::hunt::{BETTER, FEW, Hunt, LEFT, cost, room, whole_pose};
 use crate::model::Instance;
-use crate::scan::{Pair, Scored};
+use crate::scan::Scored;
 
 impl Hunt<'_> {
     /// One effect for two, and two for one or two, where that explains more; true where it
@@ -58,15 +58,26 @@ impl Hunt<'_> {
                 && s.corrected <= self.search.alpha
         });
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-        let mut best: Option<(f64, Scored, Fit)> = None;
-        for candidate in scored.into_iter().take(self.search.refits) {
-            let refit = self.with(&without, &[candidate.instance])?;
-            let gain = self.gain(&without, &refit, &[candidate]);
-            if gain > both && best.as_ref().is_none_or(|(g, ..)| gain > *g) {
-                best = Some((gain, candidate, refit));
+        let singles = scored.into_iter().take(self.search.refits).map(|s| [s]);
+        Ok(self.best(&without, both, singles)?.map(|([one], fit)| (one, fit)))
+    }
+
+    /// Those that gain most when refitted, if more than is needed, and their fit.
+    fn best<const N: usize>(
+        &self,
+        without: &Fit,
+        needed: f64,
+        candidates: impl Iterator<Item = [Scored; N]>,
+    ) -> Result<Option<([Scored; N], Fit)>, Error> {
+        let mut best: Option<(f64, [Scored; N], Fit)> = None;
+        for added in candidates {
+            let refit = self.with(without, &added.map(|s| s.instance))?;
+            let gain = self.gain(without, &refit, &added);
+            if gain > best.as_ref().map_or(needed, |(g, ..)| *g) {
+                best = Some((gain, added, refit));
             }
         }
-        Ok(best.map(|(_, candidate, refit)| (candidate, refit)))
+        Ok(best.map(|(_, added, refit)| (added, refit)))
     }
 
     /// Replaces one effect or two, or none where something is left, by two that explain
@@ -75,8 +86,10 @@ impl Hunt<'_> {
         let mut exchanged = false;
         for _ in 0..=FEW {
             let Some((both, fit)) = self.two_for_any(current, found)? else { break };
-            found.retain(|s| fit.model.instances.contains(&s.instance));
-            found.retain(|s| both.iter().all(|new| new.instance != s.instance));
+            let new = both.map(|s| s.instance);
+            found.retain(|s| {
+                fit.model.instances.contains(&s.instance) && !new.contains(&s.instance)
+            });
             found.extend(both);
             *current = fit;
             self.rescale(current)?;
@@ -111,20 +124,11 @@ impl Hunt<'_> {
         let without = self.without(current, &those)?;
         let needed = self.gain(&without, current, gone) + BETTER;
         let mut pairs = self.pairs(&without)?;
-        // Scores are first order: leave room for what refitting changes.
         pairs.retain(|p| {
             let same = p.both.iter().all(|s| those.contains(&s.instance));
-            !same && p.charged() + 4.0 + 0.15 * p.score > needed
+            !same && p.charged() + room(p.score) > needed
         });
         pairs.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-        let mut best: Option<(f64, [Scored; 2], Fit)> = None;
-        for Pair { both, .. } in pairs.into_iter().take(self.search.refits / 2) {
-            let refit = self.with(&without, &both.map(|s| s.instance))?;
-            let gain = self.gain(&without, &refit, &both);
-            if gain > best.as_ref().map_or(needed, |(g, ..)| *g) {
-                best = Some((gain, both, refit));
-            }
-        }
-        Ok(best.map(|(_, both, refit)| (both, refit)))
+        self.best(&without, needed, pairs.iter().take(self.search.refits / 2).map(|p| p.both))
     }
 }

@@ -5,7 +5,7 @@ use faer::{Mat, Side};
 use crate::fit::Fit;
 use crate::lanes::Lanes;
 use crate::model::{Instance, Model};
-use crate::objective::{Implicit, Noise, Part};
+use crate::objective::{Implicit, Part};
 use crate::scan::{Family, Judge, Scored};
 use crate::session::Session;
 use crate::sums::{Own, add_all, add_line};
@@ -123,8 +123,7 @@ pub fn project_blocks(
     beta[base + extra..].copy_from_slice(&fit.beta[base..]);
 
     let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
-    let noise = Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
-    let problem = Implicit::new(vec![(part, noise)], &[]);
+    let problem = Implicit::new(vec![(part, fit.assumed())], &[]);
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || Sums {
         gradient: vec![Lanes::ZERO; extra],

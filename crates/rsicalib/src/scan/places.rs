@@ -4,7 +4,7 @@ use faer::{Mat, Side};
 
 use crate::fit::Fit;
 use crate::model::{Instance, Target};
-use crate::objective::{Implicit, Noise, Part};
+use crate::objective::{Implicit, Part};
 use crate::scan::{Family, Judge, Scored, dot};
 use crate::session::Session;
 use crate::terms::find;
@@ -91,8 +91,7 @@ pub fn score(
 ) -> Result<Vec<Scored>, Error> {
     let (readings, n, c) = (&session.readings, fit.model.parameters, session.readings.channels);
     let part = Part { model: &fit.model, readings, weights: Some(&session.weights) };
-    let noise = Noise { sigma: fit.noise.sigma.clone(), play: fit.noise.play };
-    let residuals = Implicit::new(vec![(part, noise)], &[]).residuals(&fit.beta, true);
+    let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
     let k = residuals.equations;
     let allowed = |id: &str| !without.iter().any(|w| w == id);
     let (slip, bad) = (find("slip")?, find("bad_reading")?);
