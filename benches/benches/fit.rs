@@ -1,7 +1,8 @@
 //! A whole fit with its statistics: maximum likelihood against the paper's least squares.
 
 use divan::{Bencher, black_box};
-use rsicalib::{Method, fit};
+use rsicalib::estimate::Method;
+use rsicalib::fit;
 use rsicalib_benches::hand_controller;
 
 fn main() {

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a bench stops at a mistake")]
 
 use divan::{Bencher, black_box};
-use rsicalib::algebraic::Paper;
+use rsicalib::estimate::paper::Paper;
 use rsicalib_benches::hand_controller;
 
 fn main() {

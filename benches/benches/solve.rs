@@ -5,8 +5,8 @@
 use divan::{Bencher, black_box};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
-use rsicalib::algebraic::Paper;
-use rsicalib::lm::Options;
+use rsicalib::estimate::paper::Paper;
+use rsicalib::numerics::lm::Options;
 use rsicalib_benches::hand_controller;
 
 fn main() {

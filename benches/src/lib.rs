@@ -1,6 +1,8 @@
 //! What every bench starts from: the hand controller in poses by hand.
 
-use rsicalib::{Mechanism, Session, Table, rsi};
+use rsicalib::estimate::Session;
+use rsicalib::mechanism::{Mechanism, hand_controller};
+use rsicalib::readings::Table;
 
 /// A device, its readings and its true parameters.
 #[derive(Debug, Clone)]
@@ -60,7 +62,7 @@ pub fn hand_controller(poses: usize) -> Device {
     while counts.len() < 9 * poses {
         let mut u = || random.next();
         let pose = [2.0 * u(), 2.0 * u(), -3.0 + 2.0 * u(), 0.44 * u(), 0.44 * u(), 0.44 * u()];
-        let Ok(angles) = rsi::inverse(&pose) else { continue };
+        let Ok(angles) = hand_controller::inverse(&pose) else { continue };
         let row: Vec<f64> = angles
             .iter()
             .flatten()

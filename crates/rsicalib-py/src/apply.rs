@@ -4,7 +4,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::apply::{self, Applied, Reference, Reported, platform_poses};
+use rsicalib::apply::earlier::{self, Applied, Reference, Reported, platform_poses};
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
@@ -64,7 +64,7 @@ pub fn points(
     table: PyTable<'_>,
 ) -> PyResult<Vec<Vec<[f64; 3]>>> {
     let (applied, table) = (applied.into(), table.table());
-    Ok(py.detach(|| apply::points(&mechanism.0, &applied, table)).map_err(PyError::from)?)
+    Ok(py.detach(|| earlier::points(&mechanism.0, &applied, table)).map_err(PyError::from)?)
 }
 
 /// Error of a result on known poses, root mean square over components.
@@ -79,7 +79,7 @@ pub fn check<'py>(
     align: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let found =
-        apply::check(&mechanism.0, &applied.into(), &table.table(), &poses_of(&poses), align);
+        earlier::check(&mechanism.0, &applied.into(), &table.table(), &poses_of(&poses), align);
     Ok(pythonize(py, &found.map_err(PyError::from)?)?)
 }
 
@@ -91,6 +91,6 @@ pub fn fixture<'py>(
     table: PyTable<'_>,
     poses: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let found = rsicalib::fixture::fixture(&mechanism.0, &table.table(), &poses_of(&poses));
+    let found = rsicalib::apply::fixture::fixture(&mechanism.0, &table.table(), &poses_of(&poses));
     Ok(pythonize(py, &found.map_err(PyError::from)?)?)
 }

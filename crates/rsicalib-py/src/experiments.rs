@@ -6,10 +6,13 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::algebraic::Paper;
-use rsicalib::observability::Scaling;
-use rsicalib::plan::{self, Candidates, Criterion};
-use rsicalib::{Mechanism, lm};
+use rsicalib::design::exchange::Criterion;
+use rsicalib::design::information::Candidates;
+use rsicalib::design::observability::Scaling;
+use rsicalib::design::reach;
+use rsicalib::estimate::paper::Paper;
+use rsicalib::mechanism::Mechanism;
+use rsicalib::numerics::lm;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
@@ -131,7 +134,9 @@ pub fn observability<'py>(
     let (counts, offsets, gains) = (flat(&counts), vector(&offsets), vector(&gains));
     let found = py
         .detach(|| {
-            rsicalib::observability::observability(&mechanism, &counts, &offsets, &gains, scaling)
+            rsicalib::design::observability::observability(
+                &mechanism, &counts, &offsets, &gains, scaling,
+            )
         })
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
@@ -158,7 +163,7 @@ pub fn readings_at<'py>(
     }
     let found: Vec<Option<Vec<f64>>> = py
         .detach(|| {
-            let at = |pose| plan::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
+            let at = |pose| reach::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
             poses.iter().map(at).collect::<Result<_, _>>()
         })
         .map_err(PyError::from)?;
@@ -224,7 +229,9 @@ pub fn rsi_angles<'py>(
     poses: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let poses = six(&poses)?;
-    let angles = poses.iter().map(|p| rsicalib::rsi::inverse(p).unwrap_or([[f64::NAN; 3]; 3]));
+    let angles = poses
+        .iter()
+        .map(|p| rsicalib::mechanism::hand_controller::inverse(p).unwrap_or([[f64::NAN; 3]; 3]));
     let rows: Vec<f64> = angles.flat_map(|a| a.into_iter().flatten()).collect();
     PyArray1::from_vec(py, rows).reshape([poses.len(), 9])
 }
@@ -241,7 +248,9 @@ pub fn rsi_poses<'py>(
         return Err(PyError::from(rsicalib::Error::Shape { what, found, expected: 9 }).into());
     }
     let pose = |row: numpy::ndarray::ArrayView1<'_, f64>| {
-        rsicalib::rsi::forward(&std::array::from_fn(|i| std::array::from_fn(|j| row[3 * i + j])))
+        rsicalib::mechanism::hand_controller::forward(&std::array::from_fn(|i| {
+            std::array::from_fn(|j| row[3 * i + j])
+        }))
     };
     let poses: Vec<f64> = view.rows().into_iter().flat_map(pose).collect();
     PyArray1::from_vec(py, poses).reshape([view.nrows(), 6])

@@ -2,7 +2,7 @@
 
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
-use rsicalib::faults::{Kind, of_codes};
+use rsicalib::screening::converter::{Kind, of_codes};
 
 /// Stuck bits `[(bit, value)]`, and the code at which it is clipped, with its poses.
 type PyFault = (usize, Vec<(u32, bool)>, Option<(f64, Vec<usize>)>);

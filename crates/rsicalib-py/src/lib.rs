@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add("LEFT", rsicalib::trace::LEFT)?;
+    module.add("LEFT", rsicalib::diagnosis::options::LEFT)?;
     module.add_class::<mechanism::PyMechanism>()?;
     module.add_class::<mechanism::PyChannel>()?;
     module.add_class::<session::PySession>()?;

@@ -3,7 +3,7 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rsicalib::linear;
+use rsicalib::design::linear;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;

@@ -5,9 +5,10 @@ use std::collections::HashMap;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::Mechanism;
-use rsicalib::model::targets;
-use rsicalib::terms::{ALL, Class};
+use rsicalib::mechanism::Mechanism;
+use rsicalib::terms::ALL;
+use rsicalib::terms::targets::targets;
+use rsicalib::terms::term::Class;
 use serde::Serialize;
 
 use crate::error::PyError;
@@ -125,7 +126,7 @@ impl PyMechanism {
 
     /// Joint coordinates that hold the platform at a pose, one per channel [rad].
     fn inverse(&self, pose: [f64; 6]) -> Result<Vec<f64>, PyError> {
-        Ok(rsicalib::platform::inverse(&self.0, &pose)?)
+        Ok(rsicalib::model::assembly::inverse(&self.0, &pose)?)
     }
 
     fn __repr__(&self) -> String {
@@ -181,11 +182,11 @@ pub fn terms<'py>(py: Python<'py>, mechanism: &PyMechanism) -> PyResult<Bound<'p
 /// Joint angles of the hand controller for a pose, eqs. (6)-(8): shape (3, 3) [rad].
 #[pyfunction]
 pub fn rsi_inverse(pose: [f64; 6]) -> Result<[[f64; 3]; 3], PyError> {
-    Ok(rsicalib::rsi::inverse(&pose)?)
+    Ok(rsicalib::mechanism::hand_controller::inverse(&pose)?)
 }
 
 /// Handle pose of the hand controller for joint angles, eqs. (2)-(5).
 #[pyfunction]
 pub fn rsi_forward(angles: [[f64; 3]; 3]) -> [f64; 6] {
-    rsicalib::rsi::forward(&angles)
+    rsicalib::mechanism::hand_controller::forward(&angles)
 }

@@ -7,12 +7,14 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::model::provided;
-use rsicalib::result::{FitReport, estimates};
-use rsicalib::terms::{ALL, Term};
-use rsicalib::trace::Search;
-use rsicalib::verdict::{ExcludedReport, Known};
-use rsicalib::{Fit, Method, Options, Session, Table, fit};
+use rsicalib::diagnosis::options::Search;
+use rsicalib::estimate::{Fit, Method, Options, Session};
+use rsicalib::readings::Table;
+use rsicalib::report::result::{FitReport, estimates};
+use rsicalib::report::traced::{ExcludedReport, Known};
+use rsicalib::terms::ALL;
+use rsicalib::terms::targets::provided;
+use rsicalib::terms::term::Term;
 use serde::Serialize;
 
 use crate::error::PyError;
@@ -75,7 +77,7 @@ struct FitView {
     fit: FitReport,
     warnings: Vec<String>,
     #[serde(flatten)]
-    estimates: rsicalib::result::Estimates,
+    estimates: rsicalib::report::result::Estimates,
 }
 
 /// A fit, the fit with what was left out, and what that is.
@@ -122,7 +124,7 @@ impl PySession {
 
     /// What reported parameters refer to: `centre` and `span` of each channel, `temperature`.
     fn reference<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(pythonize(py, &rsicalib::apply::Reference::of(&self.0.readings))?)
+        Ok(pythonize(py, &rsicalib::apply::earlier::Reference::of(&self.0.readings))?)
     }
 
     /// Terms that are no candidates here, and what they need: `{id: needs}`.
@@ -155,7 +157,7 @@ impl PySession {
         };
         let session = Arc::clone(&self.0);
         let report = py
-            .detach(|| rsicalib::verdict::report(&session, &search, known.as_ref()))
+            .detach(|| rsicalib::report::traced::report(&session, &search, known.as_ref()))
             .map_err(PyError::from)?;
         Ok(pythonize(py, &report)?)
     }
@@ -164,10 +166,14 @@ impl PySession {
     /// that of all readings where any was left out, and what was left out.
     fn calibrate<'py>(&self, py: Python<'py>) -> PyResult<Calibration<'py>> {
         let session = Arc::clone(&self.0);
-        let found =
-            py.detach(|| rsicalib::calibrate::calibrate(&session)).map_err(PyError::from)?;
-        let out: Vec<ExcludedReport> =
-            found.excluded.iter().map(|e| rsicalib::verdict::excluded(&found.session, e)).collect();
+        let found = py
+            .detach(|| rsicalib::diagnosis::calibrate::calibrate(&session))
+            .map_err(PyError::from)?;
+        let out: Vec<ExcludedReport> = found
+            .excluded
+            .iter()
+            .map(|e| rsicalib::report::traced::excluded(&found.session, e))
+            .collect();
         let with = found.with.map(|fit| PyFit { session, fit });
         let fit = PyFit { session: Arc::new(found.session), fit: found.fit };
         Ok((fit, with, pythonize(py, &out)?))
@@ -177,7 +183,7 @@ impl PySession {
     fn fit(&self, py: Python<'_>) -> PyResult<PyFit> {
         let session = Arc::clone(&self.0);
         let fit = py
-            .detach(|| session.instances().and_then(|i| fit(&session, i, None)))
+            .detach(|| session.instances().and_then(|i| rsicalib::fit(&session, i, None)))
             .map_err(PyError::from)?;
         Ok(PyFit { session, fit })
     }
@@ -214,16 +220,17 @@ impl PyFit {
         align: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let known = poses_of(&poses);
-        let check = rsicalib::check::check(&self.session, &self.fit, &table.table(), &known, align)
-            .map_err(PyError::from)?;
+        let check =
+            rsicalib::apply::check::check(&self.session, &self.fit, &table.table(), &known, align)
+                .map_err(PyError::from)?;
         Ok(pythonize(py, &check)?)
     }
 
     /// Error on whole poses left out in blocks of time, everything refitted without them.
     fn held_out<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held_out = py
-            .detach(|| rsicalib::trace::averaged(&self.session, &self.fit))
-            .map(|(session, fit)| rsicalib::verdict::held_out(&session, &fit))
+            .detach(|| rsicalib::diagnosis::held_out::averaged(&self.session, &self.fit))
+            .map(|(session, fit)| rsicalib::diagnosis::held_out::held_out(&session, &fit))
             .map_err(PyError::from)?;
         Ok(pythonize(py, &held_out)?)
     }
@@ -234,7 +241,7 @@ impl PyFit {
         py: Python<'py>,
         table: PyTable<'_>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let poses = rsicalib::check::platform_poses(
+        let poses = rsicalib::apply::poses::platform_poses(
             &self.session,
             &self.fit,
             &self.fit.beta,
@@ -247,12 +254,12 @@ impl PyFit {
 
     /// Platform pose of every row and its standard deviations: shapes (n, 6).
     fn forward_with_sd(&self, table: PyTable<'_>) -> Result<Uncertain, PyError> {
-        Ok(rsicalib::check::poses_with_sd(&self.session, &self.fit, table.table())?)
+        Ok(rsicalib::apply::poses::poses_with_sd(&self.session, &self.fit, table.table())?)
     }
 
     /// Where the chains carry their points: shape (points, n, 3).
     fn carried_points(&self, table: PyTable<'_>) -> Result<Vec<Vec<[f64; 3]>>, PyError> {
-        Ok(rsicalib::check::carried_points(&self.session, &self.fit, table.table())?)
+        Ok(rsicalib::apply::poses::carried_points(&self.session, &self.fit, table.table())?)
     }
 
     /// Whitened residuals: shape (samples, equations), standard normal if the model is right.

@@ -5,10 +5,12 @@ mod paper;
 
 use nalgebra::{DMatrix, DVector};
 use paper::{Rng, TABLE_II, counts_of, rsi_parameters, table_iii};
-use rsicalib::algebraic::Paper;
-use rsicalib::lm::{Options, Termination};
-use rsicalib::model::{Want, Workspace, parse};
-use rsicalib::{Error, Mechanism, Model, Readings, Table};
+use rsicalib::Error;
+use rsicalib::estimate::paper::Paper;
+use rsicalib::mechanism::Mechanism;
+use rsicalib::model::{Model, Want, Workspace, parse};
+use rsicalib::numerics::lm::{Options, Termination};
+use rsicalib::readings::{Readings, Table};
 
 fn poses() -> Vec<[f64; 6]> {
     [&TABLE_II[..], &table_iii()].concat()

@@ -4,7 +4,7 @@
 mod rng;
 
 use rng::Rng;
-use rsicalib::faults::{Kind, of_codes};
+use rsicalib::screening::converter::{Kind, of_codes};
 
 /// Codes of 48 poses, 8 samples each, of nine channels, with noise of about a count.
 fn held(seed: u64) -> (Vec<f64>, Vec<usize>) {

@@ -3,8 +3,10 @@
 mod paper;
 
 use paper::{Rng, TABLE_II, counts_of, rsi_parameters};
-use rsicalib::fixture::fixture;
-use rsicalib::{Error, Mechanism, Table};
+use rsicalib::Error;
+use rsicalib::apply::fixture::fixture;
+use rsicalib::mechanism::Mechanism;
+use rsicalib::readings::Table;
 
 fn table(values: Vec<f64>) -> Table {
     Table { values, ..Table::default() }

@@ -1,11 +1,12 @@
 //! Levenberg–Marquardt against NIST's certified minima, and against what goes wrong.
 
-mod nist;
-
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nist::{Strd, digits};
-use rsicalib::lm::{self, Dense, Options, Outcome, Termination};
+use rsicalib::numerics::dense::Dense;
+use rsicalib::numerics::lm::{self, Options, Outcome, Termination};
+
+mod nist;
 
 /// Tight enough for six digits of the slowest problem (Bennett5).
 fn tight() -> Options {

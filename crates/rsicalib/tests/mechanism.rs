@@ -1,7 +1,7 @@
 //! Mechanisms as data: what is refused, and the text they are written as.
 
-use rsicalib::mechanism::{ClosureKind, Point, Rest, Row, Value};
-use rsicalib::{Error, Mechanism};
+use rsicalib::Error;
+use rsicalib::mechanism::{ClosureKind, Mechanism, Point, Rest, Row, Value};
 
 /// The refusal of the hand controller with one thing changed.
 fn refusal(change: impl FnOnce(&mut Mechanism)) -> [String; 3] {

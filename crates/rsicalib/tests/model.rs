@@ -1,22 +1,22 @@
 //! The model: misclosure and derivatives against differences and closed forms,
 //! and sums that depend on neither layout, order, threads nor instructions.
 
-mod devices;
-#[path = "devices/differences.rs"]
-mod differences;
-
 use std::array::from_fn;
 
 use devices::{Device, How, Rng, hand_controller, random};
 use differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use rsicalib::lanes::WIDTH;
-use rsicalib::lm::{Linearization, Problem};
-use rsicalib::mechanism::{ClosureKind, Motion, Value};
-use rsicalib::model::{Want, Workspace};
-use rsicalib::objective::{Algebraic, Implicit, Noise, Part};
-use rsicalib::{Error, Instance, Mechanism, Model, Readings, Table};
-use rsicalib::{lanes, mechanism, model, rsi, terms};
+use rsicalib::Error;
+use rsicalib::estimate::{Algebraic, Implicit, Noise, Part};
+use rsicalib::mechanism::{ClosureKind, Mechanism, Motion, Value, hand_controller};
+use rsicalib::model::{self, Model, Want, Workspace};
+use rsicalib::numerics::lanes::{self, WIDTH};
+use rsicalib::numerics::linearization::{Linearization, Problem};
+use rsicalib::readings::{Readings, Table};
+
+mod devices;
+#[path = "devices/differences.rs"]
+mod differences;
 
 // --- misclosure ----------------------------------------------------------
 
@@ -32,8 +32,8 @@ fn misclosure_agrees_with_the_closed_forms_of_the_hand_controller() {
         for (row, lane) in meta.rows.iter().zip(0..meta.live) {
             let row = readings.row(*row);
             let at = |i: usize, j: usize| mechanism.channels[3 * i + j].angle(row[3 * i + j]);
-            let r = rsi::wrists(&from_fn(|i| from_fn(|j| at(i, j))));
-            let d = 3.0_f64.sqrt() * rsi::L4;
+            let r = hand_controller::wrists(&from_fn(|i| from_fn(|j| at(i, j))));
+            let d = 3.0_f64.sqrt() * hand_controller::L4;
             for (k, (a, b)) in [(0, 1), (1, 2), (0, 2)].into_iter().enumerate() {
                 let expected = (r[a] - r[b]).norm_squared() - d * d;
                 // A few roundings of coordinates up to 12 in, squared.

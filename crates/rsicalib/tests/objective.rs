@@ -4,12 +4,11 @@ mod devices;
 
 use devices::{Device, How, Rng, derivative, hand_controller, random};
 use nalgebra::{DMatrix, DVector};
-use rsicalib::lanes::Lanes;
-use rsicalib::lm::Problem;
-use rsicalib::model::{Want, Workspace};
-use rsicalib::objective::{Implicit, Noise, Part, Prior};
-use rsicalib::{Instance, Mechanism, Model, Readings, Table};
-use rsicalib::{lanes, mechanism, model, rsi, terms};
+use rsicalib::estimate::{Implicit, Noise, Part};
+use rsicalib::model::{Model, Prior, Want, Workspace};
+use rsicalib::numerics::lanes::Lanes;
+use rsicalib::numerics::linearization::Problem;
+use rsicalib::readings::{Readings, Table};
 
 /// Cross-talk mixes the noise of channels; a curve changes `A` with the reading.
 const IDS: [&str; 6] = ["crosstalk", "offset", "gain", "curvature", "link_length", "sag"];

@@ -4,10 +4,13 @@ mod paper;
 
 use nalgebra::DMatrix;
 use paper::{TABLE_II, counts_of, rsi_parameters, table_iii};
-use rsicalib::algebraic::Paper;
-use rsicalib::observability::{Scaling, observability};
-use rsicalib::plan::{Candidates, Criterion, readings_at};
-use rsicalib::{Error, Mechanism};
+use rsicalib::Error;
+use rsicalib::design::exchange::Criterion;
+use rsicalib::design::information::Candidates;
+use rsicalib::design::observability::{Scaling, observability};
+use rsicalib::design::reach::readings_at;
+use rsicalib::estimate::paper::Paper;
+use rsicalib::mechanism::Mechanism;
 
 const SIGMA: [f64; 9] = [1.0, 1.2, 0.8, 1.0, 1.0, 1.5, 1.0, 0.7, 1.0];
 

@@ -3,8 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use rsicalib::rsi::{self, L1, L2, L3, L4, LIMITS};
-use rsicalib::{Error, Mechanism};
+use rsicalib::Error;
+use rsicalib::mechanism::Mechanism;
+use rsicalib::mechanism::hand_controller::{self, L1, L2, L3, L4, LIMITS};
 
 /// Seeded numbers: SplitMix64.
 struct Rng(u64);
@@ -32,7 +33,7 @@ fn poses(n: usize, wide: f64) -> impl Iterator<Item = [f64; 6]> {
 
 /// The same, with their joint angles, where they are in reach.
 fn reachable(n: usize) -> Vec<([f64; 6], [[f64; 3]; 3])> {
-    let all = poses(n, 1.0).filter_map(|pose| Some((pose, rsi::inverse(&pose).ok()?)));
+    let all = poses(n, 1.0).filter_map(|pose| Some((pose, hand_controller::inverse(&pose).ok()?)));
     let all: Vec<_> = all.collect();
     assert!(all.len() > n / 4, "only {} of {n} poses are in reach", all.len());
     all
@@ -71,7 +72,7 @@ fn poses_come_back_from_their_joint_angles() {
     for (pose, angles) in reachable(20_000) {
         // Rounding of 6 in, magnified by 1/sin θ2 near the stretched arm.
         let slack = angles.iter().fold(1.0_f64, |m, a| m.min(a[1].sin().abs()));
-        let back = rsi::forward(&angles);
+        let back = hand_controller::forward(&angles);
         assert!(apart(&pose, &back) < 1e-12 / slack.min(0.1) * 0.1, "{pose:?} became {back:?}");
         for (arm, angles) in angles.iter().enumerate() {
             let off = reached(*angles) - wrist_in_arm(&pose, arm);
@@ -87,7 +88,7 @@ fn joint_angles_come_back_from_their_pose_and_keep_the_limits() {
             assert!((low - 1e-12..=high + 1e-12).contains(angle));
         }
         let slack = angles.iter().fold(1.0_f64, |m, a| m.min(a[1].sin().abs()));
-        let Ok(back) = rsi::inverse(&rsi::forward(&angles)) else {
+        let Ok(back) = hand_controller::inverse(&hand_controller::forward(&angles)) else {
             assert!(slack < 1e-6, "{angles:?}");
             continue;
         };
@@ -102,7 +103,7 @@ fn joint_angles_come_back_from_their_pose_and_keep_the_limits() {
 fn wrists_of_a_pose_are_the_handles_sides_apart() {
     let d = L4 * 3.0_f64.sqrt();
     for (_, angles) in reachable(2_000) {
-        let r = rsi::wrists(&angles);
+        let r = hand_controller::wrists(&angles);
         for (a, b) in [(0, 1), (1, 2), (0, 2)] {
             let slack = angles.iter().fold(1.0_f64, |m, a| m.min(a[1].sin().abs()));
             assert!(((r[a] - r[b]).norm() - d).abs() < 1e-12 / slack.min(0.1) * 0.1);
@@ -121,7 +122,7 @@ fn axes(r: &[Vector3<f64>; 3], middle: Vector3<f64>) -> Matrix3<f64> {
 #[test]
 fn equation_4_takes_the_middle_of_the_side_not_half_of_it() {
     for (_, angles) in reachable(200) {
-        let r = rsi::wrists(&angles);
+        let r = hand_controller::wrists(&angles);
         let ours = axes(&r, (r[2] + r[1]) / 2.0);
         assert!((ours.transpose() * ours - Matrix3::identity()).norm() < 1e-10);
         let printed = axes(&r, (r[2] - r[1]) / 2.0);
@@ -133,7 +134,7 @@ fn equation_4_takes_the_middle_of_the_side_not_half_of_it() {
 #[test]
 fn equation_5_inverts_equation_1_only_with_x_and_y_exchanged() {
     for (pose, angles) in reachable(2_000) {
-        let r = rsi::wrists(&angles);
+        let r = hand_controller::wrists(&angles);
         let h = axes(&r, (r[2] + r[1]) / 2.0);
         let (x, y, z) = (h.column(0), h.column(1), h.column(2));
         let rz = x[1].atan2(x[0]);
@@ -188,7 +189,7 @@ fn nominal_offsets_follow_from_the_rest_pose() {
     // θ13 is zero at rest: half the electrical angle is left, not 2.99.
     assert!((mechanism.channels[2].offset - 170.0_f64.to_radians()).abs() < 1e-12);
     // Pose 3 of Table II as printed, z = -3.966, gives others.
-    let printed = rsi::inverse(&[0.0, 0.0, -3.966, 0.0, 0.0, 0.0]).expect("in reach");
+    let printed = hand_controller::inverse(&[0.0, 0.0, -3.966, 0.0, 0.0, 0.0]).expect("in reach");
     let offset = |j: usize| printed[0][j] - gain * 2048.0;
     assert!((offset(0) - 3.39).abs() > 0.1 && (offset(1) - 1.00).abs() > 0.1);
 }
@@ -197,7 +198,7 @@ fn nominal_offsets_follow_from_the_rest_pose() {
 fn out_of_reach_says_which_arm_by_how_much_and_why() {
     let mut seen = std::collections::BTreeMap::new();
     for pose in poses(20_000, 2.5) {
-        let error = match rsi::inverse(&pose) {
+        let error = match hand_controller::inverse(&pose) {
             Ok(_) => continue,
             Err(error) => error,
         };
@@ -230,7 +231,8 @@ fn out_of_reach_says_which_arm_by_how_much_and_why() {
     }
     assert_eq!(seen.len(), 4, "not every reason was met: {seen:?}");
 
-    let error = rsi::inverse(&[3.0, 0.0, 0.0, 0.0, 0.0, 0.0]).expect_err("wrist 1 in its shoulder");
+    let error = hand_controller::inverse(&[3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        .expect_err("wrist 1 in its shoulder");
     let text = "pose 0 is out of reach: arm1 by 0.7710 in (nearer than the folded arm)";
     assert_eq!(error.to_string(), text);
 }

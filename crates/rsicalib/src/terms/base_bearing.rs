@@ -1,7 +1,7 @@
 //! [`BaseBearing`].
 
-use super::{Acts, Info, Spot, Term};
-use crate::chain::{Axis, Way};
+use crate::kinematics::steps::{Axis, Way};
+use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {
     /// A chain stands at another bearing of the common base.

@@ -1,7 +1,7 @@
 //! [`BasePosition`].
 
-use super::{Acts, Info, Spot, Term};
-use crate::chain::{Axis, Way};
+use crate::kinematics::steps::{Axis, Way};
+use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {
     /// The base of a chain stands elsewhere than drawn.

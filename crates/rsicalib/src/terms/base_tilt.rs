@@ -1,7 +1,7 @@
 //! [`BaseTilt`].
 
-use super::{Acts, Info, Spot, Term};
-use crate::chain::{Axis, Way};
+use crate::kinematics::steps::{Axis, Way};
+use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {
     /// The first joint axis of a chain is tilted.

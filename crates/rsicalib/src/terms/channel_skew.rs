@@ -1,7 +1,7 @@
 //! [`ChannelSkew`].
 
-use super::{Acts, Electronics, Info, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
 term! {
     /// Channels that are read one after the other.

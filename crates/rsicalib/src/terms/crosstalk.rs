@@ -1,8 +1,8 @@
 //! [`Crosstalk`].
 
-use super::{Acts, Electronics, Info, Placed, Site, Term};
-use crate::lanes::Lanes;
 use crate::mechanism::Mechanism;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Electronics, Info, Placed, Site, Term};
 
 term! {
     /// A channel that picks up part of a neighbouring one.

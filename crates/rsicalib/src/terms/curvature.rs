@@ -1,7 +1,7 @@
 //! [`Curvature`].
 
-use super::{Acts, Info, Sensor, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
     /// Parabolic error of a sensor.

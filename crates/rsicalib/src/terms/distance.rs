@@ -1,6 +1,6 @@
 //! [`Distance`].
 
-use super::{Acts, Info, Term};
+use crate::terms::term::{Acts, Info, Term};
 
 term! {
     /// A distance between two points that is not the drawn one.

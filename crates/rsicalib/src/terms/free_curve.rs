@@ -1,7 +1,8 @@
 //! [`FreeCurve`].
 
-use super::{Acts, Info, Sensor, Site, Term, waves};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::waves;
 
 term! {
     /// A smooth error of a sensor whose shape nobody named.

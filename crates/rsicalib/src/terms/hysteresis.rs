@@ -1,7 +1,7 @@
 //! [`Hysteresis`].
 
-use super::{Acts, Info, Sensor, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
     /// Error of a sensor that depends on the direction of approach.

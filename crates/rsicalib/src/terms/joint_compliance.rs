@@ -1,6 +1,7 @@
 //! [`JointCompliance`].
 
-use super::{Acts, Info, Term, Weight};
+use crate::kinematics::steps::Weight;
+use crate::terms::term::{Acts, Info, Term};
 
 term! {
     /// A joint that gives under the weight of the links.

@@ -1,7 +1,7 @@
 //! [`JointTilt`].
 
-use super::{Acts, Info, Spot, Term};
-use crate::chain::{Axis, Way};
+use crate::kinematics::steps::{Axis, Way};
+use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {
     /// A joint axis that is tilted against the one before.

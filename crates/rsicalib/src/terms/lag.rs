@@ -1,7 +1,7 @@
 //! [`Lag`].
 
-use super::{Acts, Electronics, Info, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
 term! {
     /// One channel that is late.

@@ -4,20 +4,26 @@
 //! with terms of every other stage switched on: the chain rule is tested
 //! through all of them.
 
+use faer::{Mat, Side};
+
+use crate::estimate::{Algebraic, Part};
+use crate::mechanism::Target;
+use crate::model::{self, Instance, MOST_PARAMETERS, Prior};
+use crate::numerics::linearization::Problem;
+use crate::numerics::lm::{self, Options};
+use crate::readings::Readings;
+use crate::terms::find;
+use crate::terms::laws::devices::{
+    Device, How, Rng, hand_controller, instance, instances, random, sizes,
+};
+use crate::terms::laws::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
+use crate::terms::targets::{provided, targets};
+use crate::terms::term::{Acts, Class, Needs, Term};
+
 #[path = "../../tests/devices/mod.rs"]
 mod devices;
 #[path = "../../tests/devices/differences.rs"]
 mod differences;
-
-use faer::{Mat, Side};
-
-use self::devices::{Device, How, Rng, hand_controller, instance, instances, random, sizes};
-use self::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
-use super::{Acts, Class, Needs, Term, find};
-use crate::lm::{self, Options, Problem};
-use crate::model::{self, MOST_PARAMETERS, Target, provided, targets};
-use crate::objective::{Algebraic, Part, Prior};
-use crate::{Instance, Mechanism, Model, Readings, Table, lanes, mechanism, rsi, terms};
 
 /// Identity, parameters and words are all there, and agree with what it does.
 pub fn says_what_it_is(term: &dyn Term) {

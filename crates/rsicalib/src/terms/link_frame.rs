@@ -1,7 +1,7 @@
 //! [`LinkFrame`].
 
-use super::{Acts, Info, Spot, Term};
-use crate::chain::{Axis, Way};
+use crate::kinematics::steps::{Axis, Way};
+use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {
     /// The whole frame of a link: three translations and three rotations.

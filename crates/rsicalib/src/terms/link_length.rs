@@ -1,7 +1,7 @@
 //! [`LinkLength`].
 
-use super::{Acts, Info, Spot, Term};
-use crate::chain::{Axis, Way};
+use crate::kinematics::steps::{Axis, Way};
+use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {
     /// A link that is longer than drawn.

@@ -1,7 +1,7 @@
 //! [`Offset`].
 
-use super::{Acts, Info, Sensor, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
     /// Joint angle at the middle reading.

@@ -1,7 +1,7 @@
 //! [`PointPosition`].
 
-use super::{Acts, Info, Spot, Term};
-use crate::chain::{Axis, Way};
+use crate::kinematics::steps::{Axis, Way};
+use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {
     /// The points that a chain carries sit elsewhere than drawn.

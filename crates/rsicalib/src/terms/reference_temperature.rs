@@ -1,7 +1,7 @@
 //! [`ReferenceTemperature`].
 
-use super::{Acts, Electronics, Info, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
 term! {
     /// A converter's reference that follows the temperature.

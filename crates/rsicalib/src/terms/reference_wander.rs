@@ -1,7 +1,8 @@
 //! [`ReferenceWander`].
 
-use super::{Acts, Electronics, Info, Site, Term, waves};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Electronics, Info, Site, Term};
+use crate::terms::waves;
 
 term! {
     /// A converter's reference that wanders, or warms up.

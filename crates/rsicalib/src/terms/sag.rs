@@ -1,6 +1,7 @@
 //! [`Sag`].
 
-use super::{Acts, Info, Term, Weight};
+use crate::kinematics::steps::Weight;
+use crate::terms::term::{Acts, Info, Term};
 
 term! {
     /// A chain that bends under the weight at its end.

@@ -1,8 +1,8 @@
 //! [`Slip`].
 
-use super::{Acts, Info, Placed, Sensor, Site, Term};
-use crate::lanes::Lanes;
 use crate::mechanism::Mechanism;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Placed, Sensor, Site, Term};
 
 term! {
     /// A sensor that jumped once.

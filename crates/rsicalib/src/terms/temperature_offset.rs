@@ -1,7 +1,7 @@
 //! [`TemperatureOffset`].
 
-use super::{Acts, Info, Sensor, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
     /// Offset of a sensor that follows the temperature.

@@ -1,7 +1,7 @@
 //! [`TwicePerTurn`].
 
-use super::{Acts, Info, Sensor, Site, Term};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
     /// Error of a sensor that comes back twice per turn.

@@ -1,7 +1,8 @@
 //! [`Wander`].
 
-use super::{Acts, Info, Sensor, Site, Term, waves};
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::waves;
 
 term! {
     /// Offset of a sensor that wanders during the session.

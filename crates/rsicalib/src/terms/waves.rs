@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
 
 /// `Σ_k p_k cos(k π s)`
 pub fn sum(p: &[f64], s: Lanes) -> Lanes {

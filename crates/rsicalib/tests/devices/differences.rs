@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
+use rsicalib::model::{Model, Want, Workspace};
+use rsicalib::numerics::lanes::Lanes;
+use rsicalib::readings::Readings;
+
 use super::devices::derivative;
-use super::lanes::Lanes;
-use super::model::{Want, Workspace};
-use super::{Model, Readings};
 
 /// Terms of every stage; those that a device has no data for are left out.
 pub const EVERY_STAGE: [&str; 14] = [

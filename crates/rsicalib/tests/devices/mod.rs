@@ -4,19 +4,22 @@
 //! from `super`: whoever includes this file says whether that is the crate or
 //! its user.
 
-mod rng;
-
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
-
-use super::lanes::{Lanes, WIDTH};
-use super::mechanism::{Chain, Channel, Closure, ClosureKind, Motion, Point, Row, Value};
-use super::model::{self, Target, Want, Workspace};
-use super::terms::{self, Term};
-use super::{Instance, Mechanism, Model, Readings, Table, rsi};
+use rsicalib::mechanism::{
+    Chain, Channel, Closure, ClosureKind, Mechanism, Motion, Point, Row, Target, Value,
+    hand_controller,
+};
+use rsicalib::model::{Instance, Model, Want, Workspace};
+use rsicalib::numerics::lanes::{Lanes, WIDTH};
+use rsicalib::readings::{Readings, Table};
+use rsicalib::terms::term::Term;
+use rsicalib::terms::{self, targets};
 
 pub use rng::Rng;
+
+mod rng;
 
 /// How the readings were taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,7 +66,7 @@ impl Device {
         let (mut all, mut values) = (Vec::new(), Vec::new());
         let mut rng = Rng::new(seed);
         for term in ids.iter().map(|id| terms::find(id).expect("a term")) {
-            if model::provided(term, &self.mechanism, readings).is_ok() {
+            if targets::provided(term, &self.mechanism, readings).is_ok() {
                 for instance in instances(term, &self.mechanism, readings) {
                     values.extend(sizes(&instance, &self.mechanism, &mut rng));
                     all.push(instance);
@@ -189,7 +192,7 @@ pub fn hand_controller(how: How, seed: u64) -> Device {
             let w = wander(row).into_iter().map(|w| w * reach).collect::<Vec<_>>();
             let [x, y, z] = [2.0 * w[0], 2.0 * w[1], -2.9 + 1.6 * w[2]];
             let pose = [x, y, z, 0.45 * w[3], 0.45 * w[4], 0.45 * w[5]];
-            if let Ok(angles) = rsi::inverse(&pose) {
+            if let Ok(angles) = hand_controller::inverse(&pose) {
                 return angles.concat();
             }
             assert!(how == How::Held, "the recording leaves the workspace: {pose:?}");
@@ -361,7 +364,7 @@ pub fn instances(
     mechanism: &Mechanism,
     readings: &Readings,
 ) -> Vec<Instance> {
-    let all = model::targets(term, mechanism).into_iter();
+    let all = targets::targets(term, mechanism).into_iter();
     all.map(|target| instance(term, target, mechanism, readings)).collect()
 }
 
@@ -373,7 +376,7 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
         _ => 1.0,
     };
     let parameters = instance.term.info().parameters.iter();
-    let typical = terms::typical(mechanism, instance.term, instance.target);
+    let typical = targets::typical(mechanism, instance.term, instance.target);
     parameters
         .zip(typical)
         .map(|(p, typical)| {

@@ -1,6 +1,6 @@
 //! The figures of NIST's files. Written by `transcribe.py`; do not edit.
 
-use super::{Strd, models};
+use super::{models, Strd};
 
 /// The 27 problems, by name.
 pub static ALL: [Strd; 27] = [

@@ -4,7 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_6, PI};
 
-use rsicalib::{Mechanism, rsi};
+use rsicalib::mechanism::{Mechanism, hand_controller};
 
 /// Table II, pose 3 corrected.
 pub const TABLE_II: [[f64; 6]; 12] = [
@@ -50,7 +50,7 @@ pub fn counts_of(poses: &[[f64; 6]], offsets: &[f64], gains: &[f64]) -> Vec<f64>
     poses
         .iter()
         .flat_map(|pose| {
-            let angles = rsi::inverse(pose).expect("within reach");
+            let angles = hand_controller::inverse(pose).expect("within reach");
             let angles: Vec<f64> = angles.into_iter().flatten().collect();
             (0..9).map(move |c| angles[c]).zip(offsets.iter().zip(gains)).collect::<Vec<_>>()
         })

@@ -1,0 +1,92 @@
+//! Error of platform poses against known ones.
+
+use nalgebra::{Rotation3, Vector3};
+
+use crate::Error;
+use crate::apply::poses::platform_poses;
+use crate::estimate::{Fit, Session};
+use crate::kinematics::rigid::rigid_fit;
+use crate::readings::{Table, average};
+
+/// Error of the platform pose: root mean square over components, as in Table VI.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Check {
+    /// Poses compared.
+    pub poses: usize,
+    /// Of the position, length units.
+    pub position_rms: f64,
+    /// Of roll, pitch and yaw, rad.
+    pub orientation_rms: f64,
+}
+
+/// Error of a fit on known poses; with `align`, after the best rigid motion of
+/// the instrument that gave them.
+///
+/// # Errors
+///
+/// As [`platform_poses`]; [`Error::Shape`] unless there is a pose for each row.
+pub fn check(
+    session: &Session,
+    fit: &Fit,
+    table: &Table,
+    known: &[[f64; 6]],
+    align: bool,
+) -> Result<Check, Error> {
+    let channels = session.mechanism.channels.len();
+    compare(channels, table, known, align, |t| platform_poses(session, fit, &fit.beta, t))
+}
+
+/// Error of the poses that `found` gives for the mean readings of each known pose.
+///
+/// # Errors
+///
+/// Those of `found`; [`Error::Shape`] unless there is a pose for each row.
+pub fn compare(
+    channels: usize,
+    table: &Table,
+    known: &[[f64; 6]],
+    align: bool,
+    found: impl Fn(Table) -> Result<Vec<[f64; 6]>, Error>,
+) -> Result<Check, Error> {
+    let rows = table.values.len() / channels;
+    if known.len() != rows {
+        return Err(Error::Shape { what: "poses".into(), found: known.len(), expected: rows });
+    }
+    let (averaged, groups) = average(table, channels);
+    let pairs: Vec<([f64; 6], [f64; 6])> = groups
+        .iter()
+        .zip(found(averaged)?)
+        .map(|(rows, pose)| (known[rows[0]], pose))
+        .filter(|(known, _)| known.iter().all(|v| v.is_finite()))
+        .collect();
+    Ok(error_of(&pairs, align))
+}
+
+/// Root mean square difference of pairs of poses, known first.
+#[must_use]
+pub fn error_of(pairs: &[([f64; 6], [f64; 6])], align: bool) -> Check {
+    let at = |p: &[f64; 6]| Vector3::new(p[0], p[1], p[2]);
+    let turn = |p: &[f64; 6]| Rotation3::from_euler_angles(p[3], p[4], p[5]);
+    let mut motion = (Rotation3::identity(), Vector3::zeros());
+    if align && pairs.len() >= 3 {
+        let (from, to): (Vec<_>, Vec<_>) = pairs.iter().map(|(k, f)| (at(f), at(k))).unzip();
+        let pose = rigid_fit(&from, &to);
+        motion = (turn(&pose), at(&pose));
+    }
+    let (mut position, mut orientation) = (0.0, 0.0);
+    for (known, found) in pairs {
+        position += (motion.0 * at(found) + motion.1 - at(known)).norm_squared();
+        let (rx, ry, rz) = (motion.0 * turn(found)).euler_angles();
+        for (angle, known) in [rx, ry, rz].into_iter().zip(&known[3..]) {
+            let off = (angle - known + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI);
+            orientation += (off - std::f64::consts::PI).powi(2);
+        }
+    }
+    let components = 3.0 * pairs.len().max(1) as f64;
+    Check {
+        poses: pairs.len(),
+        position_rms: (position / components).sqrt(),
+        orientation_rms: (orientation / components).sqrt(),
+    }
+}

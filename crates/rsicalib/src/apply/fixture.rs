@@ -1,0 +1,100 @@
+//! Open-loop calibration against known poses.
+//!
+//! With the platform held in poses that are known, the inverse kinematics gives
+//! every joint coordinate, and each channel is a straight line of its own:
+//!
+//! ```text
+//! min Σ_poses (k a + θ_off - θ)²                                          (13)
+//! ```
+
+use crate::Error;
+use crate::mechanism::Mechanism;
+use crate::model::assembly;
+use crate::readings::{Readings, Table, average};
+
+/// Offset and gain of one channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Line {
+    /// Joint coordinate at reading zero.
+    pub offset: f64,
+    /// Joint coordinate per reading.
+    pub gain: f64,
+    /// Covariance of offset and gain; none without poses to spare.
+    pub covariance: Option<[[f64; 2]; 2]>,
+    /// Root mean square distance of the joint coordinates from the line.
+    pub residual: f64,
+}
+
+/// The lines of all channels, and how many poses they rest on.
+///
+/// `known` holds a pose for each row, NaN where it is not known; the samples of
+/// a pose count as their mean, for its placement is one and the same error.
+///
+/// # Errors
+///
+/// [`Error::Shape`] unless there is a pose for each row, [`Error::TooFew`]
+/// below two known poses or where a channel does not move, and as
+/// [`assembly::inverse`].
+pub fn fixture(
+    mechanism: &Mechanism,
+    table: &Table,
+    known: &[[f64; 6]],
+) -> Result<(Vec<Line>, usize), Error> {
+    let channels = mechanism.channels.len();
+    let readings = Readings::new(mechanism, table.clone())?;
+    if known.len() != readings.samples {
+        return Err(Error::Shape {
+            what: "poses".into(),
+            found: known.len(),
+            expected: readings.samples,
+        });
+    }
+    let (means, rows) = average(table, channels);
+    let mut angles = Vec::new();
+    let mut values = Vec::new();
+    for (pose, rows) in rows.iter().enumerate() {
+        if known[rows[0]].iter().all(|v| v.is_finite()) {
+            let found = assembly::inverse(mechanism, &known[rows[0]]);
+            angles.push(found.map_err(|error| at(error, rows[0]))?);
+            values.push(&means.values[pose * channels..(pose + 1) * channels]);
+        }
+    }
+    let poses = angles.len();
+    let few = Error::TooFew { parameters: 2 * channels, equations: poses * channels, poses };
+    let column = |c: usize| -> Option<Line> {
+        let a: Vec<f64> = values.iter().map(|v| v[c]).collect();
+        let theta: Vec<f64> = angles.iter().map(|q| q[c]).collect();
+        line(&a, &theta)
+    };
+    let lines: Option<Vec<Line>> = (0..channels).map(column).collect();
+    Ok((lines.ok_or(few)?, poses))
+}
+
+fn at(error: Error, row: usize) -> Error {
+    match error {
+        Error::OutOfReach { arm, by, unit, why, .. } => {
+            Error::OutOfReach { pose: row, arm, by, unit, why }
+        }
+        other => other,
+    }
+}
+
+/// Least squares of `theta` on `a`, eq. (13).
+fn line(a: &[f64], theta: &[f64]) -> Option<Line> {
+    let n = a.len() as f64;
+    let (a0, theta0) = (a.iter().sum::<f64>() / n, theta.iter().sum::<f64>() / n);
+    let moment: f64 = a.iter().map(|a| (a - a0).powi(2)).sum();
+    if a.len() < 2 || moment <= 0.0 {
+        return None;
+    }
+    let gain = a.iter().zip(theta).map(|(a, t)| (a - a0) * (t - theta0)).sum::<f64>() / moment;
+    let offset = theta0 - gain * a0;
+    let squares: f64 = a.iter().zip(theta).map(|(a, t)| (gain * a + offset - t).powi(2)).sum();
+    let covariance = (a.len() > 2).then(|| {
+        let s2 = squares / (n - 2.0);
+        let (of_gain, with_offset) = (s2 / moment, -s2 * a0 / moment);
+        [[s2 / n + of_gain * a0 * a0, with_offset], [with_offset, of_gain]]
+    });
+    Some(Line { offset, gain, covariance, residual: (squares / n).sqrt() })
+}

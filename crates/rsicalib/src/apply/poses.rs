@@ -1,0 +1,179 @@
+//! Platform poses and carried points under a fit.
+
+use nalgebra::Vector3;
+
+use crate::Error;
+use crate::estimate::{Fit, Implicit, Noise, Part, Session};
+use crate::kinematics::rigid::rigid_fit;
+use crate::model::{Model, Want, Workspace};
+use crate::numerics::lanes::Vec3;
+use crate::readings::{Readings, Table};
+
+/// Platform pose of every row of a table, under parameters of a fit.
+///
+/// Each reading is first moved onto the closures, as far as its noise allows;
+/// the platform is then the rigid fit to its points.
+///
+/// # Errors
+///
+/// [`Error::Missing`] without a platform, else as [`Readings::new`].
+pub fn platform_poses(
+    session: &Session,
+    fit: &Fit,
+    beta: &[f64],
+    table: Table,
+) -> Result<Vec<[f64; 6]>, Error> {
+    let mechanism = &session.mechanism;
+    if mechanism.platform.is_empty() {
+        return Err(Error::Missing {
+            mechanism: mechanism.name.clone(),
+            needs: "platform",
+            why: "poses need the points that carry it",
+        });
+    }
+    let readings = Readings::beside(mechanism, table, &session.readings)?;
+    let model = Model::like(&fit.model, mechanism, &readings)?;
+    Ok(poses_of(&model, &readings, beta, &fit.noise.sigma, fit.noise.play))
+}
+
+/// Poses, and the standard deviations of their components.
+pub type PosesAndSd = (Vec<[f64; 6]>, Vec<[f64; 6]>);
+
+/// Platform pose of every row with its standard deviations: from the parameters
+/// and from the noise of one reading, to first order by differences.
+///
+/// # Errors
+///
+/// As [`platform_poses`].
+pub fn poses_with_sd(session: &Session, fit: &Fit, table: Table) -> Result<PosesAndSd, Error> {
+    let at = |beta: &[f64], table: Table| platform_poses(session, fit, beta, table);
+    let poses = at(&fit.beta, table.clone())?;
+    let n = fit.beta.len();
+    // How each pose moves with each parameter, per standard deviation of it.
+    let mut moves: Vec<Vec<[f64; 6]>> = Vec::with_capacity(n);
+    let sd: Vec<f64> = (0..n).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
+    for i in 0..n {
+        let mut beta = fit.beta.clone();
+        beta[i] += sd[i];
+        moves.push(apart(&at(&beta, table.clone())?, &poses));
+    }
+    let mut variance = vec![[0.0; 6]; poses.len()];
+    for i in 0..n {
+        for j in 0..n {
+            let correlation = fit.covariance[(i, j)] / (sd[i] * sd[j]).max(f64::MIN_POSITIVE);
+            for (sum, (a, b)) in variance.iter_mut().zip(moves[i].iter().zip(&moves[j])) {
+                (0..6).for_each(|k| sum[k] += a[k] * b[k] * correlation);
+            }
+        }
+    }
+    let channels = session.mechanism.channels.len();
+    for (c, sigma) in fit.noise.sigma.iter().enumerate() {
+        let mut moved = table.clone();
+        let [_, high] = session.mechanism.channels[c].range.unwrap_or([0.0, f64::INFINITY]);
+        for value in moved.values.iter_mut().skip(c).step_by(channels) {
+            *value += if *value + sigma > high { -sigma } else { *sigma };
+        }
+        for (sum, a) in variance.iter_mut().zip(apart(&at(&fit.beta, moved)?, &poses)) {
+            (0..6).for_each(|k| sum[k] += a[k] * a[k]);
+        }
+    }
+    let deviations = variance.into_iter().map(|v| v.map(|v: f64| v.max(0.0).sqrt())).collect();
+    Ok((poses, deviations))
+}
+
+/// Differences of poses, angles the short way round.
+fn apart(a: &[[f64; 6]], b: &[[f64; 6]]) -> Vec<[f64; 6]> {
+    let turn = 2.0 * std::f64::consts::PI;
+    let short = |d: f64| (d + 0.5 * turn).rem_euclid(turn) - 0.5 * turn;
+    let one = |(a, b): (&[f64; 6], &[f64; 6])| {
+        std::array::from_fn(|k| if k < 3 { a[k] - b[k] } else { short(a[k] - b[k]) })
+    };
+    a.iter().zip(b).map(one).collect()
+}
+
+/// Platform poses of readings that a model already knows.
+#[must_use]
+pub fn poses_of(
+    model: &Model,
+    readings: &Readings,
+    beta: &[f64],
+    sigma: &[f64],
+    play: f64,
+) -> Vec<[f64; 6]> {
+    let mut poses = vec![[f64::NAN; 6]; readings.samples];
+    for (row, pose) in some_poses(model, readings, beta, sigma, play, 1) {
+        poses[row] = pose;
+    }
+    poses
+}
+
+/// Platform poses of every `stride`-th block of readings, with their rows.
+#[must_use]
+pub fn some_poses(
+    model: &Model,
+    readings: &Readings,
+    beta: &[f64],
+    sigma: &[f64],
+    play: f64,
+    stride: usize,
+) -> Vec<(usize, [f64; 6])> {
+    let noise = Noise { sigma: sigma.to_vec(), play };
+    let problem = Implicit::new(vec![(Part { model, readings, weights: None }, noise)], &[]);
+    let mut poses = Vec::with_capacity(readings.samples / stride + 1);
+    let mut ws = Workspace::default();
+    let names: Vec<usize> = (0..model.mechanism.points.len())
+        .filter(|&p| model.mechanism.platform.contains_key(&model.mechanism.points[p].name))
+        .collect();
+    let q: Vec<Vector3<f64>> = names
+        .iter()
+        .map(|&p| Vector3::from(model.mechanism.platform[&model.mechanism.points[p].name]))
+        .collect();
+    for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
+        let a = problem.settled(block, beta);
+        model.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
+        let points = model.points(&ws);
+        for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+            let place = |at: Vec3| Vector3::new(at[0].0[lane], at[1].0[lane], at[2].0[lane]);
+            let r: Vec<Vector3<f64>> = names.iter().filter_map(|&p| points[p].map(place)).collect();
+            poses.push((row, rigid_fit(&q, &r)));
+        }
+    }
+    poses
+}
+
+/// Where the chains carry their points, row by row of a table, under a fit.
+///
+/// One entry for each point of the mechanism that a chain carries, in order; the
+/// readings as they are, in groups that the fit need not have seen.
+///
+/// # Errors
+///
+/// As [`Readings::new`].
+pub fn carried_points(
+    session: &Session,
+    fit: &Fit,
+    table: Table,
+) -> Result<Vec<Vec<[f64; 3]>>, Error> {
+    let readings = Readings::beside(&session.mechanism, table, &session.readings)?;
+    let model = Model::like(&fit.model, &session.mechanism, &readings)?;
+    let mut beta = model.nominal();
+    let terms = model.term_parameters;
+    beta[..terms].copy_from_slice(&fit.beta[..terms]);
+    let carried = |p: &&usize| session.mechanism.points[**p].chain.is_some();
+    let names: Vec<usize> = (0..session.mechanism.points.len()).collect();
+    let names: Vec<usize> = names.iter().filter(carried).copied().collect();
+    let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; names.len()];
+    let mut ws = Workspace::default();
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let want = Want { x: false, a: false };
+        model.evaluate(&readings, block, readings.raw(block), &beta, want, &mut ws);
+        let points = model.points(&ws);
+        for (out, &p) in out.iter_mut().zip(&names) {
+            let Some(at) = points[p] else { continue };
+            for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+                out[row] = at.map(|v| v.0[lane]);
+            }
+        }
+    }
+    Ok(out)
+}

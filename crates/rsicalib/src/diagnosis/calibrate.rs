@@ -1,0 +1,74 @@
+//! A calibration with and without readings that are wrong.
+//!
+//! One wrong reading must neither ruin a calibration nor vanish in silence. Where readings
+//! look bad, the whole search of [`crate::trace()`] judges them beside the effects that the
+//! model may lack, which would make good readings look bad; what it finds wrong is left out.
+
+use crate::Error;
+use crate::diagnosis::options::Search;
+use crate::diagnosis::score::scored;
+use crate::diagnosis::trace::{looks_bad, trace};
+use crate::estimate::{Fit, Method, Session, fit};
+use crate::model::Instance;
+use crate::screening::converter;
+use crate::screening::excluded::Excluded;
+use crate::screening::sound::sound;
+
+/// A calibration.
+#[derive(Debug, Clone)]
+pub struct Calibrated {
+    /// The session, bad readings left out.
+    pub session: Session,
+    /// The fit without them.
+    pub fit: Fit,
+    /// What was left out.
+    pub excluded: Vec<Excluded>,
+    /// The fit of all readings, where any was left out.
+    pub with: Option<Fit>,
+}
+
+/// Poses of more than this are not searched for bad readings: in a long recording
+/// one row has no weight, and [`crate::trace()`] finds it.
+const MOST: usize = 2000;
+
+/// Fits the terms that the options ask for, without readings that are wrong.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn calibrate(session: &Session) -> Result<Calibrated, Error> {
+    let all = fit(session, session.instances()?, None)?;
+    let usable = all.plausible && all.termination.converged() && all.dof >= 1.0;
+    if session.options.method == Method::Algebraic || !usable {
+        return Ok(whole(session, all));
+    }
+    let mut rest = session.clone();
+    let (clean, excluded) = sound(&mut rest, &all)?;
+    // Points that are touched are judged by placement.
+    let searched = all.model.unknown_names.is_empty() && session.readings.poses() <= MOST;
+    if searched && looks_bad(&rest, &clean)? {
+        let traced = trace(session, &Search::default())?;
+        let data: Vec<Instance> =
+            traced.after.model.instances.iter().copied().filter(scored::is_data).collect();
+        if !traced.excluded.is_empty() {
+            let mut instances = all.model.instances.clone();
+            instances.extend_from_slice(&data);
+            let left = fit(&traced.session, instances, Some(&clean))?;
+            let (session, excluded) = (traced.session, traced.excluded);
+            return Ok(Calibrated {
+                session,
+                fit: converter::seen_by(&all, left),
+                excluded,
+                with: Some(all),
+            });
+        }
+    }
+    if excluded.is_empty() {
+        return Ok(whole(session, all));
+    }
+    Ok(Calibrated { session: rest, fit: clean, excluded, with: Some(all) })
+}
+
+fn whole(session: &Session, fit: Fit) -> Calibrated {
+    Calibrated { session: session.clone(), fit, excluded: Vec::new(), with: None }
+}

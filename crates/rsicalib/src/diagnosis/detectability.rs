@@ -1,0 +1,109 @@
+//! What could be there unseen: how large each absent effect would have to be to be seen,
+//! and what it would do to the platform meanwhile.
+
+use crate::Error;
+use crate::apply::change::{PlatformRms, difference, platform};
+use crate::diagnosis::options::Search;
+use crate::diagnosis::score::candidates;
+use crate::diagnosis::score::projection::project;
+use crate::diagnosis::trace::Traced;
+use crate::estimate::directions::unit;
+use crate::estimate::{Fit, Session};
+use crate::model::{Instance, Model};
+use crate::numerics::distributions;
+
+/// An effect that could be there unseen.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Hidden {
+    /// Id of the term.
+    pub term: String,
+    /// What it would belong to.
+    pub target: String,
+    /// Size that would have been seen in four sessions of five.
+    pub detectable: Option<f64>,
+    /// Its unit.
+    pub unit: String,
+    /// What that size would do to the platform.
+    pub platform_rms: Option<PlatformRms>,
+}
+
+/// How large each absent effect would have to be to be seen, and what it would do.
+///
+/// # Errors
+///
+/// As [`crate::diagnosis::trace::trace`].
+pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error> {
+    let (session, last) = (&traced.small, &traced.last);
+    let named: Vec<Instance> = candidates::candidates(session, last, &search.without)
+        .into_iter()
+        .filter(|i| !i.term.info().penalised)
+        .collect();
+    let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
+    let projected = project(session, last, &inverse, &named)?;
+    let places = named.len() as f64;
+    let noise = last.assumed();
+    let here = platform(session, &last.model, &last.beta, &noise);
+    let mut hidden = Vec::with_capacity(named.len());
+    for (instance, candidate) in named.iter().zip(projected) {
+        let info = instance.term.info();
+        let d = info.parameters.len();
+        // Noncentrality that is seen in four sessions of five, at the corrected level.
+        let z = distributions::normal_quantile(1.0 - 0.5 * search.alpha / places) + 0.84;
+        let wanted = z * z;
+        // The direction, in typical sizes, that is hardest to see among those that can be.
+        let typical =
+            crate::terms::targets::typical(&session.mechanism, instance.term, instance.target);
+        let square =
+            faer::Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
+        let Ok(eigen) = square.self_adjoint_eigen(faer::Side::Lower) else { continue };
+        let raw: f64 = (0..d).map(|i| candidate.raw[i] * typical[i] * typical[i]).sum();
+        let value = eigen.S().column_vector()[0];
+        let visible = value > 1e-8 * raw;
+        let size = if visible { (wanted / value).sqrt() } else { f64::NAN };
+        let direction: Vec<f64> = (0..d).map(|i| eigen.U()[(i, 0)] * typical[i] * size).collect();
+        let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let platform_rms = match (&here, visible) {
+            (Some(here), true) => {
+                let with = with_effect(session, last, instance, &direction, &candidate.absorbed)?;
+                platform(session, &with.0, &with.1, &noise)
+                    .map(|there| difference(session, here, &there))
+            }
+            _ => None,
+        };
+        hidden.push(Hidden {
+            term: info.id.into(),
+            target: instance.target.name(&session.mechanism),
+            detectable: visible.then_some(largest),
+            unit: unit(session, instance, info.parameters[0].unit),
+            platform_rms,
+        });
+    }
+    hidden.sort_by(|a, b| {
+        let of = |h: &Hidden| h.platform_rms.map_or(0.0, |p| p.position);
+        of(b).total_cmp(&of(a))
+    });
+    Ok(hidden)
+}
+
+/// A model with one more effect of a given size, the rest having absorbed what it can.
+fn with_effect(
+    session: &Session,
+    fit: &Fit,
+    instance: &Instance,
+    size: &[f64],
+    absorbed: &faer::Mat<f64>,
+) -> Result<(Model, Vec<f64>), Error> {
+    let mut instances = fit.model.instances.clone();
+    instances.push(*instance);
+    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
+    let base = fit.model.term_parameters;
+    let mut beta = model.nominal();
+    for (i, value) in fit.beta.iter().enumerate() {
+        let moved: f64 = size.iter().enumerate().map(|(k, s)| absorbed[(i, k)] * s).sum();
+        let at = if i < base { i } else { i + size.len() };
+        beta[at] = value - moved;
+    }
+    beta[base..base + size.len()].copy_from_slice(size);
+    Ok((model, beta))
+}

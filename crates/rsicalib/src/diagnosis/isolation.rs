@@ -1,0 +1,304 @@
+//! Whether one channel, closure or chain is at fault alone, by whatever law.
+//!
+//! What has unbounded variance says nothing, so a fit with `σ_c → ∞` is one to all that
+//! is not `c`: each pose gives up as many equations as `c` moves,
+//!
+//! ```text
+//! χ²_c ~ χ²(ν - Σ_p rank A_p,c + n_c)                                      (73)
+//! ```
+//!
+//! with `n_c` the parameters that only `c` has. Where the rest closes within its noise,
+//! and nothing in it stands out, `c` is all that is wrong.
+
+use crate::Error;
+use crate::diagnosis::options::{LEFT, Search};
+use crate::diagnosis::score::scored::{self, Judge, Scored, whole_pose};
+use crate::diagnosis::score::{places, scan};
+use crate::estimate::{Fit, Session, fit};
+use crate::mechanism::{Mechanism, Target};
+use crate::model::Instance;
+use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
+use crate::numerics::symmetric::dot;
+use crate::screening::blame::Blame;
+
+/// Standard deviation of a reading that says nothing, in units of its own noise.
+const UNBOUNDED: f64 = 1e4;
+
+/// Fewer degrees of freedom than this judge nothing.
+const FEW: f64 = 8.0;
+
+/// So many are looked at, those first that leave the least: one at fault leaves least.
+const LIKELY: usize = 3;
+
+/// What was found elsewhere is not needed where chance makes as much this often.
+const NEEDLESS: f64 = 1e-3;
+
+/// Wrong readings beside what is at fault, at the most: more would explain away anything.
+const WRONG: usize = 1;
+
+/// By how much χ² falls, by chance, and is charged, for each equation that is given up (Akaike).
+const EQUATION: f64 = 2.0;
+
+/// What is at fault alone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alone {
+    /// A channel, a closure or a chain.
+    pub target: Target,
+    /// Probability of a larger χ² of the rest, (73).
+    pub p_value: f64,
+    /// Readings and poses that are wrong whatever it does, and whose those readings are.
+    pub wrong: Vec<(Scored, Blame)>,
+}
+
+/// The channel or closure, or else the chain, that is at fault alone; none where there is
+/// no such one, or where nothing but the fit gives the noise.
+///
+/// `start` is the fit without any effect, `found` what the search found.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn alone(
+    session: &Session,
+    start: &Fit,
+    judge: &Judge,
+    found: &[Instance],
+    search: &Search,
+) -> Result<Option<Alone>, Error> {
+    let mechanism = &session.mechanism;
+    if judge.residual_dof.is_some() {
+        return Ok(None);
+    }
+    let closures = mechanism.closures.iter().enumerate().filter(|(_, c)| !mechanism.is_link(c));
+    let channels = (0..mechanism.channels.len()).map(Target::Channel);
+    let single = channels.chain(closures.map(|(k, _)| Target::Closure(k))).collect();
+    let chains = (0..mechanism.chains.len()).map(Target::Chain).collect();
+    let kinds: [Vec<Target>; 2] = [single, chains];
+    for kind in kinds {
+        let mut able: Vec<Without> = Vec::new();
+        for target in kind {
+            able.extend(Without::of(session, start, target)?);
+            able.sort_by(|a, b| a.left().total_cmp(&b.left()));
+            able.truncate(LIKELY);
+        }
+        let mut alone = Vec::new();
+        for mut it in able {
+            if it.closes(judge, search)? && !it.needs_more(judge, found, search)? {
+                alone.push(it);
+            }
+        }
+        let rivals: Vec<(f64, Target)> = alone.iter().map(|it| (-it.left(), it.target)).collect();
+        if let Some(&(target, sure)) = probabilities(&rivals).first()
+            && sure >= SURE
+        {
+            let it = alone.into_iter().find(|it| it.target == target);
+            return Ok(it.map(|Without { target, p_value, wrong, .. }| Alone {
+                target,
+                p_value,
+                wrong,
+            }));
+        }
+    }
+    Ok(None)
+}
+
+/// A fit to all but one thing.
+struct Without<'a> {
+    start: &'a Fit,
+    target: Target,
+    freed: Session,
+    rest: Fit,
+    /// Equations between poses.
+    equations: f64,
+    /// How many of them are given up.
+    lost: f64,
+    p_value: f64,
+    wrong: Vec<(Scored, Blame)>,
+}
+
+impl<'a> Without<'a> {
+    /// None where without it there is nothing to judge by.
+    fn of(session: &Session, start: &'a Fit, target: Target) -> Result<Option<Self>, Error> {
+        let freed = freed(session, start, target);
+        let (equations, lost) = equations(&freed, start, target);
+        if equations - lost < FEW {
+            return Ok(None);
+        }
+        let rest = fit(&freed, start.model.instances.clone(), Some(start))?;
+        let (p_value, wrong) = (0.0, Vec::new());
+        Ok(Some(Self { start, target, freed, rest, equations, lost, p_value, wrong }))
+    }
+
+    /// χ² with what is paid for it.
+    fn left(&self) -> f64 {
+        let paid = self.wrong.iter().map(|(s, _)| s.paid());
+        self.rest.chi2 + EQUATION * self.lost + paid.sum::<f64>()
+    }
+
+    /// Degrees of freedom of (73).
+    fn dof(&self) -> f64 {
+        let own = own(self.start, &self.freed.mechanism, self.target);
+        // Priors may know more of the parameters than the readings do.
+        (self.rest.dof - self.lost + own).min(self.equations - self.lost)
+    }
+
+    /// Whether the rest closes within its noise, but for a few readings that are wrong.
+    fn closes(&mut self, judge: &Judge, search: &Search) -> Result<bool, Error> {
+        while let Some((scored, blame)) = self.wrong_reading(judge, search)? {
+            if self.wrong.len() == WRONG {
+                return Ok(false);
+            }
+            let mut instances = self.rest.model.instances.clone();
+            leave_out(&scored, &mut self.freed, &mut instances);
+            self.wrong.push((scored, blame));
+            self.rest = fit(&self.freed, instances, Some(&self.rest))?;
+            (self.equations, self.lost) = equations(&self.freed, self.start, self.target);
+        }
+        let dof = self.dof();
+        self.p_value = judge.p_value(self.rest.chi2, dof);
+        Ok(dof >= FEW && self.p_value > LEFT)
+    }
+
+    /// The worst reading, or pose, that is wrong though this says nothing.
+    fn wrong_reading(
+        &self,
+        judge: &Judge,
+        search: &Search,
+    ) -> Result<Option<(Scored, Blame)>, Error> {
+        let mechanism = &self.freed.mechanism;
+        if !self.freed.readings.held {
+            return Ok(None);
+        }
+        let mut scored = places::bad_readings(&self.freed, &self.rest, judge)?;
+        scored.retain(|s| !belongs(mechanism, s.instance.target, self.target));
+        let worst = scored.iter().filter(|s| s.corrected <= search.alpha);
+        let Some(worst) = worst.max_by(|a, b| a.charged().total_cmp(&b.charged())) else {
+            return Ok(None);
+        };
+        // Several wrong readings at once are the rarer story: chance may not tell it.
+        let mut here: Vec<Scored> = scored
+            .iter()
+            .filter(|s| s.instance.place == worst.instance.place)
+            .filter(|s| whole_pose(&s.instance).is_none())
+            .copied()
+            .collect();
+        here.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let blame = Blame::among(here.iter().map(|s| (s.score, s.instance.target)), mechanism);
+        let one = here.first().filter(|s| s.charged() >= worst.charged() - AS_WELL);
+        Ok(Some((*one.unwrap_or(worst), blame)))
+    }
+
+    /// Whether something else stands out, or was found and still is needed.
+    fn needs_more(
+        &self,
+        judge: &Judge,
+        found: &[Instance],
+        search: &Search,
+    ) -> Result<bool, Error> {
+        let mechanism = &self.freed.mechanism;
+        let scored = scan::scan(&self.freed, &self.rest, judge, &search.without)?;
+        let mut elsewhere = scored.iter().filter(|s| {
+            !scored::is_data(&s.instance) && !belongs(mechanism, s.instance.target, self.target)
+        });
+        Ok(elsewhere.any(|s| {
+            let needed = found.contains(&s.instance) && s.p_value <= NEEDLESS;
+            needed || s.corrected <= search.alpha
+        }))
+    }
+}
+
+/// Leaves a wrong pose out of a session, or gives a wrong reading its own parameter.
+pub fn leave_out(wrong: &Scored, session: &mut Session, instances: &mut Vec<Instance>) {
+    match whole_pose(&wrong.instance) {
+        Some(pose) => session.weights[pose] = 0.0,
+        None => instances.push(wrong.instance),
+    }
+}
+
+/// Equations between poses, and how many of them are given up.
+fn equations(session: &Session, start: &Fit, target: Target) -> (f64, f64) {
+    let mechanism = &session.mechanism;
+    let live = session.weights.iter().filter(|w| **w > 0.0).count();
+    let all = (live * start.residuals.equations) as f64;
+    let lost = match target {
+        Target::Closure(k) => (live * mechanism.closures[k].kind.equations()) as f64,
+        _ => taken_up(session, start, &channels_of(mechanism, target)).1,
+    };
+    // In a recording neighbours are poses that were sampled several times.
+    let between = 1.0 - start.within / all.max(1.0);
+    (all * between, lost * between)
+}
+
+/// The session in which this says nothing.
+fn freed(session: &Session, base: &Fit, target: Target) -> Session {
+    let mut freed = session.clone();
+    let mut sigma = base.noise.sigma.clone();
+    for channel in channels_of(&session.mechanism, target) {
+        sigma[channel] *= UNBOUNDED;
+    }
+    freed.options.noise = Some(sigma);
+    if let Target::Closure(k) = target {
+        freed.mechanism.closures[k].noise = Some(UNBOUNDED * base.rms_misclosure);
+    }
+    freed
+}
+
+/// `n_c`: what only this has, of what can be known.
+fn own(base: &Fit, mechanism: &Mechanism, target: Target) -> f64 {
+    let model = &base.model;
+    let its = model.instances.iter().zip(&model.first);
+    let its = its.filter(|(instance, _)| belongs(mechanism, instance.target, target));
+    let known = its.map(|(instance, &first)| {
+        base.unknowable[first..first + instance.width()].iter().filter(|u| !**u).count()
+    });
+    known.sum::<usize>() as f64
+}
+
+fn channels_of(mechanism: &Mechanism, target: Target) -> Vec<usize> {
+    match target {
+        Target::Channel(channel) => vec![channel],
+        Target::Chain(chain) => mechanism.channels_of(chain),
+        _ => Vec::new(),
+    }
+}
+
+/// True where what is wrong with `target` is a fault of `of`: a channel, a closure or a chain.
+#[must_use]
+pub fn belongs(mechanism: &Mechanism, target: Target, of: Target) -> bool {
+    match (of, target) {
+        (Target::Chain(chain), Target::Row(its, _)) => its == chain,
+        (Target::Chain(chain), Target::Channel(channel)) => {
+            mechanism.chain_of(channel) == Some(chain)
+        }
+        _ => of == target,
+    }
+}
+
+/// χ² of what is left that errors of these channels, free in each pose, would take
+/// up, and in how many dimensions.
+#[must_use]
+pub fn taken_up(session: &Session, fit: &Fit, channels: &[usize]) -> (f64, f64) {
+    let residuals = &fit.residuals;
+    let (k, c) = (residuals.equations, session.readings.channels);
+    let (mut taken, mut dimensions) = (0.0, 0.0);
+    for row in (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0) {
+        let r = &residuals.whitened[row * k..(row + 1) * k];
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for &channel in channels {
+            let column: Vec<f64> =
+                (0..k).map(|e| residuals.by_reading[(row * k + e) * c + channel]).collect();
+            let mut rest = column.clone();
+            for known in &basis {
+                let along = dot(known, &rest);
+                rest.iter_mut().zip(known).for_each(|(r, k)| *r -= along * k);
+            }
+            let length = dot(&rest, &rest).sqrt();
+            if length > 1e-6 * dot(&column, &column).sqrt() {
+                basis.push(rest.iter().map(|v| v / length).collect());
+            }
+        }
+        taken += basis.iter().map(|b| dot(b, r).powi(2)).sum::<f64>();
+        dimensions += basis.len() as f64;
+    }
+    (taken, dimensions)
+}

@@ -1,0 +1,27 @@
+//! How to search.
+
+/// How to search.
+#[derive(Debug, Clone)]
+pub struct Search {
+    /// Probability of naming anything where nothing is missing.
+    pub alpha: f64,
+    /// Terms that are no candidates.
+    pub without: Vec<String>,
+    /// Effects to add at the most.
+    pub most: usize,
+    /// Candidates to refit in each step.
+    pub refits: usize,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self { alpha: 0.012, without: Vec::new(), most: 8, refits: 8 }
+    }
+}
+
+/// Residuals above chance at this level are not explained.
+pub const LEFT: f64 = 0.001;
+
+/// More effects than this are a less likely story than one channel, or closure, whose law
+/// nobody knows.
+pub const FEW: usize = 2;

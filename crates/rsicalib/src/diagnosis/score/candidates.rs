@@ -1,0 +1,70 @@
+//! What may be missing: every term at every target that mechanism and readings allow.
+
+use crate::estimate::{Fit, Session};
+use crate::mechanism::Target;
+use crate::model::{Instance, places};
+use crate::terms::ALL;
+use crate::terms::targets::{provided, targets};
+use crate::terms::term::{Placed, Spot, Term};
+
+/// Named and free candidates that mechanism and readings allow.
+#[must_use]
+pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Instance> {
+    let (mechanism, readings) = (&session.mechanism, &session.readings);
+    let mut all = Vec::new();
+    for term in ALL.iter().copied() {
+        let info = term.info();
+        if term.placed() == Placed::AtPose
+            || info.broad
+            || without.iter().any(|w| w == info.id)
+            || provided(term, mechanism, readings).is_err()
+        {
+            continue;
+        }
+        for target in targets(term, mechanism) {
+            if !meaningful(session, fit, term, target) {
+                continue;
+            }
+            let channel = if let Target::Channel(c) = target { c } else { 0 };
+            for place in places(term, mechanism, readings, channel) {
+                let instance = Instance { term, target, place };
+                if !fit.model.instances.contains(&instance) {
+                    all.push(instance);
+                }
+            }
+        }
+    }
+    all
+}
+
+/// False where a term would repeat another: a body that carries no joint has no axis
+/// to tilt, before the first joint the base tilts, a frame that is free as a whole is
+/// longer by itself, where nothing is fixed to the base a single chain has none, and a
+/// free shape is any shape.
+fn meaningful(session: &Session, fit: &Fit, term: &dyn Term, target: Target) -> bool {
+    let mechanism = &session.mechanism;
+    if has_free_shape(fit, term, target) {
+        return false;
+    }
+    match target {
+        Target::Row(chain, row) => {
+            let rows = &mechanism.chains[chain].rows;
+            let first = rows.iter().position(|r| r.channel.is_some()).unwrap_or(0);
+            let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
+            let free = fit.model.instances.iter();
+            let mut free = free.filter(|i| i.target == target && i.term.info().broad);
+            free.next().is_none()
+                && (!term.moves_only(&[Spot::End]) || (row >= first && row < last))
+        }
+        Target::Chain(_) => !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats()),
+        _ => true,
+    }
+}
+
+/// True where any shape over what this term runs over is fitted to its target.
+#[must_use]
+pub fn has_free_shape(fit: &Fit, term: &dyn Term, target: Target) -> bool {
+    let mut instances = fit.model.instances.iter();
+    let free = |i: &Instance| i.target == target && i.term.info().penalised;
+    term.over().is_some() && instances.any(|i| free(i) && i.term.over() == term.over())
+}

@@ -1,0 +1,8 @@
+//! Score tests of every effect that a model lacks, from one linearisation.
+
+pub mod candidates;
+pub mod pairs;
+pub mod places;
+pub mod projection;
+pub mod scan;
+pub mod scored;

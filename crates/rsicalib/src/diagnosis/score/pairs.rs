@@ -1,0 +1,210 @@
+//! Scores of two effects at once: each may hide what the other does, and then neither stands
+//! out alone.
+//!
+//! Of candidates `i` and `j`, with `Q` that makes `Qᵀ M Q = 1` of each and `w = Qᵀ u`,
+//!
+//! ```text
+//! T_ij = |w_i|² + vᵀ (1 - CᵀC)⁻¹ v,    C = Q_iᵀ M_ij Q_j,    v = w_j - Cᵀ w_i     (74)
+//! ```
+
+use std::ops::Range;
+
+use faer::linalg::solvers::{Llt, Solve};
+use faer::{Mat, MatRef, Side};
+
+use crate::Error;
+use crate::diagnosis::score::projection::{self, Projected, VISIBLE};
+use crate::diagnosis::score::scored::{CHARGE, Family, Judge, Scored};
+use crate::estimate::{Fit, Session};
+use crate::model::Instance;
+
+/// Two effects, and by how much χ² would fall with both.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pair {
+    /// Each with the score that it adds to the other's.
+    pub both: [Scored; 2],
+    /// `T` of (74).
+    pub score: f64,
+}
+
+impl Pair {
+    /// What is left of the score after parameters and places of both are paid for.
+    #[must_use]
+    pub fn charged(&self) -> f64 {
+        self.score - self.both.iter().map(Scored::paid).sum::<f64>()
+    }
+}
+
+/// Share of the second of two that must not be the first's.
+const APART: f64 = 1e-3;
+
+/// Scores all pairs of named candidates, of which each stands out beside the other.
+///
+/// # Errors
+///
+/// As [`crate::model::Model::new`].
+pub fn pairs(
+    session: &Session,
+    fit: &Fit,
+    judge: &Judge,
+    named: &[Instance],
+    alpha: f64,
+) -> Result<Vec<Pair>, Error> {
+    let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
+    let widths: Vec<usize> = named.iter().map(Instance::width).collect();
+    let all = [widths.iter().sum()];
+    let projected = projection::project_blocks(session, fit, &inverse, named, &all)?;
+    let Some(all) = projected.first() else { return Ok(Vec::new()) };
+    let together = Together::new(all, &widths);
+    let places = named.len() as f64;
+    let mut pairs = Vec::new();
+    for (k, a) in together.units.iter().enumerate() {
+        for b in &together.units[k + 1..] {
+            let Some(score) = together.score(a, b) else { continue };
+            let added = [(a, score - b.score), (b, score - a.score)];
+            // Probabilities cost more than scores do: only of what pays for itself.
+            if added.iter().any(|(unit, added)| *added < CHARGE * unit.columns.len() as f64) {
+                continue;
+            }
+            let both = added.map(|(unit, added)| {
+                let (instance, width) = (named[unit.candidate], unit.columns.len() as f64);
+                let p_value = judge.p_value(added, width);
+                Scored::of(instance, Family::Named, added, width, p_value, places)
+            });
+            if both.iter().all(|one| one.corrected <= alpha) {
+                pairs.push(Pair { both, score });
+            }
+        }
+    }
+    Ok(pairs)
+}
+
+/// One candidate in the coordinates in which its `M` is 1.
+struct Unit {
+    candidate: usize,
+    /// Its columns among those of all.
+    columns: Range<usize>,
+    /// `|w|²`.
+    score: f64,
+}
+
+/// All candidates in such coordinates.
+struct Together {
+    /// Those of which anything is to be seen.
+    units: Vec<Unit>,
+    /// `Qᵀ M Q`.
+    shared: Mat<f64>,
+    /// `w`.
+    along: Mat<f64>,
+}
+
+impl Together {
+    fn new(all: &Projected, widths: &[usize]) -> Self {
+        // In units of the columns before the projection, so that rank is told apart.
+        let norm: Vec<f64> = all.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect();
+        let n = norm.len();
+        let square = Mat::from_fn(n, n, |i, j| all.square[(i, j)] / (norm[i] * norm[j]));
+        let gradient = Mat::from_fn(n, 1, |i, _| all.gradient[i] / norm[i]);
+        let mut roots = Mat::<f64>::zeros(n, n);
+        let mut units: Vec<Unit> = Vec::with_capacity(widths.len());
+        let (mut first, mut next) = (0, 0);
+        for (candidate, &width) in widths.iter().enumerate() {
+            let root = root(square.submatrix(first, first, width, width));
+            let columns = next..next + root.ncols();
+            roots.submatrix_mut(first, next, width, root.ncols()).copy_from(&root);
+            (first, next) = (first + width, columns.end);
+            if !columns.is_empty() {
+                units.push(Unit { candidate, columns, score: 0.0 });
+            }
+        }
+        let roots = roots.subcols(0, next);
+        let shared = roots.transpose() * square * roots;
+        let along = roots.transpose() * gradient;
+        for unit in &mut units {
+            unit.score = unit.columns.clone().map(|k| along[(k, 0)].powi(2)).sum();
+        }
+        Self { units, shared, along }
+    }
+
+    /// `T` of (74); none where the two are all but the same.
+    fn score(&self, a: &Unit, b: &Unit) -> Option<f64> {
+        let Self { shared, along, .. } = self;
+        let (wide, narrow) = if a.columns.len() < b.columns.len() { (b, a) } else { (a, b) };
+        let (rows, columns) = (&wide.columns, &narrow.columns);
+        if columns.len() == 1 {
+            // Most pairs: nothing to factor.
+            let (mut left, mut v) = (1.0, along[(columns.start, 0)]);
+            for row in rows.clone() {
+                let c = shared[(row, columns.start)];
+                left -= c * c;
+                v -= c * along[(row, 0)];
+            }
+            return (left > APART).then(|| wide.score + v * v / left);
+        }
+        let c = shared.submatrix(rows.start, columns.start, rows.len(), columns.len());
+        let left = Mat::<f64>::identity(columns.len(), columns.len()) - c.transpose() * c;
+        let v = along.subrows(columns.start, columns.len())
+            - c.transpose() * along.subrows(rows.start, rows.len());
+        let factor = Llt::new(left.as_ref(), Side::Lower).ok()?;
+        let apart = (0..columns.len()).all(|k| factor.L()[(k, k)].powi(2) > APART);
+        apart.then(|| wide.score + (v.transpose() * factor.solve(&v))[(0, 0)])
+    }
+}
+
+/// `Q`, of as many columns as are to be seen.
+fn root(square: MatRef<'_, f64>) -> Mat<f64> {
+    let Ok(eigen) = square.self_adjoint_eigen(Side::Lower) else {
+        return Mat::zeros(square.nrows(), 0);
+    };
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let seen: Vec<usize> = (0..square.nrows()).filter(|&k| values[k] > VISIBLE).collect();
+    Mat::from_fn(square.nrows(), seen.len(), |i, k| vectors[(i, seen[k])] / values[seen[k]].sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DMatrix;
+    use nalgebra::DVector;
+
+    /// `uᵀ M⁻¹ u` of some columns.
+    fn direct(square: &DMatrix<f64>, gradient: &DVector<f64>, columns: &[usize]) -> f64 {
+        let m = square.select_rows(columns).select_columns(columns);
+        let u = gradient.select_rows(columns);
+        u.dot(&m.lu().solve(&u).expect("columns that are apart"))
+    }
+
+    #[test]
+    fn two_score_what_both_together_take_of_the_residual() {
+        let widths = [1, 3, 2, 1, 1];
+        // Columns of no particular direction; the last repeats the first.
+        let mut z = DMatrix::from_fn(40, 8, |i, j| ((1 + i * i + 7 * i * j) as f64).sin());
+        let r = DVector::from_fn(40, |i, _| ((3 * i + 1) as f64).cos());
+        z.set_column(7, &(-2.0 * z.column(0)));
+        let (square, gradient) = (z.transpose() * &z, z.transpose() * r);
+        let together = Together::new(
+            &Projected {
+                square: Mat::from_fn(8, 8, |i, j| square[(i, j)]),
+                raw: square.diagonal().iter().copied().collect(),
+                gradient: gradient.iter().copied().collect(),
+                absorbed: Mat::zeros(0, 8),
+            },
+            &widths,
+        );
+        let first: Vec<usize> = (0..5).map(|k| widths[..k].iter().sum()).collect();
+        let columns = |k: usize| first[k]..first[k] + widths[k];
+        for a in 0..5 {
+            for b in 0..a {
+                let score = together.score(&together.units[a], &together.units[b]);
+                if (a, b) == (4, 0) {
+                    assert_eq!(score, None);
+                    continue;
+                }
+                let both: Vec<usize> = columns(a).chain(columns(b)).collect();
+                let wanted = direct(&square, &gradient, &both);
+                let got = score.expect("two that are apart");
+                assert!((got - wanted).abs() < 1e-10 * wanted, "{a} {b}: {got} for {wanted}");
+            }
+        }
+    }
+}

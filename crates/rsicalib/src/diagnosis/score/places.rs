@@ -1,0 +1,187 @@
+//! Scores of wrong readings and of slips: thousands, of one column each, by running sums over poses.
+
+use faer::Mat;
+
+use crate::Error;
+use crate::diagnosis::score::scored::{Family, Judge, Scored};
+use crate::estimate::{Fit, Implicit, Part, Session};
+use crate::mechanism::Target;
+use crate::model::Instance;
+use crate::numerics::distributions;
+use crate::numerics::symmetric::{SEEN, dot, form, left_out};
+use crate::terms::find;
+
+/// At most this many times are tried for a slip of one channel.
+const MOST_TIMES: usize = 256;
+
+/// One candidate of one column: `Zᵀr`, `ZᵀZ`, `ZᵀX`, and `ZᵀX (XᵀX)⁻¹`.
+#[derive(Clone)]
+struct Column {
+    r: f64,
+    zz: f64,
+    zx: Vec<f64>,
+    absorbed: Vec<f64>,
+}
+
+impl Column {
+    fn new(n: usize) -> Self {
+        Self { r: 0.0, zz: 0.0, zx: vec![0.0; n], absorbed: Vec::new() }
+    }
+
+    fn projected(mut self, inverse: &[f64]) -> Self {
+        let along = |row: &[f64]| dot(row, &self.zx);
+        self.absorbed = inverse.chunks_exact(self.zx.len().max(1)).map(along).collect();
+        self
+    }
+
+    /// `M` of (71).
+    fn left(&self) -> f64 {
+        self.zz - dot(&self.zx, &self.absorbed)
+    }
+
+    /// `T` of (72); none where nothing of the column is left.
+    fn score(&self) -> Option<f64> {
+        let left = self.left();
+        (left > SEEN * self.zz).then(|| self.r * self.r / left)
+    }
+}
+
+/// Angles between the projected columns of a slip at one time and at the next.
+///
+/// The later column is part of the earlier one, so `ZᵢᵀZⱼ` is its own square.
+fn turns(times: &[(usize, Column)]) -> Vec<f64> {
+    let angle = |later: &Column, earlier: &Column| {
+        let shared = later.zz - dot(&later.zx, &earlier.absorbed);
+        let cosine = shared / (later.left() * earlier.left()).max(f64::MIN_POSITIVE).sqrt();
+        cosine.clamp(-1.0, 1.0).acos()
+    };
+    times.windows(2).map(|pair| angle(&pair[0].1, &pair[1].1)).collect()
+}
+
+/// Scores of one degree of freedom below this are never named, at however few times.
+const SURPRISE: f64 = 4.0;
+
+/// Number of independent tests that tests one after another amount to, at a score:
+/// neighbours score alike. Efron's length heuristic (Biometrika 84, 1997).
+fn declumped(turns: &[f64], score: f64) -> f64 {
+    let half = 0.5 * score.max(0.0).sqrt();
+    let new = |turn: &f64| 2.0 * distributions::normal_cdf(half * turn) - 1.0;
+    1.0 + turns.iter().map(new).sum::<f64>()
+}
+
+/// Scores bad readings and bad poses alone.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub fn bad_readings(session: &Session, fit: &Fit, judge: &Judge) -> Result<Vec<Scored>, Error> {
+    let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
+    score(session, fit, judge, &inverse, &["slip".to_owned()])
+}
+
+/// Scores bad readings, bad poses and slips by running sums over poses.
+pub fn score(
+    session: &Session,
+    fit: &Fit,
+    judge: &Judge,
+    inverse: &Mat<f64>,
+    without: &[String],
+) -> Result<Vec<Scored>, Error> {
+    let (readings, n, c) = (&session.readings, fit.model.parameters, session.readings.channels);
+    let part = Part { model: &fit.model, readings, weights: Some(&session.weights) };
+    let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
+    let k = residuals.equations;
+    let allowed = |id: &str| !without.iter().any(|w| w == id);
+    let (slip, bad) = (find("slip")?, find("bad_reading")?);
+    let has = |instance: &Instance| fit.model.instances.contains(instance);
+    let rows = readings.rows_of_poses();
+    let live: Vec<usize> =
+        (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| session.weights[r] > 0.0)).collect();
+    let mut scored = Vec::new();
+    let flat: Vec<f64> = (0..n * n).map(|i| inverse[(i / n, i % n)]).collect();
+    let mut keep = |instance: Instance, family, places: f64, score: Option<f64>| {
+        if let Some(score) = score.filter(|_| !has(&instance)) {
+            let p_value = judge.p_value(score, 1.0);
+            scored.push(Scored::of(instance, family, score, 1.0, p_value, places));
+        }
+    };
+    let tests_bad = (live.len() * (c + 1)) as f64;
+    let stride = live.len().div_ceil(MOST_TIMES).max(1);
+    let slips = allowed("slip")
+        && crate::terms::targets::provided(slip, &session.mechanism, readings).is_ok();
+    let live_rows: Vec<Vec<usize>> = live
+        .iter()
+        .map(|&p| rows[p].iter().copied().filter(|&r| session.weights[r] > 0.0).collect())
+        .collect();
+    let fitted = |rows: &[usize]| {
+        Mat::from_fn(rows.len() * k, n, |e, j| {
+            residuals.by_parameter[(rows[e / k] * k + e % k) * n + j]
+        })
+    };
+    // What the fit absorbs of any column of one pose: X (XᵀX)⁻¹ Xᵀ there.
+    let hats: Vec<Mat<f64>> = live_rows
+        .iter()
+        .map(|rows| {
+            let x = fitted(rows);
+            &x * (inverse * x.transpose())
+        })
+        .collect();
+    for channel in 0..c {
+        let target = Target::Channel(channel);
+        let (mut after, mut times) = (Column::new(n), Vec::new());
+        for (order, &pose) in live.iter().enumerate().rev() {
+            let (mut z, mut r) = (Vec::new(), 0.0);
+            for &row in &live_rows[order] {
+                for e in 0..k {
+                    let value = residuals.by_reading[(row * k + e) * c + channel];
+                    z.push(value);
+                    r += value * residuals.whitened[row * k + e];
+                }
+            }
+            let zz = dot(&z, &z);
+            if allowed("bad_reading") {
+                let instance = Instance { term: bad, target, place: pose };
+                let left = zz - form(&hats[order], &z);
+                let score = (left > SEEN * zz).then(|| r * r / left);
+                keep(instance, Family::Bad, tests_bad, score);
+            }
+            if !slips {
+                continue;
+            }
+            after.r += r;
+            after.zz += zz;
+            for (e, z) in z.iter().enumerate() {
+                let first = (live_rows[order][e / k] * k + e % k) * n;
+                let x = &residuals.by_parameter[first..first + n];
+                after.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
+            }
+            if order > 0 && order % stride == 0 {
+                times.push((pose, after.clone().projected(&flat)));
+            }
+        }
+        let turns = turns(&times);
+        for (pose, column) in &times {
+            let instance = Instance { term: slip, target, place: *pose };
+            let score = column.score();
+            // What is no surprise at one time is none at many: only surprises are paid for.
+            let rare = score.is_some_and(|score| score > SURPRISE);
+            let times =
+                if rare { declumped(&turns, score.unwrap_or(0.0)) } else { times.len() as f64 };
+            keep(instance, Family::Slip, c as f64 * times, score);
+        }
+    }
+    if allowed("bad_reading") && readings.held {
+        for (order, &pose) in live.iter().enumerate() {
+            let row = rows[pose][0];
+            if rows[pose].len() > 1 {
+                continue; // repeats: a pose is judged where it is averaged
+            }
+            let r = &residuals.whitened[row * k..(row + 1) * k];
+            let Some((score, width)) = left_out(&hats[order], r) else { continue };
+            let p_value = judge.p_value(score, width);
+            let instance = Instance { term: bad, target: Target::All, place: pose };
+            scored.push(Scored::of(instance, Family::Bad, score, width, p_value, tests_bad));
+        }
+    }
+    Ok(scored)
+}

@@ -1,0 +1,250 @@
+//! Scores of named effects and free shapes: (71) and (72) from one sweep over the readings.
+
+use faer::{Mat, Side};
+
+use crate::Error;
+use crate::diagnosis::score::scored::{Family, Judge, Scored};
+use crate::estimate::{Fit, Implicit, Part, Session};
+use crate::model::{Instance, Model};
+use crate::numerics::lanes::Lanes;
+use crate::numerics::normal_equations::{Own, add_all, add_line};
+use crate::terms::targets;
+
+/// Sums for (71) over all candidates.
+struct Sums {
+    /// `Zᵀr`.
+    gradient: Vec<Lanes>,
+    /// `ZᵀX` of the terms, candidate column by candidate column.
+    cross: Vec<Lanes>,
+    /// `ZᵀZ` of each block of candidates, full square, of which the upper half is filled.
+    square: Vec<Lanes>,
+    /// `Xᵀr` of the terms.
+    base: Vec<Lanes>,
+    /// `Xᵀr` of the unknown points of each group, and `XᵀX`, `XᵀZ` column by column.
+    own: Vec<Own>,
+}
+
+impl Sums {
+    /// Adds a block, of whose columns the first `base` are fitted, the candidates'
+    /// next, and those of the unknown points last.
+    #[inline(always)]
+    fn add(&mut self, group: usize, blocks: &[usize], w: &[Lanes], x: &[Lanes]) {
+        let (base, extra, columns) = (self.base.len(), self.gradient.len(), x.len() / w.len());
+        for i in 0..base {
+            add_line(&mut [], &mut self.base[i], w, x, columns, i);
+        }
+        for (i, gradient) in self.gradient.iter_mut().enumerate() {
+            let line = &mut self.cross[i * base..(i + 1) * base];
+            add_line(line, gradient, w, x, columns, base + i);
+        }
+        if columns > base + extra {
+            let (points, others) = (columns - base - extra, base + extra);
+            let own = Own::of(&mut self.own, group, points, points * others);
+            for (c, gradient) in own.gradient.iter_mut().enumerate() {
+                let line = &mut own.gram[c * others..(c + 1) * others];
+                add_line(line, gradient, w, x, columns, others + c);
+            }
+        }
+        for row in x.chunks_exact(columns) {
+            let (mut at, mut first) = (0, base);
+            for &width in blocks {
+                let columns = &row[first..first + width];
+                for (i, column) in columns.iter().enumerate() {
+                    let line = &mut self.square[at + i * width..at + (i + 1) * width];
+                    let pairs = line.iter_mut().zip(columns).skip(i);
+                    pairs.for_each(|(sum, other)| *sum += *column * *other);
+                }
+                at += width * width;
+                first += width;
+            }
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        add_all(&mut self.gradient, &other.gradient);
+        add_all(&mut self.cross, &other.cross);
+        add_all(&mut self.square, &other.square);
+        add_all(&mut self.base, &other.base);
+        Own::merge(&mut self.own, &other.own);
+    }
+}
+
+/// Projected normal equations (71) of one candidate, or of several together.
+#[derive(Debug, Clone)]
+pub struct Projected {
+    /// `M`.
+    pub square: Mat<f64>,
+    /// `ZᵀZ` before the projection, its diagonal.
+    pub raw: Vec<f64>,
+    /// `u`.
+    pub gradient: Vec<f64>,
+    /// `(XᵀX)⁻¹ XᵀZ`: how the fitted parameters absorb it, with a minus.
+    pub absorbed: Mat<f64>,
+}
+
+/// Eq. (71) for named candidates, each by itself.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub fn project(
+    session: &Session,
+    fit: &Fit,
+    inverse: &Mat<f64>,
+    named: &[Instance],
+) -> Result<Vec<Projected>, Error> {
+    let widths: Vec<usize> = named.iter().map(Instance::width).collect();
+    project_blocks(session, fit, inverse, named, &widths)
+}
+
+/// Eq. (71) for named candidates in blocks of so many columns: of candidates of different
+/// blocks no products are taken.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub fn project_blocks(
+    session: &Session,
+    fit: &Fit,
+    inverse: &Mat<f64>,
+    named: &[Instance],
+    blocks: &[usize],
+) -> Result<Vec<Projected>, Error> {
+    let mut instances = fit.model.instances.clone();
+    let base = fit.model.term_parameters;
+    instances.extend_from_slice(named);
+    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
+    let extra: usize = blocks.iter().sum();
+    let nuisance = model.parameters - model.term_parameters;
+    let n = base + nuisance;
+    let mut beta = model.nominal();
+    beta[..base].copy_from_slice(&fit.beta[..base]);
+    beta[base + extra..].copy_from_slice(&fit.beta[base..]);
+
+    let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
+    let problem = Implicit::new(vec![(part, fit.assumed())], &[]);
+    let squares: usize = blocks.iter().map(|w| w * w).sum();
+    let zero = || Sums {
+        gradient: vec![Lanes::ZERO; extra],
+        cross: vec![Lanes::ZERO; extra * base],
+        square: vec![Lanes::ZERO; squares],
+        base: vec![Lanes::ZERO; base],
+        own: Vec::new(),
+    };
+    let visit =
+        |sums: &mut Sums, group: usize, w: &[Lanes], x: &[Lanes]| sums.add(group, blocks, w, x);
+    let sums = problem.sweep(&beta, zero, visit, |a, b| a.merge(&b)).unwrap_or_else(zero);
+
+    let mut cross = Mat::from_fn(n, extra, |j, i| match j < base {
+        true => sums.cross[i * base + j].sum(),
+        false => 0.0,
+    });
+    let mut base_gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
+    base_gradient.resize(n, 0.0);
+    for own in &sums.own {
+        let others = base + extra;
+        let parameters = &model.columns()[own.group][others..];
+        for (c, parameter) in parameters.iter().enumerate() {
+            let row = parameter - extra;
+            base_gradient[row] += own.gradient[c].sum();
+            for i in 0..extra {
+                cross[(row, i)] += own.gram[c * others + base + i].sum();
+            }
+        }
+    }
+    let all_absorbed = inverse * &cross;
+
+    // Priors pull on what is fitted: at the minimum their pull balances Xᵀr.
+    for prior in &fit.priors {
+        for (column, slope) in prior.slopes(&fit.beta) {
+            base_gradient[column] += slope * prior.off(&fit.beta);
+        }
+    }
+    let (mut at, mut first) = (0, 0);
+    let mut projected = Vec::with_capacity(blocks.len());
+    for &width in blocks {
+        let cross = cross.subcols(first, width);
+        let absorbed = all_absorbed.subcols(first, width).to_owned();
+        let raw =
+            Mat::from_fn(width, width, |i, j| sums.square[at + i.min(j) * width + i.max(j)].sum());
+        let square = &raw - cross.transpose() * &absorbed;
+        let gradient = (0..width)
+            .map(|i| {
+                let pull: f64 = (0..n).map(|j| absorbed[(j, i)] * base_gradient[j]).sum();
+                -(sums.gradient[first + i].sum() - pull)
+            })
+            .collect();
+        let raw = (0..width).map(|i| raw[(i, i)]).collect();
+        projected.push(Projected { square, raw, gradient, absorbed });
+        at += width * width;
+        first += width;
+    }
+    Ok(projected)
+}
+
+pub fn score(
+    session: &Session,
+    fit: &Fit,
+    judge: &Judge,
+    inverse: &Mat<f64>,
+    named: &[Instance],
+) -> Result<Vec<Scored>, Error> {
+    let family = |i: &Instance| if i.term.info().penalised { Family::Free } else { Family::Named };
+    let count = |f: Family| named.iter().filter(|i| family(i) == f).count() as f64;
+    let places = [count(Family::Named), count(Family::Free)];
+    let mut scored = Vec::with_capacity(named.len());
+    for (instance, candidate) in named.iter().zip(project(session, fit, inverse, named)?) {
+        let (score, width, p_value) = judge_projected(session, *instance, &candidate, judge);
+        if width > 0.0 {
+            let family = family(instance);
+            let places = places[usize::from(family == Family::Free)];
+            scored.push(Scored::of(*instance, family, score, width, p_value, places));
+        }
+    }
+    Ok(scored)
+}
+
+/// Fraction of a column's length that must be left after the projection.
+pub const VISIBLE: f64 = 1e-8;
+
+/// Eq. (72) for one candidate: score, degrees of freedom, probability.
+fn judge_projected(
+    session: &Session,
+    instance: Instance,
+    candidate: &Projected,
+    judge: &Judge,
+) -> (f64, f64, f64) {
+    let d = candidate.gradient.len();
+    let info = instance.term.info();
+    let typical = targets::typical(&session.mechanism, instance.term, instance.target);
+    // In units of the columns before the projection, so that rank is told apart.
+    let norm: Vec<f64> = candidate.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect();
+    let held = |i: usize| {
+        if info.penalised { (typical[i] * norm[i]).powi(-2) } else { 0.0 }
+    };
+    let square = Mat::from_fn(d, d, |i, j| {
+        candidate.square[(i, j)] / (norm[i] * norm[j]) + if i == j { held(i) } else { 0.0 }
+    });
+    let Ok(eigen) = square.self_adjoint_eigen(Side::Lower) else { return (0.0, 0.0, 1.0) };
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let (mut score, mut width, mut second) = (0.0, 0.0, 0.0);
+    for k in 0..d {
+        if values[k] < VISIBLE {
+            continue;
+        }
+        let along: f64 = (0..d).map(|i| vectors[(i, k)] * candidate.gradient[i] / norm[i]).sum();
+        score += along * along / values[k];
+        // Share of this direction that is data and not prior.
+        let prior: f64 = (0..d).map(|i| vectors[(i, k)].powi(2) * held(i)).sum();
+        let data = 1.0 - (prior / values[k]).min(1.0);
+        width += data;
+        second += data * data;
+    }
+    if width < 1e-6 {
+        return (0.0, 0.0, 1.0);
+    }
+    // Satterthwaite: a weighted sum of χ² as one with fewer degrees of freedom.
+    let scale = second / width;
+    let dof = width / scale;
+    (score, width, judge.p_value(score / scale, dof))
+}

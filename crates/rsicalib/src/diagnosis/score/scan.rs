@@ -1,0 +1,45 @@
+//! Scores of every effect that a model lacks, from one linearisation.
+//!
+//! A candidate with columns `Z` of the whitened Jacobian is projected off what is
+//! already fitted, `X`, and scored against the residual `r`:
+//!
+//! ```text
+//! M = ZᵀZ - ZᵀX (XᵀX)⁻¹ XᵀZ,    u = Zᵀr - ZᵀX (XᵀX)⁻¹ Xᵀr                 (71)
+//! T = uᵀ M⁻¹ u  ~  χ²(rank M)                                              (72)
+//! ```
+//!
+//! `T` is by how much χ² would fall to first order. A free shape, held by its
+//! typical size, has `M + Λ` in place of `M`, and fewer degrees of freedom.
+//!
+//! Bad readings and slips are thousands of candidates of one column each; their
+//! columns are those of the readings, `L⁻¹A`, in one pose or from one pose on, so
+//! running sums score them all.
+
+use crate::Error;
+use crate::diagnosis::score::scored::{Judge, Scored};
+use crate::diagnosis::score::{places, projection};
+use crate::estimate::{Fit, Session};
+
+pub use crate::diagnosis::score::candidates::{candidates, has_free_shape};
+pub use crate::diagnosis::score::pairs::{Pair, pairs};
+pub use crate::diagnosis::score::places::bad_readings;
+pub use crate::diagnosis::score::projection::project;
+pub use crate::numerics::symmetric::left_out;
+
+/// Scores every candidate at a fit.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub fn scan(
+    session: &Session,
+    fit: &Fit,
+    judge: &Judge,
+    without: &[String],
+) -> Result<Vec<Scored>, Error> {
+    let named = candidates(session, fit, without);
+    let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
+    let mut scored = projection::score(session, fit, judge, &inverse, &named)?;
+    scored.extend(places::score(session, fit, judge, &inverse, without)?);
+    Ok(scored)
+}

@@ -1,0 +1,120 @@
+//! A candidate with its score, and how scores are judged.
+
+use crate::estimate::Fit;
+use crate::mechanism::Target;
+use crate::model::Instance;
+use crate::numerics::distributions;
+use crate::terms::term::Class;
+
+/// Kinds of candidates that share an error budget.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Named effects: a hundred or so.
+    Named,
+    /// A free shape: of each channel over its reading and over time, of all over time.
+    Free,
+    /// A jump of one channel at one time: as many as poses and channels.
+    Slip,
+    /// A wrong reading: likewise.
+    Bad,
+}
+
+/// A candidate with its score.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scored {
+    /// The candidate; a whole pose is `bad_reading` at [`Target::All`].
+    pub instance: Instance,
+    /// Its family.
+    pub family: Family,
+    /// `T` of (72).
+    pub score: f64,
+    /// Its degrees of freedom.
+    pub width: f64,
+    /// Probability of a larger score by chance, this candidate alone.
+    pub p_value: f64,
+    /// Places looked at in its family, over the family's share of the error budget.
+    pub places: f64,
+    /// `p_value` times `places`.
+    pub corrected: f64,
+}
+
+/// Charge for each parameter, in units of χ².
+pub const CHARGE: f64 = 4.0;
+
+impl Scored {
+    pub(crate) fn of(
+        instance: Instance,
+        family: Family,
+        score: f64,
+        width: f64,
+        p_value: f64,
+        tests: f64,
+    ) -> Self {
+        let places = tests / share(family);
+        Self { instance, family, score, width, p_value, places, corrected: p_value * places }
+    }
+
+    /// What its parameters and its places cost.
+    #[must_use]
+    pub fn paid(&self) -> f64 {
+        CHARGE * self.width + 2.0 * self.places.ln().max(0.0)
+    }
+
+    /// What is left of the score after they are paid for.
+    #[must_use]
+    pub fn charged(&self) -> f64 {
+        self.score - self.paid()
+    }
+}
+
+/// Share of the error budget that each family has.
+const SHARES: [(Family, f64); 4] =
+    [(Family::Named, 0.62), (Family::Free, 0.08), (Family::Slip, 0.12), (Family::Bad, 0.18)];
+
+/// How scores are judged.
+#[derive(Debug, Clone, Copy)]
+pub struct Judge {
+    /// Degrees of freedom of the noise; infinite where it is known.
+    pub noise_dof: f64,
+    /// Degrees of freedom of the residual where nothing else gives the noise.
+    pub residual_dof: Option<f64>,
+}
+
+impl Judge {
+    /// Probability of a score of `width` degrees of freedom or more by chance.
+    #[must_use]
+    pub fn p_value(&self, score: f64, width: f64) -> f64 {
+        match self.residual_dof {
+            None => distributions::f_tail(score / width, width, self.noise_dof),
+            Some(dof) => {
+                let left = ((dof - score) / (dof - width).max(1.0)).max(1e-12);
+                distributions::f_tail(score / width / left, width, (dof - width).max(1.0))
+            }
+        }
+    }
+}
+
+impl Judge {
+    /// Probability of a fit's lack of fit by chance; none where only the fit gives
+    /// the noise.
+    #[must_use]
+    pub fn lack_of_fit(&self, fit: &Fit) -> Option<f64> {
+        (self.residual_dof.is_none() && fit.dof >= 1.0)
+            .then(|| distributions::f_tail(fit.chi2 / fit.dof, fit.dof, self.noise_dof))
+    }
+}
+
+fn share(family: Family) -> f64 {
+    SHARES.iter().find(|(f, _)| *f == family).map_or(1.0, |(_, share)| *share)
+}
+
+/// True for terms whose class says that a reading is wrong, not the device.
+#[must_use]
+pub fn is_data(instance: &Instance) -> bool {
+    instance.term.info().class == Class::Data
+}
+
+/// The pose of a candidate that says that the whole pose is wrong.
+pub fn whole_pose(instance: &Instance) -> Option<usize> {
+    (is_data(instance) && instance.target == Target::All).then_some(instance.place)
+}

@@ -1,0 +1,92 @@
+//! What fits as well as an effect, and what fits better.
+
+use crate::Error;
+use crate::diagnosis::score::scored::{self, CHARGE, Family, Scored, whole_pose};
+use crate::diagnosis::stepwise::state::{BETTER, Hunt, cost, physical, room};
+use crate::estimate::Fit;
+use crate::mechanism::Target;
+use crate::model::Instance;
+use crate::numerics::credible_set::{AS_WELL, credible};
+use crate::screening::blame::Blame;
+
+impl Hunt<'_> {
+    /// What fits as well in place of one effect; true where something fits
+    /// better, which then takes its place.
+    pub fn alternatives(
+        &self,
+        current: &mut Fit,
+        found: &mut [Scored],
+        index: usize,
+    ) -> Result<(bool, Vec<Instance>, Blame), Error> {
+        let own = found[index].instance;
+        let without = self.without(current, &[own])?;
+        let mut scored = self.scan(&without)?;
+        let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
+            let blame = Blame::among([(0.0, own.target)], &self.small.mechanism);
+            return Ok((false, Vec::new(), blame));
+        };
+        let room = AS_WELL + room(mine.score);
+        scored.retain(|s| {
+            s.instance != own
+                && same_kind(&s.instance, &own)
+                && whole_pose(&s.instance).is_none()
+                && value_of(s) > value_of(&mine) - room
+        });
+        scored.sort_by(|a, b| value_of(b).total_cmp(&value_of(a)));
+        one_place_each(&mut scored);
+        let mut rivals = Vec::new();
+        let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
+        let my_value = value(current, &mine);
+        for candidate in scored.into_iter().take(self.search.refits + 4) {
+            let refit = self.with(&without, &[candidate.instance])?;
+            let sensible = refit.plausible && physical(&refit, &candidate.instance);
+            if sensible && refit.termination.converged() {
+                rivals.push((value(&refit, &candidate), candidate, refit));
+            }
+        }
+        rivals.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut better = false;
+        let mut also: Vec<(f64, Instance)> = vec![(my_value, own)];
+        if let Some((value, candidate, refit)) = rivals.first()
+            && *value > my_value + BETTER
+            && candidate.corrected <= self.search.alpha
+        {
+            found[index] = *candidate;
+            *current = refit.clone();
+            better = true;
+        }
+        also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
+        let named = found[index].instance;
+        let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
+        let blame = Blame::among(rivals.iter().copied(), &self.small.mechanism);
+        let kept = also.iter().zip(credible(&rivals));
+        let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
+        Ok((better, also.collect(), blame))
+    }
+}
+
+/// What a candidate pays: its parameters, and the time that was searched for.
+fn charge(candidate: &Scored) -> f64 {
+    let time = if candidate.family == Family::Slip { CHARGE } else { 0.0 };
+    CHARGE * candidate.width + time
+}
+
+fn value_of(candidate: &Scored) -> f64 {
+    candidate.score - charge(candidate)
+}
+
+/// Keeps the best place of each searched term at each target; best first.
+fn one_place_each(scored: &mut Vec<Scored>) {
+    let mut seen: Vec<(&str, Target)> = Vec::new();
+    scored.retain(|s| {
+        let key = (s.instance.term.info().id, s.instance.target);
+        let new = !seen.contains(&key);
+        seen.push(key);
+        new
+    });
+}
+
+/// Bad readings are rivals of bad readings of the same pose, effects of effects.
+fn same_kind(a: &Instance, b: &Instance) -> bool {
+    scored::is_data(a) == scored::is_data(b) && (!scored::is_data(a) || a.place == b.place)
+}

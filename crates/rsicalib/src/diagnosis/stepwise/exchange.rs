@@ -1,0 +1,135 @@
+//! Effects for effects: what was found first may have been half of the truth, or both halves of it.
+
+use crate::Error;
+use crate::diagnosis::options::{FEW, LEFT};
+use crate::diagnosis::score::scored::{Scored, whole_pose};
+use crate::diagnosis::stepwise::state::{BETTER, Hunt, cost, room};
+use crate::estimate::Fit;
+use crate::model::Instance;
+
+impl Hunt<'_> {
+    /// One effect for two, and two for one or two, where that explains more; true where it
+    /// does. What takes many effects to make up is not made up of pairs.
+    pub fn exchange(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        if found.len() > FEW + 1 {
+            return Ok(false);
+        }
+        let merged = self.merge_pairs(current, found)?;
+        Ok(self.find_pairs(current, found)? || merged)
+    }
+
+    /// Replaces two effects by one that explains as much, its places paid for:
+    /// the first of two may have been half of the truth.
+    fn merge_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        let (mut a, mut b, mut merged) = (0, 1, false);
+        while b < found.len() {
+            if let Some((one, fit)) =
+                self.one_for_two(current, [found[a].instance, found[b].instance])?
+            {
+                found.remove(b);
+                found[a] = one;
+                *current = fit;
+                self.rescale(current)?;
+                (a, b, merged) = (0, 1, true);
+                continue;
+            }
+            a += 1;
+            if a == b {
+                (a, b) = (0, b + 1);
+            }
+        }
+        Ok(merged)
+    }
+
+    /// The one effect that does what two do, and its fit.
+    fn one_for_two(
+        &self,
+        current: &Fit,
+        pair: [Instance; 2],
+    ) -> Result<Option<(Scored, Fit)>, Error> {
+        let without = self.without(current, &pair)?;
+        let mut scored = self.scan(&without)?;
+        let price: f64 =
+            scored.iter().filter(|s| pair.contains(&s.instance)).map(Scored::paid).sum();
+        let both = cost(&without) - cost(current) - price;
+        scored.retain(|s| {
+            !pair.contains(&s.instance)
+                && whole_pose(&s.instance).is_none()
+                && s.charged() > 0.5 * both
+                && s.corrected <= self.search.alpha
+        });
+        scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        let singles = scored.into_iter().take(self.search.refits).map(|s| [s]);
+        Ok(self.best(&without, both, singles)?.map(|([one], fit)| (one, fit)))
+    }
+
+    /// Those that gain most when refitted, if more than is needed, and their fit.
+    fn best<const N: usize>(
+        &self,
+        without: &Fit,
+        needed: f64,
+        candidates: impl Iterator<Item = [Scored; N]>,
+    ) -> Result<Option<([Scored; N], Fit)>, Error> {
+        let mut best: Option<(f64, [Scored; N], Fit)> = None;
+        for added in candidates {
+            let refit = self.with(without, &added.map(|s| s.instance))?;
+            let gain = self.gain(without, &refit, &added);
+            if gain > best.as_ref().map_or(needed, |(g, ..)| *g) {
+                best = Some((gain, added, refit));
+            }
+        }
+        Ok(best.map(|(_, added, refit)| (added, refit)))
+    }
+
+    /// Replaces one effect or two, or none where something is left, by two that explain
+    /// more: of two that hide each other neither is found before the other.
+    fn find_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        let mut exchanged = false;
+        for _ in 0..=FEW {
+            let Some((both, fit)) = self.two_for_any(current, found)? else { break };
+            let new = both.map(|s| s.instance);
+            found.retain(|s| {
+                fit.model.instances.contains(&s.instance) && !new.contains(&s.instance)
+            });
+            found.extend(both);
+            *current = fit;
+            self.rescale(current)?;
+            *current = self.look_back(current.clone(), found)?;
+            exchanged = true;
+        }
+        Ok(exchanged)
+    }
+
+    /// Two effects that replace some of those that were found, and their fit.
+    fn two_for_any(
+        &self,
+        current: &Fit,
+        found: &[Scored],
+    ) -> Result<Option<([Scored; 2], Fit)>, Error> {
+        let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > LEFT);
+        let none = (!quiet && found.len() < FEW).then_some(Vec::new());
+        let one = found.iter().filter(|_| found.len() <= FEW).map(|s| vec![*s]);
+        let two = (0..found.len()).flat_map(|b| (0..b).map(move |a| vec![found[a], found[b]]));
+        for gone in two.chain(one).chain(none) {
+            let better = self.two_for(current, &gone)?;
+            if better.is_some() {
+                return Ok(better);
+            }
+        }
+        Ok(None)
+    }
+
+    /// The two effects that do more than these do, and their fit.
+    fn two_for(&self, current: &Fit, gone: &[Scored]) -> Result<Option<([Scored; 2], Fit)>, Error> {
+        let those: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
+        let without = self.without(current, &those)?;
+        let needed = self.gain(&without, current, gone) + BETTER;
+        let mut pairs = self.pairs(&without)?;
+        pairs.retain(|p| {
+            let same = p.both.iter().all(|s| those.contains(&s.instance));
+            !same && p.charged() + room(p.score) > needed
+        });
+        pairs.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        self.best(&without, needed, pairs.iter().take(self.search.refits / 2).map(|p| p.both))
+    }
+}

@@ -1,0 +1,76 @@
+//! The look back: what is no longer needed, or does not stand out after all.
+
+use crate::Error;
+use crate::diagnosis::options::LEFT;
+use crate::diagnosis::score::candidates;
+use crate::diagnosis::score::scored::Scored;
+use crate::diagnosis::stepwise::state::{Hunt, cost};
+use crate::estimate::{Fit, fit};
+use crate::model::Instance;
+
+impl Hunt<'_> {
+    /// Drops what is no longer needed, or is part of a free shape that was added.
+    pub fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
+        let mut current = current;
+        let mut index = 0;
+        while index + 1 < found.len() {
+            let instance = found[index].instance;
+            let without = self.without(&current, &[instance])?;
+            let lost = cost(&without) - cost(&current);
+            let width = instance.width() as f64;
+            let p_value = self.judge(&current).p_value(lost.max(0.0), width);
+            let repeats = !instance.term.info().penalised
+                && candidates::has_free_shape(&current, instance.term, instance.target);
+            if repeats || p_value * 1e3 > self.search.alpha * 10.0 {
+                found.remove(index);
+                current = without;
+            } else {
+                index += 1;
+            }
+        }
+        Ok(current)
+    }
+
+    /// Drops what does not stand out against what stays unexplained.
+    ///
+    /// Where the catalogue lacks the effect, structure is left, and its crests look
+    /// like bad readings and faint effects. Then the rest is the noise that a name
+    /// must be above: scores are divided by its χ² per degree of freedom.
+    pub fn against_the_rest(
+        &mut self,
+        current: &mut Fit,
+        found: &mut Vec<Scored>,
+        poses: &mut Vec<Scored>,
+    ) -> Result<(), Error> {
+        let judge = self.judge(current);
+        if judge.lack_of_fit(current).is_none_or(|p| p > LEFT) {
+            return Ok(());
+        }
+        let rest = current.chi2 / current.dof;
+        let stands_out = |score: f64, step: &Scored| {
+            judge.p_value(score / rest, step.width) * step.places <= self.search.alpha
+        };
+        let mut kept = Vec::new();
+        for step in found.iter() {
+            let without = self.without(current, &[step.instance])?;
+            if stands_out(cost(&without) - cost(current), step) {
+                kept.push(*step);
+            }
+        }
+        let whole: Vec<Scored> =
+            poses.iter().copied().filter(|step| stands_out(step.score, step)).collect();
+        if kept.len() == found.len() && whole.len() == poses.len() {
+            return Ok(());
+        }
+        let dropped = |i: &Instance| {
+            found.iter().any(|s| s.instance == *i) && !kept.iter().any(|s| s.instance == *i)
+        };
+        let instances = current.model.instances.iter().copied().filter(|i| !dropped(i)).collect();
+        for step in poses.iter().filter(|s| !whole.contains(s)) {
+            self.small.weights[step.instance.place] = self.counts[step.instance.place];
+        }
+        (*found, *poses) = (kept, whole);
+        *current = fit(&self.small, instances, Some(current))?;
+        self.rescale(current)
+    }
+}

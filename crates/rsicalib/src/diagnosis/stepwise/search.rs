@@ -1,0 +1,186 @@
+//! A search: effects are added until nothing scores, exchanged for better ones, and looked back
+//! at; and once more where one thing is at fault alone.
+
+use crate::Error;
+use crate::diagnosis::doubt::doubt;
+use crate::diagnosis::isolation::{Alone, alone, leave_out};
+use crate::diagnosis::options::{FEW, LEFT};
+use crate::diagnosis::score::scored::{self, Family, Scored, whole_pose};
+use crate::diagnosis::stepwise::state::{Hunt, cost};
+use crate::estimate::{Fit, fit};
+use crate::mechanism::Target;
+use crate::model::Instance;
+use crate::numerics::credible_set::AS_WELL;
+use crate::screening::blame::Blame;
+
+/// One effect of a search.
+pub struct Step {
+    pub scored: Scored,
+    /// What fits as well.
+    pub also: Vec<Instance>,
+    /// Whose reading is wrong, if it is one.
+    pub blame: Blame,
+    /// The fit without it.
+    pub without: Fit,
+}
+
+/// Where a search ended.
+pub struct Pursued {
+    pub current: Fit,
+    pub found: Vec<Step>,
+    /// Poses that are wrong as a whole.
+    pub poses: Vec<Scored>,
+    /// What is wrong beside what is at fault alone.
+    pub wrong: Vec<(Scored, Blame)>,
+    pub left: Option<Scored>,
+    /// It ended because there were enough, not because nothing scored.
+    more: bool,
+}
+
+impl Pursued {
+    /// What is found but wrong readings.
+    fn effects(&self) -> impl Iterator<Item = &Step> {
+        self.found.iter().filter(|step| !scored::is_data(&step.scored.instance))
+    }
+
+    /// True where it takes jumps or wrong readings: crests of an unknown law look like them.
+    fn sudden(&self) -> bool {
+        let jumps = |step: &Step| matches!(step.scored.family, Family::Slip | Family::Bad);
+        !self.poses.is_empty() || self.found.iter().any(jumps)
+    }
+
+    /// What is left, with what is paid for what was found.
+    fn price(&self) -> f64 {
+        let wrong = self.poses.iter().chain(self.wrong.iter().map(|(scored, _)| scored));
+        let found = self.found.iter().map(|step| &step.scored);
+        cost(&self.current) + found.chain(wrong).map(Scored::paid).sum::<f64>()
+    }
+
+    /// True where what is left is noise.
+    fn quiet(&self, hunt: &Hunt) -> bool {
+        hunt.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEFT)
+    }
+
+    /// True where nothing is left, and nothing that was found is in doubt.
+    fn settled(&self, hunt: &Hunt) -> bool {
+        let (found, rises): (Vec<_>, Vec<_>) = self
+            .effects()
+            .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))
+            .unzip();
+        !self.more && self.quiet(hunt) && doubt(&hunt.small.mechanism, &found, &rises).is_none()
+    }
+}
+
+/// The search, and once more where one thing is at fault alone.
+pub fn pursue_all(hunt: &mut Hunt, start: &Fit) -> Result<(Pursued, Option<Alone>), Error> {
+    let most = hunt.search.most;
+    // One unknown law takes many effects to make up: it is looked for before them.
+    let mut open = pursue(hunt, start.clone(), most.min(FEW + 1))?;
+    let mut at_fault = None;
+    if !open.settled(hunt) {
+        let found: Vec<Instance> = open.effects().map(|step| step.scored.instance).collect();
+        at_fault = alone(&hunt.all(), start, &hunt.judge(start), &found, hunt.search)?;
+    }
+    let Some(it) = &at_fault else {
+        if open.more {
+            hunt.restart();
+            open = pursue(hunt, start.clone(), most)?;
+        }
+        return Ok((open, None));
+    };
+    let chain = matches!(it.target, Target::Chain(_));
+    let stays = (chain || open.effects().count() <= FEW) && open.quiet(hunt);
+    let weights = hunt.restart();
+    let confined = pursue_alone(hunt, start, it)?;
+    // A few effects that leave nothing give way to others that do, and cost no more; none give
+    // way to nothing.
+    let nothing = confined.quiet(hunt) && confined.effects().count() == 0;
+    let dearer = (chain || !open.sudden()) && confined.price() > open.price() + AS_WELL;
+    if nothing || (stays && (dearer || !confined.settled(hunt))) {
+        hunt.release(weights);
+        return Ok((open, at_fault));
+    }
+    Ok((confined, at_fault))
+}
+
+/// The search confined to what is at fault alone, and what is wrong beside it left out.
+fn pursue_alone(hunt: &mut Hunt, start: &Fit, it: &Alone) -> Result<Pursued, Error> {
+    hunt.only = Some(it.target);
+    let mut instances = start.model.instances.clone();
+    for (scored, _) in &it.wrong {
+        leave_out(scored, &mut hunt.small, &mut instances);
+    }
+    let start = fit(&hunt.small, instances, Some(start))?;
+    Ok(Pursued { wrong: it.wrong.clone(), ..pursue(hunt, start, hunt.search.most)? })
+}
+
+/// A search on its way.
+struct Growing {
+    current: Fit,
+    found: Vec<Scored>,
+    /// Poses that are wrong as a whole.
+    poses: Vec<Scored>,
+    /// The best that is left.
+    left: Option<Scored>,
+    /// It stands out, but there are enough.
+    more: bool,
+}
+
+/// Adds effects until nothing scores, or there are so many.
+fn grow(hunt: &mut Hunt, it: &mut Growing, most: usize) -> Result<(), Error> {
+    let Growing { current, found, poses, left, more } = it;
+    for _ in 0..=most {
+        let scored = hunt.scan(current)?;
+        *left = best_of(&scored);
+        if found.len() + poses.len() >= most {
+            *more = left.is_some_and(|left| left.corrected <= hunt.search.alpha);
+            break;
+        }
+        let Some((steps, next)) = hunt.step(current, scored)? else { break };
+        if let Some(pose) = whole_pose(&steps[0].instance) {
+            hunt.small.weights[pose] = 0.0;
+            poses.extend(steps);
+            *current = fit(&hunt.small, current.model.instances.clone(), Some(current))?;
+            hunt.rescale(current)?;
+            continue;
+        }
+        found.extend(steps);
+        *current = next;
+        hunt.rescale(current)?;
+        *current = hunt.look_back(current.clone(), found)?;
+    }
+    Ok(())
+}
+
+/// Adds effects, exchanges them for better ones, and looks back.
+fn pursue(hunt: &mut Hunt, start: Fit, most: usize) -> Result<Pursued, Error> {
+    let (found, poses) = (Vec::new(), Vec::new());
+    let mut it = Growing { current: start, found, poses, left: None, more: false };
+    grow(hunt, &mut it, most)?;
+    if hunt.exchange(&mut it.current, &mut it.found)? {
+        it.more = false;
+        grow(hunt, &mut it, most)?;
+    }
+    let Growing { mut current, mut found, mut poses, left, more } = it;
+    hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
+    // What fits as well as each effect, the others kept; and a better one, if there is.
+    let mut rivals = Vec::new();
+    for index in 0..found.len() {
+        let (better, also, blame) = hunt.alternatives(&mut current, &mut found, index)?;
+        if better {
+            hunt.rescale(&mut current)?;
+        }
+        rivals.push((also, blame));
+    }
+    let mut steps = Vec::new();
+    for (scored, (also, blame)) in found.into_iter().zip(rivals) {
+        let without = hunt.without(&current, &[scored.instance])?;
+        steps.push(Step { scored, also, blame, without });
+    }
+    Ok(Pursued { current, found: steps, poses, wrong: Vec::new(), left, more })
+}
+
+/// The candidate least likely by chance.
+fn best_of(scored: &[Scored]) -> Option<Scored> {
+    scored.iter().copied().min_by(|a, b| a.corrected.total_cmp(&b.corrected))
+}

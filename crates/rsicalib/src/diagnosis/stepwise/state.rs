@@ -1,0 +1,299 @@
+//! The moves of a search: add the best effect, drop what is no longer needed, exchange
+//! some for others, and say what fits as well.
+
+use crate::Error;
+use crate::diagnosis::isolation::belongs;
+use crate::diagnosis::options::Search;
+use crate::diagnosis::score::pairs::{self, Pair};
+use crate::diagnosis::score::scored::{self, CHARGE, Family, Judge, Scored, whole_pose};
+use crate::diagnosis::score::{candidates, scan};
+use crate::estimate::noise::source::Source;
+use crate::estimate::{Fit, Options, Session, fit};
+use crate::kinematics::steps::Weight;
+use crate::mechanism::Target;
+use crate::model::Instance;
+use crate::numerics::credible_set::AS_WELL;
+use crate::numerics::lm;
+use crate::screening::blame::Blame;
+use crate::screening::excluded::Excluded;
+use crate::terms::term::Acts;
+
+/// To this fraction of its χ² a fit of the search need be at its minimum: decisions
+/// turn on units of χ², and the answer is fitted to all digits.
+const ENOUGH: f64 = 1e-7;
+
+/// In place of another effect is named what fits better by this, in units of χ².
+pub(crate) const BETTER: f64 = 0.5;
+
+/// Scores are first order: this much refitting may change.
+pub(crate) fn room(score: f64) -> f64 {
+    4.0 + 0.15 * score
+}
+
+/// A parameter of an effect in units of its standard deviation; none where the effect
+/// is not in the model, or not to be seen.
+fn estimate_of(fit: &Fit, instance: &Instance) -> Option<f64> {
+    let k = fit.model.instances.iter().position(|i| i == instance)?;
+    let first = fit.model.first[k];
+    let variance = fit.covariance[(first, first)];
+    (variance > 0.0).then(|| fit.beta[first] / variance.sqrt())
+}
+
+/// False for a load that lifts: a joint cannot give against it, and what explains the
+/// residual so is something else.
+pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
+    !matches!(instance.term.acts(), Acts::Load(_))
+        || estimate_of(fit, instance).is_none_or(|sure| sure > 0.0)
+}
+
+/// The state of a search.
+pub struct Hunt<'a> {
+    /// One sample for each held pose.
+    pub small: Session,
+    /// The channel, closure or chain to which the search is confined.
+    pub only: Option<Target>,
+    pub search: &'a Search,
+    /// Weights of the samples before any pose was left out.
+    pub(crate) counts: Vec<f64>,
+    /// Samples of each pose.
+    samples: Vec<usize>,
+    source: Source,
+    noise_dof: f64,
+}
+
+impl<'a> Hunt<'a> {
+    pub fn new(session: &Session, fit: &Fit, search: &'a Search) -> Result<Self, Error> {
+        let mut small = session.clone();
+        let mut sigma = fit.noise.sigma.clone();
+        if session.readings.held {
+            let (readings, counts) =
+                session.readings.averaged(&session.mechanism, &session.weights)?;
+            let usual = counts.iter().copied().fold(1.0, f64::max);
+            small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
+            small.readings = readings;
+            sigma.iter_mut().for_each(|s| *s *= (fit.noise.inflation / usual).sqrt());
+        }
+        let lm = lm::Options { ftol: ENOUGH, xtol: ENOUGH, ..session.options.lm.clone() };
+        let (noise, play) = (Some(sigma), fit.noise.play);
+        small.options = Options { noise, play, lm, ..session.options.clone() };
+        let counts = small.weights.clone();
+        let samples = session.readings.rows_of_poses().iter().map(Vec::len).collect();
+        let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
+        Ok(Self { small, only: None, search, counts, samples, source, noise_dof })
+    }
+
+    pub fn judge(&self, fit: &Fit) -> Judge {
+        let residual_dof = (!self.source.independent()).then_some(fit.dof);
+        Judge { noise_dof: self.noise_dof, residual_dof }
+    }
+
+    /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,
+    /// and crests of an unknown law look like jumps.
+    pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
+        let mut scored = scan::scan(&self.small, fit, &self.judge(fit), &self.search.without)?;
+        scored.retain(|Scored { instance, family, .. }| {
+            let sudden = scored::is_data(instance) || *family == Family::Slip;
+            self.open_to(instance) && !(sudden && self.only.is_some())
+        });
+        Ok(scored)
+    }
+
+    /// Scores of two effects at once.
+    pub(crate) fn pairs(&self, fit: &Fit) -> Result<Vec<Pair>, Error> {
+        let mut named = candidates::candidates(&self.small, fit, &self.search.without);
+        named.retain(|i| !i.term.info().penalised && self.open_to(i));
+        pairs::pairs(&self.small, fit, &self.judge(fit), &named, self.search.alpha)
+    }
+
+    /// Whether this may be wrong. Where a chain is at fault alone, no one channel is to blame.
+    fn open_to(&self, instance: &Instance) -> bool {
+        let channel = matches!(instance.target, Target::Channel(_));
+        self.only.is_none_or(|only| {
+            belongs(&self.small.mechanism, instance.target, only)
+                && (instance.target == only || !channel)
+        })
+    }
+
+    /// The session with all poses.
+    pub fn all(&self) -> Session {
+        Session { weights: self.counts.clone(), ..self.small.clone() }
+    }
+
+    /// All poses count again; gives the weights that were.
+    pub fn restart(&mut self) -> Vec<f64> {
+        std::mem::replace(&mut self.small.weights, self.counts.clone())
+    }
+
+    /// Anything may be wrong again.
+    pub fn release(&mut self, weights: Vec<f64>) {
+        self.only = None;
+        self.small.weights = weights;
+    }
+
+    /// Where nothing but the fit gives the noise, it shrinks as the model grows.
+    pub fn rescale(&mut self, current: &mut Fit) -> Result<(), Error> {
+        if self.source.independent() || current.dof < 1.0 {
+            return Ok(());
+        }
+        let scale = (current.total / current.dof).sqrt();
+        if let Some(sigma) = &mut self.small.options.noise {
+            sigma.iter_mut().for_each(|s| *s *= scale);
+        }
+        self.small.options.play *= scale * scale;
+        *current = fit(&self.small, current.model.instances.clone(), Some(current))?;
+        Ok(())
+    }
+
+    /// Refits the best candidates; the best of them, if any is above chance.
+    pub fn step(
+        &self,
+        current: &Fit,
+        mut scored: Vec<Scored>,
+    ) -> Result<Option<(Vec<Scored>, Fit)>, Error> {
+        let yielding = self.yielding(current, &scored)?;
+        scored.retain(|s| s.corrected <= self.search.alpha);
+        scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        let mut best: Option<(f64, Scored, Fit)> = None;
+        for &candidate in scored.iter().take(self.search.refits) {
+            if whole_pose(&candidate.instance).is_some() {
+                if best.is_none() {
+                    let one = self.one_channel(current, &candidate, &scored)?;
+                    let (one, fit) = one.unwrap_or_else(|| (candidate, current.clone()));
+                    return Ok(Some((vec![one], fit)));
+                }
+                continue;
+            }
+            // Scores are first order; what is this far behind does not catch up.
+            let room = 4.0 + 0.25 * candidate.score;
+            if best.as_ref().is_some_and(|(gain, ..)| *gain > candidate.charged() + room) {
+                continue;
+            }
+            let refit = self.with(current, &[candidate.instance])?;
+            let gain = self.gain(current, &refit, &[candidate]);
+            if best.as_ref().is_none_or(|(g, ..)| gain > *g) {
+                best = Some((gain, candidate, refit));
+            }
+        }
+        Ok(match (best, yielding) {
+            (best, Some((gain, joints, refit)))
+                if best.as_ref().is_none_or(|(alone, ..)| gain > *alone) =>
+            {
+                Some((joints, refit))
+            }
+            (best, _) => best.map(|(_, candidate, refit)| (vec![candidate], refit)),
+        })
+    }
+
+    /// All joints that give under the links' weight, as one effect: what one joint gives
+    /// is not told without what the others do. Those that do not stand out are left out,
+    /// and those that would have to give against their load.
+    fn yielding(
+        &self,
+        current: &Fit,
+        scored: &[Scored],
+    ) -> Result<Option<(f64, Vec<Scored>, Fit)>, Error> {
+        let of_links = |s: &&Scored| matches!(s.instance.term.acts(), Acts::Load(Weight::Links));
+        let mut joints: Vec<Scored> = scored.iter().filter(of_links).copied().collect();
+        while joints.len() > 1 {
+            let mut instances = current.model.instances.clone();
+            instances.extend(joints.iter().map(|s| s.instance));
+            let refit = fit(&self.small, instances, Some(current))?;
+            let judge = self.judge(&refit);
+            let mut weakest: Option<(f64, usize)> = None;
+            for (k, joint) in joints.iter_mut().enumerate() {
+                let Some(sure) = estimate_of(&refit, &joint.instance) else { return Ok(None) };
+                // By how much χ² would rise without it, to first order; with its sign.
+                joint.score = sure * sure.abs();
+                joint.p_value = judge.p_value(joint.score.max(0.0), joint.width);
+                joint.corrected = joint.p_value * joint.places;
+                if weakest.is_none_or(|(score, _)| joint.score < score) {
+                    weakest = Some((joint.score, k));
+                }
+            }
+            match weakest {
+                Some((_, k)) if joints[k].corrected > self.search.alpha => joints.remove(k),
+                _ => {
+                    let width = current.dof - refit.dof;
+                    let searched = 2.0 * joints[0].places.ln().max(0.0);
+                    let paid = CHARGE * width + searched * joints.len() as f64;
+                    return Ok(Some((cost(current) - cost(&refit) - paid, joints, refit)));
+                }
+            };
+        }
+        Ok(None)
+    }
+
+    /// The one channel that explains as much as leaving its whole pose out does: scores are
+    /// of first order, and of a reading that is far off that is not enough.
+    fn one_channel(
+        &self,
+        current: &Fit,
+        pose: &Scored,
+        scored: &[Scored],
+    ) -> Result<Option<(Scored, Fit)>, Error> {
+        let here = |s: &&Scored| {
+            scored::is_data(&s.instance)
+                && whole_pose(&s.instance).is_none()
+                && s.instance.place == pose.instance.place
+        };
+        let mut without = self.small.clone();
+        without.weights[pose.instance.place] = 0.0;
+        let left = fit(&without, current.model.instances.clone(), Some(current))?;
+        // Several wrong readings at once are the rarer story: chance may not tell it.
+        let mut best = (self.gain(current, &left, &[*pose]) - AS_WELL, None);
+        for candidate in scored.iter().filter(here) {
+            let refit = self.with(current, &[candidate.instance])?;
+            let gain = self.gain(current, &refit, &[*candidate]);
+            if gain >= best.0 {
+                best = (gain, Some((*candidate, refit)));
+            }
+        }
+        Ok(best.1)
+    }
+
+    /// The fit with more effects.
+    pub(crate) fn with(&self, current: &Fit, more: &[Instance]) -> Result<Fit, Error> {
+        let mut instances = current.model.instances.clone();
+        instances.extend(more);
+        fit(&self.small, instances, Some(current))
+    }
+
+    /// The fit without some of its effects.
+    pub fn without(&self, current: &Fit, gone: &[Instance]) -> Result<Fit, Error> {
+        let kept = current.model.instances.iter().copied().filter(|i| !gone.contains(i));
+        fit(&self.small, kept.collect(), Some(current))
+    }
+
+    /// By how much χ² fell, the parameters and places of what was added paid for.
+    pub(crate) fn gain(&self, before: &Fit, after: &Fit, added: &[Scored]) -> f64 {
+        let sensible = after.plausible && added.iter().all(|s| physical(after, &s.instance));
+        if sensible && after.termination.converged() {
+            cost(before) - cost(after) - added.iter().map(Scored::paid).sum::<f64>()
+        } else {
+            f64::NEG_INFINITY
+        }
+    }
+
+    /// A bad reading, with the channel where it can be told, else the likeliest chain.
+    pub fn bad_reading(&self, instance: &Instance, blame: Blame) -> Excluded {
+        let samples = self.samples[instance.place];
+        let Blame { channel, chain, reason } = blame;
+        Excluded { channel, chain, ..Excluded::of(Some(instance.place), samples, reason) }
+    }
+
+    pub fn excluded(&self, step: &Scored) -> Excluded {
+        let pose = step.instance.place;
+        let reason = format!(
+            "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",
+            step.p_value
+        );
+        Excluded::of(Some(pose), self.samples[pose], reason)
+    }
+}
+
+/// χ² with what priors add to it.
+#[must_use]
+pub fn cost(fit: &Fit) -> f64 {
+    let held: f64 = fit.priors.iter().map(|p| p.off(&fit.beta).powi(2)).sum();
+    fit.total + held
+}

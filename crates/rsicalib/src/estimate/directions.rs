@@ -1,0 +1,225 @@
+//! Directions in the space of parameters that the data cannot, or hardly, tell.
+
+use faer::{Mat, Side};
+
+use crate::estimate::fit::Fit;
+use crate::estimate::session::Session;
+use crate::model::{Instance, place_name};
+use crate::terms::term::Placed;
+
+/// Directions in the space of parameters, in words.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Directions {
+    /// Those along which the data change nothing.
+    pub unobservable: Vec<String>,
+    /// Those that are known a hundred times worse than the best.
+    pub weak: Vec<String>,
+}
+
+/// Names the directions that these poses cannot, or hardly, tell.
+///
+/// Eigenvectors of the Gram matrix with unit columns; each is described by the
+/// parameters that take part, in the proportions of their own units.
+#[must_use]
+pub fn directions(session: &Session, fit: &Fit) -> Directions {
+    let names: Vec<Label> = parameter_names(session, fit)
+        .into_iter()
+        .map(|p| Label { name: format!("{} {}", p.term, p.target), unit: p.unit })
+        .collect();
+    describe(&fit.gram, &names)
+}
+
+/// What a parameter is called, and its unit.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Label {
+    pub(crate) name: String,
+    pub(crate) unit: String,
+}
+
+/// The same of a Gram matrix whose parameters have these names.
+pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
+    let n = gram.nrows();
+    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
+    let unit = unit_gram(gram, &norms);
+    let mut out = Directions::default();
+    for (k, norm) in norms.iter().enumerate() {
+        if *norm == 0.0 {
+            let name = &names[k].name;
+            out.unobservable.push(format!("{name}: the readings do not depend on it"));
+        }
+    }
+    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return out };
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    for k in 0..n {
+        let relative = values[k] / values[n - 1];
+        if relative > 1e-4 {
+            break;
+        }
+        // Per unit of data: how far each parameter moves along this direction.
+        let mut moves: Vec<(usize, f64)> =
+            (0..n).filter(|&i| norms[i] > 0.0).map(|i| (i, vectors[(i, k)])).collect();
+        moves.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        if moves.is_empty() {
+            break; // nothing depends on anything: said above
+        }
+        let largest = moves.first().map_or(1.0, |m| m.1.abs());
+        let shares: Vec<String> = moves
+            .iter()
+            .filter(|(_, v)| v.abs() > 0.2 * largest)
+            .take(6)
+            .map(|&(i, v)| {
+                let by = v / norms[i] / (moves[0].1 / norms[moves[0].0]);
+                let p = &names[i];
+                let by = match by.abs() {
+                    0.01..1e4 => format!("{by:+.3}"),
+                    _ => format!("{by:+.2e}"),
+                };
+                format!("{by} {} {}", p.unit, p.name)
+            })
+            .collect();
+        let words = shares.join(", ");
+        if relative < 1e-11 {
+            out.unobservable.push(format!("together: {words}"));
+        } else {
+            let i = moves[0].0;
+            let far = 2.0 * (moves[0].1 / norms[i]).abs() / values[k].sqrt();
+            let p = &names[i];
+            out.weak.push(format!(
+                "{words}: {} may be off by {:.2e} {} (2 sd) and the rest with it",
+                p.name, far, p.unit
+            ));
+        }
+    }
+    out.weak.truncate(5);
+    out
+}
+
+fn unit_gram(gram: &Mat<f64>, norms: &[f64]) -> Mat<f64> {
+    let n = norms.len();
+    Mat::from_fn(n, n, |i, j| {
+        let norm = norms[i] * norms[j];
+        if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
+    })
+}
+
+/// Condition number of the whitened Jacobian with unit columns, offsets at reading zero.
+#[must_use]
+pub fn uncentred_condition(fit: &Fit) -> f64 {
+    let n = fit.gram.nrows();
+    // X_uncentred = X T: the gain column gains the centre times the offset column.
+    let mut map = Mat::<f64>::identity(n, n);
+    for (c, scale) in fit.model.scales.iter().enumerate() {
+        if let (Some(offset), Some(gain)) =
+            (fit.model.column("offset", c), fit.model.column("gain", c))
+        {
+            map[(offset, gain)] = scale.centre;
+        }
+    }
+    let gram = map.transpose() * &fit.gram * &map;
+    crate::numerics::symmetric::invert(&gram).2
+}
+
+/// An estimated parameter.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct ParameterReport {
+    /// Id of its term.
+    pub term: String,
+    /// What it belongs to.
+    pub target: String,
+    /// Where a searched term acts.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub place: Option<String>,
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Standard deviation; none where these poses cannot determine it.
+    pub sd: Option<f64>,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// Values and covariance as they are reported: offsets at reading zero, gains
+/// absolute, everything else as in the model.
+///
+/// ```text
+/// θ_off = θ0 + p_off - (k0 + p_gain) a_c,    k = k0 + p_gain
+/// ```
+#[must_use]
+pub fn reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
+    let model = &fit.model;
+    let n = model.parameters;
+    let mut values = fit.beta.clone();
+    let mut map = Mat::<f64>::identity(n, n);
+    for (c, scale) in model.scales.iter().enumerate() {
+        let gain = model.column("gain", c);
+        let slope = gain.map_or(0.0, |g| fit.beta[g]) + scale.gain;
+        if let Some(offset) = model.column("offset", c) {
+            values[offset] = fit.beta[offset] + scale.angle - slope * scale.centre;
+            if let Some(gain) = gain {
+                map[(offset, gain)] = -scale.centre;
+            }
+        }
+        if let Some(gain) = gain {
+            values[gain] = slope;
+        }
+    }
+    let covariance = &map * &fit.covariance * map.transpose();
+    (values, covariance)
+}
+
+/// Name, target and unit of every parameter, in order; values and deviations empty.
+#[must_use]
+pub fn parameter_names(session: &Session, fit: &Fit) -> Vec<ParameterReport> {
+    let mechanism = &session.mechanism;
+    let mut names = Vec::new();
+    for instance in &fit.model.instances {
+        for parameter in instance.term.info().parameters {
+            names.push(ParameterReport {
+                term: instance.term.info().id.into(),
+                target: instance.target.name(mechanism),
+                place: place(session, instance),
+                name: parameter.name.into(),
+                value: f64::NAN,
+                sd: None,
+                unit: unit(session, instance, parameter.unit),
+            });
+        }
+    }
+    for point in &fit.model.unknown_names {
+        for axis in ["x", "y", "z"] {
+            names.push(ParameterReport {
+                term: "unknown_point".into(),
+                target: point.clone(),
+                place: None,
+                name: axis.into(),
+                value: f64::NAN,
+                sd: None,
+                unit: mechanism.length_unit.clone(),
+            });
+        }
+    }
+    names
+}
+
+/// The place of a term that has several, as users call it.
+#[must_use]
+pub fn place(session: &Session, instance: &Instance) -> Option<String> {
+    let bound = session.readings.sessions > 1 && crate::model::bound_to_session(instance.term);
+    (bound || instance.term.placed() != Placed::Once)
+        .then(|| place_name(instance.term, &session.mechanism, &session.readings, instance.place))
+}
+
+/// A unit with the mechanism's and the channel's own put in.
+#[must_use]
+pub fn unit(session: &Session, instance: &Instance, unit: &str) -> String {
+    let reading = match instance.target {
+        crate::Target::Channel(c) => session.mechanism.channels[c].unit.as_str(),
+        _ => "reading",
+    };
+    let slides =
+        matches!(instance.target, crate::Target::Channel(c) if session.mechanism.slides(c));
+    let unit = if slides { unit.replace("rad", "length") } else { unit.into() };
+    unit.replace("reading", reading).replace("length", &session.mechanism.length_unit)
+}

@@ -1,0 +1,297 @@
+//! The answer: estimates, covariance, lack of fit, why it stopped.
+
+use faer::Mat;
+
+use crate::Error;
+use crate::estimate::algebraic::Algebraic;
+use crate::estimate::implicit::{Implicit, Residuals};
+use crate::estimate::noise::scatter::Groups;
+use crate::estimate::noise::source::{
+    NoiseEstimate, Source, estimate_noise, first_noise, told_apart,
+};
+use crate::estimate::objective::{Noise, Part};
+use crate::estimate::options::Method;
+use crate::estimate::search::{self, Start, Try};
+use crate::estimate::session::Session;
+use crate::estimate::start;
+use crate::model::{Instance, Model, Prior};
+use crate::numerics::distributions;
+use crate::numerics::linearization::Problem;
+use crate::numerics::lm::{self, Termination};
+use crate::numerics::symmetric::invert;
+
+/// A fitted model.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The model.
+    pub model: Model,
+    /// Its parameters.
+    pub beta: Vec<f64>,
+    /// What was known of them without readings.
+    pub priors: Vec<Prior>,
+    /// The noise.
+    pub noise: NoiseEstimate,
+    /// `Xᵀ S⁻¹ X` and priors, in units of the estimated noise.
+    pub gram: Mat<f64>,
+    /// Covariance of the parameters; pseudo-inverse where directions are unobservable.
+    pub covariance: Mat<f64>,
+    /// Parameters that take part in an unobservable direction.
+    pub unknowable: Vec<bool>,
+    /// χ² between poses.
+    pub chi2: f64,
+    /// Its degrees of freedom.
+    pub dof: f64,
+    /// Degrees of freedom within poses, which gave the noise.
+    pub within: f64,
+    /// Probability of a larger χ²; none where nothing but the fit gives the noise.
+    pub p_value: Option<f64>,
+    /// χ² of all samples.
+    pub total: f64,
+    /// Root mean square error of the closures, in length units.
+    pub rms_misclosure: f64,
+    /// Condition number, unit columns.
+    pub condition: f64,
+    /// Why the search ended.
+    pub termination: Termination,
+    /// Linearisations made.
+    pub iterations: usize,
+    /// Starts that were tried.
+    pub starts: Vec<Try>,
+    /// Whitened residuals and their derivatives.
+    pub residuals: Residuals,
+    /// Readings without their noise, row by row.
+    pub adjusted: Vec<f64>,
+    /// True where every joint still moves.
+    pub plausible: bool,
+    /// What looks wrong with the wiring.
+    pub warnings: Vec<String>,
+}
+
+/// Fits these instances, from a start of their own or from an earlier fit.
+///
+/// # Errors
+///
+/// [`Error::TooFew`] where there are fewer equations than parameters.
+pub fn fit(session: &Session, instances: Vec<Instance>, from: Option<&Fit>) -> Result<Fit, Error> {
+    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
+    let priors = model.priors();
+    let equations = model.equations() * session.weights.iter().filter(|w| **w > 0.0).count();
+    if equations + priors.len() < model.parameters {
+        return Err(Error::TooFew {
+            parameters: model.parameters,
+            equations,
+            poses: session.readings.poses(),
+        });
+    }
+    let guess = first_noise(session, from.map(Fit::assumed));
+    let start = match from {
+        Some(fit) => Start {
+            beta: carry_over(fit, &model),
+            tries: fit.starts.clone(),
+            warnings: fit.warnings.clone(),
+        },
+        None => begin(session, &model, &guess),
+    };
+    solve(session, model, priors, start, guess)
+}
+
+/// The parameters of an earlier fit, where the new model has them too.
+#[must_use]
+pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
+    let mut beta = model.nominal();
+    for (instance, &first) in model.instances.iter().zip(&model.first) {
+        if let Some(k) = fit.model.instances.iter().position(|i| i == instance) {
+            let old = fit.model.first[k];
+            beta[first..first + instance.width()]
+                .copy_from_slice(&fit.beta[old..old + instance.width()]);
+        }
+    }
+    let (old, new) = (fit.model.term_parameters, model.term_parameters);
+    if fit.model.unknown_names == model.unknown_names {
+        beta[new..].copy_from_slice(&fit.beta[old..]);
+    }
+    beta
+}
+
+/// A start by the algebraic fit, unknown points by where the chains touch them.
+fn begin(session: &Session, model: &Model, noise: &Noise) -> Start {
+    if model.unknown_names.is_empty() {
+        return start::search(session, model, noise);
+    }
+    let mut beta = search::anchored(session, model, &vec![1.0; model.scales.len()]);
+    model.place_unknowns(&session.readings, &mut beta);
+    Start { beta, ..Start::default() }
+}
+
+/// Fits at the most, each with the noise that the one before found.
+const ROUNDS: usize = 4;
+
+/// True where two noises differ in scale alone, as far as it matters.
+fn proportional(a: &Noise, b: &Noise) -> bool {
+    let scale = a.sigma[0] / b.sigma[0];
+    let same = |x: f64, y: f64| (x - scale * y).abs() <= 0.01 * x.abs();
+    a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y)) && same(a.play.sqrt(), b.play.sqrt())
+}
+
+fn solve(
+    session: &Session,
+    model: Model,
+    priors: Vec<Prior>,
+    start: Start,
+    mut noise: Noise,
+) -> Result<Fit, Error> {
+    let held = match &session.held {
+        Some((mechanism, readings)) => Some((Model::like(&model, mechanism, readings)?, readings)),
+        None => None,
+    };
+    let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
+    let mut beta = start.beta.clone();
+    let groups = Groups::of(&session.readings, &session.weights);
+    let declared = session.options.noise.is_some()
+        || session.mechanism.channels.iter().all(|c| c.noise.is_some());
+    let mut apart = 0;
+    let mut answer = None;
+    for round in 0..ROUNDS {
+        let mut parts = vec![(part, noise.clone())];
+        if let Some((model, readings)) = &held {
+            parts.push((Part { model, readings, weights: None }, noise.clone()));
+        }
+        let problem = Implicit::new(parts, &priors);
+        let outcome = match session.options.method {
+            Method::ImplicitLoop => lm::minimize(&problem, &beta, &session.options.lm),
+            Method::Algebraic => {
+                let paper =
+                    lm::minimize(&Algebraic::new(part, &priors), &beta, &session.options.lm);
+                lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
+            }
+        };
+        beta.clone_from(&outcome.x);
+        let residuals = problem.residuals(&beta, false);
+        if !declared && round + 1 < ROUNDS {
+            let (wanted, count) = told_apart(session, &groups, &residuals, &noise);
+            apart = count;
+            if !proportional(&wanted, &noise) {
+                noise = wanted;
+                continue;
+            }
+        }
+        let estimate = estimate_noise(session, &groups, &residuals, &noise, declared, beta.len());
+        let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
+        let scale = estimate.sigma[0] / noise.sigma[0];
+        let adjusted = problem.adjusted();
+        answer = Some((outcome, residuals, estimate.clone(), scale, adjusted));
+        let sensitive = !priors.is_empty() || held.is_some();
+        if (scale - 1.0).abs() < 1e-3 || !sensitive {
+            break;
+        }
+        noise = Noise { sigma: estimate.sigma, play: estimate.play };
+    }
+    let Some((outcome, residuals, noise, scale, adjusted)) = answer else {
+        return Err(Error::Empty("no fit".into()));
+    };
+    Ok(conclude(session, model, priors, outcome, residuals, noise, scale, adjusted, start, &groups))
+}
+
+#[expect(clippy::too_many_arguments, reason = "the last step gathers what the others made")]
+fn conclude(
+    session: &Session,
+    model: Model,
+    priors: Vec<Prior>,
+    outcome: lm::Outcome,
+    mut residuals: Residuals,
+    noise: NoiseEstimate,
+    scale: f64,
+    adjusted: Vec<f64>,
+    start: Start,
+    groups: &Groups,
+) -> Fit {
+    // From the noise that the fit used to the noise that it found.
+    for values in [&mut residuals.whitened, &mut residuals.by_reading] {
+        values.iter_mut().for_each(|v| *v /= scale);
+    }
+    let gram = outcome.linearization.gram();
+    let n = gram.nrows();
+    let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
+
+    let k = residuals.equations;
+    let live: Vec<usize> =
+        (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
+    let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
+    let total: f64 = live.iter().map(of).sum();
+    let (inverse, unknowable, condition) = invert(&gram);
+    let (mut chi2, mut dof) =
+        (total, (live.len() * k) as f64 - free_parameters(&inverse, &priors, &outcome.x));
+    let mut within = 0.0;
+    if matches!(
+        noise.source,
+        Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
+    ) {
+        let scatter = groups.scatter(&residuals, 0.0);
+        chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
+        within = scatter.dof;
+        dof -= within;
+    }
+    let p_value = (noise.source.independent() && dof >= 1.0)
+        .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof));
+
+    // What is left and is no noise of the samples moved the estimates as well.
+    let left = if p_value.is_some_and(|p| p < LEFT) { (chi2 / dof).max(1.0) } else { 1.0 };
+    let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise.slow * left);
+    let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
+    let rms_misclosure =
+        (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
+    let plausible = !search::collapsed(&model, &outcome.x);
+    Fit {
+        model,
+        beta: outcome.x,
+        priors,
+        noise,
+        gram,
+        covariance,
+        unknowable,
+        chi2,
+        dof,
+        within,
+        p_value,
+        total,
+        rms_misclosure,
+        condition,
+        termination: outcome.termination,
+        iterations: outcome.iterations,
+        starts: start.tries,
+        residuals,
+        adjusted,
+        plausible,
+        warnings: start.warnings,
+    }
+}
+
+/// A residual that chance exceeds less often than this widens the intervals.
+const LEFT: f64 = 0.01;
+
+impl Fit {
+    /// The noise that it assumed.
+    #[must_use]
+    pub fn assumed(&self) -> Noise {
+        Noise { sigma: self.noise.sigma.clone(), play: self.noise.play }
+    }
+
+    /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.
+    #[must_use]
+    pub fn inverse(&self) -> Mat<f64> {
+        invert(&self.gram).0
+    }
+}
+
+/// Parameters that the data pay for: priors take part of those they hold, of whose
+/// Gram matrix, priors included, this is the inverse.
+#[must_use]
+pub fn free_parameters(inverse: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
+    let n = inverse.nrows();
+    let held = |prior: &Prior| -> f64 {
+        let slopes = prior.slopes(x);
+        let pairs = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
+        pairs.map(|((i, a), (j, b))| a * inverse[(*i, *j)] * b).sum()
+    };
+    n as f64 - priors.iter().map(held).sum::<f64>()
+}

@@ -1,0 +1,208 @@
+//! The maximum-likelihood objective (51), with priors.
+
+use std::sync::Mutex;
+
+use crate::estimate::objective::{Noise, Part, add_priors};
+use crate::estimate::settle::Room;
+use crate::model::{Prior, Want};
+use crate::numerics::lanes::{Lanes, dispatch};
+use crate::numerics::linearization::{Linearization, Problem};
+use crate::numerics::lock::lock;
+use crate::numerics::normal_equations::{Sums, Total, over_chunks};
+
+/// The maximum-likelihood objective (51), with priors.
+#[derive(Debug)]
+pub struct Implicit<'a> {
+    parts: Vec<(Part<'a>, Noise)>,
+    priors: &'a [Prior],
+    /// `â` of every part, kept from one linearisation to the next.
+    adjusted: Mutex<Vec<Vec<Lanes>>>,
+}
+
+/// Residuals at a solution, sample by sample.
+#[derive(Debug, Clone, Default)]
+pub struct Residuals {
+    /// Equations of one sample.
+    pub equations: usize,
+    /// `L⁻¹ w`, sample by sample: standard normal if the model is right.
+    pub whitened: Vec<f64>,
+    /// Misclosure of the raw readings, in length units, sample by sample.
+    pub lengths: Vec<f64>,
+    /// `L⁻¹ A`, sample by sample, equation by equation, one per channel.
+    pub by_reading: Vec<f64>,
+    /// `L⁻¹ X`, sample by sample, equation by equation, one per parameter; if asked for.
+    pub by_parameter: Vec<f64>,
+    /// Iterations of (52) that the slowest block needed; [`INNER`] where one did not settle.
+    pub inner: usize,
+}
+
+impl<'a> Implicit<'a> {
+    /// Of readings under a model, with their noise; `rest` parts share the parameters.
+    #[must_use]
+    pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
+        let raw = |part: &Part| {
+            (0..part.readings.blocks().len())
+                .flat_map(|b| part.readings.raw(b).to_vec())
+                .collect::<Vec<_>>()
+        };
+        let adjusted = Mutex::new(parts.iter().map(|(part, _)| raw(part)).collect());
+        Self { parts, priors, adjusted }
+    }
+
+    /// Residuals of the first part at `x`; `by_parameter` only where asked for.
+    #[must_use]
+    pub fn residuals(&self, x: &[f64], by_parameter: bool) -> Residuals {
+        let (part, noise) = &self.parts[0];
+        let (model, readings) = (part.model, part.readings);
+        let (k, c, p) = (model.equations(), readings.channels, model.parameters);
+        let lengths = model.lengths();
+        let mut out = Residuals {
+            equations: k,
+            whitened: vec![0.0; readings.samples * k],
+            lengths: vec![0.0; readings.samples * k],
+            by_reading: vec![0.0; readings.samples * k * c],
+            by_parameter: if by_parameter {
+                vec![0.0; readings.samples * k * p]
+            } else {
+                Vec::new()
+            },
+            inner: 0,
+        };
+        let mut adjusted = lock(&self.adjusted);
+        let mut room = Room::new(model, noise);
+        for block in 0..readings.blocks().len() {
+            let a_hat = &mut adjusted[0][block * c..(block + 1) * c];
+            let raw = readings.raw(block);
+            let meta = &readings.blocks()[block];
+            let bare = Want { x: false, a: false };
+            model.evaluate(readings, block, raw, x, bare, &mut room.ws);
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                for (e, length) in lengths.iter().enumerate() {
+                    out.lengths[row * k + e] = room.ws.f[e].0[lane] * length;
+                }
+            }
+            out.inner = out.inner.max(room.settle(part, block, x, a_hat, by_parameter));
+            room.whiten_readings();
+            let weight = part.weight(block);
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                let weight = weight.0[lane];
+                for e in 0..k {
+                    out.whitened[row * k + e] = room.w[e].0[lane] * weight;
+                }
+                for (i, value) in room.ws.a.iter().enumerate() {
+                    out.by_reading[row * k * c + i] = value.0[lane] * weight;
+                }
+                if by_parameter {
+                    for (e, x) in room.ws.x.chunks_exact(model.width()).enumerate() {
+                        for (column, value) in model.columns()[meta.group].iter().zip(x) {
+                            out.by_parameter[(row * k + e) * p + column] = value.0[lane] * weight;
+                        }
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// Readings of one block without their noise, at `x`.
+    #[must_use]
+    pub fn settled(&self, block: usize, x: &[f64]) -> Vec<Lanes> {
+        let (part, noise) = &self.parts[0];
+        let mut a_hat = part.readings.raw(block).to_vec();
+        Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false);
+        a_hat
+    }
+
+    /// Readings without their noise, row by row, as of the last linearisation.
+    #[must_use]
+    pub fn adjusted(&self) -> Vec<f64> {
+        let (part, _) = &self.parts[0];
+        let c = part.readings.channels;
+        let adjusted = lock(&self.adjusted);
+        let mut out = vec![0.0; part.readings.samples * c];
+        for (block, meta) in part.readings.blocks().iter().enumerate() {
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                for channel in 0..c {
+                    out[row * c + channel] = adjusted[0][block * c + channel].0[lane];
+                }
+            }
+        }
+        out
+    }
+}
+
+impl Implicit<'_> {
+    /// Visits every block of the first part at `x`: its group, whitened misclosure and
+    /// whitened `X`, equation by equation, both weighted, in the order of the blocks.
+    pub(crate) fn sweep<S: Send>(
+        &self,
+        x: &[f64],
+        zero: impl Fn() -> S + Sync,
+        visit: impl Fn(&mut S, usize, &[Lanes], &[Lanes]) + Sync,
+        merge: impl FnMut(&mut S, S),
+    ) -> Option<S> {
+        let (part, noise) = &self.parts[0];
+        let channels = part.readings.channels;
+        let mut adjusted = lock(&self.adjusted);
+        let one = |first: usize, chunk: &mut [Lanes]| {
+            dispatch(
+                #[inline(always)]
+                || {
+                    let mut room = Room::new(part.model, noise);
+                    let mut sums = zero();
+                    for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
+                        room.settle(part, first + i, x, a_hat, true);
+                        let weight = part.weight(first + i);
+                        for value in room.ws.x.iter_mut().chain(&mut room.w) {
+                            *value = *value * weight;
+                        }
+                        let group = part.readings.blocks()[first + i].group;
+                        visit(&mut sums, group, &room.w, &room.ws.x);
+                    }
+                    sums
+                },
+            )
+        };
+        over_chunks(&mut adjusted[0], channels, one, merge)
+    }
+}
+
+impl Problem for Implicit<'_> {
+    fn parameters(&self) -> usize {
+        self.parts[0].0.model.parameters
+    }
+
+    fn linearize(&self, x: &[f64]) -> Linearization {
+        let mut total = Total::new(self.parameters());
+        let mut adjusted = lock(&self.adjusted);
+        for ((part, noise), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
+            let (model, readings, channels) = (part.model, part.readings, part.readings.channels);
+            let one = |first: usize, chunk: &mut [Lanes]| {
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        let mut room = Room::new(model, noise);
+                        let mut sums = Sums::new(model.term_parameters, model.width());
+                        for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
+                            let block = first + i;
+                            room.settle(part, block, x, a_hat, true);
+                            let weight = part.weight(block);
+                            for value in room.ws.x.iter_mut().chain(&mut room.w) {
+                                *value = *value * weight;
+                            }
+                            let group = readings.blocks()[block].group;
+                            sums.add(group, &room.w, &room.ws.x);
+                        }
+                        sums
+                    },
+                )
+            };
+            if let Some(sums) = over_chunks(adjusted, channels, one, |a, b| a.merge(&b)) {
+                total.add(&sums, model.columns());
+            }
+        }
+        let mut here = total.finish();
+        add_priors(&mut here, self.priors, self.parts[0].0.model, x);
+        here
+    }
+}

@@ -1,0 +1,22 @@
+//! Estimation: a session of readings, its objective, starts, noise and fit.
+
+mod algebraic;
+pub mod directions;
+mod fit;
+mod implicit;
+pub mod noise;
+mod objective;
+mod options;
+pub mod paper;
+pub mod search;
+mod session;
+mod settle;
+pub mod start;
+mod wiring;
+
+pub use algebraic::Algebraic;
+pub use fit::{Fit, carry_over, fit, free_parameters};
+pub use implicit::{Implicit, Residuals};
+pub use objective::{Noise, Part};
+pub use options::{Method, Options};
+pub use session::{Anchor, Session};

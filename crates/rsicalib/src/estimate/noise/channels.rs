@@ -1,0 +1,416 @@
+//! Channels that are noisier than the others, or quieter.
+//!
+//! The misclosure of a sample has the covariance `V = v₀ B + Σ_c v_c b_c b_cᵀ`, where `b_c`
+//! is its derivative by channel `c`, `v_c` the variance of a channel that stands apart,
+//! and `B` what the others and the play of the closures give at unit scale. Within a group
+//! of `n` samples it shows as products `W` with `ν = n - o` degrees of freedom, so that
+//! (restricted) maximum likelihood has, for `V' = ∂V/∂v`,
+//!
+//! ```text
+//! g = ½ Σ tr V⁻¹ V'_i V⁻¹ (W - ν V),    I = ½ Σ ν tr V⁻¹ V'_i V⁻¹ V'_j     (65)
+//! ```
+//!
+//! Channels are alike until `g² / I` says otherwise, then stand apart one by one.
+
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+
+use crate::estimate::implicit::Residuals;
+use crate::estimate::noise::scatter::Groups;
+use crate::estimate::objective::Noise;
+use crate::numerics::distributions;
+
+/// Probability of setting a channel apart where all are alike.
+const ALPHA: f64 = 1e-3;
+
+/// So many groups are enough to tell.
+const MOST: usize = 400;
+
+/// One in so many groups may be strange without setting a channel apart: a bad sample
+/// is not a noisy channel.
+const STRANGE: usize = 10;
+
+/// Probability that any group of sound samples is taken for a gross one.
+const GROSS: f64 = 1e-4;
+
+/// More than one in so many groups are not gross: that is how they scatter.
+const FEW: usize = 4;
+
+/// Score, in standard deviations, that must be left without the strange groups.
+const WITHOUT: f64 = 1.5;
+
+/// What is declared or presumed of the noise, up to a common scale, and its least variances.
+#[derive(Debug, Clone)]
+pub struct Alike {
+    /// Where no channel stands apart.
+    pub noise: Noise,
+    /// Variance of the rounding of each channel.
+    pub floor: Vec<f64>,
+}
+
+/// Standard deviations channel by channel, and how many channels stand apart; none where
+/// all are alike. `share` of the degrees of freedom are independent.
+#[must_use]
+pub fn by_channel(
+    groups: &Groups,
+    residuals: &Residuals,
+    used: &Noise,
+    alike: &Alike,
+    share: f64,
+) -> Option<(Noise, usize)> {
+    let seen = Seen::of(groups, residuals, used, alike);
+    let channels = alike.noise.sigma.len();
+    let limit = -distributions::normal_quantile(0.5 * ALPHA / channels as f64);
+    let mut variances = Variances::new(channels);
+    loop {
+        variances.settle(&seen)?;
+        let scores = seen.scores(&variances)?;
+        let sure = |c: &usize| {
+            let (all, rest) = scores[*c];
+            (all * share.sqrt()).abs() > limit && all * rest > 0.0 && rest.abs() > WITHOUT
+        };
+        let found = (0..channels)
+            .filter(|c| variances.own[*c].is_none())
+            .filter(sure)
+            .max_by(|a, b| scores[*a].0.abs().total_cmp(&scores[*b].0.abs()));
+        match found {
+            // One channel less than there are says it all.
+            Some(c) if variances.apart() + 1 < channels => {
+                variances.own[c] = Some(variances.common * seen.unit(c));
+            }
+            _ => break,
+        }
+    }
+    let apart = variances.apart();
+    (apart > 0).then(|| (variances.noise(alike), apart))
+}
+
+/// Common scale, and the variance of each channel that stands apart.
+#[derive(Debug, Clone)]
+struct Variances {
+    common: f64,
+    own: Vec<Option<f64>>,
+}
+
+impl Variances {
+    fn new(channels: usize) -> Self {
+        Self { common: 1.0, own: vec![None; channels] }
+    }
+
+    fn apart(&self) -> usize {
+        self.own.iter().flatten().count()
+    }
+
+    /// The columns of [`Sums`] that belong to it: the scale, then channels that stand apart.
+    fn columns(&self) -> Vec<usize> {
+        let own = (0..self.own.len()).filter(|c| self.own[*c].is_some()).map(|c| c + 1);
+        std::iter::once(0).chain(own).collect()
+    }
+
+    /// Maximum likelihood by scoring, no variance below its rounding.
+    fn settle(&mut self, seen: &Seen) -> Option<()> {
+        for _ in 0..60 {
+            let sums = seen.sums(self)?;
+            let columns = self.columns();
+            let step = sums.solve(&columns, |i| sums.gradient[columns[i]])?;
+            let mut moved: f64 = 0.0;
+            for (&column, step) in columns.iter().zip(step) {
+                let (value, floor) = match column {
+                    0 => (&mut self.common, seen.common_floor),
+                    c => (self.own[c - 1].as_mut()?, seen.floor[c - 1]),
+                };
+                let next = (*value + step).clamp(0.25 * *value, 4.0 * *value).max(floor);
+                moved = moved.max((next / *value - 1.0).abs());
+                *value = next;
+            }
+            if moved < 1e-5 {
+                break;
+            }
+        }
+        self.common.is_finite().then_some(())
+    }
+
+    fn noise(&self, alike: &Alike) -> Noise {
+        let unit = alike.noise.sigma.iter().map(|s| s * self.common.sqrt());
+        let sigma = unit.zip(&self.own).map(|(s, own)| own.map_or(s, f64::sqrt)).collect();
+        Noise { sigma, play: alike.noise.play * self.common }
+    }
+}
+
+/// One group of rows: what it scatters by, and how noise reaches it.
+struct Group {
+    /// `W`.
+    products: Mat<f64>,
+    /// `ν`.
+    free: f64,
+    /// `b`, equations by channels.
+    columns: Mat<f64>,
+    /// What play adds at unit scale.
+    play: Mat<f64>,
+}
+
+/// Groups without those that scatter as only bad samples do, if these are few: one bad
+/// sample makes all other channels look quiet.
+fn without_gross(groups: Vec<Group>, equations: usize) -> Vec<Group> {
+    let dof = |g: &Group| g.free * equations as f64;
+    let size = |g: &Group| (0..equations).map(|i| g.products[(i, i)]).sum::<f64>();
+    let mut sizes: Vec<f64> =
+        groups.iter().map(|g| size(g) / distributions::chi2_quantile(0.5, dof(g))).collect();
+    sizes.sort_by(f64::total_cmp);
+    let usual = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    let chance = GROSS / groups.len().max(1) as f64;
+    let sound = |g: &Group| size(g) <= usual * distributions::chi2_quantile(chance, dof(g));
+    let gross = groups.iter().filter(|g| !sound(g)).count();
+    if gross * FEW > groups.len() {
+        return groups;
+    }
+    groups.into_iter().filter(sound).collect()
+}
+
+/// The groups that are looked at.
+struct Seen {
+    groups: Vec<Group>,
+    /// Variance of each channel at unit scale.
+    units: Vec<f64>,
+    floor: Vec<f64>,
+    common_floor: f64,
+}
+
+impl Seen {
+    fn of(groups: &Groups, residuals: &Residuals, used: &Noise, alike: &Alike) -> Self {
+        let k = residuals.equations;
+        let channels = alike.noise.sigma.len();
+        let of_group = |rows: &Vec<usize>| {
+            let mut left = Mat::<f64>::zeros(rows.len(), k);
+            let mut one = Vec::with_capacity(rows.len());
+            for e in 0..k {
+                one.clear();
+                one.extend(rows.iter().map(|r| residuals.whitened[r * k + e]));
+                crate::estimate::noise::scatter::detrend(&mut one, groups.order);
+                one.iter().enumerate().for_each(|(i, value)| left[(i, e)] = *value);
+            }
+            let row = rows[rows.len() / 2];
+            let columns = Mat::from_fn(k, channels, |e, c| {
+                residuals.by_reading[(row * k + e) * channels + c]
+            });
+            // Whitened, what the readings and the play give is one.
+            let play = Mat::from_fn(k, k, |i, j| {
+                let read = (0..channels)
+                    .map(|c| columns[(i, c)] * columns[(j, c)] * used.sigma[c].powi(2))
+                    .sum::<f64>();
+                (f64::from(u8::from(i == j)) - read) * alike.noise.play / used.play
+            });
+            let free = (rows.len() - groups.order) as f64;
+            Group { products: left.transpose() * &left, free, columns, play }
+        };
+        let useful: Vec<&Vec<usize>> =
+            groups.rows.iter().filter(|r| r.len() > groups.order).collect();
+        let step = useful.len().div_ceil(MOST).max(1);
+        let looked: Vec<Group> = useful.into_iter().step_by(step).map(of_group).collect();
+        let units: Vec<f64> = alike.noise.sigma.iter().map(|s| s * s).collect();
+        let least = alike.floor.iter().zip(&units).map(|(f, u)| f / u);
+        Self {
+            groups: without_gross(looked, k),
+            common_floor: least.fold(1e-12, f64::max),
+            floor: alike.floor.clone(),
+            units,
+        }
+    }
+
+    fn unit(&self, channel: usize) -> f64 {
+        self.units[channel]
+    }
+
+    /// Eq. (65), summed over the groups.
+    fn sums(&self, at: &Variances) -> Option<Sums> {
+        let mut sums = Sums::new(self.units.len() + 1);
+        for group in &self.groups {
+            sums.add(&self.of_group(group, at)?);
+        }
+        Some(sums)
+    }
+
+    /// Eq. (65) of one group: by the common scale, then by each channel's own variance.
+    fn of_group(&self, group: &Group, at: &Variances) -> Option<Sums> {
+        let (k, channels) = (group.columns.nrows(), self.units.len());
+        let b = &group.columns;
+        let mut scale = group.play.clone();
+        let mut own = Mat::<f64>::zeros(k, k);
+        for c in 0..channels {
+            let (into, variance) = match at.own[c] {
+                Some(variance) => (&mut own, variance),
+                None => (&mut scale, self.units[c]),
+            };
+            for i in 0..k {
+                for j in 0..k {
+                    into[(i, j)] += variance * b[(i, c)] * b[(j, c)];
+                }
+            }
+        }
+        let v = &own + faer::Scale(at.common) * &scale;
+        let factor = v.llt(Side::Lower).ok()?;
+        let solve = |m: &Mat<f64>| factor.solve(m);
+        let e = solve(b);
+        let t = solve(&scale);
+        let w = solve(&group.products);
+        // V⁻¹ (W - ν V) V⁻¹ against each derivative.
+        let excess = Mat::from_fn(k, k, |i, j| w[(i, j)] - if i == j { group.free } else { 0.0 });
+        let mut out = Sums::new(channels + 1);
+        let product = |a: &Mat<f64>, b: &Mat<f64>| -> f64 {
+            (0..k)
+                .flat_map(|i| (0..k).map(move |j| (i, j)))
+                .map(|(i, j)| a[(i, j)] * b[(j, i)])
+                .sum()
+        };
+        out.gradient[0] = 0.5 * product(&excess, &t);
+        out.information[(0, 0)] = 0.5 * group.free * product(&t, &t);
+        let inner = b.transpose() * &e;
+        // bᵀ V⁻¹ (W - ν V) V⁻¹ b, and bᵀ V⁻¹ V' V⁻¹ b.
+        let across = (e.transpose() * &group.products) * &e;
+        let along = (e.transpose() * &scale) * &e;
+        for c in 0..channels {
+            out.gradient[c + 1] = 0.5 * (across[(c, c)] - group.free * inner[(c, c)]);
+            out.information[(0, c + 1)] = 0.5 * group.free * along[(c, c)];
+            out.information[(c + 1, 0)] = out.information[(0, c + 1)];
+            for d in 0..channels {
+                out.information[(c + 1, d + 1)] = 0.5 * group.free * inner[(c, d)].powi(2);
+            }
+        }
+        Some(out)
+    }
+
+    /// For each channel, the score of its own variance in standard deviations: of all
+    /// groups, and without those that speak loudest.
+    fn scores(&self, at: &Variances) -> Option<Vec<(f64, f64)>> {
+        let columns = at.columns();
+        let each: Vec<Sums> =
+            self.groups.iter().map(|g| self.of_group(g, at)).collect::<Option<_>>()?;
+        let mut all = Sums::new(self.units.len() + 1);
+        each.iter().for_each(|sums| all.add(sums));
+        let channels = 0..self.units.len();
+        channels
+            .map(|c| {
+                let score = all.score(&columns, c + 1)?;
+                let mut order: Vec<usize> = (0..each.len()).collect();
+                let loud = |i: &usize| -score.signum() * each[*i].gradient[c + 1];
+                order.sort_by(|a, b| loud(a).total_cmp(&loud(b)));
+                let mut rest = Sums::new(self.units.len() + 1);
+                for &i in &order[each.len().div_ceil(STRANGE)..] {
+                    rest.add(&each[i]);
+                }
+                Some((score, rest.score(&columns, c + 1)?))
+            })
+            .collect()
+    }
+}
+
+/// Gradient and information of (65): of the common scale, and of each channel.
+struct Sums {
+    gradient: Vec<f64>,
+    information: Mat<f64>,
+}
+
+impl Sums {
+    fn new(n: usize) -> Self {
+        Self { gradient: vec![0.0; n], information: Mat::zeros(n, n) }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.gradient.iter_mut().zip(&other.gradient).for_each(|(a, b)| *a += b);
+        self.information += &other.information;
+    }
+
+    /// `I⁻¹ r` over some columns.
+    fn solve(&self, columns: &[usize], r: impl Fn(usize) -> f64) -> Option<Vec<f64>> {
+        let n = columns.len();
+        let part = Mat::from_fn(n, n, |i, j| self.information[(columns[i], columns[j])]);
+        let factor = part.llt(Side::Lower).ok()?;
+        let right = Mat::from_fn(n, 1, |i, _| r(i));
+        let x = factor.solve(&right);
+        Some((0..n).map(|i| x[(i, 0)]).collect())
+    }
+
+    /// Score of one more column, in standard deviations, what is fitted projected off.
+    fn score(&self, fitted: &[usize], column: usize) -> Option<f64> {
+        if fitted.contains(&column) {
+            return Some(0.0);
+        }
+        let absorbed = self.solve(fitted, |i| self.information[(fitted[i], column)])?;
+        let (mut g, mut square) = (self.gradient[column], self.information[(column, column)]);
+        for (a, &i) in absorbed.iter().zip(fitted) {
+            g -= a * self.gradient[i];
+            square -= a * self.information[(i, column)];
+        }
+        Some(if square > 1e-9 * self.information[(column, column)] {
+            g / square.sqrt()
+        } else {
+            0.0
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers that follow no rule.
+    fn odd(i: usize) -> f64 {
+        (((i * i + 3 * i + 1) % 17) as f64 - 8.0) / 8.0
+    }
+
+    fn seen() -> Seen {
+        let group = |g: usize| {
+            let scatter = Mat::from_fn(5, 2, |i, j| odd(7 * g + 2 * i + j));
+            let play = Mat::from_fn(2, 2, |i, j| if i == j { 0.3 } else { 0.0 });
+            let columns = Mat::from_fn(2, 3, |i, j| odd(g + 3 * i + 5 * j));
+            Group { products: scatter.transpose() * &scatter, free: 4.0, columns, play }
+        };
+        let groups = (0..6).map(group).collect();
+        Seen { groups, units: vec![1.0, 0.5, 2.0], floor: vec![0.0; 3], common_floor: 1e-12 }
+    }
+
+    /// `-½ Σ (ν ln|V| + tr V⁻¹ W)`, two equations written out.
+    fn likelihood(seen: &Seen, at: &Variances) -> f64 {
+        let of = |group: &Group| {
+            let v = |i: usize, j: usize| {
+                let read = (0..3).map(|c| {
+                    let variance = at.own[c].unwrap_or(at.common * seen.units[c]);
+                    variance * group.columns[(i, c)] * group.columns[(j, c)]
+                });
+                at.common * group.play[(i, j)] + read.sum::<f64>()
+            };
+            let (a, b, d) = (v(0, 0), v(0, 1), v(1, 1));
+            let det = a * d - b * b;
+            let w = &group.products;
+            let trace = (d * w[(0, 0)] - 2.0 * b * w[(0, 1)] + a * w[(1, 1)]) / det;
+            -0.5 * (group.free * det.ln() + trace)
+        };
+        seen.groups.iter().map(of).sum()
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_likelihood() {
+        let seen = seen();
+        let at = Variances { common: 0.7, own: vec![None, Some(1.3), None] };
+        let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
+        let step = 1e-5;
+        let moved = |common: f64, own: f64| {
+            let own = vec![None, Some(1.3 + own), None];
+            likelihood(&seen, &Variances { common: 0.7 + common, own })
+        };
+        let by_common = (moved(step, 0.0) - moved(-step, 0.0)) / (2.0 * step);
+        let by_own = (moved(0.0, step) - moved(0.0, -step)) / (2.0 * step);
+        // Central differences: step² and rounding over step, both near 1e-10.
+        assert!((sums[0] - by_common).abs() < 1e-7);
+        assert!((sums[2] - by_own).abs() < 1e-7);
+    }
+
+    #[test]
+    fn variances_settle_where_the_gradient_vanishes() {
+        let seen = seen();
+        let mut at = Variances { common: 1.0, own: vec![None, Some(1.0), None] };
+        assert!(at.settle(&seen).is_some());
+        let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
+        assert!(sums[0].abs() < 1e-2 && sums[2].abs() < 1e-2, "{sums:?}");
+    }
+}

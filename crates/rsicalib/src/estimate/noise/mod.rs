@@ -1,0 +1,6 @@
+//! How large the noise is, from the readings themselves.
+
+pub mod channels;
+mod correlation;
+pub mod scatter;
+pub mod source;

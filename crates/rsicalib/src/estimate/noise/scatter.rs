@@ -1,0 +1,213 @@
+//! How large the noise is, from the readings themselves.
+//!
+//! A hand that holds a pose shakes. Shaking keeps the loop closed, sensor noise
+//! does not, so the noise is the scatter of the *whitened misclosure* within a
+//! pose, not that of the channels. In a recording, where no pose is held, the
+//! scatter about a straight line over a few neighbouring rows takes its place.
+//!
+//! ```text
+//! s²   = Σ_p Σ_s |r_ps - r̄_p|² / ν,     ν = K Σ_p (n_p - 1)               (61)
+//! ```
+//!
+//! Neighbouring samples may resemble each other; what that does to the mean of a pose
+//! is said in `noise/correlation.rs`.
+
+use std::f64::consts::PI;
+
+use crate::estimate::implicit::Residuals;
+use crate::estimate::noise::correlation::correlated;
+use crate::estimate::session::Session;
+use crate::readings::Readings;
+
+/// Rows that a stretch of a recording has.
+const STRETCH: usize = 8;
+
+/// Scatter of whitened residuals within groups of rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scatter {
+    /// Sum of squares within the groups.
+    pub within: f64,
+    /// Its degrees of freedom, as if samples were independent.
+    pub dof: f64,
+    /// Correlation of neighbouring samples.
+    pub correlation: f64,
+    /// Variance of a group's mean over that of independent samples.
+    pub inflation: f64,
+    /// The same for what varies slowly over many groups: parameters, of a recording.
+    pub slow: f64,
+    /// Degrees of freedom of an inflated variance.
+    pub effective: f64,
+    /// Variance within a group, per degree of freedom, over that of a sample.
+    pub shown: f64,
+}
+
+/// Rows that repeat each other: held poses, or stretches of a recording.
+#[derive(Debug, Clone)]
+pub struct Groups {
+    /// The rows of each.
+    pub rows: Vec<Vec<usize>>,
+    /// Parameters of what is removed from each: 1 a mean, 2 a line.
+    pub order: usize,
+}
+
+impl Groups {
+    /// The groups of these readings, of the rows in use.
+    #[must_use]
+    pub fn of(readings: &Readings, weights: &[f64]) -> Self {
+        if readings.held {
+            let mut rows = readings.rows_of_poses();
+            for rows in &mut rows {
+                rows.retain(|&r| weights[r] > 0.0);
+            }
+            return Self { rows, order: 1 };
+        }
+        if !readings.timed {
+            return Self { rows: Vec::new(), order: 1 };
+        }
+        let live: Vec<usize> = (0..readings.samples).filter(|&r| weights[r] > 0.0).collect();
+        let rows = live.chunks_exact(STRETCH).map(<[usize]>::to_vec).collect();
+        Self { rows, order: 2 }
+    }
+
+    /// Rows of the average group.
+    #[must_use]
+    pub fn usual(&self) -> f64 {
+        self.rows.iter().map(Vec::len).sum::<usize>() as f64 / self.rows.len().max(1) as f64
+    }
+
+    /// Part of the variance of rounding that all samples of a held pose share: nearly all of
+    /// it where the readings hardly change within a pose, none where they do.
+    ///
+    /// With steady noise `σ` the mean code is off by `Σ (-1)ᵏ e^(-2π²k²σ²) sin(2πkx) / πk`
+    /// for a reading at `x`, in units of a code.
+    #[must_use]
+    pub fn lasting_rounding(&self, session: &Session) -> f64 {
+        let Readings { channels, held, table, .. } = &session.readings;
+        let coded = session.mechanism.channels.iter().all(|c| c.unit == "count");
+        if !held || !coded || table.values.iter().any(|v| v.fract() != 0.0) {
+            return 0.0;
+        }
+        let (mut within, mut dof) = (0.0, 0.0);
+        let mut left = Vec::new();
+        for rows in self.rows.iter().filter(|r| r.len() > 1) {
+            for channel in 0..*channels {
+                left.clear();
+                left.extend(rows.iter().map(|r| table.values[r * channels + channel]));
+                detrend(&mut left, 1);
+                within += left.iter().map(|v| v * v).sum::<f64>();
+                dof += (rows.len() - 1) as f64;
+            }
+        }
+        if dof == 0.0 { 0.0 } else { 12.0 * lasting(within / dof) }
+    }
+
+    /// Eq. (61): the scatter of residuals within these groups, of which a variance of
+    /// `rounding` is white whatever the samples' correlation.
+    #[must_use]
+    pub fn scatter(&self, residuals: &Residuals, rounding: f64) -> Scatter {
+        let k = residuals.equations;
+        let (mut within, mut dof) = (0.0, 0.0);
+        let (mut product, mut groups, mut samples) = (0.0, 0.0, 0.0);
+        let mut left = Vec::new();
+        for rows in self.rows.iter().filter(|r| r.len() > self.order) {
+            for equation in 0..k {
+                left.clear();
+                left.extend(rows.iter().map(|r| residuals.whitened[r * k + equation]));
+                detrend(&mut left, self.order);
+                within += left.iter().map(|r| r * r).sum::<f64>();
+                product += left.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
+            }
+            dof += (rows.len() - self.order) as f64 * k as f64;
+            groups += k as f64;
+            samples += (rows.len() * k) as f64;
+        }
+        let alone = Scatter {
+            within,
+            dof,
+            correlation: 0.0,
+            inflation: 1.0,
+            slow: 1.0,
+            effective: dof,
+            shown: 1.0,
+        };
+        let n = (samples / groups).round() as usize;
+        // Two samples less their mean are each other's opposite: nothing to be seen.
+        if groups == 0.0 || n < self.order + 2 || within == 0.0 {
+            return alone;
+        }
+        let variance = within / dof;
+        let independent = -lost_product(n, self.order);
+        let pairs = groups * (n - 1) as f64;
+        let raw = (product / variance / groups - independent) / (n - 1) as f64;
+        if raw < SURE / pairs.sqrt() {
+            return Scatter { correlation: raw, ..alone };
+        }
+        let q = (rounding / variance).min(0.95);
+        let found = correlated(product / variance / groups, n, self.order, q);
+        Scatter {
+            correlation: found.rho,
+            inflation: found.inflation,
+            slow: found.slow,
+            effective: found.dof * groups,
+            shown: found.shown,
+            ..alone
+        }
+    }
+}
+
+/// Variance of the mean code's error where codes scatter by `seen` about it.
+pub(crate) fn lasting(seen: f64) -> f64 {
+    let term = |k: f64, s2: f64| (-(2.0 * PI * k).powi(2) * s2).exp() / (2.0 * (PI * k).powi(2));
+    let at = |s2: f64| (1..200).map(|k| term(f64::from(k), s2)).sum::<f64>();
+    // Noise s2 and rounding 1/12 are what is seen and what is not.
+    let (mut low, mut high) = (0.0, seen.max(1e-12));
+    for _ in 0..50 {
+        let s2 = 0.5 * (low + high);
+        if s2 + 1.0 / 12.0 - at(s2) < seen { low = s2 } else { high = s2 }
+    }
+    at(0.5 * (low + high))
+}
+
+/// Correlation counts from so many of its standard deviations.
+const SURE: f64 = 2.0;
+
+/// `-E Σ e_i e_{i+1} / σ²` of independent samples from which a mean (order 1) or
+/// a line (order 2) was removed: the sum of the hat matrix beside its diagonal.
+fn lost_product(n: usize, order: usize) -> f64 {
+    let count = n as f64;
+    let mut lost = (count - 1.0) / count;
+    if order > 1 {
+        let x = |i: usize| i as f64 - 0.5 * (count - 1.0);
+        let moment: f64 = (0..n).map(|i| x(i).powi(2)).sum();
+        lost += (1..n).map(|i| x(i) * x(i - 1)).sum::<f64>() / moment;
+    }
+    lost
+}
+
+/// Removes a mean (order 1) or a straight line (order 2).
+pub(crate) fn detrend(values: &mut [f64], order: usize) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let middle = 0.5 * (n - 1.0);
+    let mut slope = 0.0;
+    if order > 1 {
+        let moment: f64 = (0..values.len()).map(|i| (i as f64 - middle).powi(2)).sum();
+        slope =
+            values.iter().enumerate().map(|(i, v)| (i as f64 - middle) * v).sum::<f64>() / moment;
+    }
+    for (i, value) in values.iter_mut().enumerate() {
+        *value -= mean + slope * (i as f64 - middle);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lasting;
+
+    #[test]
+    fn rounding_lasts_only_where_readings_stand_still() {
+        assert!((lasting(0.0) - 1.0 / 12.0).abs() < 3e-4); // 200 terms of the series
+        assert!(lasting(0.25 + 1.0 / 12.0) < 1e-5);
+        assert!(lasting(4.0) < 1e-60);
+    }
+}

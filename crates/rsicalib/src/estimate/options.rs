@@ -1,0 +1,49 @@
+//! How to fit.
+
+use crate::numerics::lm;
+
+/// Which objective.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Maximum likelihood, noise in the readings.
+    #[default]
+    ImplicitLoop,
+    /// The paper's least squares, noise in the misclosure.
+    Algebraic,
+}
+
+/// How to fit.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Terms to identify; none: as the mechanism says.
+    pub terms: Option<Vec<String>>,
+    /// Only these closures.
+    pub closures: Option<Vec<String>>,
+    /// The objective.
+    pub method: Method,
+    /// Standard deviation of one reading of each channel, where it is known.
+    pub noise: Option<Vec<f64>>,
+    /// Multiplies the variance of the play that the mechanism declares.
+    pub play: f64,
+    /// Starts to try at the most.
+    pub starts: usize,
+    /// A start whose χ² per degree of freedom is below this ends the search.
+    pub good_start: f64,
+    /// The solver.
+    pub lm: lm::Options,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            terms: None,
+            closures: None,
+            method: Method::default(),
+            noise: None,
+            play: 1.0,
+            starts: 40,
+            good_start: 50.0,
+            lm: lm::Options { xtol: 1e-10, ftol: 1e-12, ..lm::Options::default() },
+        }
+    }
+}

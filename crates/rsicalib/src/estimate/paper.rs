@@ -1,0 +1,588 @@
+//! The paper's problem and nothing else: offsets and gains of every channel.
+//!
+//! ```text
+//! θ = k a + θ_off                                                          (9)
+//! f = |r_a - r_b|² - d²                                                   (10)
+//! min ½ fᵀf   over the offsets and gains                                  (11)
+//! ```
+//!
+//! Parameters are the paper's own, offsets at reading zero and gains as they
+//! are, so that a start, a tolerance and a condition number mean what they mean
+//! there. No statistics, no second start, no other terms: for those see
+//! [`crate::estimate::fit::fit`].
+//!
+//! What makes it fast is that the gain column of the Jacobian is the offset
+//! column times the count: with `G = ∂f/∂θ` and `s_ij = Σ_e G_ei G_ej` of one
+//! sample, the normal equations are sums of
+//!
+//! ```text
+//! s_ij    s_ij a_j    a_i s_ij    a_i s_ij a_j                            (53)
+//! ```
+
+use std::sync::Mutex;
+
+use faer::Mat;
+use rayon::prelude::*;
+
+use crate::Error;
+use crate::kinematics::posture::Posture;
+use crate::kinematics::steps::{Axis, Source, Step, Way, push_place};
+use crate::mechanism::{ClosureKind, Mechanism, Motion, Value};
+use crate::numerics::lanes::{Lanes, Vec3, WIDTH, dispatch, dot, minus};
+use crate::numerics::linearization::{Curvature, Linearization, Problem};
+use crate::numerics::lm::{self, Termination};
+use crate::numerics::lock::lock;
+
+/// Blocks that one task takes; parts are added up in their order.
+const CHUNK: usize = 64;
+
+/// Readings under the model `[offset, gain]`, in the paper's parametrisation.
+#[derive(Debug)]
+pub struct Paper {
+    samples: usize,
+    channels: usize,
+    equations: usize,
+    chains: Vec<Vec<Step>>,
+    ends: Vec<End>,
+    closures: Vec<Pair>,
+    /// Pairs of channels `i ≥ j` that take part in one equation, and those equations.
+    pairs: Vec<(usize, usize, Vec<usize>)>,
+    /// Counts: [`WIDTH`] samples of every channel, block by block.
+    counts: Vec<Lanes>,
+    /// Room that earlier linearisations have left.
+    spare: Mutex<Vec<(Room, Normal)>>,
+}
+
+impl Clone for Paper {
+    fn clone(&self) -> Self {
+        Self {
+            samples: self.samples,
+            channels: self.channels,
+            equations: self.equations,
+            chains: self.chains.clone(),
+            ends: self.ends.clone(),
+            closures: self.closures.clone(),
+            pairs: self.pairs.clone(),
+            counts: self.counts.clone(),
+            spare: Mutex::new(Vec::new()),
+        }
+    }
+}
+
+/// An end of a closure: on a chain, or fixed in the base.
+#[derive(Debug, Clone, PartialEq)]
+struct End {
+    chain: Option<usize>,
+    at: [f64; 3],
+}
+
+/// A closure between two of the ends.
+#[derive(Debug, Clone)]
+struct Pair {
+    kind: ClosureKind,
+    ends: [usize; 2],
+    /// `d²`
+    square: f64,
+    equation: usize,
+}
+
+/// Where a search ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Minimum {
+    /// `θ_off`, one per channel [rad].
+    pub offsets: Vec<f64>,
+    /// `k`, one per channel [rad/reading].
+    pub gains: Vec<f64>,
+    /// `½ fᵀf`
+    pub cost: f64,
+    /// Linearisations made.
+    pub iterations: usize,
+    /// Why it ended.
+    pub termination: Termination,
+}
+
+impl Paper {
+    /// Readings of a mechanism, row by row, one per channel.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`], [`Error::Empty`] and [`Error::Reading`] for readings
+    /// that cannot be used; [`Error::Missing`] for a mechanism with unknown
+    /// points or measured distances, which this problem does not have.
+    pub fn new(mechanism: &Mechanism, counts: &[f64]) -> Result<Self, Error> {
+        let channels = mechanism.channels.len();
+        let mut paper = Self {
+            samples: counts.len() / channels.max(1),
+            channels,
+            equations: mechanism.equations(),
+            chains: Vec::with_capacity(mechanism.chains.len()),
+            ends: Vec::new(),
+            closures: Vec::with_capacity(mechanism.closures.len()),
+            pairs: Vec::new(),
+            counts: Vec::new(),
+            spare: Mutex::new(Vec::new()),
+        };
+        paper.lay_out(mechanism, counts)?;
+        paper.compile_chains(mechanism)?;
+        paper.compile_closures(mechanism)?;
+        Ok(paper)
+    }
+
+    fn lay_out(&mut self, mechanism: &Mechanism, counts: &[f64]) -> Result<(), Error> {
+        let (samples, channels) = (self.samples, self.channels);
+        if counts.len() != samples * channels {
+            let (what, found) = ("counts".into(), counts.len());
+            return Err(Error::Shape { what, found, expected: (samples + 1) * channels });
+        }
+        if samples == 0 {
+            return Err(Error::Empty("the table has no rows".into()));
+        }
+        for (c, channel) in mechanism.channels.iter().enumerate() {
+            let [low, high] = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            for row in 0..samples {
+                let found = counts[row * channels + c];
+                if !(found.is_finite() && found >= low && found <= high) {
+                    let channel = channel.name.clone();
+                    return Err(Error::Reading { row, channel, found, low, high });
+                }
+            }
+        }
+        self.counts.reserve(samples.div_ceil(WIDTH) * channels);
+        for first in (0..samples).step_by(WIDTH) {
+            for c in 0..channels {
+                // The last sample fills up the last block; its weight there is zero.
+                let row = |lane: usize| (first + lane).min(samples - 1);
+                self.counts
+                    .push(Lanes(std::array::from_fn(|lane| counts[row(lane) * channels + c])));
+            }
+        }
+        Ok(())
+    }
+
+    fn compile_chains(&mut self, mechanism: &Mechanism) -> Result<(), Error> {
+        for chain in &mechanism.chains {
+            let mut steps = Vec::with_capacity(2 * chain.rows.len() + 1);
+            for row in &chain.rows {
+                if row.theta != 0.0 {
+                    let turn = nalgebra::Isometry3::rotation(nalgebra::Vector3::z() * row.theta);
+                    push_place(&mut steps, &turn);
+                }
+                if let Some(name) = &row.channel {
+                    let way = match row.joint {
+                        Motion::Revolute => Way::Turn,
+                        Motion::Prismatic => Way::Slide,
+                    };
+                    let source = Source::Channel(mechanism.channel_index(name)?);
+                    steps.push(Step::Move(Axis::Z, way, source));
+                }
+                push_place(&mut steps, &row.body());
+            }
+            self.chains.push(steps);
+        }
+        Ok(())
+    }
+
+    fn compile_closures(&mut self, mechanism: &Mechanism) -> Result<(), Error> {
+        let missing = |needs, why| Error::Missing { mechanism: mechanism.name.clone(), needs, why };
+        let mut equation = 0;
+        for closure in &mechanism.closures {
+            let mut ends = [0; 2];
+            for (end, name) in ends.iter_mut().zip(&closure.between) {
+                let point = &mechanism.points[mechanism.point_index(name)?];
+                let at = point.at.ok_or_else(|| {
+                    missing("place for every point", "the paper's problem has no unknown points")
+                })?;
+                let chain = match &point.chain {
+                    Some(chain) => Some(mechanism.chain_index(chain)?),
+                    None => None,
+                };
+                let found = End { chain, at };
+                *end = self.ends.iter().position(|e| *e == found).unwrap_or_else(|| {
+                    self.ends.push(found);
+                    self.ends.len() - 1
+                });
+            }
+            let square = match (closure.kind, &closure.value) {
+                (ClosureKind::Touch, _) => 0.0,
+                (ClosureKind::Distance, Some(Value::Known(d))) => d * d,
+                (ClosureKind::Distance, _) => {
+                    let why = "the paper's problem has no measured distances";
+                    return Err(missing("constant value for every distance", why));
+                }
+            };
+            self.closures.push(Pair { kind: closure.kind, ends, square, equation });
+            equation += closure.kind.equations();
+        }
+        let of_closure: Vec<Vec<usize>> = self
+            .closures
+            .iter()
+            .map(|pair| {
+                let chains = pair.ends.iter().filter_map(|&end| self.ends[end].chain);
+                chains.flat_map(|c| sources(&self.chains[c])).collect()
+            })
+            .collect();
+        for i in 0..self.channels {
+            for j in 0..=i {
+                let mut together = Vec::new();
+                for (pair, channels) in self.closures.iter().zip(&of_closure) {
+                    if channels.contains(&i) && channels.contains(&j) {
+                        together.extend(pair.equation..pair.equation + pair.kind.equations());
+                    }
+                }
+                if !together.is_empty() {
+                    self.pairs.push((i, j, together));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Equations of all samples.
+    #[must_use]
+    pub fn equations(&self) -> usize {
+        self.samples * self.equations
+    }
+
+    /// Minimises (11) from a start.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`] unless there is one offset and one gain per channel.
+    pub fn minimize(
+        &self,
+        offsets: &[f64],
+        gains: &[f64],
+        options: &lm::Options,
+    ) -> Result<Minimum, Error> {
+        let start = self.parameters(offsets, gains)?;
+        let outcome = lm::minimize(self, &start, options);
+        let (offsets, gains) = outcome.x.split_at(self.channels);
+        Ok(Minimum {
+            offsets: offsets.to_vec(),
+            gains: gains.to_vec(),
+            cost: outcome.cost,
+            iterations: outcome.iterations,
+            termination: outcome.termination,
+        })
+    }
+
+    /// `f`, eq. (10), sample by sample.
+    ///
+    /// # Errors
+    ///
+    /// As [`Paper::minimize`].
+    pub fn misclosure(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
+        let beta = self.parameters(offsets, gains)?;
+        let mut f = vec![0.0; self.equations()];
+        self.visit(&beta, |row, lane, room| {
+            for (e, value) in room.f.iter().enumerate() {
+                f[row * self.equations + e] = value.0[lane];
+            }
+        });
+        Ok(f)
+    }
+
+    /// `∂f/∂(offsets, gains)`, eq. (12), equation by equation.
+    ///
+    /// # Errors
+    ///
+    /// As [`Paper::minimize`].
+    pub fn jacobian(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
+        let beta = self.parameters(offsets, gains)?;
+        let (k, c) = (self.equations, self.channels);
+        let mut jacobian = vec![0.0; self.equations() * 2 * c];
+        self.visit(&beta, |row, lane, room| {
+            let counts = self.block(row / WIDTH);
+            for e in 0..k {
+                let line = &mut jacobian[(row * k + e) * 2 * c..(row * k + e + 1) * 2 * c];
+                for i in 0..c {
+                    let slope = room.g[e * c + i].0[lane];
+                    line[i] = slope;
+                    line[c + i] = slope * counts[i].0[lane];
+                }
+            }
+        });
+        Ok(jacobian)
+    }
+
+    /// What each offset and gain does to the points that the closures hold:
+    /// length per unit, root mean square over samples and the points it moves.
+    ///
+    /// # Errors
+    ///
+    /// As [`Paper::minimize`].
+    pub fn point_effects(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
+        let beta = self.parameters(offsets, gains)?;
+        let c = self.channels;
+        let (mut sums, mut moved) = (vec![0.0; 2 * c], vec![0_usize; c]);
+        self.visit(&beta, |row, lane, room| {
+            let counts = self.block(row / WIDTH);
+            for (i, by) in room.ends.iter().flat_map(|(_, moves)| moves) {
+                let square = dot(by, by).0[lane];
+                sums[*i] += square;
+                sums[c + i] += square * counts[*i].0[lane].powi(2);
+                moved[*i] += 1;
+            }
+        });
+        let mean = |(i, sum): (usize, f64)| (sum / moved[i % c].max(1) as f64).sqrt();
+        Ok(sums.into_iter().enumerate().map(mean).collect())
+    }
+
+    /// `½ fᵀf`, its gradient and its Gram matrix as they are: what (12) is for.
+    ///
+    /// # Errors
+    ///
+    /// As [`Paper::minimize`].
+    pub fn linearization(&self, offsets: &[f64], gains: &[f64]) -> Result<Linearization, Error> {
+        Ok(self.linearize(&self.parameters(offsets, gains)?))
+    }
+
+    fn parameters(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
+        for (what, given) in [("offsets", offsets), ("gains", gains)] {
+            if given.len() != self.channels {
+                let (found, expected) = (given.len(), self.channels);
+                return Err(Error::Shape { what: what.into(), found, expected });
+            }
+        }
+        Ok([offsets, gains].concat())
+    }
+
+    /// Room for one part of the sums, which are zero.
+    fn room(&self) -> (Room, Normal) {
+        match lock(&self.spare).pop() {
+            Some((room, mut sums)) => {
+                sums.clear();
+                (room, sums)
+            }
+            None => (Room::new(self), Normal::new(self)),
+        }
+    }
+
+    fn block(&self, block: usize) -> &[Lanes] {
+        &self.counts[block * self.channels..(block + 1) * self.channels]
+    }
+
+    /// Evaluates every block and hands over each sample of it.
+    fn visit(&self, beta: &[f64], mut see: impl FnMut(usize, usize, &Room)) {
+        let mut room = Room::new(self);
+        for block in 0..self.samples.div_ceil(WIDTH) {
+            dispatch(
+                #[inline(always)]
+                || self.evaluate(self.block(block), beta, &mut room),
+            );
+            for row in block * WIDTH..((block + 1) * WIDTH).min(self.samples) {
+                see(row, row % WIDTH, &room);
+            }
+        }
+    }
+
+    /// Eqs. (9), (10) and `G = ∂f/∂θ` of one block.
+    #[inline(always)]
+    fn evaluate(&self, counts: &[Lanes], beta: &[f64], room: &mut Room) {
+        let (offsets, gains) = beta.split_at(self.channels);
+        for (c, angle) in room.angles.iter_mut().enumerate() {
+            *angle = counts[c] * gains[c] + Lanes::splat(offsets[c]); // (9)
+        }
+        for (posture, steps) in room.postures.iter_mut().zip(&self.chains) {
+            posture.take(steps, &room.angles, &[]);
+        }
+        for (end, (at, moves)) in self.ends.iter().zip(&mut room.ends) {
+            moves.clear();
+            let Some(chain) = end.chain else { continue };
+            let posture = &room.postures[chain];
+            *at = posture.tip.point(&end.at);
+            for lever in &posture.levers {
+                if let Source::Channel(c) = lever.source {
+                    moves.push((c, lever.moves(at)));
+                }
+            }
+        }
+        room.g.fill(Lanes::ZERO);
+        for pair in &self.closures {
+            let [(from, ahead), (to, behind)] = pair.ends.map(|end| &room.ends[end]);
+            let apart = minus(from, to);
+            let sides = [(ahead, 1.0), (behind, -1.0)];
+            let row = pair.equation * self.channels;
+            match pair.kind {
+                ClosureKind::Distance => {
+                    room.f[pair.equation] = dot(&apart, &apart) - Lanes::splat(pair.square); // (10)
+                    for (moves, sign) in sides {
+                        for (c, moved) in moves {
+                            room.g[row + c] += dot(&apart, moved) * (2.0 * sign);
+                        }
+                    }
+                }
+                ClosureKind::Touch => {
+                    for axis in 0..3 {
+                        room.f[pair.equation + axis] = apart[axis];
+                        for (moves, sign) in sides {
+                            for (c, moved) in moves {
+                                room.g[row + axis * self.channels + c] += moved[axis] * sign;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds one block to the sums (53).
+    #[inline(always)]
+    fn add(&self, counts: &[Lanes], live: usize, room: &mut Room, sums: &mut Normal) {
+        let c = self.channels;
+        if live < WIDTH {
+            let weight = Lanes(std::array::from_fn(|lane| if lane < live { 1.0 } else { 0.0 }));
+            for value in room.f.iter_mut().chain(&mut room.g) {
+                *value = *value * weight;
+            }
+        }
+        for f in &room.f {
+            sums.cost += *f * *f;
+        }
+        for (i, sum) in sums.gradient.iter_mut().enumerate() {
+            let mut h = Lanes::ZERO;
+            for (e, f) in room.f.iter().enumerate() {
+                h += room.g[e * c + i] * *f;
+            }
+            sum[0] += h;
+            sum[1] += h * counts[i];
+        }
+        for ((i, j, together), sum) in self.pairs.iter().zip(&mut sums.gram) {
+            let mut s = Lanes::ZERO;
+            for e in together {
+                s += room.g[e * c + i] * room.g[e * c + j];
+            }
+            let (by_i, by_j) = (s * counts[*i], s * counts[*j]);
+            sum[0] += s;
+            sum[1] += by_i;
+            sum[2] += by_j;
+            sum[3] += by_i * counts[*j];
+        }
+    }
+
+    /// The sums as `JᵀJ` and `Jᵀf`.
+    fn linearization_of(&self, sums: &Normal) -> Linearization {
+        let c = self.channels;
+        let mut gram = Mat::zeros(2 * c, 2 * c);
+        let mut put = |i: usize, j: usize, value: f64| {
+            gram[(i, j)] = value;
+            gram[(j, i)] = value;
+        };
+        for ((i, j, _), sum) in self.pairs.iter().zip(&sums.gram) {
+            put(*i, *j, sum[0].sum());
+            put(c + i, *j, sum[1].sum());
+            put(*i, c + j, sum[2].sum());
+            put(c + i, c + j, sum[3].sum());
+        }
+        Linearization {
+            cost: 0.5 * sums.cost.sum(),
+            gradient: (0..2 * c).map(|i| sums.gradient[i % c][i / c].sum()).collect(),
+            curvature: Curvature::Gram(gram),
+            islands: Vec::new(),
+        }
+    }
+}
+
+impl Problem for Paper {
+    fn parameters(&self) -> usize {
+        2 * self.channels
+    }
+
+    fn linearize(&self, beta: &[f64]) -> Linearization {
+        let one = |first: usize, blocks: &[Lanes]| {
+            let (mut room, mut sums) = self.room();
+            dispatch(
+                #[inline(always)]
+                || {
+                    for (i, counts) in blocks.chunks_exact(self.channels).enumerate() {
+                        let live = (self.samples - (first + i) * WIDTH).min(WIDTH);
+                        self.evaluate(counts, beta, &mut room);
+                        self.add(counts, live, &mut room, &mut sums);
+                    }
+                },
+            );
+            (room, sums)
+        };
+        let size = CHUNK * self.channels;
+        let mut parts = if self.counts.len() <= 2 * size {
+            vec![one(0, &self.counts)]
+        } else {
+            let job = |(k, blocks): (usize, &[Lanes])| one(k * CHUNK, blocks);
+            self.counts.par_chunks(size).enumerate().map(job).collect()
+        };
+        if let Some(((_, sum), rest)) = parts.split_first_mut() {
+            rest.iter().for_each(|(_, part)| sum.merge(part));
+        }
+        let here = self.linearization_of(&parts[0].1);
+        lock(&self.spare).append(&mut parts);
+        here
+    }
+}
+
+/// The channels that move a chain.
+fn sources(steps: &[Step]) -> impl Iterator<Item = usize> {
+    steps.iter().filter_map(|step| match step {
+        Step::Move(_, _, Source::Channel(c)) => Some(*c),
+        _ => None,
+    })
+}
+
+/// Room for one block.
+#[derive(Debug)]
+struct Room {
+    angles: Vec<Lanes>,
+    postures: Vec<Posture>,
+    /// Each end, and how each channel moves it.
+    ends: Vec<(Vec3, Vec<(usize, Vec3)>)>,
+    f: Vec<Lanes>,
+    /// `G`, equation by equation, one per channel; zero where nothing moves.
+    g: Vec<Lanes>,
+}
+
+impl Room {
+    fn new(paper: &Paper) -> Self {
+        Self {
+            angles: vec![Lanes::ZERO; paper.channels],
+            postures: vec![Posture::new(); paper.chains.len()],
+            ends: paper.ends.iter().map(|e| (e.at.map(Lanes::splat), Vec::new())).collect(),
+            f: vec![Lanes::ZERO; paper.equations],
+            g: vec![Lanes::ZERO; paper.equations * paper.channels],
+        }
+    }
+}
+
+/// `fᵀf`, `Jᵀf` by offset and gain, and (53), lane by lane.
+#[derive(Debug)]
+struct Normal {
+    cost: Lanes,
+    gradient: Vec<[Lanes; 2]>,
+    gram: Vec<[Lanes; 4]>,
+}
+
+impl Normal {
+    fn new(paper: &Paper) -> Self {
+        Self {
+            cost: Lanes::ZERO,
+            gradient: vec![[Lanes::ZERO; 2]; paper.channels],
+            gram: vec![[Lanes::ZERO; 4]; paper.pairs.len()],
+        }
+    }
+
+    fn clear(&mut self) {
+        self.cost = Lanes::ZERO;
+        self.gradient.fill([Lanes::ZERO; 2]);
+        self.gram.fill([Lanes::ZERO; 4]);
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.cost += other.cost;
+        let gradient = self.gradient.as_flattened_mut().iter_mut();
+        for (a, b) in gradient.zip(other.gradient.as_flattened()) {
+            *a += *b;
+        }
+        let gram = self.gram.as_flattened_mut().iter_mut();
+        for (a, b) in gram.zip(other.gram.as_flattened()) {
+            *a += *b;
+        }
+    }
+}

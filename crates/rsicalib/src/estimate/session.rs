@@ -1,0 +1,132 @@
+//! A session: one mechanism, its readings, and what else is known of them.
+
+use crate::estimate::options::Options;
+use crate::mechanism::Mechanism;
+use crate::model::{Instance, assembly};
+use crate::readings::{Readings, Table};
+use crate::{Error, terms};
+
+/// Readings to fit, with everything that is known beside them.
+#[derive(Debug, Clone)]
+pub struct Session {
+    /// The mechanism.
+    pub mechanism: Mechanism,
+    /// Its readings.
+    pub readings: Readings,
+    /// A reading of the rest pose, averaged, one per channel.
+    pub rest: Option<Vec<f64>>,
+    /// Joint coordinates in the rest pose, one per channel.
+    pub rest_angles: Option<Vec<f64>>,
+    /// How much each sample counts; zero for one that is left out.
+    pub weights: Vec<f64>,
+    /// Readings at which offsets are told from gains: the mean of each channel.
+    pub centre: Vec<f64>,
+    /// The options.
+    pub options: Options,
+    /// The mechanism held at rest, and its one reading, where the rest pose is
+    /// declared with a tolerance and so is an observation.
+    pub held: Option<(Mechanism, Readings)>,
+}
+
+/// A reading of each channel at which its joint coordinate is known, more or less.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchor {
+    /// What it rests on, in words.
+    pub name: &'static str,
+    /// Reading and joint coordinate, one pair per channel.
+    pub at: Vec<(f64, f64)>,
+    /// True where it was read, not presumed.
+    pub known: bool,
+}
+
+impl Session {
+    /// Gathers what is known.
+    ///
+    /// `rest` holds readings of the rest pose, row by row.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`] and [`Mechanism::validate`].
+    pub fn new(
+        mechanism: &Mechanism,
+        table: Table,
+        rest: Option<Vec<f64>>,
+        options: Options,
+    ) -> Result<Self, Error> {
+        let mechanism = match &options.closures {
+            Some(names) => mechanism.with_closures(names)?,
+            None => mechanism.clone(),
+        };
+        mechanism.validate()?;
+        terms::check_names(&mechanism)?;
+        let readings = Readings::new(&mechanism, table)?;
+        let rest = match rest {
+            Some(values) => {
+                let bare =
+                    Mechanism { points: Vec::new(), closures: Vec::new(), ..mechanism.clone() };
+                Some(Readings::new(&bare, Table { values, ..Table::default() })?.mean)
+            }
+            None => None,
+        };
+        let rest_angles = match &mechanism.rest {
+            Some(r) if !mechanism.platform.is_empty() => {
+                assembly::inverse(&mechanism, &r.pose).ok()
+            }
+            _ => None,
+        };
+        let held = match (&mechanism.rest, &rest) {
+            (Some(declared), Some(row)) if declared.sd.is_some() => {
+                let held = assembly::held_at(&mechanism, &declared.pose, declared.sd);
+                let table = Table { values: row.clone(), ..Table::default() };
+                Some((held.clone(), Readings::new(&held, table)?))
+            }
+            _ => None,
+        };
+        let weights = vec![1.0; readings.samples];
+        let centre = readings.mean.clone();
+        Ok(Self { mechanism, readings, rest, rest_angles, weights, centre, options, held })
+    }
+
+    /// The instances that the options, or else the mechanism, ask for.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::model::parse`].
+    pub fn instances(&self) -> Result<Vec<Instance>, Error> {
+        let terms = self.options.terms.as_ref().unwrap_or(&self.mechanism.model.terms);
+        crate::model::parse(&self.mechanism, &self.readings, terms)
+    }
+
+    /// Where offsets may be held while gains are sought, the best first.
+    ///
+    /// A reading of the rest pose settles it. Without one, the rest pose is where the nominal
+    /// sensors have it; but where their gains are far off, the nominal offsets may be right, or
+    /// the rest pose at the middle of the range.
+    #[must_use]
+    pub fn anchors(&self) -> Vec<Anchor> {
+        let channels = &self.mechanism.channels;
+        let all = |f: &dyn Fn(usize) -> (f64, f64)| (0..channels.len()).map(f).collect();
+        if let (Some(rest), Some(angles)) = (&self.rest, &self.rest_angles) {
+            return vec![Anchor { name: "rest", at: all(&|c| (rest[c], angles[c])), known: true }];
+        }
+        let nominal = |c: usize| match &self.rest_angles {
+            Some(angles) => ((angles[c] - channels[c].offset) / channels[c].gain, angles[c]),
+            None => (self.readings.mean[c], channels[c].angle(self.readings.mean[c])),
+        };
+        let mut anchors = vec![
+            Anchor { name: "nominal", at: all(&nominal), known: false },
+            Anchor {
+                name: "nominal offsets",
+                at: all(&|c| (0.0, channels[c].offset)),
+                known: false,
+            },
+        ];
+        if let Some(angles) = &self.rest_angles
+            && channels.iter().all(|c| c.range.is_some())
+        {
+            let at = all(&|c| (channels[c].middle(), angles[c]));
+            anchors.push(Anchor { name: "rest at half range", at, known: false });
+        }
+        anchors
+    }
+}

@@ -1,0 +1,198 @@
+//! Readings without their noise: eq. (52), block by block.
+
+use crate::estimate::objective::{Noise, Part};
+use crate::model::{Model, Want, Workspace};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
+use crate::terms::term::Scale;
+
+/// How often (52) is repeated at the most, and when it has converged.
+const INNER: usize = 20;
+
+/// Parameters that are cheap enough to differentiate in every repeat.
+const FEW: usize = 40;
+
+/// Change of `â`, in standard deviations of a reading, that counts as none.
+const STILL: f64 = 1e-9;
+
+/// Room to settle the readings of one block.
+pub(crate) struct Room {
+    pub(crate) ws: Workspace,
+    /// Whitened misclosure, `L⁻¹ w`.
+    pub(crate) w: Vec<Lanes>,
+    /// Cholesky factor of `S`, row by row, full square.
+    l: Vec<Lanes>,
+    lambda: Vec<Lanes>,
+    variance: Vec<f64>,
+    play: Vec<f64>,
+    still: Vec<f64>,
+}
+
+/// [`STILL`] in the unit of a channel, but not finer than what rounding of the
+/// misclosure leaves of a reading: a quiet encoder would never stand still.
+fn still((sigma, scale): (&f64, &Scale)) -> f64 {
+    let largest = scale.span.iter().fold(1.0 / scale.gain.abs(), |m, a| m.max(a.abs()));
+    (STILL * sigma).max(64.0 * f64::EPSILON * largest)
+}
+
+impl Room {
+    pub(crate) fn new(model: &Model, noise: &Noise) -> Self {
+        let k = model.equations();
+        Self {
+            ws: Workspace::default(),
+            w: vec![Lanes::ZERO; k],
+            l: vec![Lanes::ZERO; k * k],
+            lambda: vec![Lanes::ZERO; k],
+            variance: noise.sigma.iter().map(|s| s * s).collect(),
+            play: model.play().iter().map(|p| p * noise.play).collect(),
+            still: noise.sigma.iter().zip(&model.scales).map(still).collect(),
+        }
+    }
+
+    /// Repeats (52) until the readings stand still, then whitens `w` and, if
+    /// wanted, `X`. Returns how often it was repeated.
+    pub(crate) fn settle(
+        &mut self,
+        part: &Part,
+        block: usize,
+        x: &[f64],
+        a_hat: &mut [Lanes],
+        want_x: bool,
+    ) -> usize {
+        let (model, readings) = (part.model, part.readings);
+        let raw = readings.raw(block);
+        if a_hat.iter().any(|a| a.0.iter().any(|a| !a.is_finite())) {
+            a_hat.copy_from_slice(raw);
+        }
+        let mut repeats = 0;
+        loop {
+            repeats += 1;
+            // Many parameters are differentiated once, where `â` already stands still.
+            let want = Want { x: want_x && model.width() <= FEW, a: true };
+            model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
+            if !self.step(raw, a_hat) || repeats == INNER {
+                break;
+            }
+        }
+        if want_x {
+            if model.width() > FEW {
+                let want = Want { x: true, a: true };
+                model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
+            }
+            self.whiten_parameters(model.width());
+        }
+        repeats
+    }
+
+    /// One repeat of (52); true where the readings moved.
+    fn step(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
+        dispatch(
+            #[inline(always)]
+            || {
+                self.misclosure(raw, a_hat);
+                self.factor();
+                self.adjust(raw, a_hat)
+            },
+        )
+    }
+
+    /// `w = f(â) + A (a - â)`
+    #[inline(always)]
+    fn misclosure(&mut self, raw: &[Lanes], a_hat: &[Lanes]) {
+        let c = raw.len();
+        for (k, w) in self.w.iter_mut().enumerate() {
+            *w = self.ws.f[k];
+            for i in 0..c {
+                *w += self.ws.a[k * c + i] * (raw[i] - a_hat[i]);
+            }
+        }
+    }
+
+    /// `S = A Σ Aᵀ + Π = L Lᵀ`, then `w ← L⁻¹ w`.
+    #[inline(always)]
+    fn factor(&mut self) {
+        let (n, c) = (self.w.len(), self.variance.len());
+        for i in 0..n {
+            for j in 0..=i {
+                let mut s = if i == j { Lanes::splat(self.play[i]) } else { Lanes::ZERO };
+                for (m, variance) in self.variance.iter().enumerate() {
+                    s += self.ws.a[i * c + m] * self.ws.a[j * c + m] * *variance;
+                }
+                for m in 0..j {
+                    s -= self.l[i * n + m] * self.l[j * n + m];
+                }
+                self.l[i * n + j] = if i == j { s.sqrt() } else { s / self.l[j * n + j] };
+            }
+        }
+        for i in 0..n {
+            for m in 0..i {
+                self.w[i] = self.w[i] - self.l[i * n + m] * self.w[m];
+            }
+            self.w[i] = self.w[i] / self.l[i * n + i];
+        }
+    }
+
+    /// `â ← a - Σ Aᵀ L⁻ᵀ (L⁻¹ w)`; true where it moved.
+    #[inline(always)]
+    fn adjust(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
+        let (n, c) = (self.w.len(), raw.len());
+        for i in (0..n).rev() {
+            let mut value = self.w[i];
+            for m in i + 1..n {
+                value -= self.l[m * n + i] * self.lambda[m];
+            }
+            self.lambda[i] = value / self.l[i * n + i];
+        }
+        let mut moved = false;
+        for i in 0..c {
+            let mut e = Lanes::ZERO;
+            for k in 0..n {
+                e += self.ws.a[k * c + i] * self.lambda[k];
+            }
+            let next = raw[i] - e * self.variance[i];
+            let change = (next - a_hat[i]).map(f64::abs);
+            let limit = self.still[i];
+            for lane in 0..WIDTH {
+                moved |= change.0[lane] > limit;
+            }
+            a_hat[i] = next;
+        }
+        moved
+    }
+
+    /// `X ← L⁻¹ X`
+    fn whiten_parameters(&mut self, columns: usize) {
+        let (l, n, x) = (&self.l, self.w.len(), &mut self.ws.x);
+        dispatch(
+            #[inline(always)]
+            || whiten_rows(l, n, x, columns),
+        );
+    }
+
+    /// `A ← L⁻¹ A`
+    pub(crate) fn whiten_readings(&mut self) {
+        let (l, n, a) = (&self.l, self.w.len(), &mut self.ws.a);
+        let columns = self.variance.len();
+        dispatch(
+            #[inline(always)]
+            || whiten_rows(l, n, a, columns),
+        );
+    }
+}
+
+/// Forward substitution on every column of `rows`, equation by equation.
+#[inline(always)]
+fn whiten_rows(l: &[Lanes], n: usize, rows: &mut [Lanes], columns: usize) {
+    for i in 0..n {
+        for m in 0..i {
+            let factor = l[i * n + m];
+            let (above, here) = rows.split_at_mut(i * columns);
+            for (value, known) in here[..columns].iter_mut().zip(&above[m * columns..]) {
+                *value -= factor * *known;
+            }
+        }
+        let inverse = Lanes::ONE / l[i * n + i];
+        for value in &mut rows[i * columns..(i + 1) * columns] {
+            *value = *value * inverse;
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Starts, nearest first, until one is good.
+
+use crate::estimate::objective::Noise;
+use crate::estimate::search::{End, Search, Start, Try, anchored};
+use crate::estimate::session::Session;
+use crate::estimate::wiring;
+use crate::model::Model;
+
+/// Common factors on the nominal gains, nearest first.
+const FACTORS: [f64; 9] = [1.0, 0.75, 1.35, 0.55, 1.8, 0.4, 2.4, 0.3, 3.2];
+
+/// So many more starts that end at one and the same best minimum have found it,
+/// however bad it is.
+const AGREE: usize = 4;
+
+/// The algebraic fits from every start, until one is good; the best, and all.
+#[must_use]
+pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
+    let search = Search::new(session, model, noise);
+    let channels = model.scales.len();
+    let options = &session.options;
+    let mut tries = Vec::new();
+    let mut best: Option<End> = None;
+    let mut agreeing = 0;
+    // What is near needs no care: the first start is the anchor as it is.
+    let near = (None, search.anchors[0].0.name.to_owned(), vec![1.0; channels]);
+    let anchors = &search.anchors;
+    let tied = starts(channels, anchors.len(), options.starts).into_iter().map(|(at, name, f)| {
+        (Some(&anchors[at]), format!("{}, offsets tied, {name}", anchors[at].0.name), f)
+    });
+    for (at, name, factors) in std::iter::once(near).chain(tied).take(options.starts.max(1)) {
+        let start = match at {
+            None => anchored(session, model, &factors),
+            Some(anchor) => search.better(anchor, &factors),
+        };
+        let end = search.end(&start);
+        tries.push(Try { from: name, cost: end.cost, collapsed: end.score.is_infinite() });
+        let before = best.as_ref().map_or(f64::INFINITY, |b| b.score);
+        if end.score < 0.999 * before {
+            agreeing = 0;
+        } else if end.score < 1.001 * before {
+            agreeing += 1;
+        }
+        let limit = options.good_start;
+        if end.score.is_finite() && best.as_ref().is_none_or(|b| end.beats(b, limit)) {
+            best = Some(end);
+        }
+        let good = best.as_ref().is_some_and(|b| b.good(limit));
+        let enough = if best.as_ref().is_some_and(|b| b.elsewhere) { 3 * AGREE } else { AGREE };
+        if good || agreeing >= enough {
+            break;
+        }
+    }
+    let score = best.as_ref().map_or(f64::INFINITY, |b| b.score);
+    let mut warnings = Vec::new();
+    if score >= options.good_start
+        && options.starts > 1
+        && let Some(found) = wiring::suspect(&search, score)
+    {
+        warnings.push(found.sentence);
+        best = found.end.or(best);
+    }
+    if best.is_none() && warnings.is_empty() {
+        warnings.push(format!(
+            "none of {} starts led to a fit in which every joint moves: check the wiring, the \
+             rest reading and the nominal gains, or record poses that differ more",
+            tries.len()
+        ));
+    }
+    let beta = best.map_or_else(|| anchored(session, model, &vec![1.0; channels]), |b| b.beta);
+    Start { beta, tries, warnings }
+}
+
+/// Anchor, name and gain factors of so many starts, nearest first, anchors in turn.
+fn starts(channels: usize, anchors: usize, count: usize) -> Vec<(usize, String, Vec<f64>)> {
+    let mut starts: Vec<_> = FACTORS
+        .iter()
+        .flat_map(|f| (0..anchors).map(move |at| (at, f)))
+        .map(|(at, f)| (at, format!("gains × {f}"), vec![*f; channels]))
+        .collect();
+    // Low-discrepancy factors between 0.3 and 3: the additive recurrence of Roberts.
+    let root = generalised_golden(channels);
+    for n in 1..=count.saturating_sub(starts.len()) {
+        let factors = (0..channels).map(|c| {
+            let alpha = root.powi(-(c as i32 + 1));
+            0.3 * 10.0_f64.powf((0.5 + alpha * n as f64).fract())
+        });
+        starts.push((n % anchors, format!("gains scattered #{n}"), factors.collect()));
+    }
+    starts
+}
+
+/// The root of `x^(d+1) = x + 1`.
+fn generalised_golden(dimensions: usize) -> f64 {
+    let mut x: f64 = 1.5;
+    for _ in 0..60 {
+        x = (1.0 + x).powf(1.0 / (dimensions as f64 + 1.0));
+    }
+    x
+}

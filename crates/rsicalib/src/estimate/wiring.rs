@@ -1,0 +1,189 @@
+//! Mistakes at first wiring: a reversed channel, two exchanged ones, a potentiometer
+//! whose gap lies within the range of motion.
+//!
+//! No start leads to a good fit then. Each mistake is tried in turn: where the loop
+//! closes with it and with no other, it is named.
+
+use crate::estimate::search::{End, Search, anchored, ratios};
+use crate::readings::{Readings, Table};
+
+/// What looks wrong.
+#[derive(Debug, Clone)]
+pub struct Suspicion {
+    /// In words, with what to do.
+    pub sentence: String,
+    /// The fit that takes it into account, where that needs no other readings.
+    pub end: Option<End>,
+}
+
+/// χ² must fall by this factor before a mistake is named.
+const DECISIVE: f64 = 20.0;
+
+/// Part of the range without a single reading that makes a jump.
+const JUMP: f64 = 0.3;
+
+/// Part of the range that counts as its end.
+const EDGE: f64 = 1e-3;
+
+/// Common factors on the gains from which each mistake is tried.
+const FACTORS: [f64; 3] = [1.0, 0.7, 1.4];
+
+/// The mistake that explains why no start led to a χ² per equation below `best`.
+#[must_use]
+pub fn suspect(search: &Search<'_>, best: f64) -> Option<Suspicion> {
+    let limit = search.session.options.good_start.min(best / DECISIVE);
+    let mut found: Option<(f64, Suspicion)> = None;
+    let mut consider = |end: End, sentence: &dyn Fn(f64) -> String, keep: bool| {
+        if end.score < found.as_ref().map_or(limit, |f| f.0) {
+            let (score, sentence) = (end.score, sentence(end.score));
+            found = Some((score, Suspicion { sentence, end: keep.then_some(end) }));
+        }
+    };
+    let channels = search.model.scales.len();
+    let name = |c: usize| search.session.mechanism.channels[c].name.as_str();
+    let closes = |score: f64| {
+        if best.is_finite() {
+            format!("the loop closes (χ² per equation {score:.1}, as declared {best:.0})")
+        } else {
+            format!("the loop closes (χ² per equation {score:.1}; as declared, no start does)")
+        }
+    };
+    let mut turned: Vec<End> = (0..channels).map(|c| reversed(search, |i| i == c)).collect();
+    turned.push(reversed(search, |_| true));
+    for end in turned {
+        // A start may find another channel than the one that it reversed.
+        let wrong: Vec<&str> = ratios(search.model, &end.beta)
+            .enumerate()
+            .filter(|(_, ratio)| *ratio < 0.0)
+            .map(|(c, _)| name(c))
+            .collect();
+        let sentence = |score: f64| {
+            format!(
+                "{} read{} the wrong way round: with {} reversed {}; exchange the outer wires of \
+                 the potentiometer{}, or reverse the gain{} in the mechanism",
+                wrong.join(", "),
+                if wrong.len() > 1 { "" } else { "s" },
+                if wrong.len() > 1 { "their gains" } else { "its gain" },
+                closes(score),
+                if wrong.len() > 1 { "s" } else { "" },
+                if wrong.len() > 1 { "s" } else { "" },
+            )
+        };
+        consider(end.clone(), &sentence, true);
+    }
+    for (a, b) in (0..channels).flat_map(|a| (a + 1..channels).map(move |b| (a, b))) {
+        let sentence = |score: f64| {
+            format!(
+                "{} and {} look exchanged: with their readings swapped {}; check the wiring, or \
+                 the names of the columns",
+                name(a),
+                name(b),
+                closes(score)
+            )
+        };
+        if let Some(end) = exchanged(search, a, b) {
+            consider(end, &sentence, false);
+        }
+    }
+    for c in 0..channels {
+        let Some(gap) = Gap::of(search, c) else { continue };
+        let Some(end) = gap.without(search) else { continue };
+        let sentence = |score: f64| {
+            let (name, count, what) = (name(c), gap.rows.len(), &gap.what);
+            format!(
+                "{name} {what}: without such rows ({count} of {} looked at) {}; the gap of its \
+                 track lies within the range of motion, turn it on its shaft",
+                search.readings.samples,
+                closes(score)
+            )
+        };
+        consider(end, &sentence, false);
+    }
+    found.map(|f| f.1)
+}
+
+/// The best of a few ends.
+fn best_of(ends: impl Iterator<Item = End>) -> Option<End> {
+    ends.min_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+/// The fit from gains of the other sign at some channels.
+fn reversed(search: &Search<'_>, at: impl Fn(usize) -> bool) -> End {
+    let channels = search.model.scales.len();
+    let from = |factor: f64| {
+        let sign = |c: usize| if at(c) { -factor } else { factor };
+        let factors: Vec<f64> = (0..channels).map(sign).collect();
+        let start = anchored(search.session, search.model, &factors);
+        search.end_with(&search.readings, &search.weights, &start)
+    };
+    let (cost, score) = (f64::INFINITY, f64::INFINITY);
+    let nothing = End { beta: search.model.nominal(), cost, score, elsewhere: false };
+    best_of(FACTORS.into_iter().map(from)).unwrap_or(nothing)
+}
+
+/// The fit with two columns of the readings exchanged.
+fn exchanged(search: &Search<'_>, a: usize, b: usize) -> Option<End> {
+    let session = search.session;
+    let swap = |row: &mut [f64]| row.swap(a, b);
+    let mut table = search.readings.table.clone();
+    table.values.chunks_exact_mut(search.readings.channels).for_each(swap);
+    // The other way round they may be beyond each other's range.
+    let readings = Readings::beside(&session.mechanism, table, &session.readings).ok()?;
+    let mut turned = session.clone();
+    if let Some(rest) = &mut turned.rest {
+        swap(rest);
+    }
+    let from = |factor: f64| {
+        let factors = vec![factor; search.model.scales.len()];
+        let start = anchored(&turned, search.model, &factors);
+        search.end_with(&readings, &search.weights, &start)
+    };
+    best_of(FACTORS.into_iter().map(from))
+}
+
+/// Rows in which a potentiometer may have been on the gap of its track, or beyond.
+struct Gap {
+    rows: Vec<usize>,
+    what: String,
+}
+
+impl Gap {
+    fn of(search: &Search<'_>, channel: usize) -> Option<Self> {
+        let [low, high] = search.session.mechanism.channels[channel].range?;
+        let Table { values, .. } = &search.readings.table;
+        let read = |row: usize| values[row * search.readings.channels + channel];
+        let rows = || 0..search.readings.samples;
+        let edge = EDGE * (high - low);
+        let at_end: Vec<usize> =
+            rows().filter(|&r| read(r) <= low + edge || read(r) >= high - edge).collect();
+        if !at_end.is_empty() {
+            return Some(Self { rows: at_end, what: "reads an end of its range".into() });
+        }
+        let mut sorted: Vec<f64> = rows().map(read).collect();
+        sorted.sort_by(f64::total_cmp);
+        let widest = sorted.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
+        let (below, above) = (widest[0], widest[1]);
+        if above - below < JUMP * (high - low) {
+            return None;
+        }
+        let (lower, upper): (Vec<usize>, Vec<usize>) = rows().partition(|&r| read(r) <= below);
+        let what = format!("jumps between {below:.0} and {above:.0} with nothing in between");
+        Some(Self { rows: if lower.len() < upper.len() { lower } else { upper }, what })
+    }
+
+    /// The fit without these rows, if enough are left.
+    fn without(&self, search: &Search<'_>) -> Option<End> {
+        let mut weights = search.weights.clone();
+        self.rows.iter().for_each(|&r| weights[r] = 0.0);
+        let live = weights.iter().filter(|w| **w > 0.0).count() * search.model.equations();
+        if live < search.model.parameters + search.model.parameters / 2 {
+            return None;
+        }
+        let from = |factor: f64| {
+            let factors = vec![factor; search.model.scales.len()];
+            let start = anchored(search.session, search.model, &factors);
+            search.end_with(&search.readings, &weights, &start)
+        };
+        best_of(FACTORS.into_iter().map(from))
+    }
+}

@@ -1,0 +1,239 @@
+//! Forward kinematics of one chain, and what each joint does to its points.
+//!
+//! A chain is compiled to [`Step`]s: rigid placements, and turns and slides
+//! about the axes of the frame reached so far, driven by a channel or by a
+//! parameter of the geometry. A point `p` carried by the chain moves with step
+//! `s` as
+//!
+//! ```text
+//! ∂p/∂s = z_s × (p - o_s)    turn about the axis z_s through o_s          (21)
+//! ∂p/∂s = z_s                slide along z_s                              (22)
+//! ```
+
+use crate::kinematics::steps::{Axis, Source, Step, Way, Weight as Whose};
+use crate::numerics::lanes::{Lanes, Vec3, cross, minus};
+
+/// A frame of eight samples: three axes and an origin, in the base.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// The axes.
+    pub axes: [Vec3; 3],
+    /// The origin.
+    pub origin: Vec3,
+}
+
+/// What a motion turns or slides about, in the base.
+#[derive(Debug, Clone, Copy)]
+pub struct Lever {
+    /// Turn or slide.
+    pub way: Way,
+    /// What drives it.
+    pub source: Source,
+    /// Its axis.
+    pub axis: Vec3,
+    /// A point on the axis.
+    pub origin: Vec3,
+}
+
+impl Lever {
+    /// How a point carried by it moves, eqs. (21, 22).
+    #[inline(always)]
+    #[must_use]
+    pub fn moves(&self, point: &Vec3) -> Vec3 {
+        match self.way {
+            Way::Turn => cross(&self.axis, &minus(point, &self.origin)),
+            Way::Slide => self.axis,
+        }
+    }
+}
+
+/// A mass on a chain, in the base.
+#[derive(Debug, Clone, Copy)]
+pub struct Weight {
+    /// Whose it is.
+    pub whose: Whose,
+    /// Its centre.
+    pub at: Vec3,
+    /// How heavy it is.
+    pub weight: f64,
+    /// Levers before this index carry it.
+    pub levers: usize,
+}
+
+/// What a lever carries: weights as one.
+#[derive(Debug, Clone, Copy)]
+pub struct Carried {
+    /// How heavy they are together.
+    pub weight: f64,
+    /// Sum of weight times place.
+    pub moment: Vec3,
+}
+
+impl Carried {
+    /// Sum over the weights of weight times [`Lever::moves`].
+    #[inline(always)]
+    #[must_use]
+    pub fn moved_by(&self, lever: &Lever) -> Vec3 {
+        let mut moved = lever.axis;
+        match lever.way {
+            Way::Turn => {
+                let mut arm = self.moment;
+                for (arm, origin) in arm.iter_mut().zip(&lever.origin) {
+                    *arm -= *origin * self.weight;
+                }
+                moved = cross(&lever.axis, &arm);
+            }
+            Way::Slide => moved.iter_mut().for_each(|m| *m = *m * self.weight),
+        }
+        moved
+    }
+}
+
+/// A chain at eight samples.
+#[derive(Debug, Clone)]
+pub struct Posture {
+    /// The frame at its end.
+    pub tip: Frame,
+    /// One lever per motion, base first.
+    pub levers: Vec<Lever>,
+    /// Its masses.
+    pub weights: Vec<Weight>,
+}
+
+impl Frame {
+    /// The base.
+    pub const BASE: Self = Self {
+        axes: [
+            [Lanes::ONE, Lanes::ZERO, Lanes::ZERO],
+            [Lanes::ZERO, Lanes::ONE, Lanes::ZERO],
+            [Lanes::ZERO, Lanes::ZERO, Lanes::ONE],
+        ],
+        origin: [Lanes::ZERO; 3],
+    };
+
+    /// A point of this frame, in the base.
+    #[inline(always)]
+    #[must_use]
+    pub fn point(&self, at: &[f64; 3]) -> Vec3 {
+        // A loop, not `array::from_fn`: that calls its closure, and a call leaves the
+        // vector instructions of `lanes::dispatch`.
+        let [x, y, z] = &self.axes;
+        let mut point = self.origin;
+        for (i, p) in point.iter_mut().enumerate() {
+            *p = *p + x[i] * at[0] + y[i] * at[1] + z[i] * at[2];
+        }
+        point
+    }
+
+    #[inline(always)]
+    fn place(&mut self, rotation: &[f64; 9], translation: &[f64; 3]) {
+        self.origin = self.point(translation);
+        let [x, y, z] = self.axes;
+        for (j, axis) in self.axes.iter_mut().enumerate() {
+            for i in 0..3 {
+                axis[i] = x[i] * rotation[j] + y[i] * rotation[3 + j] + z[i] * rotation[6 + j];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn turn(&mut self, axis: Axis, angle: Lanes) {
+        let (sin, cos) = angle.sin_cos();
+        let (a, b) = match axis {
+            Axis::X => (1, 2),
+            Axis::Y => (2, 0),
+            Axis::Z => (0, 1),
+        };
+        for i in 0..3 {
+            let (u, v) = (self.axes[a][i], self.axes[b][i]);
+            self.axes[a][i] = u * cos + v * sin;
+            self.axes[b][i] = v * cos - u * sin;
+        }
+    }
+
+    #[inline(always)]
+    fn slide(&mut self, axis: Axis, by: Lanes) {
+        let along = self.axes[axis as usize];
+        for (origin, along) in self.origin.iter_mut().zip(along) {
+            *origin += along * by;
+        }
+    }
+}
+
+impl Posture {
+    /// Room for a chain; call [`Posture::take`] before reading it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { tip: Frame::BASE, levers: Vec::new(), weights: Vec::new() }
+    }
+
+    /// Walks the steps from the base to the tip.
+    ///
+    /// `angles` holds one joint coordinate per channel of the mechanism,
+    /// `parameters` the model's.
+    #[inline(always)]
+    pub fn take(&mut self, steps: &[Step], angles: &[Lanes], parameters: &[f64]) {
+        let mut frame = Frame::BASE;
+        self.levers.clear();
+        self.weights.clear();
+        for step in steps {
+            match step {
+                Step::Place(rotation, translation) => frame.place(rotation, translation),
+                Step::Move(axis, way, source) => {
+                    self.levers.push(Lever {
+                        way: *way,
+                        source: *source,
+                        axis: frame.axes[*axis as usize],
+                        origin: frame.origin,
+                    });
+                    let by = match *source {
+                        Source::Channel(c) => angles[c],
+                        Source::Parameter(p) => Lanes::splat(parameters[p]),
+                    };
+                    match way {
+                        Way::Turn => frame.turn(*axis, by),
+                        Way::Slide => frame.slide(*axis, by),
+                    }
+                }
+                Step::Mass(whose, at, weight) => self.weights.push(Weight {
+                    whose: *whose,
+                    at: frame.point(at),
+                    weight: *weight,
+                    levers: self.levers.len(),
+                }),
+            }
+        }
+        self.tip = frame;
+    }
+}
+
+impl Posture {
+    /// What each lever carries of one kind of weight.
+    #[inline(always)]
+    pub fn carried(&self, whose: Whose, out: &mut Vec<Carried>) {
+        out.clear();
+        out.resize(self.levers.len(), Carried { weight: 0.0, moment: [Lanes::ZERO; 3] });
+        for weight in self.weights.iter().filter(|w| w.whose == whose && w.levers > 0) {
+            let last = &mut out[weight.levers - 1];
+            last.weight += weight.weight;
+            for (moment, at) in last.moment.iter_mut().zip(&weight.at) {
+                *moment += *at * weight.weight;
+            }
+        }
+        // The weights of a lever are also those of all levers before it.
+        for j in (1..out.len()).rev() {
+            let next = out[j];
+            let own = &mut out[j - 1];
+            own.weight += next.weight;
+            for (moment, more) in own.moment.iter_mut().zip(&next.moment) {
+                *moment += *more;
+            }
+        }
+    }
+}
+
+impl Default for Posture {
+    fn default() -> Self {
+        Self::new()
+    }
+}

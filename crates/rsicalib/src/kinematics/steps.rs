@@ -1,0 +1,76 @@
+//! A chain compiled to steps from the base to the tip.
+
+use nalgebra::Isometry3;
+
+/// One axis of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axis {
+    /// First axis.
+    X,
+    /// Second axis.
+    Y,
+    /// Third axis: that of joints.
+    Z,
+}
+
+/// Turning or sliding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// About the axis, rad.
+    Turn,
+    /// Along the axis, length units.
+    Slide,
+}
+
+/// What drives a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// The joint coordinate of a channel.
+    Channel(usize),
+    /// A parameter of the model.
+    Parameter(usize),
+}
+
+/// One step from the base to the tip.
+#[derive(Debug, Clone)]
+pub enum Step {
+    /// A rigid placement: rotation, row by row, and translation.
+    Place([f64; 9], [f64; 3]),
+    /// A motion about or along one axis of the frame reached.
+    Move(Axis, Way, Source),
+    /// A mass: whose it is, its centre in the frame reached, and its weight.
+    Mass(Weight, [f64; 3], f64),
+}
+
+/// Appends a placement, merged with the one before it.
+pub fn push_place(steps: &mut Vec<Step>, place: &Isometry3<f64>) {
+    let mut place = *place;
+    if let Some(Step::Place(r, t)) = steps.last() {
+        place = isometry(r, t) * place;
+        steps.pop();
+    }
+    if place == Isometry3::identity() {
+        return;
+    }
+    let m = place.rotation.to_rotation_matrix();
+    // Quarter turns are meant exactly: 6e-17 is the rounding of π/2.
+    let snap = |v: f64| if v.abs() < 1e-15 { 0.0 } else { v };
+    let rotation = std::array::from_fn(|k| snap(m[(k / 3, k % 3)]));
+    let t = place.translation;
+    steps.push(Step::Place(rotation, [snap(t.x), snap(t.y), snap(t.z)]));
+}
+
+fn isometry(r: &[f64; 9], t: &[f64; 3]) -> Isometry3<f64> {
+    let m = nalgebra::Matrix3::from_row_slice(r);
+    let rotation = nalgebra::Rotation3::from_matrix_unchecked(m);
+    Isometry3::from_parts((*t).into(), nalgebra::UnitQuaternion::from_rotation_matrix(&rotation))
+}
+
+/// Weight weight bends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Weight {
+    /// A unit weight at the points that the chain carries.
+    Tip,
+    /// The link masses of the mechanism.
+    Links,
+}

@@ -1,0 +1,288 @@
+//! A mechanism as data: channels, chains, points, closures, platform, rest.
+//!
+//! The same value in Rust, in Python and in TOML. The RSI hand controller is
+//! one of them, [`Mechanism::rsi`]; nothing else in this crate knows it.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+/// Sensed chains, and what closes them on each other.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Mechanism {
+    /// What people call it.
+    pub name: String,
+    /// Unit of every length: `in`, `mm`, `m`.
+    pub length_unit: String,
+    /// Direction in which weights pull, in base coordinates.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub gravity: Option<[f64; 3]>,
+    /// Sensors, in the order of the columns of readings.
+    #[cfg_attr(feature = "serde", serde(rename = "channel"))]
+    pub channels: Vec<Channel>,
+    /// Serial chains of joints.
+    #[cfg_attr(feature = "serde", serde(rename = "chain"))]
+    pub chains: Vec<Chain>,
+    /// Points on the chains, fixed points and unknown ones.
+    #[cfg_attr(feature = "serde", serde(rename = "point"))]
+    pub points: Vec<Point>,
+    /// Equations that hold in every pose.
+    #[cfg_attr(feature = "serde", serde(rename = "closure"))]
+    pub closures: Vec<Closure>,
+    /// The points that carry the platform, in the platform's frame.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BTreeMap::is_empty"))]
+    pub platform: BTreeMap<String, [f64; 3]>,
+    /// A pose that is known without measuring.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub rest: Option<Rest>,
+    /// What is identified unless told otherwise.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub model: ModelSection,
+}
+
+/// A sensor: `angle = gain * reading + offset`.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Channel {
+    /// Column of the readings.
+    pub name: String,
+    /// Unit of a reading: `count`, `rad`, `m`, ...
+    pub unit: String,
+    /// Lowest and highest reading, if bounded.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub range: Option<[f64; 2]>,
+    /// Joint coordinate per reading: rad, or length for a prismatic joint.
+    pub gain: f64,
+    /// Joint coordinate at reading zero.
+    pub offset: f64,
+    /// Joint limits, in the joint's coordinate.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub limits: Option<[f64; 2]>,
+    /// Standard deviation of one reading, in its unit, where it is known.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub noise: Option<f64>,
+}
+
+impl Channel {
+    /// Variance that rounding to whole counts adds to a reading: 1/12 count².
+    #[must_use]
+    pub fn quantisation(&self) -> f64 {
+        if self.unit == "count" { 1.0 / 12.0 } else { 0.0 }
+    }
+
+    /// Middle of the range; zero for an unbounded channel.
+    #[must_use]
+    pub fn middle(&self) -> f64 {
+        self.range.map_or(0.0, |[low, high]| 0.5 * (low + high))
+    }
+
+    /// Half the range in readings; half a turn for an unbounded channel.
+    #[must_use]
+    pub fn half_range(&self) -> f64 {
+        self.range.map_or(PI / self.gain.abs(), |[low, high]| 0.5 * (high - low))
+    }
+
+    /// The nominal joint coordinate at a reading, eq. (9).
+    #[must_use]
+    pub fn angle(&self, reading: f64) -> f64 {
+        self.gain * reading + self.offset
+    }
+}
+
+/// How a joint moves about or along its z axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+pub enum Motion {
+    /// Turns; its coordinate is an angle in radians.
+    #[default]
+    Revolute,
+    /// Slides; its coordinate is a length.
+    Prismatic,
+}
+
+/// One row of a chain: a joint, then the body that carries the next.
+///
+/// ```text
+/// Rz(theta) · joint(q) · Tz(d) Tx(a) Rx(alpha) · T(xyz) R(rpy)
+/// ```
+///
+/// Denavit-Hartenberg rows use the first part, URDF links the second.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
+pub struct Row {
+    /// Name of the link, for reports.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub name: Option<String>,
+    /// The channel that senses this joint; none for a fixed row.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub channel: Option<String>,
+    /// How the joint moves.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub joint: Motion,
+    /// Fixed angle about z, before the joint [rad].
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub theta: f64,
+    /// Offset along z.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub d: f64,
+    /// Length along x.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub a: f64,
+    /// Twist about x [rad].
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub alpha: f64,
+    /// A further translation, as URDF gives it.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub xyz: [f64; 3],
+    /// A further rotation, roll-pitch-yaw [rad].
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub rpy: [f64; 3],
+    /// Mass of the body after the joint; any unit, the same for all rows.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub mass: Option<f64>,
+    /// Its centre of mass, in the frame after the joint.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    pub com: [f64; 3],
+}
+
+#[cfg(feature = "serde")]
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+impl Row {
+    /// The body after the joint, `joint_from_next`.
+    #[must_use]
+    pub fn body(&self) -> Isometry3<f64> {
+        let dh = Isometry3::from_parts(
+            Translation3::new(self.a, 0.0, self.d),
+            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.alpha),
+        );
+        let [roll, pitch, yaw] = self.rpy;
+        dh * Isometry3::from_parts(
+            Translation3::from(Vector3::from(self.xyz)),
+            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+        )
+    }
+}
+
+/// A serial chain of rows, base first.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Chain {
+    /// What reports call it.
+    pub name: String,
+    /// Its rows, base first.
+    #[cfg_attr(feature = "serde", serde(rename = "dh"))]
+    pub rows: Vec<Row>,
+}
+
+/// A point on a chain, fixed in the base, or unknown but constant.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
+pub struct Point {
+    /// What closures and the platform call it.
+    pub name: String,
+    /// The chain that carries it; none for a point fixed in the base.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub chain: Option<String>,
+    /// Where it is, in the frame at the end of its chain, or in the base.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub at: Option<[f64; 3]>,
+    /// Columns of the readings: one unknown point for each distinct value.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub unknown: Vec<String>,
+}
+
+/// The kind of equation that a closure is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+pub enum ClosureKind {
+    /// `|a - b|² - value² = 0`, eq. (10): one equation.
+    Distance,
+    /// `a - b = 0`: three equations.
+    Touch,
+}
+
+impl ClosureKind {
+    /// Scalar equations of one closure.
+    #[must_use]
+    pub fn equations(self) -> usize {
+        match self {
+            Self::Distance => 1,
+            Self::Touch => 3,
+        }
+    }
+}
+
+/// A known distance: a number, or a column of the readings.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(untagged))]
+pub enum Value {
+    /// The same in every pose.
+    Known(f64),
+    /// Measured: the name of a column.
+    Column(String),
+}
+
+/// An equation between two points that holds in every pose.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Closure {
+    /// What reports call it.
+    pub name: String,
+    /// Distance or touch.
+    pub kind: ClosureKind,
+    /// The two points.
+    pub between: [String; 2],
+    /// The distance, for a distance.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub value: Option<Value>,
+    /// Play: standard deviation of the closure itself, per equation, in length units.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub noise: Option<f64>,
+    /// How well the value is known, in length units.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub sd: Option<f64>,
+}
+
+/// A platform pose that is known without measuring.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Rest {
+    /// `x y z` in length units, `rx ry rz` in radians, eq. (1).
+    pub pose: [f64; 6],
+    /// How well each is known; none: it is where the search starts, no more.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub sd: Option<f64>,
+}
+
+/// What `calibrate` identifies unless told otherwise.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
+pub struct ModelSection {
+    /// Ids of terms.
+    pub terms: Vec<String>,
+    /// Prior standard deviation of each parameter of a term, in its unit.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "BTreeMap::is_empty"))]
+    pub sd: BTreeMap<String, f64>,
+}
+
+impl Default for ModelSection {
+    fn default() -> Self {
+        Self { terms: vec!["offset".into(), "gain".into()], sd: BTreeMap::new() }
+    }
+}

@@ -1,0 +1,209 @@
+//! Every name of a mechanism leads somewhere, and every number is one.
+
+use crate::Error;
+use crate::mechanism::drawing::{Channel, Closure, ClosureKind, Mechanism, Point, Value};
+use crate::mechanism::queries::list;
+
+impl Mechanism {
+    /// Checks that every name leads somewhere and every number is one.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Mechanism`] with the place, what stands there and what could.
+    pub fn validate(&self) -> Result<(), Error> {
+        if let Some(gravity) = &self.gravity {
+            finite(gravity.iter(), || "gravity".into())?;
+            if gravity.iter().all(|g| *g == 0.0) {
+                return Err(refuse("gravity".into(), "[0, 0, 0]".into(), "a direction".into()));
+            }
+        }
+        unique("channel", self.channels.iter().map(|c| &c.name))?;
+        unique("chain", self.chains.iter().map(|c| &c.name))?;
+        unique("point", self.points.iter().map(|p| &p.name))?;
+        unique("closure", self.closures.iter().map(|c| &c.name))?;
+        for channel in &self.channels {
+            check_channel(channel)?;
+        }
+        self.check_chains()?;
+        for point in &self.points {
+            self.check_point(point)?;
+        }
+        for closure in &self.closures {
+            self.check_closure(closure)?;
+        }
+        self.check_platform()
+    }
+
+    fn check_chains(&self) -> Result<(), Error> {
+        let mut seen: Vec<&String> = Vec::new();
+        for chain in &self.chains {
+            for (i, row) in chain.rows.iter().enumerate() {
+                let place = || format!("chain {:?}, row {}", chain.name, i + 1);
+                let numbers = [row.theta, row.d, row.a, row.alpha];
+                let all = numbers.iter().chain(&row.xyz).chain(&row.rpy).chain(&row.com);
+                finite(all, place)?;
+                if let Some(mass) = row.mass.filter(|m| !(m.is_finite() && *m >= 0.0)) {
+                    let expected = "a number of 0 or more".into();
+                    return Err(refuse(place(), format!("mass {mass}"), expected));
+                }
+                let Some(name) = &row.channel else { continue };
+                if self.channels.iter().all(|c| c.name != *name) {
+                    let known = list(self.channels.iter().map(|c| &c.name));
+                    return Err(refuse(place(), format!("channel {name:?}"), known));
+                }
+                if seen.contains(&name) {
+                    let found = format!("channel {name:?} again");
+                    return Err(refuse(place(), found, "each channel at one joint".into()));
+                }
+                seen.push(name);
+            }
+        }
+        match self.channels.iter().find(|c| !seen.contains(&&c.name)) {
+            Some(channel) => Err(refuse(
+                format!("channel {:?}", channel.name),
+                "no joint that it senses".into(),
+                "a row of a chain that names it".into(),
+            )),
+            None => Ok(()),
+        }
+    }
+
+    fn check_point(&self, point: &Point) -> Result<(), Error> {
+        let place = || format!("point {:?}", point.name);
+        if let Some(chain) = &point.chain {
+            known(self.chain_index(chain), place)?;
+        }
+        match (&point.at, point.unknown.is_empty()) {
+            (Some(at), true) => finite(at.iter(), place),
+            (None, false) if point.chain.is_none() => Ok(()),
+            _ => Err(refuse(
+                place(),
+                "neither a place nor an unknown, or both".into(),
+                "`at = [x, y, z]`, or `unknown = [columns]` without a chain".into(),
+            )),
+        }
+    }
+
+    fn check_closure(&self, closure: &Closure) -> Result<(), Error> {
+        let place = || format!("closure {:?}", closure.name);
+        for noise in closure.noise.iter().chain(&closure.sd) {
+            if !(noise.is_finite() && *noise >= 0.0) {
+                return Err(refuse(place(), format!("{noise}"), "a length of 0 or more".into()));
+            }
+        }
+        match (closure.kind, &closure.value) {
+            (ClosureKind::Touch, None) | (ClosureKind::Distance, Some(Value::Column(_))) => {}
+            (ClosureKind::Distance, Some(Value::Known(d))) if d.is_finite() && *d > 0.0 => {}
+            (kind, value) => {
+                let expected = "a positive `value` for a distance, none for a touch";
+                return Err(refuse(place(), format!("{kind:?} with {value:?}"), expected.into()));
+            }
+        }
+        let [a, b] = &closure.between;
+        if a == b {
+            return Err(refuse(place(), format!("{a:?} twice"), "two points".into()));
+        }
+        if self.is_link(closure) {
+            return self.check_unknowns(closure);
+        }
+        known(self.point_index(a), place)?;
+        known(self.point_index(b), place)
+    }
+
+    /// A distance between unknown points: each names a point, and columns that it has.
+    fn check_unknowns(&self, closure: &Closure) -> Result<(), Error> {
+        match closure.between.iter().find(|end| self.unknown_end(end).is_none()) {
+            None => Ok(()),
+            Some(end) => {
+                let unknown = self.points.iter().filter(|p| !p.unknown.is_empty());
+                let known = unknown.map(|p| format!("{}[{}=…]", p.name, p.unknown.join("=…,")));
+                let known: Vec<String> = known.collect();
+                let expected = match known.is_empty() {
+                    true => "points of the mechanism".into(),
+                    false => format!("unknown points with columns of theirs: {}", known.join(", ")),
+                };
+                let place = format!("closure {:?}, between", closure.name);
+                Err(refuse(place, format!("{end:?}"), expected))
+            }
+        }
+    }
+
+    fn check_platform(&self) -> Result<(), Error> {
+        for (name, at) in &self.platform {
+            known(self.point_index(name), || "platform".into())?;
+            finite(at.iter(), || format!("platform, {name}"))?;
+        }
+        if let Some(rest) = &self.rest {
+            finite(rest.pose.iter(), || "rest, pose".into())?;
+        }
+        let rest = self.rest.iter().filter_map(|rest| Some(("rest", rest.sd?)));
+        let model = self.model.sd.iter().map(|(term, sd)| (term.as_str(), *sd));
+        let positive = |sd: f64| sd.is_finite() && sd > 0.0;
+        if let Some((what, sd)) = rest.chain(model).find(|(_, sd)| !positive(*sd)) {
+            return Err(refuse(format!("{what}, sd"), sd.to_string(), "a positive number".into()));
+        }
+        if self.closures.is_empty() {
+            return Err(refuse("closure".into(), "none".into(), "at least one".into()));
+        }
+        Ok(())
+    }
+}
+
+fn refuse(place: String, found: String, expected: String) -> Error {
+    Error::Mechanism { place, found, expected }
+}
+
+/// A name that leads nowhere, with the place that bears it.
+pub(crate) fn known(found: Result<usize, Error>, place: impl Fn() -> String) -> Result<(), Error> {
+    match found {
+        Err(Error::Unknown { kind, found, known }) => {
+            Err(refuse(place(), format!("{kind} {found:?}"), known))
+        }
+        other => other.map(|_| ()),
+    }
+}
+
+fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Result<(), Error> {
+    let mut seen = Vec::new();
+    for name in names {
+        if seen.contains(&name) || name.is_empty() {
+            let place = format!("{kind} {name:?}");
+            return Err(refuse(place, "the name again, or none".into(), "one of its own".into()));
+        }
+        seen.push(name);
+    }
+    if seen.is_empty() {
+        return Err(refuse(kind.into(), "none".into(), "at least one".into()));
+    }
+    Ok(())
+}
+
+fn finite<'a>(
+    mut numbers: impl Iterator<Item = &'a f64>,
+    place: impl Fn() -> String,
+) -> Result<(), Error> {
+    match numbers.find(|n| !n.is_finite()) {
+        Some(n) => Err(refuse(place(), n.to_string(), "a finite number".into())),
+        None => Ok(()),
+    }
+}
+
+fn check_channel(channel: &Channel) -> Result<(), Error> {
+    let place = || format!("channel {:?}", channel.name);
+    finite([channel.gain, channel.offset].iter(), place)?;
+    if channel.gain == 0.0 {
+        return Err(refuse(place(), "gain 0".into(), "a gain other than zero".into()));
+    }
+    for [low, high] in channel.range.iter().chain(&channel.limits) {
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            let expected = "the lower end before the upper";
+            return Err(refuse(place(), format!("[{low}, {high}]"), expected.into()));
+        }
+    }
+    match channel.noise {
+        Some(n) if !(n.is_finite() && n > 0.0) => {
+            Err(refuse(place(), format!("noise {n}"), "a positive number".into()))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,123 @@
+//! Joint coordinates that hold the platform at a pose.
+
+use nalgebra::{Rotation3, Vector3};
+
+use crate::Error;
+use crate::mechanism::{Closure, ClosureKind, Mechanism, Point};
+use crate::model::compiled::Model;
+use crate::model::evaluation::{Want, Workspace};
+use crate::numerics::lanes::Lanes;
+use crate::numerics::{dense, lm};
+use crate::readings::{Readings, Table};
+
+/// The platform's points in base coordinates for a pose, by name.
+#[must_use]
+pub fn placed(mechanism: &Mechanism, pose: &[f64; 6]) -> Vec<(String, Vector3<f64>)> {
+    let turn = Rotation3::from_euler_angles(pose[3], pose[4], pose[5]);
+    let at = Vector3::new(pose[0], pose[1], pose[2]);
+    let place = |q: &[f64; 3]| at + turn * Vector3::from(*q);
+    mechanism.platform.iter().map(|(name, q)| (name.clone(), place(q))).collect()
+}
+
+/// The mechanism with its platform's points held at a pose: one touch each.
+#[must_use]
+pub fn held_at(mechanism: &Mechanism, pose: &[f64; 6], noise: Option<f64>) -> Mechanism {
+    let mut held = mechanism.clone();
+    held.points.retain(|p| p.unknown.is_empty());
+    held.closures.retain(|c| c.between.iter().all(|b| held.points.iter().any(|p| p.name == *b)));
+    for (name, at) in placed(mechanism, pose) {
+        let fixed = format!("{name} held");
+        held.points.push(Point {
+            name: fixed.clone(),
+            at: Some([at.x, at.y, at.z]),
+            ..Point::default()
+        });
+        held.closures.push(Closure {
+            name: fixed.clone(),
+            kind: ClosureKind::Touch,
+            between: [name, fixed],
+            value: None,
+            noise,
+            sd: None,
+        });
+    }
+    held
+}
+
+/// Joint coordinates that hold the platform at a pose, channel by channel.
+///
+/// Newton from the middle of the joint limits, for any mechanism whose chains
+/// reach their platform points with the joints they have.
+///
+/// # Errors
+///
+/// [`Error::Missing`] without a platform; [`Error::OutOfReach`] where no joint
+/// coordinates reach the pose.
+pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
+    if mechanism.platform.is_empty() {
+        return Err(Error::Missing {
+            mechanism: mechanism.name.clone(),
+            needs: "platform",
+            why: "the inverse kinematics needs the points that carry it",
+        });
+    }
+    let mut bare = held_at(mechanism, pose, None);
+    bare.closures.retain(|c| c.kind == ClosureKind::Touch && c.name.ends_with(" held"));
+    for channel in &mut bare.channels {
+        channel.unit = "rad".into();
+        (channel.gain, channel.offset, channel.range) = (1.0, 0.0, None);
+    }
+    let start: Vec<f64> = mechanism
+        .channels
+        .iter()
+        .map(|c| c.limits.map_or_else(|| c.angle(c.middle()), |[low, high]| 0.5 * (low + high)))
+        .collect();
+    let table = Table { values: start.clone(), ..Table::default() };
+    let readings = Readings::new(&bare, table)?;
+    let model = Model::uncentred(&bare, &readings, Vec::new())?;
+    let (m, n) = (model.equations(), start.len());
+    let at = |q: &[f64], want: Want| {
+        let mut ws = Workspace::default();
+        let lanes: Vec<Lanes> = q.iter().map(|q| Lanes::splat(*q)).collect();
+        model.evaluate(&readings, 0, &lanes, &[], want, &mut ws);
+        ws
+    };
+    let problem = dense::Dense::new(
+        m,
+        n,
+        |q: &[f64], r: &mut [f64]| {
+            let ws = at(q, Want { x: false, a: false });
+            for (r, f) in r.iter_mut().zip(&ws.f) {
+                *r = f.0[0];
+            }
+        },
+        |q: &[f64], j: &mut [f64]| {
+            let ws = at(q, Want { x: false, a: true });
+            for row in 0..m {
+                for col in 0..n {
+                    j[col * m + row] = ws.a[row * n + col].0[0];
+                }
+            }
+        },
+    );
+    let outcome = lm::minimize(&problem, &start, &lm::Options::default());
+    let missed = (2.0 * outcome.cost).sqrt();
+    let size: f64 = mechanism.platform.values().flatten().map(|v| v.abs()).fold(1e-3, f64::max);
+    if missed < 1e-8 * size {
+        return Ok(outcome.x);
+    }
+    let ws = at(&outcome.x, Want { x: false, a: false });
+    let worst = (0..m / 3)
+        .max_by(|&a, &b| {
+            let miss = |i: usize| (0..3).map(|k| ws.f[3 * i + k].0[0].powi(2)).sum::<f64>();
+            miss(a).total_cmp(&miss(b))
+        })
+        .unwrap_or(0);
+    Err(Error::OutOfReach {
+        pose: 0,
+        arm: bare.closures[worst].between[0].clone(),
+        by: (0..3).map(|k| ws.f[3 * worst + k].0[0].powi(2)).sum::<f64>().sqrt(),
+        unit: mechanism.length_unit.clone(),
+        why: "no joint angles bring it nearer".into(),
+    })
+}

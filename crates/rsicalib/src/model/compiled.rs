@@ -1,0 +1,519 @@
+//! A mechanism with terms, compiled for the readings that it is to explain.
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+
+use crate::kinematics::posture::Lever;
+use crate::kinematics::steps::{Axis, Source, Step, Way, Weight, push_place};
+use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
+use crate::model::instance::{Instance, bound_to_session};
+use crate::model::numbering::{number_unknowns, unknown_name};
+use crate::numerics::lanes::{Lanes, Vec3};
+use crate::readings::Readings;
+use crate::terms::targets::provided;
+use crate::terms::term::{Acts, Electronics, Placed, Scale, Sensor, Spot};
+use crate::{Error, terms};
+
+/// Most parameters that one term may have.
+pub const MOST_PARAMETERS: usize = 16;
+
+/// One end of a closure.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum End {
+    /// On a chain, in the frame at its end.
+    Carried(usize, [f64; 3]),
+    /// Fixed in the base.
+    Fixed([f64; 3]),
+    /// Unknown: index among the unknown points of the mechanism.
+    Unknown(usize),
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct CompiledClosure {
+    pub(crate) kind: ClosureKind,
+    pub(crate) ends: [End; 2],
+    /// Known value; the mean of the column where it is one of the readings.
+    pub(crate) value: f64,
+    pub(crate) column: Option<usize>,
+    /// Parameter of a `distance` term, if there is one.
+    pub(crate) parameter: Option<usize>,
+    /// First equation.
+    pub(crate) equation: usize,
+    /// Play, in length units.
+    noise: f64,
+}
+
+#[derive(Clone, Copy)]
+pub(crate) struct SensorAt {
+    pub(crate) term: &'static dyn Sensor,
+    pub(crate) channel: usize,
+    pub(crate) place: usize,
+    /// The one session in which it acts, of several.
+    pub(crate) session: Option<usize>,
+    pub(crate) first: usize,
+    pub(crate) width: usize,
+}
+
+#[derive(Clone, Copy)]
+pub(crate) struct ElectronicsAt {
+    pub(crate) term: &'static dyn Electronics,
+    /// None: every channel.
+    pub(crate) channel: Option<usize>,
+    pub(crate) place: usize,
+    /// The one session in which it acts, of several.
+    pub(crate) session: Option<usize>,
+    pub(crate) first: usize,
+    pub(crate) width: usize,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct LoadAt {
+    pub(crate) whose: Weight,
+    pub(crate) chain: usize,
+    /// The joint that gives; none: every joint of the chain.
+    channel: Option<usize>,
+    pub(crate) parameter: usize,
+}
+
+impl LoadAt {
+    /// Where what the levers carry is kept.
+    #[inline(always)]
+    pub(crate) fn slot(&self) -> usize {
+        2 * self.chain + self.whose as usize
+    }
+
+    /// The channel of a lever that gives under this load.
+    #[inline(always)]
+    pub(crate) fn gives(&self, lever: &Lever) -> Option<usize> {
+        match lever.source {
+            Source::Channel(c) if self.channel.is_none_or(|own| own == c) => Some(c),
+            _ => None,
+        }
+    }
+}
+
+/// A mechanism with terms.
+#[derive(Clone)]
+pub struct Model {
+    /// The mechanism.
+    pub mechanism: Mechanism,
+    /// The terms, each at its target.
+    pub instances: Vec<Instance>,
+    /// First parameter of each instance.
+    pub first: Vec<usize>,
+    /// Parameters of the terms; those of unknown points come after.
+    pub term_parameters: usize,
+    /// All parameters.
+    pub parameters: usize,
+    /// Constants of each channel.
+    pub scales: Vec<Scale>,
+    /// For each unknown point and combination of keys, its number.
+    pub(crate) unknown: Vec<Vec<usize>>,
+    /// For each combination of keys, the parameters that its samples depend on.
+    columns: Vec<Vec<usize>>,
+    /// Names of the unknown points' instances.
+    pub unknown_names: Vec<String>,
+    /// What they are: a point of the mechanism, and the values of its columns.
+    pub unknown_points: Vec<(usize, Vec<String>)>,
+    pub(crate) equations: usize,
+    pub(crate) steps: Vec<Vec<Step>>,
+    pub(crate) closures: Vec<CompiledClosure>,
+    pub(crate) sensors: Vec<SensorAt>,
+    pub(crate) electronics: Vec<ElectronicsAt>,
+    pub(crate) loads: Vec<LoadAt>,
+    pub(crate) gravity: Vec3,
+}
+
+impl std::fmt::Debug for Model {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Model").field("instances", &self.instances).finish_non_exhaustive()
+    }
+}
+
+impl Model {
+    /// Compiles a mechanism with terms for these readings.
+    ///
+    /// Offsets and gains are told apart about the mean reading of each channel,
+    /// which takes the condition number of the hand controller from 126 to 27;
+    /// [`Model::uncentred`] gives the paper's parametrisation.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Context`] where a term needs what the readings do not have.
+    pub fn new(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+    ) -> Result<Self, Error> {
+        let centre = readings.mean.clone();
+        Self::about(mechanism, readings, instances, &centre)
+    }
+
+    /// As [`Model::new`], with offsets at reading zero as the paper has them.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::new`].
+    pub fn uncentred(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+    ) -> Result<Self, Error> {
+        Self::about(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
+    }
+
+    /// As [`Model::new`], with offsets told at readings `centre`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::new`].
+    pub fn about(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+        centre: &[f64],
+    ) -> Result<Self, Error> {
+        for instance in &instances {
+            provided(instance.term, mechanism, readings)?;
+        }
+        Self::compile(mechanism, readings, instances, centre)
+    }
+
+    fn compile(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+        centre: &[f64],
+    ) -> Result<Self, Error> {
+        mechanism.validate()?;
+        terms::check_names(mechanism)?;
+        let mut first = Vec::with_capacity(instances.len());
+        let mut term_parameters = 0;
+        for instance in &instances {
+            first.push(term_parameters);
+            term_parameters += instance.width();
+        }
+        let scales = mechanism
+            .channels
+            .iter()
+            .enumerate()
+            .map(|(c, channel)| Scale::of(channel, centre[c], readings.span[c]))
+            .collect();
+        let (unknown, unknown_points) = number_unknowns(mechanism, readings);
+        let columns = (0..readings.groups.len())
+            .map(|group| {
+                let points = unknown.iter().map(|of_group: &Vec<usize>| of_group[group]);
+                let own = points.flat_map(|p| (0..3).map(move |k| term_parameters + 3 * p + k));
+                (0..term_parameters).chain(own).collect()
+            })
+            .collect();
+        let unknown_names: Vec<String> = unknown_points
+            .iter()
+            .map(|(point, keys)| unknown_name(mechanism, *point, keys))
+            .collect();
+        let gravity = mechanism
+            .gravity
+            .map_or(Vector3::zeros(), |g| Vector3::from(g).try_normalize(0.0).unwrap_or_default());
+        let mut model = Self {
+            steps: Vec::new(),
+            closures: Vec::new(),
+            sensors: Vec::new(),
+            electronics: Vec::new(),
+            loads: Vec::new(),
+            parameters: term_parameters + 3 * unknown_names.len(),
+            mechanism: mechanism.clone(),
+            equations: mechanism.equations(),
+            gravity: std::array::from_fn(|i| Lanes::splat(gravity[i])),
+            instances,
+            first,
+            term_parameters,
+            scales,
+            unknown,
+            columns,
+            unknown_names,
+            unknown_points,
+        };
+        model.compile_terms(readings);
+        model.compile_chains()?;
+        model.compile_closures(readings)?;
+        Ok(model)
+    }
+
+    fn compile_terms(&mut self, readings: &Readings) {
+        for (instance, &first) in self.instances.iter().zip(&self.first) {
+            let (place, width) = (instance.place, instance.width());
+            let session = match instance.term.placed() {
+                _ if readings.sessions < 2 => None,
+                _ if bound_to_session(instance.term) => Some(place),
+                Placed::AtPose => readings.session_of_pose.get(place).copied(),
+                _ => None,
+            };
+            let channel = if let Target::Channel(c) = instance.target { Some(c) } else { None };
+            match instance.term.acts() {
+                Acts::Sensor(term) => {
+                    let channel = channel.unwrap_or_default();
+                    self.sensors.push(SensorAt { term, channel, place, session, first, width });
+                }
+                Acts::Electronics(term) => {
+                    self.electronics.push(ElectronicsAt {
+                        term,
+                        channel,
+                        place,
+                        session,
+                        first,
+                        width,
+                    });
+                }
+                Acts::Load(whose) => {
+                    let chains = match instance.target {
+                        Target::All => (0..self.mechanism.chains.len()).collect(),
+                        Target::Chain(chain) => vec![chain],
+                        _ => channel.and_then(|c| self.mechanism.chain_of(c)).into_iter().collect(),
+                    };
+                    for chain in chains {
+                        self.loads.push(LoadAt { whose, chain, channel, parameter: first });
+                    }
+                }
+                Acts::Geometry(_) | Acts::Distance => {}
+            }
+        }
+    }
+
+    fn compile_chains(&mut self) -> Result<(), Error> {
+        for (c, chain) in self.mechanism.chains.iter().enumerate() {
+            let mut steps = Vec::new();
+            self.free(&mut steps, Spot::Base, c, None);
+            let root = chain.rows.iter().position(|r| r.channel.is_some());
+            for (r, row) in chain.rows.iter().enumerate() {
+                if Some(r) == root {
+                    self.free(&mut steps, Spot::Root, c, None);
+                }
+                push_place(&mut steps, &Isometry3::rotation(Vector3::z() * row.theta));
+                if let Some(name) = &row.channel {
+                    let way = match row.joint {
+                        crate::mechanism::Motion::Revolute => Way::Turn,
+                        crate::mechanism::Motion::Prismatic => Way::Slide,
+                    };
+                    let channel = self.mechanism.channel_index(name)?;
+                    steps.push(Step::Move(Axis::Z, way, Source::Channel(channel)));
+                }
+                if let Some(mass) = row.mass {
+                    steps.push(Step::Mass(Weight::Links, row.com, mass));
+                }
+                self.free(&mut steps, Spot::Joint, c, Some(r));
+                let body = row.body();
+                push_place(
+                    &mut steps,
+                    &Isometry3::from_parts(body.translation, UnitQuaternion::identity()),
+                );
+                self.free(&mut steps, Spot::End, c, Some(r));
+                push_place(
+                    &mut steps,
+                    &Isometry3::from_parts(Vector3::zeros().into(), body.rotation),
+                );
+            }
+            self.free(&mut steps, Spot::Tip, c, None);
+            let carried: Vec<[f64; 3]> = self
+                .mechanism
+                .points
+                .iter()
+                .filter(|p| p.chain.as_ref() == Some(&chain.name))
+                .filter_map(|p| p.at)
+                .collect();
+            for at in &carried {
+                steps.push(Step::Mass(Weight::Tip, *at, 1.0 / carried.len() as f64));
+            }
+            self.steps.push(steps);
+        }
+        Ok(())
+    }
+
+    /// The motions that geometry terms free at one spot of a chain.
+    fn free(&self, steps: &mut Vec<Step>, spot: Spot, chain: usize, row: Option<usize>) {
+        let here = row.map_or(Target::Chain(chain), |row| Target::Row(chain, row));
+        for (instance, first) in self.instances.iter().zip(&self.first) {
+            let Acts::Geometry(freedoms) = instance.term.acts() else { continue };
+            if instance.target != here {
+                continue;
+            }
+            for (k, (at, axis, way)) in freedoms.iter().enumerate() {
+                if *at == spot {
+                    steps.push(Step::Move(*axis, *way, Source::Parameter(first + k)));
+                }
+            }
+        }
+    }
+
+    fn compile_closures(&mut self, readings: &Readings) -> Result<(), Error> {
+        let value_columns = self.mechanism.value_columns();
+        let mean = |column: usize| {
+            readings.table.columns[column].iter().sum::<f64>() / readings.samples as f64
+        };
+        let mut equation = 0;
+        for (k, closure) in self.mechanism.closures.iter().enumerate() {
+            if self.mechanism.is_link(closure) {
+                continue; // no sample takes part: see `links`
+            }
+            let ends = [self.end(&closure.between[0])?, self.end(&closure.between[1])?];
+            let (value, column) = match &closure.value {
+                Some(Value::Known(value)) => (*value, None),
+                Some(Value::Column(name)) => {
+                    let column = value_columns.iter().position(|column| column == name);
+                    (column.map_or(0.0, mean), column)
+                }
+                None => (0.0, None),
+            };
+            let parameter = self
+                .instances
+                .iter()
+                .zip(&self.first)
+                .find(|(i, _)| {
+                    matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(k)
+                })
+                .map(|(_, first)| *first);
+            let noise = closure.noise.unwrap_or(0.0);
+            let kind = closure.kind;
+            self.closures.push(CompiledClosure {
+                kind,
+                ends,
+                value,
+                column,
+                parameter,
+                equation,
+                noise,
+            });
+            equation += kind.equations();
+        }
+        Ok(())
+    }
+
+    fn end(&self, name: &str) -> Result<End, Error> {
+        let index = self.mechanism.point_index(name)?;
+        let point = &self.mechanism.points[index];
+        Ok(match (&point.chain, point.at) {
+            (Some(chain), Some(at)) => End::Carried(self.mechanism.chain_index(chain)?, at),
+            (None, Some(at)) => End::Fixed(at),
+            _ => {
+                let before = &self.mechanism.points[..index];
+                End::Unknown(before.iter().filter(|p| !p.unknown.is_empty()).count())
+            }
+        })
+    }
+
+    /// Scalar equations of one sample.
+    #[must_use]
+    pub fn equations(&self) -> usize {
+        self.equations
+    }
+
+    /// For each group of the readings, the parameters that the columns of its `X` stand
+    /// for: those of the terms, then three for each unknown point that it touches.
+    ///
+    /// A sample knows no unknown point but its own, however many there are.
+    #[must_use]
+    pub fn columns(&self) -> &[Vec<usize>] {
+        &self.columns
+    }
+
+    /// Columns of `X`, the same number for every group.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.term_parameters + 3 * self.unknown.len()
+    }
+
+    /// The same terms, on other closures and readings: a part that shares parameters.
+    ///
+    /// The readings may lack what a term needs: a rest pose has no velocity, and
+    /// what acts in motion does nothing there.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::new`].
+    pub fn like(other: &Self, mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
+        let centre: Vec<f64> = other.scales.iter().map(|s| s.centre).collect();
+        let mut model = Self::compile(mechanism, readings, other.instances.clone(), &centre)?;
+        model.scales.clone_from(&other.scales);
+        Ok(model)
+    }
+
+    /// Parameter of a term of one parameter at a channel.
+    #[must_use]
+    pub fn column(&self, id: &str, channel: usize) -> Option<usize> {
+        let at = |i: &Instance| i.target == Target::Channel(channel) && i.term.info().id == id;
+        self.instances.iter().position(at).map(|k| self.first[k])
+    }
+
+    /// For each equation, the columns that are not zero throughout, ascending.
+    #[must_use]
+    pub fn active(&self) -> Vec<Vec<usize>> {
+        let mut active = Vec::with_capacity(self.equations);
+        for closure in &self.closures {
+            let mut columns: Vec<usize> = closure.parameter.into_iter().collect();
+            for end in &closure.ends {
+                match end {
+                    End::Carried(chain, _) => self.columns_of_chain(*chain, &mut columns),
+                    End::Unknown(point) => {
+                        let first = self.term_parameters + 3 * point;
+                        columns.extend(first..first + 3);
+                    }
+                    End::Fixed(_) => {}
+                }
+            }
+            columns.sort_unstable();
+            columns.dedup();
+            active.extend(std::iter::repeat_n(columns, closure.kind.equations()));
+        }
+        active
+    }
+
+    fn columns_of_chain(&self, chain: usize, columns: &mut Vec<usize>) {
+        let channels = self.mechanism.channels_of(chain);
+        for (instance, &first) in self.instances.iter().zip(&self.first) {
+            let on_chain = match instance.target {
+                Target::Channel(c) => channels.contains(&c),
+                Target::Chain(c) | Target::Row(c, _) => c == chain,
+                Target::All => true,
+                Target::Closure(_) => false,
+            };
+            if on_chain {
+                columns.extend(first..first + instance.width());
+            }
+        }
+    }
+
+    /// The parameters that leave the mechanism as it is drawn.
+    #[must_use]
+    pub fn nominal(&self) -> Vec<f64> {
+        vec![0.0; self.parameters]
+    }
+
+    /// Factor that turns the misclosure of each equation into a length.
+    ///
+    /// `|p_a - p_b|² - d²` is `2 d` times the error of the distance.
+    #[must_use]
+    pub fn lengths(&self) -> Vec<f64> {
+        let mut lengths = Vec::with_capacity(self.equations);
+        for closure in &self.closures {
+            let scale = match closure.kind {
+                ClosureKind::Distance => 1.0 / (2.0 * closure.value),
+                ClosureKind::Touch => 1.0,
+            };
+            lengths.extend(std::iter::repeat_n(scale, closure.kind.equations()));
+        }
+        lengths
+    }
+
+    /// Variance of each equation that play gives it, in units of `f²`.
+    #[must_use]
+    pub fn play(&self) -> Vec<f64> {
+        let mut play = Vec::with_capacity(self.equations);
+        for closure in &self.closures {
+            let scale = match closure.kind {
+                ClosureKind::Distance => 2.0 * closure.value,
+                ClosureKind::Touch => 1.0,
+            };
+            let variance = (closure.noise * scale).powi(2);
+            play.extend(std::iter::repeat_n(variance, closure.kind.equations()));
+        }
+        play
+    }
+}

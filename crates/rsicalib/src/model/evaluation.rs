@@ -1,0 +1,449 @@
+//! The model: a mechanism and its terms, from readings to misclosure.
+//!
+//! For one sample with readings `a` and parameters `β`,
+//!
+//! ```text
+//! r = a + Σ δ_electronics(a)                                              (41)
+//! q = k0 r + θ0 + Σ δ_sensor(r)                                           (42)
+//! q' = q + Σ compliance · torque(q)                                       (43)
+//! f = |p_a(q') - p_b(q')|² - d²      or      p_a - p_b                    (10)
+//! ```
+//!
+//! with the derivatives by the chain rule,
+//!
+//! ```text
+//! A = ∂f/∂a = G (∂q'/∂q) diag(∂q/∂r) (∂r/∂a)          G = ∂f/∂q'          (44)
+//! X = ∂f/∂β                                                               (12)
+//! ```
+//!
+//! Terms of one stage all see what enters the stage and add up, so their order
+//! does not matter. Everything is computed for eight samples at a time.
+
+use crate::kinematics::posture::{Carried, Lever, Posture};
+use crate::kinematics::steps::{Source, Way};
+use crate::mechanism::ClosureKind;
+use crate::model::compiled::{End, MOST_PARAMETERS, Model};
+use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
+use crate::readings::Readings;
+use crate::terms::term::Site;
+
+/// Room for one block of samples.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    /// Misclosure, one per equation.
+    pub f: Vec<Lanes>,
+    /// `A`, equation by equation, one per channel.
+    pub a: Vec<Lanes>,
+    /// `X`, equation by equation, one per column of [`Model::columns`].
+    pub x: Vec<Lanes>,
+    /// Joint coordinates after every correction.
+    pub angles: Vec<Lanes>,
+    corrected: Vec<Lanes>,
+    slopes: Vec<Lanes>,
+    mix: Vec<Lanes>,
+    partials: Vec<(usize, usize, Lanes)>,
+    electric: Vec<(usize, usize, Lanes)>,
+    g: Vec<Lanes>,
+    turned: Vec<Lanes>,
+    pub(crate) postures: Vec<Posture>,
+    unloaded: Vec<Posture>,
+    carried: Vec<Vec<Carried>>,
+}
+
+/// Which derivatives are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Want {
+    /// By parameters.
+    pub x: bool,
+    /// By readings.
+    pub a: bool,
+}
+
+impl Model {
+    /// Misclosure and derivatives of one block at readings `a` and parameters `beta`.
+    ///
+    /// Dispatched here, and nowhere further out: this is the one copy of the kernel
+    /// that each width of vectors is compiled for.
+    pub fn evaluate(
+        &self,
+        readings: &Readings,
+        block: usize,
+        a: &[Lanes],
+        beta: &[f64],
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        dispatch(
+            #[inline(always)]
+            || self.evaluate_as_compiled(readings, block, a, beta, want, ws),
+        );
+    }
+
+    /// [`Model::evaluate`] with the instructions that the caller is compiled for.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn evaluate_as_compiled(
+        &self,
+        readings: &Readings,
+        block: usize,
+        a: &[Lanes],
+        beta: &[f64],
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        self.joint_angles(readings, block, a, beta, want, ws);
+        if !self.loads.is_empty() {
+            self.bend(beta, ws);
+        }
+        ws.postures.resize_with(self.steps.len(), Posture::new);
+        for (posture, steps) in ws.postures.iter_mut().zip(&self.steps) {
+            posture.take(steps, &ws.angles, beta);
+        }
+        self.close(readings, block, beta, want, ws);
+        if want.x || want.a {
+            self.chain_rule(beta, want, ws);
+        }
+    }
+
+    /// Eqs. (41, 42): joint coordinates before load, and their derivatives.
+    #[inline(always)]
+    fn joint_angles(
+        &self,
+        readings: &Readings,
+        block: usize,
+        a: &[Lanes],
+        beta: &[f64],
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        let channels = self.scales.len();
+        let meta = &readings.blocks()[block];
+        let mut site = Site {
+            readings: a,
+            channel: 0,
+            scales: &self.scales,
+            time: meta.time,
+            temperature: meta.temperature,
+            approach: readings.approach(block),
+            velocity: readings.velocity(block),
+            pose: meta.pose,
+            place: 0,
+        };
+        let mut out = [Lanes::ZERO; MOST_PARAMETERS];
+
+        ws.corrected.clear();
+        ws.corrected.extend_from_slice(a);
+        ws.electric.clear();
+        if !self.electronics.is_empty() {
+            ws.mix.clear();
+            ws.mix.resize(channels * channels, Lanes::ZERO);
+        }
+        for e in &self.electronics {
+            let p = &beta[e.first..e.first + e.width];
+            site.place = e.place;
+            let affected = e.channel.map_or(0..channels, |c| c..c + 1);
+            for channel in affected {
+                site.channel = channel;
+                let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
+                let correction = e.term.correction(p, &site);
+                match e.session.map(|s| meta.within(s)) {
+                    None => {
+                        ws.corrected[channel] += correction;
+                        e.term.slopes(p, &site, row);
+                    }
+                    Some(within) => {
+                        ws.corrected[channel] += correction * within;
+                        let mut slopes = vec![Lanes::ZERO; channels];
+                        e.term.slopes(p, &site, &mut slopes);
+                        row.iter_mut().zip(slopes).for_each(|(r, s)| *r += s * within);
+                    }
+                }
+                if want.x {
+                    e.term.partials(p, &site, &mut out[..e.width]);
+                    let within = e.session.map_or(Lanes::ONE, |s| meta.within(s));
+                    for (k, partial) in out[..e.width].iter().enumerate() {
+                        ws.electric.push((e.first + k, channel, *partial * within));
+                    }
+                }
+            }
+        }
+
+        ws.angles.clear();
+        ws.slopes.clear();
+        for (scale, reading) in self.scales.iter().zip(&ws.corrected) {
+            ws.angles.push(
+                (*reading - Lanes::splat(scale.centre)) * scale.gain + Lanes::splat(scale.angle),
+            );
+            ws.slopes.push(Lanes::splat(scale.gain));
+        }
+        ws.partials.clear();
+        site.readings = &ws.corrected;
+        for s in &self.sensors {
+            let p = &beta[s.first..s.first + s.width];
+            site.channel = s.channel;
+            site.place = s.place;
+            let within = s.session.map_or(Lanes::ONE, |s| meta.within(s));
+            ws.angles[s.channel] += s.term.correction(p, &site) * within;
+            if want.x || want.a {
+                ws.slopes[s.channel] += s.term.slope(p, &site) * within;
+            }
+            if want.x {
+                s.term.partials(p, &site, &mut out[..s.width]);
+                for (k, partial) in out[..s.width].iter().enumerate() {
+                    ws.partials.push((s.first + k, s.channel, *partial * within));
+                }
+            }
+        }
+    }
+
+    /// Eq. (43): joints give under gravity.
+    #[inline(always)]
+    fn bend(&self, beta: &[f64], ws: &mut Workspace) {
+        ws.unloaded.resize_with(self.steps.len(), Posture::new);
+        for (posture, steps) in ws.unloaded.iter_mut().zip(&self.steps) {
+            posture.take(steps, &ws.angles, beta);
+        }
+        // What levers carry is the same for all loads of one kind on one chain.
+        ws.carried.resize_with(2 * self.steps.len(), Vec::new);
+        for (k, load) in self.loads.iter().enumerate() {
+            if k == 0 || self.loads[k - 1].slot() != load.slot() {
+                let carried = &mut ws.carried[load.slot()];
+                ws.unloaded[load.chain].carried(load.whose, carried);
+            }
+        }
+        for load in &self.loads {
+            let (posture, carried) = (&ws.unloaded[load.chain], &ws.carried[load.slot()]);
+            for (j, lever) in posture.levers.iter().enumerate() {
+                if let Some(channel) = load.gives(lever) {
+                    let torque = dot(&carried[j].moved_by(lever), &self.gravity);
+                    ws.angles[channel] += torque * beta[load.parameter];
+                }
+            }
+        }
+    }
+
+    /// Derivative of the torque of gravity about lever `j` by lever `s`.
+    #[inline(always)]
+    fn torque_slope(&self, levers: &[Lever], carried: &[Carried], j: usize, s: usize) -> Lanes {
+        // Beyond the later of the two everything moves rigidly with the earlier.
+        let (turning, moved) = match s <= j {
+            true => (&levers[s], carried[j].moved_by(&levers[j])),
+            false => (&levers[j], carried[s].moved_by(&levers[s])),
+        };
+        match turning.way {
+            Way::Turn => dot(&cross(&turning.axis, &moved), &self.gravity),
+            Way::Slide => Lanes::ZERO,
+        }
+    }
+
+    /// Eq. (10), `G` and the columns of geometry, closures and unknown points.
+    #[inline(always)]
+    fn close(
+        &self,
+        readings: &Readings,
+        block: usize,
+        beta: &[f64],
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        let (channels, width) = (self.scales.len(), self.width());
+        ws.f.clear();
+        ws.f.resize(self.equations, Lanes::ZERO);
+        if want.x || want.a {
+            ws.g.clear();
+            ws.g.resize(self.equations * channels, Lanes::ZERO);
+        }
+        if want.x {
+            ws.x.clear();
+            ws.x.resize(self.equations * width, Lanes::ZERO);
+        }
+        let group = readings.blocks()[block].group;
+        for closure in &self.closures {
+            let ends = closure.ends.map(|end| self.end_point(&end, group, beta, &ws.postures));
+            let apart = minus(&ends[0], &ends[1]);
+            let mut distance = closure
+                .column
+                .map_or(Lanes::splat(closure.value), |column| readings.columns(block)[column]);
+            if let Some(parameter) = closure.parameter {
+                distance += Lanes::splat(beta[parameter]);
+                if want.x {
+                    ws.x[closure.equation * width + parameter] = distance * -2.0;
+                }
+            }
+            match closure.kind {
+                ClosureKind::Distance => {
+                    ws.f[closure.equation] = dot(&apart, &apart) - distance * distance;
+                }
+                ClosureKind::Touch => {
+                    ws.f[closure.equation..closure.equation + 3].copy_from_slice(&apart);
+                }
+            }
+            if !(want.x || want.a) {
+                continue;
+            }
+            for (end, sign) in closure.ends.iter().zip([1.0, -1.0]) {
+                let mut put = |source: Source, moved: &Vec3| {
+                    let mut add = |row: usize, value: Lanes| match source {
+                        Source::Channel(c) => {
+                            ws.g[(closure.equation + row) * channels + c] += value * sign
+                        }
+                        Source::Parameter(p) if want.x => {
+                            ws.x[(closure.equation + row) * width + p] += value * sign;
+                        }
+                        Source::Parameter(_) => {}
+                    };
+                    match closure.kind {
+                        ClosureKind::Distance => add(0, dot(&apart, moved) * 2.0),
+                        ClosureKind::Touch => (0..3).for_each(|row| add(row, moved[row])),
+                    }
+                };
+                match end {
+                    End::Fixed(_) => {}
+                    End::Carried(chain, _) => {
+                        let point = if sign > 0.0 { &ends[0] } else { &ends[1] };
+                        for lever in &ws.postures[*chain].levers {
+                            put(lever.source, &lever.moves(point));
+                        }
+                    }
+                    End::Unknown(point) => {
+                        let first = self.term_parameters + 3 * point;
+                        for axis in 0..3 {
+                            let mut unit = [Lanes::ZERO; 3];
+                            unit[axis] = Lanes::ONE;
+                            put(Source::Parameter(first + axis), &unit);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn end_point(
+        &self,
+        end: &End,
+        group: usize,
+        beta: &[f64],
+        postures: &[Posture],
+    ) -> Vec3 {
+        match end {
+            End::Carried(chain, at) => postures[*chain].tip.point(at),
+            End::Fixed(at) => at.map(Lanes::splat),
+            End::Unknown(point) => {
+                let first = self.unknown_first(*point, group);
+                std::array::from_fn(|axis| Lanes::splat(beta[first + axis]))
+            }
+        }
+    }
+
+    fn unknown_first(&self, point: usize, group: usize) -> usize {
+        self.term_parameters + 3 * self.unknown[point][group]
+    }
+
+    /// Eq. (44), and the columns of `X` that act through joint coordinates.
+    #[inline(always)]
+    fn chain_rule(&self, beta: &[f64], want: Want, ws: &mut Workspace) {
+        let (channels, width) = (self.scales.len(), self.width());
+        if !self.loads.is_empty() {
+            self.bend_back(beta, want, ws);
+        }
+        if want.x {
+            for &(column, channel, partial) in &ws.partials {
+                for k in 0..self.equations {
+                    ws.x[k * width + column] += ws.g[k * channels + channel] * partial;
+                }
+            }
+            for &(column, channel, partial) in &ws.electric {
+                let partial = ws.slopes[channel] * partial;
+                for k in 0..self.equations {
+                    ws.x[k * width + column] += ws.g[k * channels + channel] * partial;
+                }
+            }
+        }
+        if want.a {
+            ws.a.clear();
+            for k in 0..self.equations {
+                for c in 0..channels {
+                    ws.a.push(ws.g[k * channels + c] * ws.slopes[c]);
+                }
+            }
+            if !self.electronics.is_empty() {
+                for k in 0..self.equations {
+                    let row = &mut ws.a[k * channels..(k + 1) * channels];
+                    ws.turned.clear();
+                    ws.turned.extend_from_slice(row);
+                    for (turned, mix) in ws.turned.iter().zip(ws.mix.chunks_exact(channels)) {
+                        for (slope, share) in row.iter_mut().zip(mix) {
+                            *slope += *turned * *share;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// `G ← G ∂q'/∂q`, the columns of load, and what geometry does to torques.
+    #[inline(always)]
+    fn bend_back(&self, beta: &[f64], want: Want, ws: &mut Workspace) {
+        let (channels, width) = (self.scales.len(), self.width());
+        ws.turned.clear();
+        ws.turned.extend_from_slice(&ws.g);
+        for load in &self.loads {
+            let (posture, carried) = (&ws.unloaded[load.chain], &ws.carried[load.slot()]);
+            for (j, lever) in posture.levers.iter().enumerate() {
+                let Some(channel) = load.gives(lever) else { continue };
+                if want.x {
+                    let torque = dot(&carried[j].moved_by(lever), &self.gravity);
+                    for k in 0..self.equations {
+                        ws.x[k * width + load.parameter] +=
+                            ws.turned[k * channels + channel] * torque;
+                    }
+                }
+                for (s, by) in posture.levers.iter().enumerate() {
+                    let slope = self.torque_slope(&posture.levers, carried, j, s);
+                    let slope = slope * beta[load.parameter];
+                    for k in 0..self.equations {
+                        let change = ws.turned[k * channels + channel] * slope;
+                        match by.source {
+                            Source::Channel(c) => ws.g[k * channels + c] += change,
+                            Source::Parameter(p) if want.x => ws.x[k * width + p] += change,
+                            Source::Parameter(_) => {}
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Positions of the mechanism's points in one block, by point.
+    ///
+    /// After [`Model::evaluate`]; unknown points have none.
+    #[must_use]
+    pub fn points(&self, ws: &Workspace) -> Vec<Option<Vec3>> {
+        self.mechanism
+            .points
+            .iter()
+            .map(|point| match (&point.chain, point.at) {
+                (Some(chain), Some(at)) => {
+                    let chain = self.mechanism.chain_index(chain).ok()?;
+                    Some(ws.postures[chain].tip.point(&at))
+                }
+                (None, Some(at)) => Some(at.map(Lanes::splat)),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// Levers of a chain in one block, after [`Model::evaluate`].
+    #[must_use]
+    pub fn levers<'a>(&self, ws: &'a Workspace, chain: usize) -> &'a [Lever] {
+        &ws.postures[chain].levers
+    }
+
+    /// Slope of each joint coordinate by its reading, after [`Model::evaluate`]
+    /// with derivatives: `diag(∂q/∂r)` of (44).
+    #[must_use]
+    pub fn slopes<'a>(&self, ws: &'a Workspace) -> &'a [Lanes] {
+        &ws.slopes
+    }
+}

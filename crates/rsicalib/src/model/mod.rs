@@ -1,0 +1,17 @@
+//! The model: a mechanism and its terms, from readings to misclosure.
+
+pub mod assembly;
+mod compiled;
+mod evaluation;
+mod instance;
+mod known;
+mod numbering;
+mod prior;
+mod specification;
+mod unknown_points;
+
+pub use compiled::{MOST_PARAMETERS, Model};
+pub use evaluation::{Want, Workspace};
+pub use instance::{Instance, bound_to_session, place_name, places};
+pub use prior::Prior;
+pub use specification::parse;

@@ -1,0 +1,38 @@
+//! Numbers of the unknown points: one for each distinct value of their columns.
+
+use crate::mechanism::Mechanism;
+use crate::readings::Readings;
+
+/// How users call an unknown point: `socket[group=front,at=socket0]`.
+pub(crate) fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String]) -> String {
+    let point = &mechanism.points[point];
+    let keys: Vec<String> =
+        point.unknown.iter().zip(keys).map(|(column, key)| format!("{column}={key}")).collect();
+    format!("{}[{}]", point.name, keys.join(","))
+}
+
+/// An unknown point, and the keys that make it one of its own.
+type Keyed = (usize, Vec<String>);
+
+/// Numbers the unknown points: for each, the instance that a group touches, and
+/// what the instances are.
+pub(crate) fn number_unknowns(
+    mechanism: &Mechanism,
+    readings: &Readings,
+) -> (Vec<Vec<usize>>, Vec<Keyed>) {
+    let columns = mechanism.key_columns();
+    let mut numbers = Vec::new();
+    let mut points: Vec<Keyed> = Vec::new();
+    for (p, point) in mechanism.points.iter().enumerate().filter(|(_, p)| !p.unknown.is_empty()) {
+        let of_group = readings.groups.iter().map(|group| {
+            let key = |c: &String| columns.iter().position(|k| k == c).map(|i| group[i].clone());
+            let own = (p, point.unknown.iter().filter_map(key).collect::<Vec<String>>());
+            points.iter().position(|known| *known == own).unwrap_or_else(|| {
+                points.push(own);
+                points.len() - 1
+            })
+        });
+        numbers.push(of_group.collect());
+    }
+    (numbers, points)
+}

@@ -1,0 +1,74 @@
+//! Which of several explanations may be right: probabilities and credible sets.
+
+/// Effects that fit as well as the one named: refitted χ² within this, extra
+/// parameters charged.
+pub const AS_WELL: f64 = 6.0;
+
+/// Probability with which the right target must be among those named.
+pub const SURE: f64 = 0.8;
+
+/// Probability of each target of rivals `(value, target)`, by its best rival, likeliest
+/// first. A value is twice a log-likelihood, parameters charged; before the data every
+/// target was as likely as another.
+#[must_use]
+pub fn probabilities<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<(T, f64)> {
+    let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let mut targets: Vec<(T, f64)> = Vec::new();
+    for &(value, target) in rivals {
+        let weight = (0.5 * (value - best)).exp();
+        match targets.iter_mut().find(|t| t.0 == target) {
+            Some(known) => known.1 = known.1.max(weight),
+            None => targets.push((target, weight)),
+        }
+    }
+    let all: f64 = targets.iter().map(|t| t.1).sum();
+    targets.iter_mut().for_each(|t| t.1 /= all);
+    targets.sort_by(|a, b| b.1.total_cmp(&a.1));
+    targets
+}
+
+/// Of rivals, those that may be right: targets by falling probability until they are
+/// [`SURE`] to hold the truth, in each of them what is within [`AS_WELL`] of the best.
+#[must_use]
+pub fn credible<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<bool> {
+    let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let mut targets = probabilities(rivals);
+    let mut before = 0.0;
+    targets.retain(|t| {
+        let needed = before < SURE;
+        before += t.1;
+        needed
+    });
+    let kept = |target: &T| targets.iter().any(|t| t.0 == *target);
+    rivals.iter().map(|(value, target)| *value > best - AS_WELL && kept(target)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{credible, probabilities};
+
+    /// A likelihood ratio in units of χ².
+    fn times(ratio: f64) -> f64 {
+        2.0 * f64::ln(ratio)
+    }
+
+    #[test]
+    fn probabilities_are_likelihoods_over_their_sum_best_of_each_target() {
+        let rivals = [(times(1.0), 'b'), (times(3.0), 'a'), (times(2.0), 'a')];
+        let found = probabilities(&rivals);
+        assert_eq!(found.iter().map(|f| f.0).collect::<String>(), "ab");
+        assert!((found[0].1 - 0.75).abs() < 1e-12 && (found[1].1 - 0.25).abs() < 1e-12);
+        assert!(probabilities::<char>(&[]).is_empty());
+    }
+
+    #[test]
+    fn targets_are_listed_until_they_are_sure_to_hold_the_truth() {
+        let of = |ratios: [f64; 3]| {
+            credible(&[(times(ratios[0]), 0), (times(ratios[1]), 1), (times(ratios[2]), 2)])
+        };
+        assert_eq!(of([9.0, 0.5, 0.5]), [true, false, false]);
+        assert_eq!(of([7.0, 2.0, 1.0]), [true, true, false]);
+        // What is unlikely beside the best of its own target is not listed with it.
+        assert_eq!(credible(&[(7.0, 0), (0.5, 0)]), [true, false]);
+    }
+}

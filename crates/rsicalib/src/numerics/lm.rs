@@ -1,0 +1,264 @@
+//! Levenberg-Marquardt.
+//!
+//! Minimises `½‖r(x)‖²`. Each iteration solves
+//!
+//! ```text
+//! (JᵀJ + λ D²) s = -Jᵀr                                                   (31)
+//! ρ = (c(x) - c(x + s)) / (½ λ ‖D s‖² - ½ gᵀs)                            (32)
+//! ```
+//!
+//! | symbol | here | |
+//! |---|---|---|
+//! | c | `cost` | `½‖r‖²` |
+//! | g | `gradient` | `Jᵀr` |
+//! | λ | `damping` | keeps `‖D s‖` within the radius |
+//! | D | `scale` | largest norm that each column of J has had, Moré (1978) |
+//! | ρ | `ratio` | what was gained over what the linear model promised |
+//! | Δ | `radius` | of the region in which the linear model is trusted, Moré (1978) |
+//!
+//! A problem gives its linearisation either as a triangular factor of `J`
+//! ([`Curvature::Factor`], for accuracy) or as `JᵀJ` ([`Curvature::Gram`], in
+//! one pass over the data and O(n²) memory).
+
+use crate::numerics::linearization::{Linearization, Problem};
+
+/// When to stop, and how boldly to begin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Stop when the cosine between residual and every column of `J` is below this.
+    pub gtol: f64,
+    /// Stop when `‖D s‖` is below this fraction of `‖D x‖`.
+    pub xtol: f64,
+    /// Stop when actual and predicted decrease are both below this fraction of the cost.
+    pub ftol: f64,
+    /// Longest first step, in multiples of `‖D x‖`.
+    pub reach: f64,
+    /// Linearisations to try before giving up.
+    pub max_iterations: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { gtol: 1e-12, xtol: 1e-12, ftol: 1e-15, reach: 100.0, max_iterations: 200 }
+    }
+}
+
+/// Why the search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Termination {
+    /// The gradient vanished.
+    Gradient,
+    /// The step became smaller than rounding of the parameters.
+    Step,
+    /// The cost no longer decreases.
+    Cost,
+    /// No step, however short, decreases the cost: a minimum to rounding.
+    Stalled,
+    /// The iterations ran out.
+    MaxIterations,
+    /// The residual is not a number at the start.
+    NotFinite,
+}
+
+impl Termination {
+    /// True where the search ended at a minimum.
+    #[must_use]
+    pub fn converged(self) -> bool {
+        !matches!(self, Self::MaxIterations | Self::NotFinite)
+    }
+
+    /// What happened, and what to do next.
+    #[must_use]
+    pub fn message(self) -> &'static str {
+        match self {
+            Self::Gradient => "converged: the gradient vanishes",
+            Self::Step => "converged: the parameters stand still",
+            Self::Cost => "converged: the cost no longer decreases",
+            Self::Stalled => "converged to rounding: no step decreases the cost",
+            Self::MaxIterations => {
+                "the iterations ran out: start nearer, or record poses that determine more"
+            }
+            Self::NotFinite => "the residual is not a number at the start: check the start",
+        }
+    }
+}
+
+/// Where the search ended.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The parameters.
+    pub x: Vec<f64>,
+    /// `½‖r‖²` there.
+    pub cost: f64,
+    /// Linearisations made.
+    pub iterations: usize,
+    /// Why it ended.
+    pub termination: Termination,
+    /// The problem there.
+    pub linearization: Linearization,
+}
+
+/// Minimises `½‖r(x)‖²` from `start`.
+pub fn minimize(problem: &impl Problem, start: &[f64], options: &Options) -> Outcome {
+    let mut x = start.to_vec();
+    let mut here = problem.linearize(&x);
+    let mut scale = vec![0.0; x.len()];
+    let end = |x, here: Linearization, iterations, termination| Outcome {
+        x,
+        cost: here.cost,
+        iterations,
+        termination,
+        linearization: here,
+    };
+    if !here.cost.is_finite() {
+        return end(x, here, 0, Termination::NotFinite);
+    }
+    grow(&mut scale, &here);
+    let mut radius = options.reach * weighted_norm(&x, &scale);
+    if radius == 0.0 {
+        radius = options.reach;
+    }
+
+    for iteration in 1..=options.max_iterations {
+        if is_stationary(&here, options.gtol) {
+            return end(x, here, iteration, Termination::Gradient);
+        }
+        let Some((damping, step)) = step_within(&here, &scale, radius) else {
+            return end(x, here, iteration, Termination::Stalled);
+        };
+        let length = weighted_norm(&step, &scale);
+        if iteration == 1 {
+            radius = radius.min(length);
+        }
+        let trial: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
+        let there = problem.linearize(&trial);
+        let promised = promise(&here, &step, damping, &scale);
+        let gained = here.cost - there.cost;
+        // Near the minimum the cost tells no step from its own rounding, but the gradient does.
+        let near = damping == NEGLIGIBLE && promised.max(gained.abs()) <= NEAR * here.cost;
+        let ratio = if !near {
+            gained / promised // (32)
+        } else if full_promise(&there, &scale) < promised {
+            1.0
+        } else {
+            return end(x, here, iteration, Termination::Stalled);
+        };
+
+        let flat = gained.abs() <= options.ftol * here.cost && promised <= options.ftol * here.cost;
+        let small = damping == NEGLIGIBLE && length <= options.xtol * weighted_norm(&x, &scale);
+        if ratio > 0.25 {
+            if ratio > 0.75 || damping == NEGLIGIBLE {
+                radius = 2.0 * length;
+            }
+        } else {
+            radius = shrink(&here, &step, gained) * radius.min(10.0 * length); // a NaN lands here
+        }
+        if ratio > 1e-4 {
+            x = trial;
+            here = there;
+            grow(&mut scale, &here);
+        }
+        if small || radius <= options.xtol * weighted_norm(&x, &scale) {
+            return end(x, here, iteration, Termination::Step);
+        }
+        if flat {
+            return end(x, here, iteration, Termination::Cost);
+        }
+    }
+    end(x, here, options.max_iterations, Termination::MaxIterations)
+}
+
+/// Below this fraction of the cost its rounding may hide what a full step gains.
+const NEAR: f64 = 1e-8;
+
+/// What the linear model promises of a full step: half the gradient's norm by `(JᵀJ)⁻¹`.
+fn full_promise(here: &Linearization, scale: &[f64]) -> f64 {
+    let step = here.damped_step(NEGLIGIBLE, scale);
+    step.map_or(f64::NAN, |step| promise(here, &step, NEGLIGIBLE, scale))
+}
+
+/// Norm of the gradient by unit columns.
+fn steepness(here: &Linearization, scale: &[f64]) -> f64 {
+    here.gradient.iter().zip(scale).map(|(g, s)| (g / s).powi(2)).sum::<f64>().sqrt()
+}
+
+/// A damping that changes no digit of a step.
+const NEGLIGIBLE: f64 = f64::EPSILON * f64::EPSILON;
+
+/// The step of (31) whose `‖D s‖` is the radius, to 3 %; the full step if it is inside.
+///
+/// `1/‖D s‖` is nearly linear in λ (Hebden), which a few secants solve.
+fn step_within(here: &Linearization, scale: &[f64], radius: f64) -> Option<(f64, Vec<f64>)> {
+    let solve = |damping: f64| {
+        let step = here.damped_step(damping, scale)?;
+        let length = weighted_norm(&step, scale);
+        Some((step, length))
+    };
+    // The ends of the bracket: too long a step, and one that is short enough.
+    let mut low = match solve(NEGLIGIBLE) {
+        Some((step, length)) if length <= 1.1 * radius => return Some((NEGLIGIBLE, step)),
+        Some((_, length)) => (0.0, 1.0 / length),
+        None => (0.0, 0.0),
+    };
+    let mut high = (steepness(here, scale) / radius, f64::INFINITY);
+    let mut damping = (1e-3 * high.0).max(low.0);
+    for _ in 0..60 {
+        match solve(damping) {
+            Some((step, length)) if (length / radius - 1.0).abs() < 0.03 => {
+                return Some((damping, step));
+            }
+            Some((_, length)) if length < radius => high = (damping, 1.0 / length),
+            Some((_, length)) => low = (damping, 1.0 / length),
+            None => low = (damping, 0.0),
+        }
+        let secant = low.0 + (high.0 - low.0) * (1.0 / radius - low.1) / (high.1 - low.1);
+        let floor = low.0.max(1e-3 * high.0);
+        damping = if high.1.is_finite() && secant > 1.001 * floor && secant < 0.999 * high.0 {
+            secant
+        } else {
+            (floor * high.0).sqrt()
+        };
+    }
+    solve(high.0).map(|(step, _)| (high.0, step))
+}
+
+/// By how much the radius shrinks after a step that gained too little.
+fn shrink(here: &Linearization, step: &[f64], gained: f64) -> f64 {
+    let slope: f64 = here.gradient.iter().zip(step).map(|(g, s)| g * s).sum();
+    if gained >= 0.0 {
+        0.5
+    } else if -gained < 99.0 * here.cost {
+        (0.5 * slope / (slope + gained)).clamp(0.1, 0.5)
+    } else {
+        0.1
+    }
+}
+
+/// Moré's scaling: the largest norm that each column has had.
+fn grow(scale: &mut [f64], here: &Linearization) {
+    for (s, norm) in scale.iter_mut().zip(here.column_norms()) {
+        *s = s.max(norm);
+        if *s == 0.0 {
+            *s = 1.0; // a column of zeros: its parameter does not move
+        }
+    }
+}
+
+/// True where the residual is orthogonal to every column.
+fn is_stationary(here: &Linearization, gtol: f64) -> bool {
+    let norm = (2.0 * here.cost).sqrt();
+    let columns = here.column_norms();
+    here.gradient.iter().zip(columns).all(|(g, c)| g.abs() <= gtol * norm * c)
+}
+
+/// Decrease of the linear model: the denominator of (32).
+fn promise(here: &Linearization, step: &[f64], damping: f64, scale: &[f64]) -> f64 {
+    let descent: f64 = here.gradient.iter().zip(step).map(|(g, s)| g * s).sum();
+    0.5 * (damping * weighted_norm(step, scale).powi(2) - descent)
+}
+
+fn weighted_norm(x: &[f64], scale: &[f64]) -> f64 {
+    x.iter().zip(scale).map(|(x, s)| (x * s).powi(2)).sum::<f64>().sqrt()
+}

@@ -1,0 +1,72 @@
+//! Symmetric eigenproblems: rank, pseudo-inverse, roots and quadratic forms.
+
+use faer::{Mat, Side};
+
+/// Eigenvalues below this fraction of the largest, unit columns, are zero.
+const RANK: f64 = 1e-11;
+
+/// Pseudo-inverse of a Gram matrix, the parameters that it cannot tell apart,
+/// and the condition number of its Jacobian with unit columns.
+#[must_use]
+pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
+    let n = gram.nrows();
+    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
+    let unit = Mat::from_fn(n, n, |i, j| {
+        let norm = norms[i] * norms[j];
+        if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
+    });
+    let mut unknowable: Vec<bool> = norms.iter().map(|v| *v == 0.0 || !v.is_finite()).collect();
+    let Ok(eigen) = unit.self_adjoint_eigen(faer::Side::Lower) else {
+        return (Mat::zeros(n, n), vec![true; n], f64::INFINITY);
+    };
+    let values = eigen.S().column_vector();
+    let vectors = eigen.U();
+    let largest = if n > 0 { values[n - 1] } else { 1.0 };
+    let smallest = if n > 0 { values[0].max(0.0) } else { 1.0 };
+    for k in 0..n {
+        if values[k] < RANK * largest {
+            for i in 0..n {
+                unknowable[i] |= vectors[(i, k)].abs() > 1e-3;
+            }
+        }
+    }
+    let kept: Vec<usize> = (0..n).filter(|&k| values[k] >= RANK * largest).collect();
+    let root = Mat::from_fn(n, kept.len(), |i, k| {
+        if norms[i] > 0.0 {
+            vectors[(i, kept[k])] / (norms[i] * values[kept[k]].sqrt())
+        } else {
+            0.0
+        }
+    });
+    let inverse = &root * root.transpose();
+    (inverse, unknowable, (largest / smallest).sqrt())
+}
+
+/// Share of a column that must be left after the projection.
+pub const SEEN: f64 = 1e-3;
+
+/// By how much χ² falls where all equations of a pose are left out, and how many those
+/// are that the others judge: `rᵀ (I - H)⁻¹ r` where `H`, what the fit absorbs there, is not 1.
+#[must_use]
+pub fn left_out(hat: &Mat<f64>, r: &[f64]) -> Option<(f64, f64)> {
+    let left = Mat::<f64>::identity(r.len(), r.len()) - hat;
+    let eigen = left.self_adjoint_eigen(Side::Lower).ok()?;
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let (mut score, mut width) = (0.0, 0.0);
+    for k in (0..r.len()).filter(|&k| values[k] > SEEN) {
+        let along: f64 = r.iter().enumerate().map(|(e, r)| vectors[(e, k)] * r).sum();
+        score += along * along / values[k];
+        width += 1.0;
+    }
+    (width > 0.0).then_some((score, width))
+}
+
+/// `zᵀ m z` of a symmetric matrix.
+pub(crate) fn form(m: &Mat<f64>, z: &[f64]) -> f64 {
+    z.iter().enumerate().map(|(j, value)| value * dot(m.col_as_slice(j), z)).sum()
+}
+
+/// `aᵀ b`
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,122 @@
+//! Context of a sample: how each channel came to its reading.
+//!
+//! For held poses the direction of approach is the sign of the change from the
+//! pose before; for a recording, that of the velocity. Velocities are slopes of
+//! a local parabola, so that noise of a reading hardly enters them.
+
+use crate::mechanism::Channel;
+use crate::readings::table::Table;
+
+/// Changes by fewer counts than this from pose to pose have no direction.
+const STANDSTILL: f64 = 3.0;
+
+/// [`STANDSTILL`] in the unit of a channel: of an encoder, what it is of 4096 counts.
+fn standstill(channel: &Channel) -> f64 {
+    if channel.unit == "count" { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
+}
+
+/// Rows to either side in the local fit of a velocity.
+const REACH: usize = 8;
+
+/// Direction and velocity, row by row, one per channel.
+#[derive(Debug, Clone)]
+pub struct Motion {
+    /// -1, 0 or 1.
+    pub approach: Vec<f64>,
+    /// Readings per second; per row where there is no clock.
+    pub velocity: Vec<f64>,
+}
+
+/// Computes the context of every row.
+#[must_use]
+pub fn motion(table: &Table, pose: &[usize], channels: &[Channel], held: bool) -> Motion {
+    let still: Vec<f64> = channels.iter().map(standstill).collect();
+    if held { held_poses(table, pose, &still) } else { recording(table, &still) }
+}
+
+fn held_poses(table: &Table, pose: &[usize], still: &[f64]) -> Motion {
+    let channels = still.len();
+    let poses = pose.iter().max().map_or(0, |p| p + 1);
+    let mut mean = vec![0.0; poses * channels];
+    let mut count = vec![0.0_f64; poses];
+    for (row, &p) in pose.iter().enumerate() {
+        count[p] += 1.0;
+        for c in 0..channels {
+            mean[p * channels + c] += table.values[row * channels + c];
+        }
+    }
+    for (k, sum) in mean.iter_mut().enumerate() {
+        *sum /= count[k / channels];
+    }
+    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
+    let mut from = vec![0.0; poses * channels];
+    for row in 1..pose.len() {
+        let (p, before) = (pose[row], pose[row - 1]);
+        if p == before || session(row) != session(row - 1) {
+            continue;
+        }
+        for c in 0..channels {
+            from[p * channels + c] =
+                direction(mean[p * channels + c] - mean[before * channels + c], still[c]);
+        }
+    }
+    let approach = pose.iter().flat_map(|&p| from[p * channels..(p + 1) * channels].to_vec());
+    Motion { approach: approach.collect(), velocity: vec![0.0; pose.len() * channels] }
+}
+
+fn recording(table: &Table, still: &[f64]) -> Motion {
+    let channels = still.len();
+    let rows = table.values.len() / channels;
+    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
+    let clock = |row: usize| table.time.as_ref().map_or(row as f64, |t| t[row]);
+    let mut velocity = vec![0.0; rows * channels];
+    let mut approach = vec![0.0; rows * channels];
+    let mut near: Vec<usize> = Vec::with_capacity(2 * REACH + 1);
+    for row in 0..rows {
+        near.clear();
+        let window = row.saturating_sub(REACH)..(row + REACH + 1).min(rows);
+        near.extend(window.filter(|&r| session(r) == session(row)));
+        let weights = slope_weights(&near, |r| clock(r) - clock(row));
+        for c in 0..channels {
+            let value = |r: usize| table.values[r * channels + c];
+            let slope: f64 = near.iter().zip(&weights).map(|(&r, w)| w * value(r)).sum();
+            velocity[row * channels + c] = slope;
+            // The sign of the change over the window; noise alone has none.
+            let reach = near.last().map_or(0.0, |&l| clock(l) - clock(near[0]));
+            approach[row * channels + c] = direction(slope * reach, still[c]);
+        }
+    }
+    // Where a channel stands still it keeps the direction in which it came.
+    for row in 1..rows {
+        for c in 0..channels {
+            if approach[row * channels + c] == 0.0 && session(row) == session(row - 1) {
+                approach[row * channels + c] = approach[(row - 1) * channels + c];
+            }
+        }
+    }
+    Motion { approach, velocity }
+}
+
+fn direction(change: f64, standstill: f64) -> f64 {
+    if change.abs() < standstill { 0.0 } else { change.signum() }
+}
+
+/// Weights that give the slope at zero of a least-squares parabola.
+fn slope_weights(near: &[usize], at: impl Fn(usize) -> f64) -> Vec<f64> {
+    let n = near.len() as f64;
+    let t: Vec<f64> = near.iter().map(|&r| at(r)).collect();
+    let moment = |k: i32| t.iter().map(|t| t.powi(k)).sum::<f64>() / n;
+    let (m1, m2, m3, m4) = (moment(1), moment(2), moment(3), moment(4));
+    let normal = nalgebra::Matrix3::new(1.0, m1, m2, m1, m2, m3, m2, m3, m4);
+    // Scaled by the spread of t, so that the matrix is near unit.
+    let scale = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(
+        1.0,
+        1.0 / m2.max(f64::MIN_POSITIVE).sqrt(),
+        1.0 / m2.max(f64::MIN_POSITIVE),
+    ));
+    let Some(inverse) = (scale * normal * scale).try_inverse() else {
+        return vec![0.0; near.len()];
+    };
+    let solve = scale * inverse * scale;
+    t.iter().map(|t| (solve[(1, 0)] + solve[(1, 1)] * t + solve[(1, 2)] * t * t) / n).collect()
+}

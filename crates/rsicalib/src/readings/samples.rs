@@ -1,0 +1,426 @@
+//! Readings: checked once on the way in, laid out for vector lanes.
+//!
+//! The unit of data is a *sample*, one reading of all channels; a pose is a
+//! label on samples. Samples are kept in blocks of [`WIDTH`], channel by
+//! channel, and no block mixes samples that touch different unknown points.
+//! What a sample needs from elsewhere, the direction of approach and the
+//! velocity, is *context*: computed once from the raw readings, then constant.
+
+use crate::Error;
+use crate::mechanism::Mechanism;
+use crate::numerics::lanes::{Lanes, WIDTH};
+use crate::readings::block::Block;
+use crate::readings::table::Table;
+
+/// Readings of one mechanism, checked.
+#[derive(Debug, Clone)]
+pub struct Readings {
+    /// Samples.
+    pub samples: usize,
+    /// Channels.
+    pub channels: usize,
+    /// What users call each pose.
+    pub labels: Vec<i64>,
+    /// Number of the pose of each sample.
+    pub pose: Vec<usize>,
+    /// True where poses were held, each sampled one or more times.
+    pub held: bool,
+    /// True where there is a time column, so that velocities are per second.
+    pub timed: bool,
+    /// True where the temperature is known and changes.
+    pub tempered: bool,
+    /// Mean temperature [°C].
+    pub mean_temperature: Option<f64>,
+    /// Mean reading of each channel.
+    pub mean: Vec<f64>,
+    /// Lowest and highest reading of each channel.
+    pub span: Vec<[f64; 2]>,
+    /// Number of sessions.
+    pub sessions: usize,
+    /// Session of each pose.
+    pub session_of_pose: Vec<usize>,
+    /// Combinations of keys that occur.
+    pub groups: Vec<Vec<String>>,
+    /// Raw table, for whoever needs it row by row.
+    pub table: Table,
+    /// First and last time of each session [s], or first and last pose.
+    pub clock: Vec<[f64; 2]>,
+    blocks: Vec<Block>,
+    raw: Vec<Lanes>,
+    approach: Vec<Lanes>,
+    velocity: Vec<Lanes>,
+    columns: Vec<Lanes>,
+}
+
+impl Readings {
+    /// Checks a table and lays it out.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`] where columns differ in length, [`Error::Reading`] where
+    /// a reading is not a number in its channel's range, [`Error::Empty`].
+    pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
+        Self::build(mechanism, table, None, true)
+    }
+
+    /// Readings beside those of a fit: times, temperatures and places in the
+    /// order of poses are told as `main` tells its own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub fn beside(mechanism: &Mechanism, table: Table, main: &Self) -> Result<Self, Error> {
+        Self::build(mechanism, table, Some(main), false)
+    }
+
+    /// One sample for each held pose, the mean of those that count, and how many did.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub fn averaged(
+        &self,
+        mechanism: &Mechanism,
+        weights: &[f64],
+    ) -> Result<(Self, Vec<f64>), Error> {
+        let rows_of_poses = self.rows_of_poses();
+        let mut live = Vec::with_capacity(rows_of_poses.len());
+        let mut used = Vec::with_capacity(rows_of_poses.len());
+        for rows in rows_of_poses {
+            let counted: Vec<usize> = rows.iter().copied().filter(|&r| weights[r] > 0.0).collect();
+            live.push(counted.len() as f64);
+            used.push(if counted.is_empty() { rows } else { counted });
+        }
+        let mean = |f: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            used.iter().map(|u| u.iter().map(|&r| f(r)).sum::<f64>() / u.len() as f64).collect()
+        };
+        let channels = self.channels;
+        let by_channel: Vec<Vec<f64>> =
+            (0..channels).map(|c| mean(&|r| self.table.values[r * channels + c])).collect();
+        let table = Table {
+            values: (0..used.len()).flat_map(|p| by_channel.iter().map(move |c| c[p])).collect(),
+            pose: Some(self.labels.clone()),
+            time: self.table.time.as_ref().map(|t| mean(&|r| t[r])),
+            temperature: self.table.temperature.as_ref().map(|t| mean(&|r| t[r])),
+            session: self.table.session.as_ref().map(|s| used.iter().map(|u| s[u[0]]).collect()),
+            keys: self
+                .table
+                .keys
+                .iter()
+                .map(|k| used.iter().map(|u| k[u[0]].clone()).collect())
+                .collect(),
+            columns: self.table.columns.iter().map(|v| mean(&|r| v[r])).collect(),
+        };
+        Ok((Self::build(mechanism, table, Some(self), true)?, live))
+    }
+
+    fn build(
+        mechanism: &Mechanism,
+        table: Table,
+        main: Option<&Self>,
+        own_poses: bool,
+    ) -> Result<Self, Error> {
+        let channels = mechanism.channels.len();
+        let samples = check(mechanism, &table)?;
+        let (pose, labels) = number_poses(&table, samples);
+        let held = table.pose.is_some();
+        let mut session_of_pose = vec![0; labels.len()];
+        for (row, &pose) in pose.iter().enumerate() {
+            session_of_pose[pose] = session_of(&table, row);
+        }
+        let (group, groups) = number_groups(&table, samples);
+        let clock = match main {
+            Some(main) => main.clock.clone(),
+            None => session_clock(&table, &pose, samples),
+        };
+        let time = session_time(&table, &pose, &clock, samples);
+        let mean_temperature = match main {
+            Some(main) => main.mean_temperature,
+            None => table.temperature.as_ref().map(|t| t.iter().sum::<f64>() / samples as f64),
+        };
+        let temperature: Vec<f64> = match (&table.temperature, mean_temperature) {
+            (Some(t), Some(mean)) => t.iter().map(|t| t - mean).collect(),
+            _ => vec![0.0; samples],
+        };
+        let tempered = temperature.iter().any(|t| t.abs() > 0.05);
+
+        let column = |c: usize| table.values.iter().skip(c).step_by(channels).copied();
+        let mean = (0..channels).map(|c| column(c).sum::<f64>() / samples as f64).collect();
+        let span = (0..channels)
+            .map(|c| column(c).fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)]))
+            .collect();
+        let motion = crate::readings::context::motion(&table, &pose, &mechanism.channels, held);
+
+        let mut readings = Self {
+            samples,
+            channels,
+            labels,
+            pose,
+            held,
+            timed: table.time.is_some(),
+            tempered,
+            mean_temperature,
+            mean,
+            span,
+            sessions: clock.len(),
+            session_of_pose,
+            groups,
+            table,
+            clock,
+            blocks: Vec::new(),
+            raw: Vec::new(),
+            approach: Vec::new(),
+            velocity: Vec::new(),
+            columns: Vec::new(),
+        };
+        let order: Vec<f64> = match main {
+            Some(main) if !own_poses => {
+                (0..samples).map(|row| main.place_of(&readings.table, row)).collect()
+            }
+            _ => readings.pose.iter().map(|&p| p as f64).collect(),
+        };
+        readings.lay_out(&group, &time, &temperature, &order, &motion);
+        Ok(readings)
+    }
+
+    fn lay_out(
+        &mut self,
+        group: &[usize],
+        time: &[f64],
+        temperature: &[f64],
+        pose: &[f64],
+        motion: &crate::readings::context::Motion,
+    ) {
+        let mut order: Vec<usize> = (0..self.samples).collect();
+        order.sort_by_key(|&row| group[row]);
+        let mut first = 0;
+        while first < order.len() {
+            let mut last = first;
+            while last < order.len()
+                && last - first < WIDTH
+                && group[order[last]] == group[order[first]]
+            {
+                last += 1;
+            }
+            let rows: [usize; WIDTH] =
+                std::array::from_fn(|lane| order[(first + lane).min(last - 1)]);
+            let gather = |f: &dyn Fn(usize) -> f64| Lanes(rows.map(f));
+            for c in 0..self.channels {
+                self.raw.push(gather(&|r| self.table.values[r * self.channels + c]));
+                self.approach.push(gather(&|r| motion.approach[r * self.channels + c]));
+                self.velocity.push(gather(&|r| motion.velocity[r * self.channels + c]));
+            }
+            for column in &self.table.columns {
+                self.columns.push(Lanes(rows.map(|r| column[r])));
+            }
+            self.blocks.push(Block {
+                rows,
+                live: last - first,
+                group: group[order[first]],
+                time: gather(&|r| time[r]),
+                temperature: gather(&|r| temperature[r]),
+                pose: gather(&|r| pose[r]),
+                session: gather(&|r| session_of(&self.table, r) as f64),
+            });
+            first = last;
+        }
+    }
+
+    /// Where a row of another table falls in the order of these poses: half-way
+    /// between two of them, by the clock; after the last one without a clock.
+    fn place_of(&self, other: &Table, row: usize) -> f64 {
+        let (Some(mine), Some(theirs)) = (&self.table.time, &other.time) else {
+            return self.poses() as f64 - 0.5;
+        };
+        let before = mine.partition_point(|t| *t <= theirs[row]);
+        before.checked_sub(1).map_or(-0.5, |r| self.pose[r] as f64 + 0.5)
+    }
+
+    /// Counts temperatures from `mean` [°C] instead of their own mean.
+    pub fn count_temperature_from(&mut self, mean: f64) {
+        let Some(own) = self.mean_temperature.replace(mean) else { return };
+        for block in &mut self.blocks {
+            block.temperature += Lanes::splat(own - mean);
+        }
+    }
+
+    /// Number of poses.
+    #[must_use]
+    pub fn poses(&self) -> usize {
+        self.labels.len()
+    }
+
+    /// The blocks.
+    #[must_use]
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// Raw readings of a block, one lane per sample, channel by channel.
+    #[must_use]
+    #[inline(always)]
+    pub fn raw(&self, block: usize) -> &[Lanes] {
+        &self.raw[block * self.channels..(block + 1) * self.channels]
+    }
+
+    /// Direction of approach of each channel in a block: -1, 0, 1.
+    #[must_use]
+    #[inline(always)]
+    pub fn approach(&self, block: usize) -> &[Lanes] {
+        &self.approach[block * self.channels..(block + 1) * self.channels]
+    }
+
+    /// Velocity of each channel in a block, readings per second.
+    #[must_use]
+    #[inline(always)]
+    pub fn velocity(&self, block: usize) -> &[Lanes] {
+        &self.velocity[block * self.channels..(block + 1) * self.channels]
+    }
+
+    /// Measured distances of a block, one per value column.
+    #[must_use]
+    #[inline(always)]
+    pub fn columns(&self, block: usize) -> &[Lanes] {
+        let n = self.table.columns.len();
+        &self.columns[block * n..(block + 1) * n]
+    }
+
+    /// One row of raw readings.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[f64] {
+        &self.table.values[row * self.channels..(row + 1) * self.channels]
+    }
+
+    /// The rows of each pose, in order.
+    #[must_use]
+    pub fn rows_of_poses(&self) -> Vec<Vec<usize>> {
+        let mut rows = vec![Vec::new(); self.poses()];
+        for (row, &pose) in self.pose.iter().enumerate() {
+            rows[pose].push(row);
+        }
+        rows
+    }
+
+    /// The mean of all rows, a single sample: of a rest reading.
+    #[must_use]
+    pub fn mean_row(&self) -> &[f64] {
+        &self.mean
+    }
+}
+
+fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
+    let channels = mechanism.channels.len();
+    let samples = table.values.len() / channels;
+    if !table.values.len().is_multiple_of(channels) {
+        return Err(shape("values", table.values.len(), (samples + 1) * channels));
+    }
+    if samples == 0 {
+        return Err(Error::Empty("the table has no rows".into()));
+    }
+    let same = |what: &str, found: usize| {
+        if found == samples { Ok(()) } else { Err(shape(what, found, samples)) }
+    };
+    same("pose", table.pose.as_ref().map_or(samples, Vec::len))?;
+    same("time", table.time.as_ref().map_or(samples, Vec::len))?;
+    same("temperature", table.temperature.as_ref().map_or(samples, Vec::len))?;
+    same("session", table.session.as_ref().map_or(samples, Vec::len))?;
+    let keys = mechanism.key_columns();
+    if table.keys.len() != keys.len() {
+        return Err(shape(&format!("keys ({})", keys.join(", ")), table.keys.len(), keys.len()));
+    }
+    for (name, column) in keys.iter().zip(&table.keys) {
+        same(name, column.len())?;
+    }
+    let values = mechanism.value_columns();
+    if table.columns.len() != values.len() {
+        let what = format!("columns ({})", values.join(", "));
+        return Err(shape(&what, table.columns.len(), values.len()));
+    }
+    for (name, column) in values.iter().zip(&table.columns) {
+        same(name, column.len())?;
+    }
+    for (row, values) in table.values.chunks_exact(channels).enumerate() {
+        for (channel, &found) in mechanism.channels.iter().zip(values) {
+            let [low, high] = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            if !(found.is_finite() && found >= low && found <= high) {
+                let channel = channel.name.clone();
+                return Err(Error::Reading { row, channel, found, low, high });
+            }
+        }
+    }
+    Ok(samples)
+}
+
+fn shape(what: &str, found: usize, expected: usize) -> Error {
+    Error::Shape { what: what.into(), found, expected }
+}
+
+/// Numbers poses in order of appearance, sessions apart.
+fn number_poses(table: &Table, samples: usize) -> (Vec<usize>, Vec<i64>) {
+    let Some(labels) = &table.pose else {
+        return ((0..samples).collect(), (1..=samples as i64).collect());
+    };
+    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
+    let mut seen = std::collections::HashMap::new();
+    let mut names = Vec::new();
+    let pose = (0..samples)
+        .map(|row| {
+            *seen.entry((session(row), labels[row])).or_insert_with(|| {
+                names.push(labels[row]);
+                names.len() - 1
+            })
+        })
+        .collect();
+    (pose, names)
+}
+
+/// Numbers the combinations of keys in order of appearance.
+fn number_groups(table: &Table, samples: usize) -> (Vec<usize>, Vec<Vec<String>>) {
+    let mut groups: Vec<Vec<String>> = Vec::new();
+    let mut seen = std::collections::HashMap::new();
+    let group = (0..samples)
+        .map(|row| {
+            let key: Vec<&String> = table.keys.iter().map(|column| &column[row]).collect();
+            *seen.entry(key).or_insert_with_key(|key| {
+                groups.push(key.iter().map(|k| (*k).clone()).collect());
+                groups.len() - 1
+            })
+        })
+        .collect();
+    (group, groups)
+}
+
+fn session_of(table: &Table, row: usize) -> usize {
+    table.session.as_ref().map_or(0, |s| s[row])
+}
+
+/// Time by the clock, else by the order of poses.
+fn clock_of(table: &Table, pose: &[usize], row: usize) -> f64 {
+    table.time.as_ref().map_or(pose[row] as f64, |t| t[row])
+}
+
+/// First and last time of each session.
+fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]> {
+    let mut ends: Vec<[f64; 2]> = Vec::new();
+    for row in 0..samples {
+        let session = session_of(table, row);
+        if ends.len() <= session {
+            ends.resize(session + 1, [f64::MAX, f64::MIN]);
+        }
+        let at = clock_of(table, pose, row);
+        ends[session] = [ends[session][0].min(at), ends[session][1].max(at)];
+    }
+    ends
+}
+
+/// Time from 0 to 1 over each session. Readings from before or after it are told as its
+/// first or last: how a drift went on there nobody knows.
+fn session_time(table: &Table, pose: &[usize], clock: &[[f64; 2]], samples: usize) -> Vec<f64> {
+    (0..samples)
+        .map(|row| {
+            let [first, last] = clock[session_of(table, row).min(clock.len() - 1)];
+            let at = clock_of(table, pose, row);
+            if last > first { ((at - first) / (last - first)).clamp(0.0, 1.0) } else { 0.5 }
+        })
+        .collect()
+}

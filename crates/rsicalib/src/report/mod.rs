@@ -1,0 +1,4 @@
+//! Results as users hold them: plain structs in the shape of the JSON, and words.
+
+pub mod result;
+pub mod traced;

@@ -1,0 +1,287 @@
+//! What a trace says, in the shape of the JSON.
+
+use crate::Error;
+use crate::apply::change::{PlatformRms, platform_difference};
+use crate::apply::check::check;
+use crate::diagnosis::curve::curve;
+use crate::diagnosis::detectability::{Hidden, could_hide};
+use crate::diagnosis::held_out::{HeldOut, held_out};
+use crate::diagnosis::localisation::{Unexplained, unexplained};
+use crate::diagnosis::options::Search;
+use crate::diagnosis::score::scored;
+use crate::diagnosis::stepwise::state::cost;
+use crate::diagnosis::trace::{Found, Traced, trace};
+use crate::diagnosis::verdict::verdict;
+use crate::estimate::directions::{ParameterReport, place, reported, unit};
+use crate::estimate::{Fit, Session, fit};
+use crate::model::Instance;
+use crate::readings::Table;
+use crate::report::result::{Estimates, FitReport, estimates};
+use crate::screening::excluded::Excluded;
+use crate::terms::term::{Class, Over};
+
+/// Known poses, for the error before and after.
+#[derive(Debug, Clone)]
+pub struct Known {
+    /// Readings in them.
+    pub table: Table,
+    /// The poses, row by row.
+    pub poses: Vec<[f64; 6]>,
+    /// True where they are known up to a rigid motion of the instrument.
+    pub align: bool,
+}
+
+/// A term at a target.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Place {
+    /// Id of the term.
+    pub term: String,
+    /// Where the fault lies.
+    pub class: Class,
+    /// What it belongs to.
+    pub target: String,
+    /// Where a searched term acts.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub place: Option<String>,
+}
+
+/// One effect that was found.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct StepReport {
+    /// The effect.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub effect: Place,
+    /// Probability by chance, corrected for the places looked at.
+    pub p_value: f64,
+    /// By how much χ² would rise without it.
+    pub chi2_rise: f64,
+    /// Its parameters.
+    pub parameters: Vec<ParameterReport>,
+    /// What these poses cannot tell from it.
+    pub also_fits: Vec<Place>,
+    /// What it does to the platform.
+    pub platform_rms: Option<PlatformRms>,
+    /// Reading (or time) and correction, where it is a curve.
+    pub curve: Option<Vec<[f64; 2]>>,
+    /// What the curve runs over.
+    pub curve_over: Option<Over>,
+    /// Standard deviation of each correction of the curve.
+    pub curve_sd: Option<Vec<f64>>,
+    /// Error on poses left out, with this effect and those before it.
+    pub held_out: Option<HeldOut>,
+}
+
+/// A reading that was left out.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct ExcludedReport {
+    /// Label of the pose; none for a whole placement.
+    pub pose: Option<i64>,
+    /// Sample of the pose, counted from 1; none: all of them.
+    pub sample: Option<i64>,
+    /// Keys of its unknown points.
+    pub group: Option<String>,
+    /// The chain at fault.
+    pub chain: Option<String>,
+    /// The channel at fault.
+    pub channel: Option<String>,
+    /// How many samples that are.
+    pub samples: usize,
+    /// Why.
+    pub reason: String,
+}
+
+/// The calibration with the readings that were left out.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct WithExcluded {
+    /// How well it fits.
+    pub fit: FitReport,
+    /// Its parameters.
+    pub parameters: Vec<ParameterReport>,
+}
+
+/// The result of a trace.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct TraceReport {
+    /// `adequate`, `explained`, `partly_explained`, `unexplained` or `undetermined`.
+    pub verdict: &'static str,
+    /// Suspicious things.
+    pub warnings: Vec<String>,
+    /// Readings left out.
+    pub excluded: Vec<ExcludedReport>,
+    /// The fit as asked for with them.
+    pub with_excluded: Option<WithExcluded>,
+    /// The fit as asked for.
+    pub before: FitReport,
+    /// Effects found.
+    pub steps: Vec<StepReport>,
+    /// The fit with them.
+    pub after: FitReport,
+    /// What is left.
+    pub unexplained: Unexplained,
+    /// What could be there unseen, worst first.
+    pub could_hide: Vec<Hidden>,
+    /// Noise, parameters, covariance and the rest, of the fit after.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub estimates: Estimates,
+    /// Residual of each pose in units of its noise, equation by equation, before.
+    pub before_residuals: Vec<Vec<f64>>,
+    /// The same after.
+    pub after_residuals: Vec<Vec<f64>>,
+}
+
+/// Traces a session and reports.
+///
+/// # Errors
+///
+/// As [`trace`] and [`check`].
+pub fn report(
+    session: &Session,
+    search: &Search,
+    known: Option<&Known>,
+) -> Result<TraceReport, Error> {
+    let traced = trace(session, search)?;
+    let small_before =
+        fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
+    let mut before = FitReport::of(&traced.before);
+    let mut after = FitReport::of(&traced.after);
+    if let Some(known) = known {
+        before.check = Some(check(session, &traced.before, &known.table, &known.poses, false)?);
+        after.check =
+            Some(check(&traced.session, &traced.after, &known.table, &known.poses, false)?);
+        if known.align {
+            before.aligned =
+                Some(check(session, &traced.before, &known.table, &known.poses, true)?);
+            after.aligned =
+                Some(check(&traced.session, &traced.after, &known.table, &known.poses, true)?);
+        }
+    }
+    before.held_out = held_out(&traced.small, &small_before);
+    let steps = traced
+        .found
+        .iter()
+        .enumerate()
+        .map(|(k, found)| step(&traced, &small_before, k, found))
+        .collect::<Result<Vec<_>, _>>()?;
+    after.held_out = match steps.last() {
+        Some(last) => last.held_out,
+        None => held_out(&traced.small, &traced.last),
+    };
+    let rises: Vec<f64> = steps.iter().map(|step| step.chi2_rise).collect();
+    let unexplained = unexplained(&traced, &rises);
+    let verdict = verdict(&traced, &unexplained);
+    let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
+        fit: before.clone(),
+        parameters: estimates(session, &traced.before).parameters,
+    });
+    let estimates = estimates(&traced.session, &traced.after);
+    Ok(TraceReport {
+        verdict,
+        warnings: traced.before.warnings.clone(),
+        excluded: traced.excluded.iter().map(|e| excluded(&traced.session, e)).collect(),
+        with_excluded,
+        before,
+        steps,
+        after,
+        unexplained,
+        could_hide: could_hide(&traced, search)?,
+        estimates,
+        before_residuals: by_pose(&traced.small, &small_before),
+        after_residuals: by_pose(&traced.small, &traced.last),
+    })
+}
+
+fn effect(session: &Session, instance: &Instance) -> Place {
+    let info = instance.term.info();
+    Place {
+        term: info.id.into(),
+        class: info.class,
+        target: instance.target.name(&session.mechanism),
+        place: place(session, instance),
+    }
+}
+
+fn step(
+    traced: &Traced,
+    small_before: &Fit,
+    index: usize,
+    found: &Found,
+) -> Result<StepReport, Error> {
+    let session = &traced.session;
+    let after = &traced.after;
+    let info = found.instance.term.info();
+    let (values, covariance) = reported(after);
+    let first = after
+        .model
+        .instances
+        .iter()
+        .position(|i| *i == found.instance)
+        .map_or(0, |k| after.model.first[k]);
+    let parameters = info.parameters.iter().enumerate().map(|(k, p)| ParameterReport {
+        term: info.id.into(),
+        target: found.instance.target.name(&session.mechanism),
+        place: place(session, &found.instance),
+        name: p.name.into(),
+        value: values[first + k],
+        sd: (!after.unknowable[first + k])
+            .then(|| covariance[(first + k, first + k)].max(0.0).sqrt()),
+        unit: unit(session, &found.instance, p.unit),
+    });
+    let curve = curve(after, &found.instance, first);
+    // What it does to the platform: the search's fit with it against the one without.
+    let platform_rms = platform_difference(&traced.small, &found.without, &traced.last);
+    // Held out with this effect and those found before it.
+    let base = small_before.model.instances.iter().copied();
+    let bad = traced.last.model.instances.iter().copied().filter(scored::is_data);
+    let up_to = traced.found[..=index].iter().map(|f| f.instance);
+    let instances: Vec<Instance> = base.chain(bad).chain(up_to).collect();
+    let fitted = fit(&traced.small, instances, Some(&traced.last))?;
+    Ok(StepReport {
+        effect: effect(session, &found.instance),
+        p_value: found.p_value.min(1.0),
+        chi2_rise: cost(&found.without) - cost(&traced.last),
+        parameters: parameters.collect(),
+        also_fits: found.also.iter().map(|i| effect(session, i)).collect(),
+        platform_rms,
+        held_out: held_out(&traced.small, &fitted),
+        curve_over: curve.as_ref().map(|c| c.over),
+        curve_sd: curve.as_ref().map(|c| c.points.iter().map(|p| p[2]).collect()),
+        curve: curve.map(|c| c.points.into_iter().map(|p| [p[0], p[1]]).collect()),
+    })
+}
+
+/// Whitened residuals pose by pose, in the order of the poses.
+fn by_pose(session: &Session, fit: &Fit) -> Vec<Vec<f64>> {
+    let k = fit.residuals.equations;
+    let rows = session.readings.rows_of_poses();
+    rows.iter().map(|r| fit.residuals.whitened[r[0] * k..(r[0] + 1) * k].to_vec()).collect()
+}
+
+/// A reading that was left out, as users call it.
+#[must_use]
+pub fn excluded(session: &Session, excluded: &Excluded) -> ExcludedReport {
+    let Session { readings, mechanism, .. } = session;
+    let rows = readings.rows_of_poses();
+    let first = excluded.pose.map(|p| rows[p][0]).or(excluded.placement);
+    let keys =
+        first.map(|row| readings.table.keys.iter().map(|k| k[row].as_str()).collect::<Vec<_>>());
+    let sample = |pose: usize| {
+        excluded.row.and_then(|row| rows[pose].iter().position(|r| *r == row)).map(|s| s as i64 + 1)
+    };
+    ExcludedReport {
+        pose: excluded.pose.map(|p| readings.labels[p]),
+        sample: excluded.pose.and_then(sample),
+        // A whole placement is named by its first key, a sample by all of them.
+        group: keys
+            .filter(|k| !k.is_empty())
+            .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
+        chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
+        channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
+        samples: excluded.samples,
+        reason: excluded.reason.clone(),
+    }
+}

@@ -1,0 +1,8 @@
+//! Readings that are wrong whatever the model lacks: converters, outliers, placements.
+
+pub mod blame;
+pub mod converter;
+pub mod excluded;
+pub mod outliers;
+pub mod placements;
+pub mod sound;

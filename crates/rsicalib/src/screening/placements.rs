@@ -1,0 +1,371 @@
+//! Damage of readings that touch unknown points: a placement that does not fit its
+//! siblings, a tool or a point that moved half-way, a single bad sample.
+//!
+//! Each is scored against a fit of all others, worst first; what is found is left out,
+//! and the rest fitted again. With `H = X (XᵀX)⁻¹ Xᵀ` of what is fitted, a sample `r`
+//! of `K` equations, and the columns `Z` of a point, or of the tool, from one row on,
+//!
+//! ```text
+//! single    rᵀ (I - H)⁻¹ r                        ~ s² χ²(K)                        (82)
+//! moved     uᵀ M⁻¹ u  as (71, 72)                 ~ s² χ²(rank M)                   (83)
+//! ```
+//!
+//! `s²` is from the median over all samples, and over all runs, which damage hardly
+//! moves: what a model lacks makes neighbouring rows alike in every run.
+
+use faer::Mat;
+
+use crate::Error;
+use crate::estimate::{Fit, Implicit, Part, Residuals, Session};
+use crate::mechanism::Target;
+use crate::model::Model;
+use crate::numerics::{distributions, symmetric};
+use crate::screening::excluded::Excluded;
+use crate::terms::term::{Acts, Spot};
+
+/// Probability of accusing anything in a clean session.
+const ALPHA: f64 = 0.002;
+
+/// A placement whose typical residual is this many times the usual one does not fit.
+const STRANGE: f64 = 3.0;
+
+/// Placements, or runs, that it takes to say what is usual.
+const SIBLINGS: usize = 4;
+
+/// Rows on either side of a move: fewer are single samples.
+const SIDE: usize = 4;
+
+/// A move scores as much as this many single samples of the same run, or they are it.
+const FEW: f64 = 3.0;
+
+/// What is left on both sides of a move is at most this many times what is usual.
+const HEALED: f64 = 2.0;
+
+/// Of all samples no more than this share is taken for damage.
+const MOST: f64 = 0.2;
+
+/// Finds damage, worst first, and leaves it out of the session.
+///
+/// # Errors
+///
+/// As [`crate::estimate::fit`].
+pub fn find(session: &mut Session, fit: &Fit) -> Result<Vec<Excluded>, Error> {
+    let Some(placements) = fit.model.placements(&session.readings) else { return Ok(Vec::new()) };
+    let mut current = fit.clone();
+    let mut excluded = Vec::new();
+    let all = session.weights.iter().filter(|w| **w > 0.0).count() as f64;
+    let mut left_out = 0;
+    while let Some((found, rows)) = Looking::at(session, &current, &placements).worst() {
+        left_out += rows.len();
+        if left_out as f64 > MOST * all && found.placement.is_none() {
+            break;
+        }
+        rows.iter().for_each(|&r| session.weights[r] = 0.0);
+        excluded.push(found);
+        current = crate::estimate::fit(session, current.model.instances.clone(), Some(&current))?;
+    }
+    Ok(excluded)
+}
+
+/// A fit, as far as damage shows in it.
+struct Looking<'a> {
+    session: &'a Session,
+    model: &'a Model,
+    placements: &'a [usize],
+    residuals: Residuals,
+    inverse: Mat<f64>,
+    /// The rows in use that touch the same points, in their order.
+    runs: Vec<Vec<usize>>,
+    /// (82) of every row; zero of those not in use.
+    single: Vec<f64>,
+    /// `s²` of single samples.
+    typical: f64,
+}
+
+/// A move that was found: of which run, from which of its rows on.
+struct Move {
+    run: usize,
+    at: usize,
+    score: f64,
+    /// How far, in length units.
+    by: f64,
+    what: &'static str,
+}
+
+impl<'a> Looking<'a> {
+    fn at(session: &'a Session, fit: &'a Fit, placements: &'a [usize]) -> Self {
+        let readings = &session.readings;
+        let part = Part { model: &fit.model, readings, weights: Some(&session.weights) };
+        let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
+        let mut runs = vec![Vec::new(); readings.groups.len()];
+        for block in readings.blocks() {
+            let live = block.rows[..block.live].iter().filter(|&&r| session.weights[r] > 0.0);
+            runs[block.group].extend(live);
+        }
+        runs.iter_mut().for_each(|rows| rows.sort_unstable());
+        runs.retain(|rows| !rows.is_empty());
+        let inverse = fit.inverse();
+        let mut looking = Self {
+            session,
+            model: &fit.model,
+            placements,
+            residuals,
+            inverse,
+            single: vec![0.0; readings.samples],
+            runs,
+            typical: 0.0,
+        };
+        for row in looking.runs.concat() {
+            looking.single[row] = looking.alone(row);
+        }
+        let k = looking.residuals.equations as f64;
+        let scores = looking.runs.concat().iter().map(|&r| looking.single[r]).collect();
+        looking.typical = median(scores) / distributions::chi2_quantile(0.5, k);
+        looking
+    }
+
+    /// The worst damage above chance, and the rows that it takes out.
+    fn worst(&self) -> Option<(Excluded, Vec<usize>)> {
+        let moved = self.moved();
+        if let Some(placement) = self.strange() {
+            // Half of a run that moved looks strange, too, but heals where it is parted.
+            let here = |m: &Move| self.placements[self.runs[m.run][0]] == placement.0;
+            if !moved.as_ref().is_some_and(here) {
+                return Some(self.whole_placement(placement));
+            }
+        }
+        let single = self.worst_single();
+        match (single, moved) {
+            // A move shows in many samples, each of which stands off a little.
+            (Some((row, score)), Some(m)) if FEW * score > m.score => Some(self.one_row(row)),
+            (_, Some(m)) => Some(self.all_from_there_on(&m)),
+            (Some((row, _)), None) => Some(self.one_row(row)),
+            (None, None) => None,
+        }
+    }
+
+    /// `X` of one row, equation by equation, of all parameters.
+    fn x(&self, row: usize) -> &[f64] {
+        let size = self.residuals.equations * self.model.parameters;
+        &self.residuals.by_parameter[row * size..(row + 1) * size]
+    }
+
+    fn whitened(&self, row: usize) -> &[f64] {
+        let k = self.residuals.equations;
+        &self.residuals.whitened[row * k..(row + 1) * k]
+    }
+
+    /// Eq. (82).
+    fn alone(&self, row: usize) -> f64 {
+        let (k, n) = (self.residuals.equations, self.model.parameters);
+        let x = Mat::from_fn(k, n, |e, j| self.x(row)[e * n + j]);
+        let hat = &x * (&self.inverse * x.transpose());
+        symmetric::left_out(&hat, self.whitened(row)).map_or(0.0, |(score, _)| score)
+    }
+
+    /// The row that stands off most, if above chance.
+    fn worst_single(&self) -> Option<(usize, f64)> {
+        let rows = self.runs.concat();
+        let k = self.residuals.equations as f64;
+        let row = *rows.iter().max_by(|a, b| self.single[**a].total_cmp(&self.single[**b]))?;
+        let score = self.single[row] / self.typical;
+        // The scale is an estimate from as many samples: F, not χ².
+        let dof = (k * rows.len() as f64 - self.model.term_parameters as f64).max(k);
+        let p = distributions::f_tail(score / k, k, dof) * rows.len() as f64;
+        (p <= 0.5 * ALPHA).then_some((row, score))
+    }
+
+    /// The placement whose samples typically stand off most, and how many times more.
+    fn strange(&self) -> Option<(usize, f64)> {
+        let mut sizes: Vec<(usize, Vec<f64>)> = Vec::new();
+        for row in self.runs.concat() {
+            let placement = self.placements[row];
+            match sizes.iter_mut().find(|s| s.0 == placement) {
+                Some(own) => own.1.push(self.single[row]),
+                None => sizes.push((placement, vec![self.single[row]])),
+            }
+        }
+        let sizes: Vec<(usize, f64)> =
+            sizes.into_iter().map(|(p, all)| (p, median(all).sqrt())).collect();
+        let usual = median(sizes.iter().map(|s| s.1).collect());
+        let worst = *sizes.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (sizes.len() >= SIBLINGS && worst.1 > STRANGE * usual).then_some((worst.0, worst.1 / usual))
+    }
+
+    /// The best move of all runs, if it is above chance and heals its run.
+    fn moved(&self) -> Option<Move> {
+        let best: Vec<Move> = (0..self.runs.len()).filter_map(|run| self.moved_in(run)).collect();
+        if best.len() < SIBLINGS {
+            return None;
+        }
+        let times: f64 =
+            self.runs.iter().map(|r| (r.len() + 1).saturating_sub(2 * SIDE) as f64).sum();
+        // The largest of a run's scores is about this by chance.
+        let each = times / best.len() as f64;
+        let expected = distributions::chi2_quantile(0.5 / (1.0 + 0.5 * each), 3.0);
+        let scale = (median(best.iter().map(|m| m.score).collect()) / expected).max(1.0);
+        let worst = best.into_iter().max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let p = distributions::chi2_tail(worst.score / scale, 3.0) * 2.0 * times;
+        (p <= 0.5 * ALPHA && self.heals(&worst)).then_some(worst)
+    }
+
+    /// Eq. (83): the best move of a run, of its point or of the tool.
+    fn moved_in(&self, run: usize) -> Option<Move> {
+        let rows = &self.runs[run];
+        let mut best: Option<Move> = None;
+        for (what, columns) in self.movable(rows[0]) {
+            let mut sums = Step::new(self.model.parameters);
+            for (at, &row) in rows.iter().enumerate().rev() {
+                sums.add(self.x(row), self.whitened(row), &columns);
+                if at < SIDE || rows.len() - at < SIDE {
+                    continue;
+                }
+                let Some((score, by)) = sums.score(&self.inverse) else { continue };
+                let score = score / self.typical;
+                if best.as_ref().is_none_or(|b| score > b.score) {
+                    best = Some(Move { run, at, score, by, what });
+                }
+            }
+        }
+        best
+    }
+
+    /// What may move half-way, with the columns that do it: the point, and the tool
+    /// where its place is a term of the model.
+    fn movable(&self, row: usize) -> Vec<(&'static str, [usize; 3])> {
+        let group = self.session.readings.blocks().iter().find(|b| b.rows.contains(&row));
+        let columns = group.map_or(&[][..], |b| &self.model.columns()[b.group]);
+        let points = columns.get(self.model.term_parameters..).unwrap_or_default();
+        let points = points.chunks_exact(3).map(|c| ("the point it touches", [c[0], c[1], c[2]]));
+        let tip = |acts: Acts| match acts {
+            Acts::Geometry(freedoms) => {
+                freedoms.iter().all(|f| f.0 == Spot::Tip) && freedoms.len() == 3
+            }
+            _ => false,
+        };
+        let tools = self
+            .model
+            .instances
+            .iter()
+            .zip(&self.model.first)
+            .filter(|(i, _)| matches!(i.target, Target::Chain(_)) && tip(i.term.acts()));
+        points.chain(tools.map(|(_, f)| ("its tool", [*f, f + 1, f + 2]))).collect()
+    }
+
+    /// True where both sides of a move, each about its own mean, are as usual.
+    fn heals(&self, m: &Move) -> bool {
+        let k = self.residuals.equations;
+        let spread = |rows: &[usize]| -> Vec<f64> {
+            let mean = |e: usize| {
+                rows.iter().map(|&r| self.whitened(r)[e]).sum::<f64>() / rows.len() as f64
+            };
+            let means: Vec<f64> = (0..k).map(mean).collect();
+            let off = |r: &usize| {
+                self.whitened(*r).iter().zip(&means).map(|(r, m)| (r - m).powi(2)).sum()
+            };
+            rows.iter().map(off).collect()
+        };
+        let (before, after) = self.runs[m.run].split_at(m.at);
+        let here = median([spread(before), spread(after)].concat()).sqrt();
+        let usual = |rows: &Vec<usize>| median(spread(rows)).sqrt();
+        here <= HEALED * median(self.runs.iter().map(usual).collect())
+    }
+
+    fn whole_placement(&self, (placement, times): (usize, f64)) -> (Excluded, Vec<usize>) {
+        let rows: Vec<usize> = (0..self.placements.len())
+            .filter(|&r| self.placements[r] == placement && self.session.weights[r] > 0.0)
+            .collect();
+        let reason = format!(
+            "the placement does not fit its siblings: its residual is {times:.1} times theirs; {} samples left out",
+            rows.len()
+        );
+        let placement = rows.first().copied();
+        (Excluded { placement, ..Excluded::of(None, rows.len(), reason) }, rows)
+    }
+
+    fn all_from_there_on(&self, m: &Move) -> (Excluded, Vec<usize>) {
+        let rows = &self.runs[m.run];
+        let out = &rows[m.at..];
+        let unit = &self.session.mechanism.length_unit;
+        let reason = format!(
+            "{} moved by {:.2e} {unit} between its samples {} and {} (counted from 0): left out from there on, {} samples",
+            m.what,
+            m.by,
+            self.place(rows[m.at - 1]),
+            self.place(rows[m.at]),
+            out.len()
+        );
+        let pose = Some(self.session.readings.pose[out[0]]);
+        (Excluded::of(pose, out.len(), reason), out.to_vec())
+    }
+
+    fn one_row(&self, row: usize) -> (Excluded, Vec<usize>) {
+        let lengths = &self.residuals.lengths;
+        let k = self.residuals.equations;
+        let off = lengths[row * k..(row + 1) * k].iter().map(|l| l * l).sum::<f64>().sqrt();
+        let reason = format!(
+            "sample {} of its run (counted from 0) stands {:.2e} {} off, {:.1} σ",
+            self.place(row),
+            off,
+            self.session.mechanism.length_unit,
+            (self.single[row] / self.typical).sqrt()
+        );
+        let pose = Some(self.session.readings.pose[row]);
+        let row_of_pose = self.session.readings.held.then_some(row);
+        (Excluded { row: row_of_pose, ..Excluded::of(pose, 1, reason) }, vec![row])
+    }
+
+    /// Which of the samples that touch the same points a row is, those left out included.
+    fn place(&self, row: usize) -> usize {
+        let keys = &self.session.readings.table.keys;
+        let same = |r: &usize| keys.iter().all(|key| key[*r] == key[row]);
+        (0..row).filter(same).count()
+    }
+}
+
+/// Sums for (83) over the rows from one on.
+struct Step {
+    u: [f64; 3],
+    zz: [[f64; 3]; 3],
+    zx: Mat<f64>,
+}
+
+impl Step {
+    fn new(parameters: usize) -> Self {
+        Self { u: [0.0; 3], zz: [[0.0; 3]; 3], zx: Mat::zeros(parameters, 3) }
+    }
+
+    fn add(&mut self, x: &[f64], r: &[f64], columns: &[usize; 3]) {
+        let n = self.zx.nrows();
+        for (x, r) in x.chunks_exact(n).zip(r) {
+            for (i, &a) in columns.iter().enumerate() {
+                self.u[i] += x[a] * r;
+                for (j, &b) in columns.iter().enumerate() {
+                    self.zz[i][j] += x[a] * x[b];
+                }
+                for (sum, value) in self.zx.col_as_slice_mut(i).iter_mut().zip(x) {
+                    *sum += value * x[a];
+                }
+            }
+        }
+    }
+
+    fn score(&self, inverse: &Mat<f64>) -> Option<(f64, f64)> {
+        let absorbed = self.zx.transpose() * (inverse * &self.zx);
+        let m = Mat::from_fn(3, 3, |i, j| self.zz[i][j] - absorbed[(i, j)]);
+        let (inverse, unknowable, _) = crate::numerics::symmetric::invert(&m);
+        if unknowable.iter().any(|u| *u) {
+            return None;
+        }
+        let by: Vec<f64> =
+            (0..3).map(|i| (0..3).map(|j| inverse[(i, j)] * self.u[j]).sum()).collect();
+        let score = by.iter().zip(&self.u).map(|(b, u)| b * u).sum();
+        Some((score, by.iter().map(|b| b * b).sum::<f64>().sqrt()))
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
+}

@@ -1,0 +1,85 @@
+//! Where a term may act, whether the readings have what the term needs, and how large it is.
+
+use crate::Error;
+use crate::mechanism::{ClosureKind, Mechanism, Target};
+use crate::readings::Readings;
+use crate::terms::term::{Needs, Per, Term};
+
+/// Every target that a term may have in a mechanism.
+#[must_use]
+pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
+    match term.info().per {
+        Per::All => vec![Target::All],
+        Per::Channel => (0..mechanism.channels.len())
+            .filter(|&c| term.info().needs != Needs::Masses || carries_mass(mechanism, c))
+            // Of two poses a search has places to try, unless there can be none.
+            .filter(|&c| !term.places(mechanism, c, 2).is_empty())
+            .map(Target::Channel)
+            .collect(),
+        Per::Chain => (0..mechanism.chains.len()).map(Target::Chain).collect(),
+        Per::ChainOrAll => {
+            let chains = (0..mechanism.chains.len()).map(Target::Chain);
+            chains.chain([Target::All]).collect()
+        }
+        Per::Closure => (0..mechanism.closures.len())
+            .filter(|&c| mechanism.closures[c].kind == ClosureKind::Distance)
+            .map(Target::Closure)
+            .collect(),
+        Per::Row => mechanism
+            .chains
+            .iter()
+            .enumerate()
+            .flat_map(|(c, chain)| (0..chain.rows.len()).map(move |r| Target::Row(c, r)))
+            .collect(),
+    }
+}
+
+fn carries_mass(mechanism: &Mechanism, channel: usize) -> bool {
+    let name = &mechanism.channels[channel].name;
+    mechanism.chains.iter().any(|chain| {
+        let joint = chain.rows.iter().position(|r| r.channel.as_ref() == Some(name));
+        joint.is_some_and(|j| chain.rows[j..].iter().any(|r| r.mass.is_some()))
+    })
+}
+
+/// Refuses a term that needs what the readings or the mechanism do not have.
+///
+/// # Errors
+///
+/// [`Error::Context`].
+pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> Result<(), Error> {
+    let info = term.info();
+    let masses = || mechanism.chains.iter().any(|c| c.rows.iter().any(|r| r.mass.is_some()));
+    let there = match info.needs {
+        Needs::Nothing => true,
+        Needs::Order => readings.timed && readings.poses() > 2,
+        Needs::Temperature => readings.tempered,
+        Needs::Approach => (readings.held || readings.timed) && readings.poses() > 2,
+        Needs::Motion => !readings.held && readings.timed,
+        Needs::Gravity => mechanism.gravity.is_some(),
+        Needs::Masses => mechanism.gravity.is_some() && masses(),
+    };
+    if there { Ok(()) } else { Err(Error::Context { term: info.id, needs: info.needs.words() }) }
+}
+
+/// Typical size of each parameter of a term at a target, in the units of a mechanism.
+///
+/// Lengths are declared as fractions of the longest link, and what is per torque
+/// for all masses at the end of that link. A joint that slides is off by a length.
+#[must_use]
+pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f64> {
+    let rows = || mechanism.chains.iter().flat_map(|c| &c.rows);
+    let at = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
+    let lengths = rows().flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]).chain(at.flatten());
+    let longest = lengths.fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
+    let mass: f64 = rows().filter_map(|r| r.mass).sum();
+    let slides = matches!(target, Target::Channel(c) if mechanism.slides(c));
+    let scale = |unit: &str| match unit {
+        "rad" | "length" if slides => longest,
+        "length" => longest,
+        "rad/length" => 1.0 / longest,
+        "rad/torque" => 1.0 / (longest * mass.max(f64::MIN_POSITIVE)),
+        _ => 1.0,
+    };
+    term.info().parameters.iter().map(|p| p.typical * scale(p.unit)).collect()
+}
