@@ -6,7 +6,7 @@ use divan::{Bencher, black_box};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rsicalib::estimate::paper::Paper;
-use rsicalib::numerics::lm::Options;
+use rsicalib::numerics::lm::SolverOptions;
 use rsicalib_benches::hand_controller;
 
 fn main() {
@@ -19,7 +19,7 @@ const POSES: [usize; 3] = [12, 200, 2_000];
 fn rsicalib(bencher: Bencher, poses: usize) {
     let device = hand_controller(poses);
     let (offsets, gains) = device.nominal();
-    let options = Options { xtol: 1e-10, ..Options::default() };
+    let options = SolverOptions { xtol: 1e-10, ..SolverOptions::default() };
     agrees(poses);
     bencher.bench_local(|| {
         let paper = Paper::new(&device.mechanism, black_box(&device.counts)).unwrap();
@@ -42,7 +42,7 @@ fn agrees(poses: usize) {
     let (offsets, gains) = device.nominal();
     let paper = Paper::new(&device.mechanism, &device.counts).unwrap();
     let ours =
-        paper.minimize(&offsets, &gains, &Options { xtol: 1e-12, ..Options::default() }).unwrap();
+        paper.minimize(&offsets, &gains, &SolverOptions { xtol: 1e-12, ..SolverOptions::default() }).unwrap();
     let (rival, _) = LevenbergMarquardt::new().with_xtol(1e-12).minimize(Rival::new(&device));
     for (a, b) in ours.offsets.iter().chain(&ours.gains).zip(rival.x.iter()) {
         assert!((a - b).abs() <= 1e-8 * a.abs(), "{a} {b}");

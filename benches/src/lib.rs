@@ -1,6 +1,6 @@
 //! What every bench starts from: the hand controller in poses by hand.
 
-use rsicalib::estimate::Session;
+use rsicalib::estimate::Observations;
 use rsicalib::mechanism::{Mechanism, hand_controller};
 use rsicalib::readings::Table;
 
@@ -32,9 +32,10 @@ impl Device {
     /// If the readings do not fit the mechanism: a mistake in this file.
     #[must_use]
     #[expect(clippy::expect_used, reason = "a bench stops at a mistake")]
-    pub fn session(&self) -> Session {
+    pub fn session(&self) -> Observations {
         let table = Table { values: self.counts.clone(), ..Table::default() };
-        Session::new(&self.mechanism, table, None, rsicalib::Options::default()).expect("readings")
+        Observations::new(&self.mechanism, table, None, rsicalib::FitOptions::default())
+            .expect("readings")
     }
 }
 

@@ -8,7 +8,7 @@ use rsicalib::apply::earlier::{self, Applied, Reference, Reported, platform_pose
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::session::{PyTable, poses_of};
+use crate::observations::{PyTable, poses_of};
 
 /// A result on its way to readings that it has not seen.
 ///

@@ -68,7 +68,7 @@ pub fn minimize<'py>(
     max_iterations: Option<usize>,
 ) -> PyResult<Minimum<'py>> {
     let (counts, offsets, gains) = (flat(&counts), vector(&offsets0), vector(&gains0));
-    let mut options = lm::Options::default();
+    let mut options = lm::SolverOptions::default();
     options.xtol = xtol.unwrap_or(options.xtol);
     options.max_iterations = max_iterations.unwrap_or(options.max_iterations);
     let found = py

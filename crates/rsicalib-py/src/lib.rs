@@ -6,7 +6,7 @@ mod experiments;
 mod faults;
 mod linear;
 mod mechanism;
-mod session;
+mod observations;
 
 use pyo3::prelude::*;
 
@@ -14,11 +14,11 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add("LEFT", rsicalib::diagnosis::options::LEFT)?;
+    module.add("RESIDUAL_LEVEL", rsicalib::diagnosis::options::RESIDUAL_LEVEL)?;
     module.add_class::<mechanism::PyMechanism>()?;
     module.add_class::<mechanism::PyChannel>()?;
-    module.add_class::<session::PySession>()?;
-    module.add_class::<session::PyFit>()?;
+    module.add_class::<observations::PyObservations>()?;
+    module.add_class::<observations::PyFit>()?;
     module.add_function(wrap_pyfunction!(mechanism::terms, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_inverse, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_forward, module)?)?;

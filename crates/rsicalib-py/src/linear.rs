@@ -7,7 +7,7 @@ use rsicalib::design::linear;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::session::PyTable;
+use crate::observations::PyTable;
 
 /// Misclosure of a table, and its derivatives by readings and parameters.
 ///

@@ -41,7 +41,7 @@ pub mod design;
 pub mod report;
 
 pub use error::Error;
-pub use estimate::{Fit, Method, Options, Session, fit};
+pub use estimate::{Fit, FitOptions, Method, Observations, fit};
 pub use mechanism::{Mechanism, Target};
 pub use model::{Instance, Model};
 pub use readings::{Readings, Table};

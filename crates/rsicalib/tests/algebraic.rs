@@ -9,7 +9,7 @@ use rsicalib::Error;
 use rsicalib::estimate::paper::Paper;
 use rsicalib::mechanism::Mechanism;
 use rsicalib::model::{Model, Want, Workspace, parse};
-use rsicalib::numerics::lm::{Options, Termination};
+use rsicalib::numerics::lm::{SolverOptions, Termination};
 use rsicalib::readings::{Readings, Table};
 
 fn poses() -> Vec<[f64; 6]> {
@@ -69,7 +69,7 @@ fn the_minimum_is_that_of_gauss_and_newton() {
     let counts = noisy(&offsets, &gains, 2);
     let paper = Paper::new(&mechanism, &counts).expect("24 poses");
     let (o, g) = nominal();
-    let found = paper.minimize(&o, &g, &Options::default()).expect("nine channels");
+    let found = paper.minimize(&o, &g, &SolverOptions::default()).expect("nine channels");
     assert!(found.termination.converged());
 
     // From the truth, with a dense orthogonal factorisation, until it stands still.
@@ -128,7 +128,7 @@ fn answers_do_not_depend_on_the_number_of_threads() {
     let (o, g) = nominal();
     let solve = || {
         let paper = Paper::new(&mechanism, &counts).expect("poses");
-        paper.minimize(&o, &g, &Options::default()).expect("nine channels")
+        paper.minimize(&o, &g, &SolverOptions::default()).expect("nine channels")
     };
     let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
     assert_eq!(pool(1).install(solve), pool(3).install(solve));
@@ -141,9 +141,9 @@ fn a_start_without_numbers_is_named() {
     let paper = Paper::new(&Mechanism::rsi(), &counts).expect("24 poses");
     let mut bad = offsets.clone();
     bad[3] = f64::NAN;
-    let found = paper.minimize(&bad, &gains, &Options::default()).expect("nine channels");
+    let found = paper.minimize(&bad, &gains, &SolverOptions::default()).expect("nine channels");
     assert_eq!(found.termination, Termination::NotFinite);
-    let short = paper.minimize(&offsets[..8], &gains, &Options::default());
+    let short = paper.minimize(&offsets[..8], &gains, &SolverOptions::default());
     assert!(matches!(short, Err(Error::Shape { found: 8, expected: 9, .. })));
 }
 

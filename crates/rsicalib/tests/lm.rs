@@ -4,13 +4,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nist::{Strd, digits};
 use rsicalib::numerics::dense::Dense;
-use rsicalib::numerics::lm::{self, Options, Outcome, Termination};
+use rsicalib::numerics::lm::{self, Outcome, SolverOptions, Termination};
 
 mod nist;
 
 /// Tight enough for six digits of the slowest problem (Bennett5).
-fn tight() -> Options {
-    Options { gtol: 1e-12, xtol: 1e-12, ftol: 1e-15, max_iterations: 2000, ..Options::default() }
+fn tight() -> SolverOptions {
+    SolverOptions { gtol: 1e-12, xtol: 1e-12, ftol: 1e-15, max_iterations: 2000, ..SolverOptions::default() }
 }
 
 // --- NIST StRD -----------------------------------------------------------
@@ -197,7 +197,7 @@ fn nist_derivatives_match_central_differences() {
 // --- What goes wrong -----------------------------------------------------
 
 /// Rosenbrock's valley; its minimum is zero, at (1, 1).
-fn rosenbrock(start: [f64; 2], options: &Options) -> Outcome {
+fn rosenbrock(start: [f64; 2], options: &SolverOptions) -> Outcome {
     let valley = Dense::new(
         2,
         2,
@@ -290,7 +290,7 @@ fn survives_a_start_at_the_minimum_and_stays_there() {
         |x: &[f64], r: &mut [f64]| r.copy_from_slice(&[x[0] - 1.0, x[0] + 1.0]),
         |_: &[f64], j: &mut [f64]| j.fill(1.0),
     );
-    let outcome = lm::minimize(&problem, &[0.0], &Options::default());
+    let outcome = lm::minimize(&problem, &[0.0], &SolverOptions::default());
     assert!(outcome.termination.converged(), "{:?}", outcome.termination);
     assert!(outcome.iterations <= 1, "{}", outcome.iterations);
     assert_eq!(outcome.x, [0.0]);
@@ -300,7 +300,7 @@ fn survives_a_start_at_the_minimum_and_stays_there() {
 #[test]
 fn survives_a_start_at_a_minimum_of_zero() {
     // Every tolerance that is relative to the cost or to the residuals divides by zero here.
-    let outcome = rosenbrock([1.0, 1.0], &Options::default());
+    let outcome = rosenbrock([1.0, 1.0], &SolverOptions::default());
     assert!(outcome.termination.converged(), "{:?}", outcome.termination);
     assert_eq!(outcome.x, [1.0, 1.0]);
     assert_eq!(outcome.cost, 0.0);
@@ -332,7 +332,7 @@ fn survives_a_minimum_at_infinity() {
                 |x: &[f64], r: &mut [f64]| r.copy_from_slice(&[value(x[0]), stays]),
                 |x: &[f64], j: &mut [f64]| j.copy_from_slice(&[derivative(x[0]), 0.0]),
             );
-            let outcome = lm::minimize(&problem, &[1.0], &Options::default());
+            let outcome = lm::minimize(&problem, &[1.0], &SolverOptions::default());
             let text = format!("{name}, {stays}: {:?}", outcome.termination);
             assert_ne!(outcome.termination, Termination::NotFinite, "{text}");
             assert!(outcome.x[0].is_finite(), "{text}");
@@ -356,7 +356,7 @@ fn survives_a_start_without_residuals_and_says_so() {
             |x: &[f64], r: &mut [f64]| r.copy_from_slice(&[x[0], hole]),
             |_: &[f64], j: &mut [f64]| j.copy_from_slice(&[1.0, 0.0]),
         );
-        let outcome = lm::minimize(&problem, &[3.0], &Options::default());
+        let outcome = lm::minimize(&problem, &[3.0], &SolverOptions::default());
         assert_eq!(outcome.termination, Termination::NotFinite, "{hole}");
         assert_eq!(outcome.x, [3.0], "{hole}");
         assert_eq!(outcome.iterations, 0, "{hole}");
@@ -372,7 +372,7 @@ fn survives_a_start_without_derivatives_and_says_so() {
         |x: &[f64], r: &mut [f64]| r[0] = x[0].sqrt() - 1.0,
         |x: &[f64], j: &mut [f64]| j[0] = 0.5 / x[0].sqrt(),
     );
-    let outcome = lm::minimize(&problem, &[0.0], &Options::default());
+    let outcome = lm::minimize(&problem, &[0.0], &SolverOptions::default());
     assert_eq!(outcome.termination, Termination::NotFinite);
     assert_eq!(outcome.x, [0.0]);
 }
@@ -383,7 +383,7 @@ fn survives_running_out_of_iterations_and_keeps_the_best_so_far() {
     let mut cost = f64::INFINITY;
     // Far from enough: it takes more than a dozen steps along the valley.
     for max_iterations in 0..5 {
-        let options = Options { max_iterations, ..tight() };
+        let options = SolverOptions { max_iterations, ..tight() };
         let outcome = rosenbrock(start, &options);
         assert_eq!(outcome.termination, Termination::MaxIterations);
         assert_eq!(outcome.iterations, max_iterations);

@@ -257,7 +257,7 @@ fn every_sample_is_in_one_lane_of_a_block_of_its_group() {
 
 #[test]
 fn padding_lanes_do_not_count() {
-    // Sums of the first n rows, less those of the first n - 1: one row, however
+    // NormalEquations of the first n rows, less those of the first n - 1: one row, however
     // many lanes pad the last block.
     let device = hand_controller(How::Held, 10);
     let alone: Vec<Linearization> =

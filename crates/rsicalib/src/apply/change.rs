@@ -2,7 +2,7 @@
 
 use crate::apply::check::{Check, error_of};
 use crate::apply::poses::some_poses;
-use crate::estimate::{Fit, Noise, Session};
+use crate::estimate::{Fit, Noise, Observations};
 use crate::model::Model;
 
 /// Root mean square of what an effect does to the platform, by component.
@@ -23,28 +23,28 @@ pub type Poses = Option<Vec<(usize, [f64; 6])>>;
 
 /// Platform poses of a model, of a long recording in some blocks.
 #[must_use]
-pub fn platform(session: &Session, model: &Model, beta: &[f64], noise: &Noise) -> Poses {
-    let stride = session.readings.blocks().len().div_ceil(LOOKS);
-    (!session.mechanism.platform.is_empty())
-        .then(|| some_poses(model, &session.readings, beta, &noise.sigma, noise.play, stride))
+pub fn platform(observations: &Observations, model: &Model, beta: &[f64], noise: &Noise) -> Poses {
+    let stride = observations.readings.blocks().len().div_ceil(LOOKS);
+    (!observations.mechanism.platform.is_empty())
+        .then(|| some_poses(model, &observations.readings, beta, &noise.sigma, noise.play, stride))
 }
 
 /// Between two fits.
 #[must_use]
-pub fn platform_difference(session: &Session, a: &Fit, b: &Fit) -> Option<PlatformRms> {
-    let pa = platform(session, &a.model, &a.beta, &a.assumed())?;
-    let pb = platform(session, &b.model, &b.beta, &b.assumed())?;
-    Some(difference(session, &pa, &pb))
+pub fn platform_difference(observations: &Observations, a: &Fit, b: &Fit) -> Option<PlatformRms> {
+    let pa = platform(observations, &a.model, &a.beta, &a.assumed())?;
+    let pb = platform(observations, &b.model, &b.beta, &b.assumed())?;
+    Some(difference(observations, &pa, &pb))
 }
 
 /// Between two sets of poses with their rows; rows that are left out do not count.
 #[must_use]
 pub fn difference(
-    session: &Session,
+    observations: &Observations,
     a: &[(usize, [f64; 6])],
     b: &[(usize, [f64; 6])],
 ) -> PlatformRms {
-    let counts = |row: usize| session.weights[row] > 0.0;
+    let counts = |row: usize| observations.weights[row] > 0.0;
     let pairs: Vec<_> =
         a.iter().zip(b).filter(|(a, _)| counts(a.0)).map(|(a, b)| (a.1, b.1)).collect();
     let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);

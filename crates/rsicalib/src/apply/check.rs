@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
 use crate::apply::poses::platform_poses;
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
 use crate::readings::{Table, average};
 
@@ -27,14 +27,14 @@ pub struct Check {
 ///
 /// As [`platform_poses`]; [`Error::Shape`] unless there is a pose for each row.
 pub fn check(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     table: &Table,
     known: &[[f64; 6]],
     align: bool,
 ) -> Result<Check, Error> {
-    let channels = session.mechanism.channels.len();
-    compare(channels, table, known, align, |t| platform_poses(session, fit, &fit.beta, t))
+    let channels = observations.mechanism.channels.len();
+    compare(channels, table, known, align, |t| platform_poses(observations, fit, &fit.beta, t))
 }
 
 /// Error of the poses that `found` gives for the mean readings of each known pose.

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::Error;
-use crate::estimate::{Fit, Implicit, Noise, Part, Session};
+use crate::estimate::{Fit, Implicit, Noise, Observations, Part};
 use crate::kinematics::rigid::rigid_fit;
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::Vec3;
@@ -18,12 +18,12 @@ use crate::readings::{Readings, Table};
 ///
 /// [`Error::Missing`] without a platform, else as [`Readings::new`].
 pub fn platform_poses(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     beta: &[f64],
     table: Table,
 ) -> Result<Vec<[f64; 6]>, Error> {
-    let mechanism = &session.mechanism;
+    let mechanism = &observations.mechanism;
     if mechanism.platform.is_empty() {
         return Err(Error::Missing {
             mechanism: mechanism.name.clone(),
@@ -31,7 +31,7 @@ pub fn platform_poses(
             why: "poses need the points that carry it",
         });
     }
-    let readings = Readings::beside(mechanism, table, &session.readings)?;
+    let readings = Readings::beside(mechanism, table, &observations.readings)?;
     let model = Model::like(&fit.model, mechanism, &readings)?;
     Ok(poses_of(&model, &readings, beta, &fit.noise.sigma, fit.noise.play))
 }
@@ -45,8 +45,8 @@ pub type PosesAndSd = (Vec<[f64; 6]>, Vec<[f64; 6]>);
 /// # Errors
 ///
 /// As [`platform_poses`].
-pub fn poses_with_sd(session: &Session, fit: &Fit, table: Table) -> Result<PosesAndSd, Error> {
-    let at = |beta: &[f64], table: Table| platform_poses(session, fit, beta, table);
+pub fn poses_with_sd(observations: &Observations, fit: &Fit, table: Table) -> Result<PosesAndSd, Error> {
+    let at = |beta: &[f64], table: Table| platform_poses(observations, fit, beta, table);
     let poses = at(&fit.beta, table.clone())?;
     let n = fit.beta.len();
     // How each pose moves with each parameter, per standard deviation of it.
@@ -66,10 +66,10 @@ pub fn poses_with_sd(session: &Session, fit: &Fit, table: Table) -> Result<Poses
             }
         }
     }
-    let channels = session.mechanism.channels.len();
+    let channels = observations.mechanism.channels.len();
     for (c, sigma) in fit.noise.sigma.iter().enumerate() {
         let mut moved = table.clone();
-        let [_, high] = session.mechanism.channels[c].range.unwrap_or([0.0, f64::INFINITY]);
+        let [_, high] = observations.mechanism.channels[c].range.unwrap_or([0.0, f64::INFINITY]);
         for value in moved.values.iter_mut().skip(c).step_by(channels) {
             *value += if *value + sigma > high { -sigma } else { *sigma };
         }
@@ -150,17 +150,17 @@ pub fn some_poses(
 ///
 /// As [`Readings::new`].
 pub fn carried_points(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     table: Table,
 ) -> Result<Vec<Vec<[f64; 3]>>, Error> {
-    let readings = Readings::beside(&session.mechanism, table, &session.readings)?;
-    let model = Model::like(&fit.model, &session.mechanism, &readings)?;
+    let readings = Readings::beside(&observations.mechanism, table, &observations.readings)?;
+    let model = Model::like(&fit.model, &observations.mechanism, &readings)?;
     let mut beta = model.nominal();
     let terms = model.term_parameters;
     beta[..terms].copy_from_slice(&fit.beta[..terms]);
-    let carried = |p: &&usize| session.mechanism.points[**p].chain.is_some();
-    let names: Vec<usize> = (0..session.mechanism.points.len()).collect();
+    let carried = |p: &&usize| observations.mechanism.points[**p].chain.is_some();
+    let names: Vec<usize> = (0..observations.mechanism.points.len()).collect();
     let names: Vec<usize> = names.iter().filter(carried).copied().collect();
     let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; names.len()];
     let mut ws = Workspace::default();

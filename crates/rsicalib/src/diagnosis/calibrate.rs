@@ -5,10 +5,10 @@
 //! model may lack, which would make good readings look bad; what it finds wrong is left out.
 
 use crate::Error;
-use crate::diagnosis::options::Search;
+use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::{looks_bad, trace};
-use crate::estimate::{Fit, Method, Session, fit};
+use crate::estimate::{Fit, Method, Observations, fit};
 use crate::model::Instance;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
@@ -18,7 +18,7 @@ use crate::screening::sound::sound;
 #[derive(Debug, Clone)]
 pub struct Calibrated {
     /// The session, bad readings left out.
-    pub session: Session,
+    pub observations: Observations,
     /// The fit without them.
     pub fit: Fit,
     /// What was left out.
@@ -36,27 +36,27 @@ const MOST: usize = 2000;
 /// # Errors
 ///
 /// As [`fit`].
-pub fn calibrate(session: &Session) -> Result<Calibrated, Error> {
-    let all = fit(session, session.instances()?, None)?;
+pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
+    let all = fit(observations, observations.instances()?, None)?;
     let usable = all.plausible && all.termination.converged() && all.dof >= 1.0;
-    if session.options.method == Method::Algebraic || !usable {
-        return Ok(whole(session, all));
+    if observations.options.method == Method::Algebraic || !usable {
+        return Ok(whole(observations, all));
     }
-    let mut rest = session.clone();
+    let mut rest = observations.clone();
     let (clean, excluded) = sound(&mut rest, &all)?;
     // Points that are touched are judged by placement.
-    let searched = all.model.unknown_names.is_empty() && session.readings.poses() <= MOST;
+    let searched = all.model.unknown_names.is_empty() && observations.readings.poses() <= MOST;
     if searched && looks_bad(&rest, &clean)? {
-        let traced = trace(session, &Search::default())?;
+        let traced = trace(observations, &SearchOptions::default())?;
         let data: Vec<Instance> =
             traced.after.model.instances.iter().copied().filter(scored::is_data).collect();
         if !traced.excluded.is_empty() {
             let mut instances = all.model.instances.clone();
             instances.extend_from_slice(&data);
-            let left = fit(&traced.session, instances, Some(&clean))?;
-            let (session, excluded) = (traced.session, traced.excluded);
+            let left = fit(&traced.observations, instances, Some(&clean))?;
+            let (observations, excluded) = (traced.observations, traced.excluded);
             return Ok(Calibrated {
-                session,
+                observations,
                 fit: converter::seen_by(&all, left),
                 excluded,
                 with: Some(all),
@@ -64,11 +64,11 @@ pub fn calibrate(session: &Session) -> Result<Calibrated, Error> {
         }
     }
     if excluded.is_empty() {
-        return Ok(whole(session, all));
+        return Ok(whole(observations, all));
     }
-    Ok(Calibrated { session: rest, fit: clean, excluded, with: Some(all) })
+    Ok(Calibrated { observations: rest, fit: clean, excluded, with: Some(all) })
 }
 
-fn whole(session: &Session, fit: Fit) -> Calibrated {
-    Calibrated { session: session.clone(), fit, excluded: Vec::new(), with: None }
+fn whole(observations: &Observations, fit: Fit) -> Calibrated {
+    Calibrated { observations: observations.clone(), fit, excluded: Vec::new(), with: None }
 }

@@ -3,19 +3,19 @@
 
 use crate::Error;
 use crate::apply::change::{PlatformRms, difference, platform};
-use crate::diagnosis::options::Search;
+use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::project;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::directions::unit;
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 use crate::model::{Instance, Model};
 use crate::numerics::distributions;
 
 /// An effect that could be there unseen.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct Hidden {
+pub struct Detectability {
     /// Id of the term.
     pub term: String,
     /// What it would belong to.
@@ -33,17 +33,17 @@ pub struct Hidden {
 /// # Errors
 ///
 /// As [`crate::diagnosis::trace::trace`].
-pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error> {
-    let (session, last) = (&traced.small, &traced.last);
-    let named: Vec<Instance> = candidates::candidates(session, last, &search.without)
+pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detectability>, Error> {
+    let (observations, last) = (&traced.small, &traced.last);
+    let named: Vec<Instance> = candidates::candidates(observations, last, &search.without)
         .into_iter()
         .filter(|i| !i.term.info().penalised)
         .collect();
     let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
-    let projected = project(session, last, &inverse, &named)?;
+    let projected = project(observations, last, &inverse, &named)?;
     let places = named.len() as f64;
     let noise = last.assumed();
-    let here = platform(session, &last.model, &last.beta, &noise);
+    let here = platform(observations, &last.model, &last.beta, &noise);
     let mut hidden = Vec::with_capacity(named.len());
     for (instance, candidate) in named.iter().zip(projected) {
         let info = instance.term.info();
@@ -53,7 +53,7 @@ pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error
         let wanted = z * z;
         // The direction, in typical sizes, that is hardest to see among those that can be.
         let typical =
-            crate::terms::targets::typical(&session.mechanism, instance.term, instance.target);
+            crate::terms::targets::typical(&observations.mechanism, instance.term, instance.target);
         let square =
             faer::Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
         let Ok(eigen) = square.self_adjoint_eigen(faer::Side::Lower) else { continue };
@@ -65,22 +65,22 @@ pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let platform_rms = match (&here, visible) {
             (Some(here), true) => {
-                let with = with_effect(session, last, instance, &direction, &candidate.absorbed)?;
-                platform(session, &with.0, &with.1, &noise)
-                    .map(|there| difference(session, here, &there))
+                let with = with_effect(observations, last, instance, &direction, &candidate.absorbed)?;
+                platform(observations, &with.0, &with.1, &noise)
+                    .map(|there| difference(observations, here, &there))
             }
             _ => None,
         };
-        hidden.push(Hidden {
+        hidden.push(Detectability {
             term: info.id.into(),
-            target: instance.target.name(&session.mechanism),
+            target: instance.target.name(&observations.mechanism),
             detectable: visible.then_some(largest),
-            unit: unit(session, instance, info.parameters[0].unit),
+            unit: unit(observations, instance, info.parameters[0].unit),
             platform_rms,
         });
     }
     hidden.sort_by(|a, b| {
-        let of = |h: &Hidden| h.platform_rms.map_or(0.0, |p| p.position);
+        let of = |h: &Detectability| h.platform_rms.map_or(0.0, |p| p.position);
         of(b).total_cmp(&of(a))
     });
     Ok(hidden)
@@ -88,7 +88,7 @@ pub fn could_hide(traced: &Traced, search: &Search) -> Result<Vec<Hidden>, Error
 
 /// A model with one more effect of a given size, the rest having absorbed what it can.
 fn with_effect(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     instance: &Instance,
     size: &[f64],
@@ -96,7 +96,7 @@ fn with_effect(
 ) -> Result<(Model, Vec<f64>), Error> {
     let mut instances = fit.model.instances.clone();
     instances.push(*instance);
-    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
+    let model = Model::about(&observations.mechanism, &observations.readings, instances, &observations.centre)?;
     let base = fit.model.term_parameters;
     let mut beta = model.nominal();
     for (i, value) in fit.beta.iter().enumerate() {

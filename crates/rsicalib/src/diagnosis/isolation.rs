@@ -11,10 +11,10 @@
 //! and nothing in it stands out, `c` is all that is wrong.
 
 use crate::Error;
-use crate::diagnosis::options::{LEFT, Search};
-use crate::diagnosis::score::scored::{self, Judge, Scored, whole_pose};
+use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
+use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{places, scan};
-use crate::estimate::{Fit, Session, fit};
+use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
@@ -25,7 +25,7 @@ use crate::screening::blame::Blame;
 const UNBOUNDED: f64 = 1e4;
 
 /// Fewer degrees of freedom than this judge nothing.
-const FEW: f64 = 8.0;
+const LEAST_DOF: f64 = 8.0;
 
 /// So many are looked at, those first that leave the least: one at fault leaves least.
 const LIKELY: usize = 3;
@@ -41,7 +41,7 @@ const EQUATION: f64 = 2.0;
 
 /// What is at fault alone.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Alone {
+pub struct Isolated {
     /// A channel, a closure or a chain.
     pub target: Target,
     /// Probability of a larger χ² of the rest, (73).
@@ -58,14 +58,14 @@ pub struct Alone {
 /// # Errors
 ///
 /// As [`fit`].
-pub fn alone(
-    session: &Session,
+pub fn isolate(
+    observations: &Observations,
     start: &Fit,
     judge: &Judge,
     found: &[Instance],
-    search: &Search,
-) -> Result<Option<Alone>, Error> {
-    let mechanism = &session.mechanism;
+    search: &SearchOptions,
+) -> Result<Option<Isolated>, Error> {
+    let mechanism = &observations.mechanism;
     if judge.residual_dof.is_some() {
         return Ok(None);
     }
@@ -75,9 +75,9 @@ pub fn alone(
     let chains = (0..mechanism.chains.len()).map(Target::Chain).collect();
     let kinds: [Vec<Target>; 2] = [single, chains];
     for kind in kinds {
-        let mut able: Vec<Without> = Vec::new();
+        let mut able: Vec<Released> = Vec::new();
         for target in kind {
-            able.extend(Without::of(session, start, target)?);
+            able.extend(Released::of(observations, start, target)?);
             able.sort_by(|a, b| a.left().total_cmp(&b.left()));
             able.truncate(LIKELY);
         }
@@ -92,7 +92,7 @@ pub fn alone(
             && sure >= SURE
         {
             let it = alone.into_iter().find(|it| it.target == target);
-            return Ok(it.map(|Without { target, p_value, wrong, .. }| Alone {
+            return Ok(it.map(|Released { target, p_value, wrong, .. }| Isolated {
                 target,
                 p_value,
                 wrong,
@@ -103,10 +103,10 @@ pub fn alone(
 }
 
 /// A fit to all but one thing.
-struct Without<'a> {
+struct Released<'a> {
     start: &'a Fit,
     target: Target,
-    freed: Session,
+    released: Observations,
     rest: Fit,
     /// Equations between poses.
     equations: f64,
@@ -116,17 +116,17 @@ struct Without<'a> {
     wrong: Vec<(Scored, Blame)>,
 }
 
-impl<'a> Without<'a> {
+impl<'a> Released<'a> {
     /// None where without it there is nothing to judge by.
-    fn of(session: &Session, start: &'a Fit, target: Target) -> Result<Option<Self>, Error> {
-        let freed = freed(session, start, target);
-        let (equations, lost) = equations(&freed, start, target);
-        if equations - lost < FEW {
+    fn of(observations: &Observations, start: &'a Fit, target: Target) -> Result<Option<Self>, Error> {
+        let released = released(observations, start, target);
+        let (equations, lost) = equations(&released, start, target);
+        if equations - lost < LEAST_DOF {
             return Ok(None);
         }
-        let rest = fit(&freed, start.model.instances.clone(), Some(start))?;
+        let rest = fit(&released, start.model.instances.clone(), Some(start))?;
         let (p_value, wrong) = (0.0, Vec::new());
-        Ok(Some(Self { start, target, freed, rest, equations, lost, p_value, wrong }))
+        Ok(Some(Self { start, target, released, rest, equations, lost, p_value, wrong }))
     }
 
     /// χ² with what is paid for it.
@@ -137,39 +137,39 @@ impl<'a> Without<'a> {
 
     /// Degrees of freedom of (73).
     fn dof(&self) -> f64 {
-        let own = own(self.start, &self.freed.mechanism, self.target);
+        let own = own(self.start, &self.released.mechanism, self.target);
         // Priors may know more of the parameters than the readings do.
         (self.rest.dof - self.lost + own).min(self.equations - self.lost)
     }
 
     /// Whether the rest closes within its noise, but for a few readings that are wrong.
-    fn closes(&mut self, judge: &Judge, search: &Search) -> Result<bool, Error> {
+    fn closes(&mut self, judge: &Judge, search: &SearchOptions) -> Result<bool, Error> {
         while let Some((scored, blame)) = self.wrong_reading(judge, search)? {
             if self.wrong.len() == WRONG {
                 return Ok(false);
             }
             let mut instances = self.rest.model.instances.clone();
-            leave_out(&scored, &mut self.freed, &mut instances);
+            leave_out(&scored, &mut self.released, &mut instances);
             self.wrong.push((scored, blame));
-            self.rest = fit(&self.freed, instances, Some(&self.rest))?;
-            (self.equations, self.lost) = equations(&self.freed, self.start, self.target);
+            self.rest = fit(&self.released, instances, Some(&self.rest))?;
+            (self.equations, self.lost) = equations(&self.released, self.start, self.target);
         }
         let dof = self.dof();
         self.p_value = judge.p_value(self.rest.chi2, dof);
-        Ok(dof >= FEW && self.p_value > LEFT)
+        Ok(dof >= LEAST_DOF && self.p_value > RESIDUAL_LEVEL)
     }
 
     /// The worst reading, or pose, that is wrong though this says nothing.
     fn wrong_reading(
         &self,
         judge: &Judge,
-        search: &Search,
+        search: &SearchOptions,
     ) -> Result<Option<(Scored, Blame)>, Error> {
-        let mechanism = &self.freed.mechanism;
-        if !self.freed.readings.held {
+        let mechanism = &self.released.mechanism;
+        if !self.released.readings.held {
             return Ok(None);
         }
-        let mut scored = places::bad_readings(&self.freed, &self.rest, judge)?;
+        let mut scored = places::bad_readings(&self.released, &self.rest, judge)?;
         scored.retain(|s| !belongs(mechanism, s.instance.target, self.target));
         let worst = scored.iter().filter(|s| s.corrected <= search.alpha);
         let Some(worst) = worst.max_by(|a, b| a.charged().total_cmp(&b.charged())) else {
@@ -179,7 +179,7 @@ impl<'a> Without<'a> {
         let mut here: Vec<Scored> = scored
             .iter()
             .filter(|s| s.instance.place == worst.instance.place)
-            .filter(|s| whole_pose(&s.instance).is_none())
+            .filter(|s| excluded_pose(&s.instance).is_none())
             .copied()
             .collect();
         here.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -193,10 +193,10 @@ impl<'a> Without<'a> {
         &self,
         judge: &Judge,
         found: &[Instance],
-        search: &Search,
+        search: &SearchOptions,
     ) -> Result<bool, Error> {
-        let mechanism = &self.freed.mechanism;
-        let scored = scan::scan(&self.freed, &self.rest, judge, &search.without)?;
+        let mechanism = &self.released.mechanism;
+        let scored = scan::scan(&self.released, &self.rest, judge, &search.without)?;
         let mut elsewhere = scored.iter().filter(|s| {
             !scored::is_data(&s.instance) && !belongs(mechanism, s.instance.target, self.target)
         });
@@ -208,21 +208,21 @@ impl<'a> Without<'a> {
 }
 
 /// Leaves a wrong pose out of a session, or gives a wrong reading its own parameter.
-pub fn leave_out(wrong: &Scored, session: &mut Session, instances: &mut Vec<Instance>) {
-    match whole_pose(&wrong.instance) {
-        Some(pose) => session.weights[pose] = 0.0,
+pub fn leave_out(wrong: &Scored, observations: &mut Observations, instances: &mut Vec<Instance>) {
+    match excluded_pose(&wrong.instance) {
+        Some(pose) => observations.weights[pose] = 0.0,
         None => instances.push(wrong.instance),
     }
 }
 
 /// Equations between poses, and how many of them are given up.
-fn equations(session: &Session, start: &Fit, target: Target) -> (f64, f64) {
-    let mechanism = &session.mechanism;
-    let live = session.weights.iter().filter(|w| **w > 0.0).count();
+fn equations(observations: &Observations, start: &Fit, target: Target) -> (f64, f64) {
+    let mechanism = &observations.mechanism;
+    let live = observations.weights.iter().filter(|w| **w > 0.0).count();
     let all = (live * start.residuals.equations) as f64;
     let lost = match target {
         Target::Closure(k) => (live * mechanism.closures[k].kind.equations()) as f64,
-        _ => taken_up(session, start, &channels_of(mechanism, target)).1,
+        _ => taken_up(observations, start, &channels_of(mechanism, target)).1,
     };
     // In a recording neighbours are poses that were sampled several times.
     let between = 1.0 - start.within / all.max(1.0);
@@ -230,17 +230,17 @@ fn equations(session: &Session, start: &Fit, target: Target) -> (f64, f64) {
 }
 
 /// The session in which this says nothing.
-fn freed(session: &Session, base: &Fit, target: Target) -> Session {
-    let mut freed = session.clone();
+fn released(observations: &Observations, base: &Fit, target: Target) -> Observations {
+    let mut released = observations.clone();
     let mut sigma = base.noise.sigma.clone();
-    for channel in channels_of(&session.mechanism, target) {
+    for channel in channels_of(&observations.mechanism, target) {
         sigma[channel] *= UNBOUNDED;
     }
-    freed.options.noise = Some(sigma);
+    released.options.noise = Some(sigma);
     if let Target::Closure(k) = target {
-        freed.mechanism.closures[k].noise = Some(UNBOUNDED * base.rms_misclosure);
+        released.mechanism.closures[k].noise = Some(UNBOUNDED * base.rms_misclosure);
     }
-    freed
+    released
 }
 
 /// `n_c`: what only this has, of what can be known.
@@ -277,11 +277,11 @@ pub fn belongs(mechanism: &Mechanism, target: Target, of: Target) -> bool {
 /// χ² of what is left that errors of these channels, free in each pose, would take
 /// up, and in how many dimensions.
 #[must_use]
-pub fn taken_up(session: &Session, fit: &Fit, channels: &[usize]) -> (f64, f64) {
+pub fn taken_up(observations: &Observations, fit: &Fit, channels: &[usize]) -> (f64, f64) {
     let residuals = &fit.residuals;
-    let (k, c) = (residuals.equations, session.readings.channels);
+    let (k, c) = (residuals.equations, observations.readings.channels);
     let (mut taken, mut dimensions) = (0.0, 0.0);
-    for row in (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0) {
+    for row in (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0) {
         let r = &residuals.whitened[row * k..(row + 1) * k];
         let mut basis: Vec<Vec<f64>> = Vec::new();
         for &channel in channels {

@@ -1,7 +1,7 @@
 //! What is left of the residual: whether it is noise, and where it is if it is not.
 
-use crate::diagnosis::isolation::{Alone, taken_up};
-use crate::diagnosis::options::LEFT;
+use crate::diagnosis::isolation::{Isolated, taken_up};
+use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::Traced;
 use crate::diagnosis::whereabouts::whereabouts;
@@ -27,15 +27,15 @@ pub struct Unexplained {
 #[must_use]
 pub fn unexplained(traced: &Traced, rises: &[f64]) -> Unexplained {
     let p_value = traced.judge.lack_of_fit(&traced.last);
-    if p_value.is_some_and(|p| p <= LEFT) {
+    if p_value.is_some_and(|p| p <= RESIDUAL_LEVEL) {
         let (target, text) =
-            traced.alone.as_ref().map_or_else(|| locate(traced), |it| at_fault(traced, it));
+            traced.isolated.as_ref().map_or_else(|| locate(traced), |it| at_fault(traced, it));
         return Unexplained { p_value, target: Some(target), text };
     }
     let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
     if let Some((target, text)) = doubt(&traced.small.mechanism, &found, rises) {
         let target =
-            traced.alone.as_ref().map_or(target, |it| it.target.name(&traced.small.mechanism));
+            traced.isolated.as_ref().map_or(target, |it| it.target.name(&traced.small.mechanism));
         let text = format!("nothing left above the noise, but {text}");
         return Unexplained { p_value, target: Some(target), text };
     }
@@ -55,7 +55,7 @@ fn nearest(traced: &Traced) -> String {
     let near = traced.left.filter(|s| s.corrected < 0.5 && !scored::is_data(&s.instance));
     near.map_or(String::new(), |s| {
         let (id, target) = (s.instance.term.info().id, s.instance.target);
-        let target = target.name(&traced.session.mechanism);
+        let target = target.name(&traced.observations.mechanism);
         format!(
             "; nearest to it is {id} of {target}, as chance makes one with p = {:.2}",
             s.corrected
@@ -64,7 +64,7 @@ fn nearest(traced: &Traced) -> String {
 }
 
 /// What is at fault alone, by a law that no effect of the catalogue has.
-fn at_fault(traced: &Traced, alone: &Alone) -> (String, String) {
+fn at_fault(traced: &Traced, alone: &Isolated) -> (String, String) {
     let name = alone.target.name(&traced.small.mechanism);
     let places = match alone.target {
         Target::Channel(channel) => whereabouts(traced, channel),

@@ -2,7 +2,7 @@
 
 /// How to search.
 #[derive(Debug, Clone)]
-pub struct Search {
+pub struct SearchOptions {
     /// Probability of naming anything where nothing is missing.
     pub alpha: f64,
     /// Terms that are no candidates.
@@ -13,15 +13,15 @@ pub struct Search {
     pub refits: usize,
 }
 
-impl Default for Search {
+impl Default for SearchOptions {
     fn default() -> Self {
         Self { alpha: 0.012, without: Vec::new(), most: 8, refits: 8 }
     }
 }
 
 /// Residuals above chance at this level are not explained.
-pub const LEFT: f64 = 0.001;
+pub const RESIDUAL_LEVEL: f64 = 0.001;
 
 /// More effects than this are a less likely story than one channel, or closure, whose law
 /// nobody knows.
-pub const FEW: usize = 2;
+pub const FEW_EFFECTS: usize = 2;

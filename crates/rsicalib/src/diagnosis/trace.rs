@@ -10,19 +10,19 @@
 //! the answer is fitted to all of them.
 
 use crate::Error;
-use crate::diagnosis::isolation::Alone;
+use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::score::places;
-use crate::diagnosis::score::scored::{self, Judge, Scored, whole_pose};
-use crate::diagnosis::stepwise::search::{Pursued, Step, pursue_all};
-use crate::diagnosis::stepwise::state::Hunt;
-use crate::estimate::{Fit, Session, fit};
+use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
+use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
+use crate::diagnosis::stepwise::stepwise::Stepwise;
+use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
 
-pub use crate::diagnosis::options::{LEFT, Search};
-pub use crate::diagnosis::stepwise::state::cost;
+pub use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
+pub use crate::diagnosis::stepwise::stepwise::cost;
 
 /// One effect that was found.
 #[derive(Debug, Clone)]
@@ -45,9 +45,9 @@ pub struct Traced {
     /// The fit of all samples with what was found.
     pub after: Fit,
     /// The session, bad samples left out.
-    pub session: Session,
+    pub observations: Observations,
     /// The search's own session: one sample for each held pose.
-    pub small: Session,
+    pub small: Observations,
     /// The last fit of the search.
     pub last: Fit,
     /// Effects, in the order in which they were found.
@@ -56,8 +56,8 @@ pub struct Traced {
     pub excluded: Vec<Excluded>,
     /// The best that is left, whether or not it is above chance.
     pub left: Option<Scored>,
-    /// What is at fault alone, where the catalogue does not explain it all.
-    pub alone: Option<Alone>,
+    /// What is at fault isolated, where the catalogue does not explain it all.
+    pub isolated: Option<Isolated>,
     /// How scores were judged.
     pub judge: Judge,
 }
@@ -67,34 +67,36 @@ pub struct Traced {
 /// # Errors
 ///
 /// As [`fit`].
-pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
-    let mut session = session.clone();
-    let base = session.instances()?;
-    let before = fit(&session, base.clone(), None)?;
-    let (clean, mut excluded) = sound(&mut session, &before)?;
-    let mut hunt = Hunt::new(&session, &clean, search)?;
-    let mut start = fit(&hunt.small, base, Some(&clean))?;
-    hunt.rescale(&mut start)?;
-    let (pursued, alone) = pursue_all(&mut hunt, &start)?;
-    let Pursued { current, found, poses, wrong, left, .. } = pursued;
-    excluded.extend(poses.iter().map(|step| hunt.excluded(step)));
-    excluded.extend(wrong.into_iter().map(|(scored, blame)| match whole_pose(&scored.instance) {
-        Some(_) => hunt.excluded(&scored),
-        None => hunt.bad_reading(&scored.instance, blame),
+pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
+    let mut observations = observations.clone();
+    let base = observations.instances()?;
+    let before = fit(&observations, base.clone(), None)?;
+    let (clean, mut excluded) = sound(&mut observations, &before)?;
+    let mut stepwise = Stepwise::new(&observations, &clean, search)?;
+    let mut start = fit(&stepwise.small, base, Some(&clean))?;
+    stepwise.rescale(&mut start)?;
+    let (pursued, isolated) = search_effects(&mut stepwise, &start)?;
+    let Searched { current, found, poses, wrong, left, .. } = pursued;
+    excluded.extend(poses.iter().map(|step| stepwise.excluded(step)));
+    excluded.extend(wrong.into_iter().map(|(scored, blame)| {
+        match excluded_pose(&scored.instance) {
+            Some(_) => stepwise.excluded(&scored),
+            None => stepwise.bad_reading(&scored.instance, blame),
+        }
     }));
     let mut steps = Vec::new();
-    for Step { scored: Scored { instance, corrected, .. }, also, blame, without } in found {
+    for FoundEffect { scored: Scored { instance, corrected, .. }, also, blame, without } in found {
         if scored::is_data(&instance) {
-            excluded.push(hunt.bad_reading(&instance, blame));
+            excluded.push(stepwise.bad_reading(&instance, blame));
         } else {
             steps.push(Found { instance, p_value: corrected, also, without });
         }
     }
     for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
         for row in
-            pose.pose.map(|p| session.readings.rows_of_poses()[p].clone()).unwrap_or_default()
+            pose.pose.map(|p| observations.readings.rows_of_poses()[p].clone()).unwrap_or_default()
         {
-            session.weights[row] = 0.0;
+            observations.weights[row] = 0.0;
         }
     }
     let after = if current.model.instances.len() == clean.model.instances.len()
@@ -103,12 +105,23 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
         clean.clone()
     } else {
         let from = expand(&clean, &current);
-        converter::seen_by(&before, fit(&session, current.model.instances.clone(), Some(&from))?)
+        converter::seen_by(&before, fit(&observations, current.model.instances.clone(), Some(&from))?)
     };
-    let judge = hunt.judge(&current);
-    let small = hunt.small;
+    let judge = stepwise.judge(&current);
+    let small = stepwise.small;
     let found = steps;
-    Ok(Traced { before, after, session, small, last: current, found, excluded, left, alone, judge })
+    Ok(Traced {
+        before,
+        after,
+        observations,
+        small,
+        last: current,
+        found,
+        excluded,
+        left,
+        isolated,
+        judge,
+    })
 }
 
 /// True where some reading scores as bad, were the model right.
@@ -116,12 +129,12 @@ pub fn trace(session: &Session, search: &Search) -> Result<Traced, Error> {
 /// # Errors
 ///
 /// As [`fit`].
-pub fn looks_bad(session: &Session, full: &Fit) -> Result<bool, Error> {
-    let search = Search::default();
-    let mut hunt = Hunt::new(session, full, &search)?;
-    let mut small = fit(&hunt.small, full.model.instances.clone(), Some(full))?;
-    hunt.rescale(&mut small)?;
-    let scored = places::bad_readings(&hunt.small, &small, &hunt.judge(&small))?;
+pub fn looks_bad(observations: &Observations, full: &Fit) -> Result<bool, Error> {
+    let search = SearchOptions::default();
+    let mut stepwise = Stepwise::new(observations, full, &search)?;
+    let mut small = fit(&stepwise.small, full.model.instances.clone(), Some(full))?;
+    stepwise.rescale(&mut small)?;
+    let scored = places::bad_readings(&stepwise.small, &small, &stepwise.judge(&small))?;
     Ok(scored.iter().any(|s| s.corrected <= search.alpha))
 }
 

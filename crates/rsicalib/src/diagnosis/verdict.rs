@@ -1,7 +1,7 @@
 //! The verdict: one function for a calibration and for a trace.
 
 use crate::diagnosis::localisation::Unexplained;
-use crate::diagnosis::options::LEFT;
+use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::trace::Traced;
 
 pub(crate) fn verdict(traced: &Traced, left: &Unexplained) -> &'static str {
@@ -9,7 +9,7 @@ pub(crate) fn verdict(traced: &Traced, left: &Unexplained) -> &'static str {
     if !after.termination.converged() || !after.plausible {
         return "undetermined";
     }
-    let quiet = left.p_value.is_none_or(|p| p > LEFT) && left.target.is_none();
+    let quiet = left.p_value.is_none_or(|p| p > RESIDUAL_LEVEL) && left.target.is_none();
     match (traced.found.is_empty(), quiet) {
         (true, true) => "adequate",
         (false, true) => "explained",

@@ -67,8 +67,8 @@ pub fn whereabouts(traced: &Traced, channel: usize) -> String {
 }
 
 fn errors_of(traced: &Traced, channel: usize) -> Vec<Wrong> {
-    let (session, residuals) = (&traced.small, &traced.last.residuals);
-    let (readings, k, c) = (&session.readings, residuals.equations, session.readings.channels);
+    let (observations, residuals) = (&traced.small, &traced.last.residuals);
+    let (readings, k, c) = (&observations.readings, residuals.equations, observations.readings.channels);
     let mut side = vec![0.0; readings.samples];
     for (block, meta) in readings.blocks().iter().enumerate() {
         for (row, lane) in meta.rows.iter().zip(0..meta.live) {
@@ -83,7 +83,7 @@ fn errors_of(traced: &Traced, channel: usize) -> Vec<Wrong> {
         Wrong { pull, weight, reading, side: side[row], label }
     };
     (0..readings.samples)
-        .filter(|&row| session.weights[row] > 0.0)
+        .filter(|&row| observations.weights[row] > 0.0)
         .map(error)
         .filter(|e| e.weight > 0.0)
         .collect()

@@ -4,7 +4,7 @@ use crate::estimate::objective::{Part, add_priors};
 use crate::model::{Prior, Want, Workspace};
 use crate::numerics::lanes::dispatch;
 use crate::numerics::linearization::{Linearization, Problem};
-use crate::numerics::normal_equations::{Sums, Total, over_chunks};
+use crate::numerics::normal_equations::{NormalEquations, Total, over_chunks};
 
 /// The paper's objective (11), with priors.
 #[derive(Debug)]
@@ -38,7 +38,7 @@ impl Problem for Algebraic<'_> {
                 #[inline(always)]
                 || {
                     let mut ws = Workspace::default();
-                    let mut sums = Sums::new(model.term_parameters, width);
+                    let mut sums = NormalEquations::new(model.term_parameters, width);
                     let want = Want { x: true, a: false };
                     for block in first..first + chunk.len() {
                         model.evaluate(readings, block, readings.raw(block), x, want, &mut ws);

@@ -3,7 +3,7 @@
 use faer::{Mat, Side};
 
 use crate::estimate::fit::Fit;
-use crate::estimate::session::Session;
+use crate::estimate::observations::Observations;
 use crate::model::{Instance, place_name};
 use crate::terms::term::Placed;
 
@@ -21,8 +21,8 @@ pub struct Directions {
 /// Eigenvectors of the Gram matrix with unit columns; each is described by the
 /// parameters that take part, in the proportions of their own units.
 #[must_use]
-pub fn directions(session: &Session, fit: &Fit) -> Directions {
-    let names: Vec<Label> = parameter_names(session, fit)
+pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
+    let names: Vec<Label> = parameter_names(observations, fit)
         .into_iter()
         .map(|p| Label { name: format!("{} {}", p.term, p.target), unit: p.unit })
         .collect();
@@ -171,19 +171,19 @@ pub fn reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
 
 /// Name, target and unit of every parameter, in order; values and deviations empty.
 #[must_use]
-pub fn parameter_names(session: &Session, fit: &Fit) -> Vec<ParameterReport> {
-    let mechanism = &session.mechanism;
+pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterReport> {
+    let mechanism = &observations.mechanism;
     let mut names = Vec::new();
     for instance in &fit.model.instances {
         for parameter in instance.term.info().parameters {
             names.push(ParameterReport {
                 term: instance.term.info().id.into(),
                 target: instance.target.name(mechanism),
-                place: place(session, instance),
+                place: place(observations, instance),
                 name: parameter.name.into(),
                 value: f64::NAN,
                 sd: None,
-                unit: unit(session, instance, parameter.unit),
+                unit: unit(observations, instance, parameter.unit),
             });
         }
     }
@@ -205,21 +205,21 @@ pub fn parameter_names(session: &Session, fit: &Fit) -> Vec<ParameterReport> {
 
 /// The place of a term that has several, as users call it.
 #[must_use]
-pub fn place(session: &Session, instance: &Instance) -> Option<String> {
-    let bound = session.readings.sessions > 1 && crate::model::bound_to_session(instance.term);
+pub fn place(observations: &Observations, instance: &Instance) -> Option<String> {
+    let bound = observations.readings.sessions > 1 && crate::model::bound_to_session(instance.term);
     (bound || instance.term.placed() != Placed::Once)
-        .then(|| place_name(instance.term, &session.mechanism, &session.readings, instance.place))
+        .then(|| place_name(instance.term, &observations.mechanism, &observations.readings, instance.place))
 }
 
 /// A unit with the mechanism's and the channel's own put in.
 #[must_use]
-pub fn unit(session: &Session, instance: &Instance, unit: &str) -> String {
+pub fn unit(observations: &Observations, instance: &Instance, unit: &str) -> String {
     let reading = match instance.target {
-        crate::Target::Channel(c) => session.mechanism.channels[c].unit.as_str(),
+        crate::Target::Channel(c) => observations.mechanism.channels[c].unit.as_str(),
         _ => "reading",
     };
     let slides =
-        matches!(instance.target, crate::Target::Channel(c) if session.mechanism.slides(c));
+        matches!(instance.target, crate::Target::Channel(c) if observations.mechanism.slides(c));
     let unit = if slides { unit.replace("rad", "length") } else { unit.into() };
-    unit.replace("reading", reading).replace("length", &session.mechanism.length_unit)
+    unit.replace("reading", reading).replace("length", &observations.mechanism.length_unit)
 }

@@ -10,9 +10,9 @@ use crate::estimate::noise::source::{
     NoiseEstimate, Source, estimate_noise, first_noise, told_apart,
 };
 use crate::estimate::objective::{Noise, Part};
+use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
 use crate::estimate::search::{self, Start, Try};
-use crate::estimate::session::Session;
 use crate::estimate::start;
 use crate::model::{Instance, Model, Prior};
 use crate::numerics::distributions;
@@ -72,27 +72,31 @@ pub struct Fit {
 /// # Errors
 ///
 /// [`Error::TooFew`] where there are fewer equations than parameters.
-pub fn fit(session: &Session, instances: Vec<Instance>, from: Option<&Fit>) -> Result<Fit, Error> {
-    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
+pub fn fit(
+    observations: &Observations,
+    instances: Vec<Instance>,
+    from: Option<&Fit>,
+) -> Result<Fit, Error> {
+    let model = Model::about(&observations.mechanism, &observations.readings, instances, &observations.centre)?;
     let priors = model.priors();
-    let equations = model.equations() * session.weights.iter().filter(|w| **w > 0.0).count();
+    let equations = model.equations() * observations.weights.iter().filter(|w| **w > 0.0).count();
     if equations + priors.len() < model.parameters {
         return Err(Error::TooFew {
             parameters: model.parameters,
             equations,
-            poses: session.readings.poses(),
+            poses: observations.readings.poses(),
         });
     }
-    let guess = first_noise(session, from.map(Fit::assumed));
+    let guess = first_noise(observations, from.map(Fit::assumed));
     let start = match from {
         Some(fit) => Start {
             beta: carry_over(fit, &model),
             tries: fit.starts.clone(),
             warnings: fit.warnings.clone(),
         },
-        None => begin(session, &model, &guess),
+        None => begin(observations, &model, &guess),
     };
-    solve(session, model, priors, start, guess)
+    solve(observations, model, priors, start, guess)
 }
 
 /// The parameters of an earlier fit, where the new model has them too.
@@ -114,12 +118,12 @@ pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
 }
 
 /// A start by the algebraic fit, unknown points by where the chains touch them.
-fn begin(session: &Session, model: &Model, noise: &Noise) -> Start {
+fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
     if model.unknown_names.is_empty() {
-        return start::search(session, model, noise);
+        return start::search(observations, model, noise);
     }
-    let mut beta = search::anchored(session, model, &vec![1.0; model.scales.len()]);
-    model.place_unknowns(&session.readings, &mut beta);
+    let mut beta = search::anchored(observations, model, &vec![1.0; model.scales.len()]);
+    model.place_unknowns(&observations.readings, &mut beta);
     Start { beta, ..Start::default() }
 }
 
@@ -134,21 +138,21 @@ fn proportional(a: &Noise, b: &Noise) -> bool {
 }
 
 fn solve(
-    session: &Session,
+    observations: &Observations,
     model: Model,
     priors: Vec<Prior>,
     start: Start,
     mut noise: Noise,
 ) -> Result<Fit, Error> {
-    let held = match &session.held {
+    let held = match &observations.held {
         Some((mechanism, readings)) => Some((Model::like(&model, mechanism, readings)?, readings)),
         None => None,
     };
-    let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
+    let part = Part { model: &model, readings: &observations.readings, weights: Some(&observations.weights) };
     let mut beta = start.beta.clone();
-    let groups = Groups::of(&session.readings, &session.weights);
-    let declared = session.options.noise.is_some()
-        || session.mechanism.channels.iter().all(|c| c.noise.is_some());
+    let groups = Groups::of(&observations.readings, &observations.weights);
+    let declared = observations.options.noise.is_some()
+        || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
     let mut apart = 0;
     let mut answer = None;
     for round in 0..ROUNDS {
@@ -157,25 +161,25 @@ fn solve(
             parts.push((Part { model, readings, weights: None }, noise.clone()));
         }
         let problem = Implicit::new(parts, &priors);
-        let outcome = match session.options.method {
-            Method::ImplicitLoop => lm::minimize(&problem, &beta, &session.options.lm),
+        let outcome = match observations.options.method {
+            Method::ImplicitLoop => lm::minimize(&problem, &beta, &observations.options.lm),
             Method::Algebraic => {
                 let paper =
-                    lm::minimize(&Algebraic::new(part, &priors), &beta, &session.options.lm);
+                    lm::minimize(&Algebraic::new(part, &priors), &beta, &observations.options.lm);
                 lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
             }
         };
         beta.clone_from(&outcome.x);
         let residuals = problem.residuals(&beta, false);
         if !declared && round + 1 < ROUNDS {
-            let (wanted, count) = told_apart(session, &groups, &residuals, &noise);
+            let (wanted, count) = told_apart(observations, &groups, &residuals, &noise);
             apart = count;
             if !proportional(&wanted, &noise) {
                 noise = wanted;
                 continue;
             }
         }
-        let estimate = estimate_noise(session, &groups, &residuals, &noise, declared, beta.len());
+        let estimate = estimate_noise(observations, &groups, &residuals, &noise, declared, beta.len());
         let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
         let scale = estimate.sigma[0] / noise.sigma[0];
         let adjusted = problem.adjusted();
@@ -189,12 +193,12 @@ fn solve(
     let Some((outcome, residuals, noise, scale, adjusted)) = answer else {
         return Err(Error::Empty("no fit".into()));
     };
-    Ok(conclude(session, model, priors, outcome, residuals, noise, scale, adjusted, start, &groups))
+    Ok(conclude(observations, model, priors, outcome, residuals, noise, scale, adjusted, start, &groups))
 }
 
 #[expect(clippy::too_many_arguments, reason = "the last step gathers what the others made")]
 fn conclude(
-    session: &Session,
+    observations: &Observations,
     model: Model,
     priors: Vec<Prior>,
     outcome: lm::Outcome,
@@ -215,7 +219,7 @@ fn conclude(
 
     let k = residuals.equations;
     let live: Vec<usize> =
-        (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
+        (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0).collect();
     let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
     let total: f64 = live.iter().map(of).sum();
     let (inverse, unknowable, condition) = invert(&gram);
@@ -235,7 +239,8 @@ fn conclude(
         .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof));
 
     // What is left and is no noise of the samples moved the estimates as well.
-    let left = if p_value.is_some_and(|p| p < LEFT) { (chi2 / dof).max(1.0) } else { 1.0 };
+    let left =
+        if p_value.is_some_and(|p| p < WIDENING_LEVEL) { (chi2 / dof).max(1.0) } else { 1.0 };
     let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise.slow * left);
     let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
     let rms_misclosure =
@@ -267,7 +272,7 @@ fn conclude(
 }
 
 /// A residual that chance exceeds less often than this widens the intervals.
-const LEFT: f64 = 0.01;
+const WIDENING_LEVEL: f64 = 0.01;
 
 impl Fit {
     /// The noise that it assumed.

@@ -8,7 +8,7 @@ use crate::model::{Prior, Want};
 use crate::numerics::lanes::{Lanes, dispatch};
 use crate::numerics::linearization::{Linearization, Problem};
 use crate::numerics::lock::lock;
-use crate::numerics::normal_equations::{Sums, Total, over_chunks};
+use crate::numerics::normal_equations::{NormalEquations, Total, over_chunks};
 
 /// The maximum-likelihood objective (51), with priors.
 #[derive(Debug)]
@@ -182,7 +182,7 @@ impl Problem for Implicit<'_> {
                     #[inline(always)]
                     || {
                         let mut room = Room::new(model, noise);
-                        let mut sums = Sums::new(model.term_parameters, model.width());
+                        let mut sums = NormalEquations::new(model.term_parameters, model.width());
                         for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                             let block = first + i;
                             room.settle(part, block, x, a_hat, true);

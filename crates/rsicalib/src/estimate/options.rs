@@ -14,7 +14,7 @@ pub enum Method {
 
 /// How to fit.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct FitOptions {
     /// Terms to identify; none: as the mechanism says.
     pub terms: Option<Vec<String>>,
     /// Only these closures.
@@ -30,10 +30,10 @@ pub struct Options {
     /// A start whose χ² per degree of freedom is below this ends the search.
     pub good_start: f64,
     /// The solver.
-    pub lm: lm::Options,
+    pub lm: lm::SolverOptions,
 }
 
-impl Default for Options {
+impl Default for FitOptions {
     fn default() -> Self {
         Self {
             terms: None,
@@ -43,7 +43,7 @@ impl Default for Options {
             play: 1.0,
             starts: 40,
             good_start: 50.0,
-            lm: lm::Options { xtol: 1e-10, ftol: 1e-12, ..lm::Options::default() },
+            lm: lm::SolverOptions { xtol: 1e-10, ftol: 1e-12, ..lm::SolverOptions::default() },
         }
     }
 }

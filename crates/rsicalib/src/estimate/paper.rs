@@ -25,8 +25,8 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use crate::Error;
+use crate::kinematics::elements::{Axis, Element, Source, Way, push_rigid};
 use crate::kinematics::posture::Posture;
-use crate::kinematics::steps::{Axis, Source, Step, Way, push_place};
 use crate::mechanism::{ClosureKind, Mechanism, Motion, Value};
 use crate::numerics::lanes::{Lanes, Vec3, WIDTH, dispatch, dot, minus};
 use crate::numerics::linearization::{Curvature, Linearization, Problem};
@@ -42,7 +42,7 @@ pub struct Paper {
     samples: usize,
     channels: usize,
     equations: usize,
-    chains: Vec<Vec<Step>>,
+    chains: Vec<Vec<Element>>,
     ends: Vec<End>,
     closures: Vec<Pair>,
     /// Pairs of channels `i ≥ j` that take part in one equation, and those equations.
@@ -165,7 +165,7 @@ impl Paper {
             for row in &chain.rows {
                 if row.theta != 0.0 {
                     let turn = nalgebra::Isometry3::rotation(nalgebra::Vector3::z() * row.theta);
-                    push_place(&mut steps, &turn);
+                    push_rigid(&mut steps, &turn);
                 }
                 if let Some(name) = &row.channel {
                     let way = match row.joint {
@@ -173,9 +173,9 @@ impl Paper {
                         Motion::Prismatic => Way::Slide,
                     };
                     let source = Source::Channel(mechanism.channel_index(name)?);
-                    steps.push(Step::Move(Axis::Z, way, source));
+                    steps.push(Element::Move(Axis::Z, way, source));
                 }
-                push_place(&mut steps, &row.body());
+                push_rigid(&mut steps, &row.body());
             }
             self.chains.push(steps);
         }
@@ -252,7 +252,7 @@ impl Paper {
         &self,
         offsets: &[f64],
         gains: &[f64],
-        options: &lm::Options,
+        options: &lm::SolverOptions,
     ) -> Result<Minimum, Error> {
         let start = self.parameters(offsets, gains)?;
         let outcome = lm::minimize(self, &start, options);
@@ -520,9 +520,9 @@ impl Problem for Paper {
 }
 
 /// The channels that move a chain.
-fn sources(steps: &[Step]) -> impl Iterator<Item = usize> {
+fn sources(steps: &[Element]) -> impl Iterator<Item = usize> {
     steps.iter().filter_map(|step| match step {
-        Step::Move(_, _, Source::Channel(c)) => Some(*c),
+        Element::Move(_, _, Source::Channel(c)) => Some(*c),
         _ => None,
     })
 }

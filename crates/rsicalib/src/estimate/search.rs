@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
-use crate::estimate::session::{Anchor, Session};
+use crate::estimate::observations::{Anchor, Observations};
 use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
@@ -50,8 +50,8 @@ const COLLAPSED: f64 = 0.05;
 /// Parameters that give every channel `factor` times its nominal gain, about
 /// the best anchor of the session.
 #[must_use]
-pub fn anchored(session: &Session, model: &Model, factors: &[f64]) -> Vec<f64> {
-    let best = session.anchors().into_iter().next();
+pub fn anchored(observations: &Observations, model: &Model, factors: &[f64]) -> Vec<f64> {
+    let best = observations.anchors().into_iter().next();
     best.map_or_else(|| model.nominal(), |anchor| about(&anchor, model, factors))
 }
 
@@ -98,9 +98,9 @@ const LOOSE: f64 = 30.0;
 
 /// Readings among which a start is sought.
 #[derive(Debug)]
-pub struct Search<'a> {
+pub struct StartSearch<'a> {
     /// Whose start it is.
-    pub session: &'a Session,
+    pub observations: &'a Observations,
     /// The model.
     pub model: &'a Model,
     /// Some of its samples.
@@ -109,7 +109,7 @@ pub struct Search<'a> {
     pub weights: Vec<f64>,
     noise: Noise,
     priors: Vec<Prior>,
-    options: lm::Options,
+    options: lm::SolverOptions,
     pub(crate) anchors: Vec<(Anchor, Option<Tied>)>,
 }
 
@@ -121,10 +121,10 @@ pub(crate) struct Tied {
 }
 
 impl Tied {
-    fn new(session: &Session, model: &Model, anchor: &Anchor) -> Option<Self> {
+    fn new(observations: &Observations, model: &Model, anchor: &Anchor) -> Option<Self> {
         let (at, angles): (Vec<f64>, Vec<f64>) = anchor.at.iter().copied().unzip();
         let instances = model.instances.clone();
-        let model = Model::about(&session.mechanism, &session.readings, instances, &at).ok()?;
+        let model = Model::about(&observations.mechanism, &observations.readings, instances, &at).ok()?;
         let mut priors = model.priors();
         for (c, scale) in model.scales.iter().enumerate() {
             if let Some(column) = model.column("offset", c) {
@@ -177,32 +177,36 @@ impl End {
     }
 }
 
-impl<'a> Search<'a> {
+impl<'a> StartSearch<'a> {
     /// Among some of a session's samples, spread evenly over its poses.
     #[must_use]
-    pub fn new(session: &'a Session, model: &'a Model, noise: &Noise) -> Self {
-        let all = &session.readings;
+    pub fn new(observations: &'a Observations, model: &'a Model, noise: &Noise) -> Self {
+        let all = &observations.readings;
         let rows = spread(&all.rows_of_poses(), SAMPLES);
         let few = || {
-            Readings::beside(&session.mechanism, rows_of(&all.table, all.channels, &rows), all).ok()
+            Readings::beside(&observations.mechanism, rows_of(&all.table, all.channels, &rows), all).ok()
         };
         let (readings, weights) = match (rows.len() < all.samples).then(few).flatten() {
-            Some(few) => (few, rows.iter().map(|&r| session.weights[r]).collect()),
-            None => (all.clone(), session.weights.clone()),
+            Some(few) => (few, rows.iter().map(|&r| observations.weights[r]).collect()),
+            None => (all.clone(), observations.weights.clone()),
         };
         Self {
-            session,
+            observations,
             model,
             readings,
             weights,
             noise: noise.clone(),
             priors: model.priors(),
-            options: lm::Options { max_iterations: 60, xtol: 1e-8, ..session.options.lm.clone() },
-            anchors: session
+            options: lm::SolverOptions {
+                max_iterations: 60,
+                xtol: 1e-8,
+                ..observations.options.lm.clone()
+            },
+            anchors: observations
                 .anchors()
                 .into_iter()
                 .map(|anchor| {
-                    let tied = Tied::new(session, model, &anchor);
+                    let tied = Tied::new(observations, model, &anchor);
                     (anchor, tied)
                 })
                 .collect(),
@@ -221,7 +225,7 @@ impl<'a> Search<'a> {
         let part = Part { model, readings: &self.readings, weights: Some(&self.weights) };
         let sigma = self.noise.sigma.iter().map(|s| LOOSE * s).collect();
         let noise = Noise { sigma, play: LOOSE * LOOSE * self.noise.play };
-        let options = lm::Options { xtol: 1e-4, ..self.options.clone() };
+        let options = lm::SolverOptions { xtol: 1e-4, ..self.options.clone() };
         let problem = Implicit::new(vec![(part, noise)], priors);
         let tied = lm::minimize(&problem, &moved(&start, self.model, model), &options);
         moved(&tied.x, model, self.model)
@@ -249,17 +253,17 @@ impl<'a> Search<'a> {
     /// Takes whole turns off the joint angles; true where one is beyond its limits
     /// even so, at the mean reading.
     fn turn_back(&self, beta: &mut [f64]) -> bool {
-        let Self { session, model, .. } = self;
+        let Self { observations, model, .. } = self;
         let mut elsewhere = false;
         for (c, scale) in model.scales.iter().enumerate() {
-            let limits = session.mechanism.channels[c].limits;
+            let limits = observations.mechanism.channels[c].limits;
             let (Some([low, high]), Some(column)) = (limits, model.column("offset", c)) else {
                 continue;
             };
             let gain = scale.gain + model.column("gain", c).map_or(0.0, |column| beta[column]);
-            let mean = session.readings.mean[c];
+            let mean = observations.readings.mean[c];
             let angle = |offset: f64| scale.angle + offset + gain * (mean - scale.centre);
-            if session.mechanism.turns(c) {
+            if observations.mechanism.turns(c) {
                 let off = angle(beta[column]) - 0.5 * (low + high);
                 beta[column] -= TAU * (off / TAU).round();
             }

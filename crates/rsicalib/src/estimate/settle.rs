@@ -9,7 +9,7 @@ use crate::terms::term::Scale;
 const INNER: usize = 20;
 
 /// Parameters that are cheap enough to differentiate in every repeat.
-const FEW: usize = 40;
+const CHEAP: usize = 40;
 
 /// Change of `â`, in standard deviations of a reading, that counts as none.
 const STILL: f64 = 1e-9;
@@ -67,14 +67,14 @@ impl Room {
         loop {
             repeats += 1;
             // Many parameters are differentiated once, where `â` already stands still.
-            let want = Want { x: want_x && model.width() <= FEW, a: true };
+            let want = Want { x: want_x && model.width() <= CHEAP, a: true };
             model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
             if !self.step(raw, a_hat) || repeats == INNER {
                 break;
             }
         }
         if want_x {
-            if model.width() > FEW {
+            if model.width() > CHEAP {
                 let want = Want { x: true, a: true };
                 model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
             }

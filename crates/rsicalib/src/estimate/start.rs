@@ -1,8 +1,8 @@
 //! Starts, nearest first, until one is good.
 
 use crate::estimate::objective::Noise;
-use crate::estimate::search::{End, Search, Start, Try, anchored};
-use crate::estimate::session::Session;
+use crate::estimate::observations::Observations;
+use crate::estimate::search::{End, Start, StartSearch, Try, anchored};
 use crate::estimate::wiring;
 use crate::model::Model;
 
@@ -15,10 +15,10 @@ const AGREE: usize = 4;
 
 /// The algebraic fits from every start, until one is good; the best, and all.
 #[must_use]
-pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
-    let search = Search::new(session, model, noise);
+pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Start {
+    let search = StartSearch::new(observations, model, noise);
     let channels = model.scales.len();
-    let options = &session.options;
+    let options = &observations.options;
     let mut tries = Vec::new();
     let mut best: Option<End> = None;
     let mut agreeing = 0;
@@ -30,7 +30,7 @@ pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
     });
     for (at, name, factors) in std::iter::once(near).chain(tied).take(options.starts.max(1)) {
         let start = match at {
-            None => anchored(session, model, &factors),
+            None => anchored(observations, model, &factors),
             Some(anchor) => search.better(anchor, &factors),
         };
         let end = search.end(&start);
@@ -67,7 +67,7 @@ pub fn search(session: &Session, model: &Model, noise: &Noise) -> Start {
             tries.len()
         ));
     }
-    let beta = best.map_or_else(|| anchored(session, model, &vec![1.0; channels]), |b| b.beta);
+    let beta = best.map_or_else(|| anchored(observations, model, &vec![1.0; channels]), |b| b.beta);
     Start { beta, tries, warnings }
 }
 

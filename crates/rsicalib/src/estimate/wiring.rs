@@ -4,7 +4,7 @@
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
-use crate::estimate::search::{End, Search, anchored, ratios};
+use crate::estimate::search::{End, StartSearch, anchored, ratios};
 use crate::readings::{Readings, Table};
 
 /// What looks wrong.
@@ -30,8 +30,8 @@ const FACTORS: [f64; 3] = [1.0, 0.7, 1.4];
 
 /// The mistake that explains why no start led to a χ² per equation below `best`.
 #[must_use]
-pub fn suspect(search: &Search<'_>, best: f64) -> Option<Suspicion> {
-    let limit = search.session.options.good_start.min(best / DECISIVE);
+pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspicion> {
+    let limit = search.observations.options.good_start.min(best / DECISIVE);
     let mut found: Option<(f64, Suspicion)> = None;
     let mut consider = |end: End, sentence: &dyn Fn(f64) -> String, keep: bool| {
         if end.score < found.as_ref().map_or(limit, |f| f.0) {
@@ -40,7 +40,7 @@ pub fn suspect(search: &Search<'_>, best: f64) -> Option<Suspicion> {
         }
     };
     let channels = search.model.scales.len();
-    let name = |c: usize| search.session.mechanism.channels[c].name.as_str();
+    let name = |c: usize| search.observations.mechanism.channels[c].name.as_str();
     let closes = |score: f64| {
         if best.is_finite() {
             format!("the loop closes (χ² per equation {score:.1}, as declared {best:.0})")
@@ -108,12 +108,12 @@ fn best_of(ends: impl Iterator<Item = End>) -> Option<End> {
 }
 
 /// The fit from gains of the other sign at some channels.
-fn reversed(search: &Search<'_>, at: impl Fn(usize) -> bool) -> End {
+fn reversed(search: &StartSearch<'_>, at: impl Fn(usize) -> bool) -> End {
     let channels = search.model.scales.len();
     let from = |factor: f64| {
         let sign = |c: usize| if at(c) { -factor } else { factor };
         let factors: Vec<f64> = (0..channels).map(sign).collect();
-        let start = anchored(search.session, search.model, &factors);
+        let start = anchored(search.observations, search.model, &factors);
         search.end_with(&search.readings, &search.weights, &start)
     };
     let (cost, score) = (f64::INFINITY, f64::INFINITY);
@@ -122,14 +122,14 @@ fn reversed(search: &Search<'_>, at: impl Fn(usize) -> bool) -> End {
 }
 
 /// The fit with two columns of the readings exchanged.
-fn exchanged(search: &Search<'_>, a: usize, b: usize) -> Option<End> {
-    let session = search.session;
+fn exchanged(search: &StartSearch<'_>, a: usize, b: usize) -> Option<End> {
+    let observations = search.observations;
     let swap = |row: &mut [f64]| row.swap(a, b);
     let mut table = search.readings.table.clone();
     table.values.chunks_exact_mut(search.readings.channels).for_each(swap);
     // The other way round they may be beyond each other's range.
-    let readings = Readings::beside(&session.mechanism, table, &session.readings).ok()?;
-    let mut turned = session.clone();
+    let readings = Readings::beside(&observations.mechanism, table, &observations.readings).ok()?;
+    let mut turned = observations.clone();
     if let Some(rest) = &mut turned.rest {
         swap(rest);
     }
@@ -148,8 +148,8 @@ struct Gap {
 }
 
 impl Gap {
-    fn of(search: &Search<'_>, channel: usize) -> Option<Self> {
-        let [low, high] = search.session.mechanism.channels[channel].range?;
+    fn of(search: &StartSearch<'_>, channel: usize) -> Option<Self> {
+        let [low, high] = search.observations.mechanism.channels[channel].range?;
         let Table { values, .. } = &search.readings.table;
         let read = |row: usize| values[row * search.readings.channels + channel];
         let rows = || 0..search.readings.samples;
@@ -172,7 +172,7 @@ impl Gap {
     }
 
     /// The fit without these rows, if enough are left.
-    fn without(&self, search: &Search<'_>) -> Option<End> {
+    fn without(&self, search: &StartSearch<'_>) -> Option<End> {
         let mut weights = search.weights.clone();
         self.rows.iter().for_each(|&r| weights[r] = 0.0);
         let live = weights.iter().filter(|w| **w > 0.0).count() * search.model.equations();
@@ -181,7 +181,7 @@ impl Gap {
         }
         let from = |factor: f64| {
             let factors = vec![factor; search.model.scales.len()];
-            let start = anchored(search.session, search.model, &factors);
+            let start = anchored(search.observations, search.model, &factors);
             search.end_with(&search.readings, &weights, &start)
         };
         best_of(FACTORS.into_iter().map(from))

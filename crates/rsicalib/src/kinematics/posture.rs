@@ -1,6 +1,6 @@
 //! Forward kinematics of one chain, and what each joint does to its points.
 //!
-//! A chain is compiled to [`Step`]s: rigid placements, and turns and slides
+//! A chain is compiled to [`Element`]s: rigid placements, and turns and slides
 //! about the axes of the frame reached so far, driven by a channel or by a
 //! parameter of the geometry. A point `p` carried by the chain moves with step
 //! `s` as
@@ -10,7 +10,7 @@
 //! ∂p/∂s = z_s                slide along z_s                              (22)
 //! ```
 
-use crate::kinematics::steps::{Axis, Source, Step, Way, Weight as Whose};
+use crate::kinematics::elements::{Axis, Element, Source, Way, Weight as Whose};
 use crate::numerics::lanes::{Lanes, Vec3, cross, minus};
 
 /// A frame of eight samples: three axes and an origin, in the base.
@@ -172,14 +172,14 @@ impl Posture {
     /// `angles` holds one joint coordinate per channel of the mechanism,
     /// `parameters` the model's.
     #[inline(always)]
-    pub fn take(&mut self, steps: &[Step], angles: &[Lanes], parameters: &[f64]) {
+    pub fn take(&mut self, steps: &[Element], angles: &[Lanes], parameters: &[f64]) {
         let mut frame = Frame::BASE;
         self.levers.clear();
         self.weights.clear();
         for step in steps {
             match step {
-                Step::Place(rotation, translation) => frame.place(rotation, translation),
-                Step::Move(axis, way, source) => {
+                Element::Rigid(rotation, translation) => frame.place(rotation, translation),
+                Element::Move(axis, way, source) => {
                     self.levers.push(Lever {
                         way: *way,
                         source: *source,
@@ -195,7 +195,7 @@ impl Posture {
                         Way::Slide => frame.slide(*axis, by),
                     }
                 }
-                Step::Mass(whose, at, weight) => self.weights.push(Weight {
+                Element::Mass(whose, at, weight) => self.weights.push(Weight {
                     whose: *whose,
                     at: frame.point(at),
                     weight: *weight,

@@ -100,7 +100,7 @@ pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error
             }
         },
     );
-    let outcome = lm::minimize(&problem, &start, &lm::Options::default());
+    let outcome = lm::minimize(&problem, &start, &lm::SolverOptions::default());
     let missed = (2.0 * outcome.cost).sqrt();
     let size: f64 = mechanism.platform.values().flatten().map(|v| v.abs()).fold(1e-3, f64::max);
     if missed < 1e-8 * size {

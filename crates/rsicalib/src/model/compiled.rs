@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
+use crate::kinematics::elements::{Axis, Element, Source, Way, Weight, push_rigid};
 use crate::kinematics::posture::Lever;
-use crate::kinematics::steps::{Axis, Source, Step, Way, Weight, push_place};
 use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::numbering::{number_unknowns, unknown_name};
@@ -115,7 +115,7 @@ pub struct Model {
     /// What they are: a point of the mechanism, and the values of its columns.
     pub unknown_points: Vec<(usize, Vec<String>)>,
     pub(crate) equations: usize,
-    pub(crate) steps: Vec<Vec<Step>>,
+    pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
     pub(crate) sensors: Vec<SensorAt>,
     pub(crate) electronics: Vec<ElectronicsAt>,
@@ -287,26 +287,26 @@ impl Model {
                 if Some(r) == root {
                     self.free(&mut steps, Spot::Root, c, None);
                 }
-                push_place(&mut steps, &Isometry3::rotation(Vector3::z() * row.theta));
+                push_rigid(&mut steps, &Isometry3::rotation(Vector3::z() * row.theta));
                 if let Some(name) = &row.channel {
                     let way = match row.joint {
                         crate::mechanism::Motion::Revolute => Way::Turn,
                         crate::mechanism::Motion::Prismatic => Way::Slide,
                     };
                     let channel = self.mechanism.channel_index(name)?;
-                    steps.push(Step::Move(Axis::Z, way, Source::Channel(channel)));
+                    steps.push(Element::Move(Axis::Z, way, Source::Channel(channel)));
                 }
                 if let Some(mass) = row.mass {
-                    steps.push(Step::Mass(Weight::Links, row.com, mass));
+                    steps.push(Element::Mass(Weight::Links, row.com, mass));
                 }
                 self.free(&mut steps, Spot::Joint, c, Some(r));
                 let body = row.body();
-                push_place(
+                push_rigid(
                     &mut steps,
                     &Isometry3::from_parts(body.translation, UnitQuaternion::identity()),
                 );
                 self.free(&mut steps, Spot::End, c, Some(r));
-                push_place(
+                push_rigid(
                     &mut steps,
                     &Isometry3::from_parts(Vector3::zeros().into(), body.rotation),
                 );
@@ -320,7 +320,7 @@ impl Model {
                 .filter_map(|p| p.at)
                 .collect();
             for at in &carried {
-                steps.push(Step::Mass(Weight::Tip, *at, 1.0 / carried.len() as f64));
+                steps.push(Element::Mass(Weight::Tip, *at, 1.0 / carried.len() as f64));
             }
             self.steps.push(steps);
         }
@@ -328,7 +328,7 @@ impl Model {
     }
 
     /// The motions that geometry terms free at one spot of a chain.
-    fn free(&self, steps: &mut Vec<Step>, spot: Spot, chain: usize, row: Option<usize>) {
+    fn free(&self, steps: &mut Vec<Element>, spot: Spot, chain: usize, row: Option<usize>) {
         let here = row.map_or(Target::Chain(chain), |row| Target::Row(chain, row));
         for (instance, first) in self.instances.iter().zip(&self.first) {
             let Acts::Geometry(freedoms) = instance.term.acts() else { continue };
@@ -337,7 +337,7 @@ impl Model {
             }
             for (k, (at, axis, way)) in freedoms.iter().enumerate() {
                 if *at == spot {
-                    steps.push(Step::Move(*axis, *way, Source::Parameter(first + k)));
+                    steps.push(Element::Move(*axis, *way, Source::Parameter(first + k)));
                 }
             }
         }

@@ -19,8 +19,8 @@
 //! Terms of one stage all see what enters the stage and add up, so their order
 //! does not matter. Everything is computed for eight samples at a time.
 
+use crate::kinematics::elements::{Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
-use crate::kinematics::steps::{Source, Way};
 use crate::mechanism::ClosureKind;
 use crate::model::compiled::{End, MOST_PARAMETERS, Model};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};

@@ -24,7 +24,7 @@ use crate::numerics::linearization::{Linearization, Problem};
 
 /// When to stop, and how boldly to begin.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct SolverOptions {
     /// Stop when the cosine between residual and every column of `J` is below this.
     pub gtol: f64,
     /// Stop when `‖D s‖` is below this fraction of `‖D x‖`.
@@ -37,7 +37,7 @@ pub struct Options {
     pub max_iterations: usize,
 }
 
-impl Default for Options {
+impl Default for SolverOptions {
     fn default() -> Self {
         Self { gtol: 1e-12, xtol: 1e-12, ftol: 1e-15, reach: 100.0, max_iterations: 200 }
     }
@@ -101,7 +101,7 @@ pub struct Outcome {
 }
 
 /// Minimises `½‖r(x)‖²` from `start`.
-pub fn minimize(problem: &impl Problem, start: &[f64], options: &Options) -> Outcome {
+pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) -> Outcome {
     let mut x = start.to_vec();
     let mut here = problem.linearize(&x);
     let mut scale = vec![0.0; x.len()];

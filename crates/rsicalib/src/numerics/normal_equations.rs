@@ -1,4 +1,4 @@
-//! Sums over samples: gradient and Gram matrix in one pass, in a fixed order.
+//! NormalEquations over samples: gradient and Gram matrix in one pass, in a fixed order.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ const CHUNK: usize = 64;
 /// Its first `shared` columns mean the same in every block; the others, of the
 /// unknown points that its group touches, are summed group by group.
 #[derive(Debug, Clone)]
-pub struct Sums {
+pub struct NormalEquations {
     shared: usize,
     width: usize,
     cost: Lanes,
@@ -67,7 +67,7 @@ const fn row_of(i: usize) -> usize {
     i * (i + 1) / 2
 }
 
-impl Sums {
+impl NormalEquations {
     /// Zero, for blocks of `width` columns.
     #[must_use]
     pub fn new(shared: usize, width: usize) -> Self {
@@ -184,7 +184,7 @@ impl Total {
     }
 
     /// Adds up the lanes of one part, whose groups have these `columns`.
-    pub fn add(&mut self, sums: &Sums, columns: &[Vec<usize>]) {
+    pub fn add(&mut self, sums: &NormalEquations, columns: &[Vec<usize>]) {
         self.cost += sums.cost.sum();
         // What a group shares with others is the same parameters in each.
         if let Some(columns) = columns.first() {
@@ -231,7 +231,7 @@ impl Total {
     }
 }
 
-/// Sums over chunks of `items`, on all cores where there are many, always in
+/// NormalEquations over chunks of `items`, on all cores where there are many, always in
 /// the same order.
 pub fn over_chunks<T: Send, S: Send>(
     items: &mut [T],

@@ -37,7 +37,7 @@ pub struct Readings {
     pub span: Vec<[f64; 2]>,
     /// Number of sessions.
     pub sessions: usize,
-    /// Session of each pose.
+    /// Observations of each pose.
     pub session_of_pose: Vec<usize>,
     /// Combinations of keys that occur.
     pub groups: Vec<Vec<String>>,

@@ -11,7 +11,7 @@ pub struct Table {
     pub time: Option<Vec<f64>>,
     /// Temperature at each row [°C].
     pub temperature: Option<Vec<f64>>,
-    /// Session of each row, counted from 0; none for a single one.
+    /// Observations of each row, counted from 0; none for a single one.
     pub session: Option<Vec<usize>>,
     /// For each key column of the mechanism, its text in each row.
     pub keys: Vec<Vec<String>>,

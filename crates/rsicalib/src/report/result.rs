@@ -3,7 +3,7 @@
 use crate::apply::check::Check;
 use crate::diagnosis::held_out::HeldOut;
 use crate::estimate::directions::{ParameterReport, parameter_names, reported};
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 
 /// Name and number, in the order of the mechanism.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -109,19 +109,19 @@ pub struct Estimates {
 
 /// The same in words and numbers.
 #[must_use]
-pub fn estimates(session: &Session, fit: &Fit) -> Estimates {
+pub fn estimates(observations: &Observations, fit: &Fit) -> Estimates {
     let (values, covariance) = reported(fit);
-    let mechanism = &session.mechanism;
+    let mechanism = &observations.mechanism;
     let n = values.len();
     let sigma =
         mechanism.channels.iter().map(|c| c.name.clone()).zip(fit.noise.sigma.iter().copied());
-    let names = parameter_names(session, fit);
+    let names = parameter_names(observations, fit);
     let parameters = names.into_iter().enumerate().map(|(k, mut p)| {
         p.value = values[k];
         p.sd = (!fit.unknowable[k]).then(|| covariance[(k, k)].max(0.0).sqrt());
         p
     });
-    let directions = crate::estimate::directions::directions(session, fit);
+    let directions = crate::estimate::directions::directions(observations, fit);
     Estimates {
         noise: NoiseReport {
             source: fit.noise.words(),

@@ -4,16 +4,16 @@ use crate::Error;
 use crate::apply::change::{PlatformRms, platform_difference};
 use crate::apply::check::check;
 use crate::diagnosis::curve::curve;
-use crate::diagnosis::detectability::{Hidden, could_hide};
+use crate::diagnosis::detectability::{Detectability, could_hide};
 use crate::diagnosis::held_out::{HeldOut, held_out};
 use crate::diagnosis::localisation::{Unexplained, unexplained};
-use crate::diagnosis::options::Search;
+use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored;
-use crate::diagnosis::stepwise::state::cost;
+use crate::diagnosis::stepwise::stepwise::cost;
 use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::verdict;
 use crate::estimate::directions::{ParameterReport, place, reported, unit};
-use crate::estimate::{Fit, Session, fit};
+use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::readings::Table;
 use crate::report::result::{Estimates, FitReport, estimates};
@@ -124,7 +124,7 @@ pub struct TraceReport {
     /// What is left.
     pub unexplained: Unexplained,
     /// What could be there unseen, worst first.
-    pub could_hide: Vec<Hidden>,
+    pub could_hide: Vec<Detectability>,
     /// Noise, parameters, covariance and the rest, of the fit after.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub estimates: Estimates,
@@ -140,24 +140,24 @@ pub struct TraceReport {
 ///
 /// As [`trace`] and [`check`].
 pub fn report(
-    session: &Session,
-    search: &Search,
+    observations: &Observations,
+    search: &SearchOptions,
     known: Option<&Known>,
 ) -> Result<TraceReport, Error> {
-    let traced = trace(session, search)?;
+    let traced = trace(observations, search)?;
     let small_before =
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
     let mut before = FitReport::of(&traced.before);
     let mut after = FitReport::of(&traced.after);
     if let Some(known) = known {
-        before.check = Some(check(session, &traced.before, &known.table, &known.poses, false)?);
+        before.check = Some(check(observations, &traced.before, &known.table, &known.poses, false)?);
         after.check =
-            Some(check(&traced.session, &traced.after, &known.table, &known.poses, false)?);
+            Some(check(&traced.observations, &traced.after, &known.table, &known.poses, false)?);
         if known.align {
             before.aligned =
-                Some(check(session, &traced.before, &known.table, &known.poses, true)?);
+                Some(check(observations, &traced.before, &known.table, &known.poses, true)?);
             after.aligned =
-                Some(check(&traced.session, &traced.after, &known.table, &known.poses, true)?);
+                Some(check(&traced.observations, &traced.after, &known.table, &known.poses, true)?);
         }
     }
     before.held_out = held_out(&traced.small, &small_before);
@@ -176,13 +176,13 @@ pub fn report(
     let verdict = verdict(&traced, &unexplained);
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),
-        parameters: estimates(session, &traced.before).parameters,
+        parameters: estimates(observations, &traced.before).parameters,
     });
-    let estimates = estimates(&traced.session, &traced.after);
+    let estimates = estimates(&traced.observations, &traced.after);
     Ok(TraceReport {
         verdict,
         warnings: traced.before.warnings.clone(),
-        excluded: traced.excluded.iter().map(|e| excluded(&traced.session, e)).collect(),
+        excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
         with_excluded,
         before,
         steps,
@@ -195,13 +195,13 @@ pub fn report(
     })
 }
 
-fn effect(session: &Session, instance: &Instance) -> Place {
+fn effect(observations: &Observations, instance: &Instance) -> Place {
     let info = instance.term.info();
     Place {
         term: info.id.into(),
         class: info.class,
-        target: instance.target.name(&session.mechanism),
-        place: place(session, instance),
+        target: instance.target.name(&observations.mechanism),
+        place: place(observations, instance),
     }
 }
 
@@ -211,7 +211,7 @@ fn step(
     index: usize,
     found: &Found,
 ) -> Result<StepReport, Error> {
-    let session = &traced.session;
+    let observations = &traced.observations;
     let after = &traced.after;
     let info = found.instance.term.info();
     let (values, covariance) = reported(after);
@@ -223,13 +223,13 @@ fn step(
         .map_or(0, |k| after.model.first[k]);
     let parameters = info.parameters.iter().enumerate().map(|(k, p)| ParameterReport {
         term: info.id.into(),
-        target: found.instance.target.name(&session.mechanism),
-        place: place(session, &found.instance),
+        target: found.instance.target.name(&observations.mechanism),
+        place: place(observations, &found.instance),
         name: p.name.into(),
         value: values[first + k],
         sd: (!after.unknowable[first + k])
             .then(|| covariance[(first + k, first + k)].max(0.0).sqrt()),
-        unit: unit(session, &found.instance, p.unit),
+        unit: unit(observations, &found.instance, p.unit),
     });
     let curve = curve(after, &found.instance, first);
     // What it does to the platform: the search's fit with it against the one without.
@@ -241,11 +241,11 @@ fn step(
     let instances: Vec<Instance> = base.chain(bad).chain(up_to).collect();
     let fitted = fit(&traced.small, instances, Some(&traced.last))?;
     Ok(StepReport {
-        effect: effect(session, &found.instance),
+        effect: effect(observations, &found.instance),
         p_value: found.p_value.min(1.0),
         chi2_rise: cost(&found.without) - cost(&traced.last),
         parameters: parameters.collect(),
-        also_fits: found.also.iter().map(|i| effect(session, i)).collect(),
+        also_fits: found.also.iter().map(|i| effect(observations, i)).collect(),
         platform_rms,
         held_out: held_out(&traced.small, &fitted),
         curve_over: curve.as_ref().map(|c| c.over),
@@ -255,16 +255,16 @@ fn step(
 }
 
 /// Whitened residuals pose by pose, in the order of the poses.
-fn by_pose(session: &Session, fit: &Fit) -> Vec<Vec<f64>> {
+fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let k = fit.residuals.equations;
-    let rows = session.readings.rows_of_poses();
+    let rows = observations.readings.rows_of_poses();
     rows.iter().map(|r| fit.residuals.whitened[r[0] * k..(r[0] + 1) * k].to_vec()).collect()
 }
 
 /// A reading that was left out, as users call it.
 #[must_use]
-pub fn excluded(session: &Session, excluded: &Excluded) -> ExcludedReport {
-    let Session { readings, mechanism, .. } = session;
+pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedReport {
+    let Observations { readings, mechanism, .. } = observations;
     let rows = readings.rows_of_poses();
     let first = excluded.pose.map(|p| rows[p][0]).or(excluded.placement);
     let keys =

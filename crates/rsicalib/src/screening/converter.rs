@@ -7,7 +7,7 @@
 use std::collections::BTreeSet;
 
 use crate::estimate::noise::source::{NoiseEstimate, Source};
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
 use crate::numerics::distributions;
 use crate::readings::Readings;
@@ -182,13 +182,13 @@ fn visits(at: &[bool], near: &[bool]) -> (usize, usize) {
 
 /// Acts on faults before effects are looked for: clipped poses are left out, and stuck
 /// bits are counted into the noise of their channel, once for each pose.
-pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excluded> {
+pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -> Vec<Excluded> {
     let mut excluded = Vec::new();
-    let rows = session.readings.rows_of_poses();
+    let rows = observations.readings.rows_of_poses();
     let mut sigma = fit.noise.sigma.clone();
     for fault in faults {
         let channel = Some(fault.channel);
-        let chain = session.mechanism.chain_of(fault.channel);
+        let chain = observations.mechanism.chain_of(fault.channel);
         let entry = |pose, samples, reason| Excluded {
             channel,
             chain,
@@ -196,7 +196,7 @@ pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excl
         };
         match &fault.kind {
             Kind::StuckBits(_) => {
-                let usual = session.readings.samples as f64 / rows.len().max(1) as f64;
+                let usual = observations.readings.samples as f64 / rows.len().max(1) as f64;
                 let lasting = fault.lasting();
                 sigma[fault.channel] = sigma[fault.channel].hypot(lasting * usual.sqrt());
                 excluded.push(entry(
@@ -205,11 +205,11 @@ pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excl
                     format!("{}; {lasting:.1} counts of error taken into its noise", fault.text()),
                 ));
             }
-            Kind::Clipped { poses, .. } if enough(session, fit, poses) => {
+            Kind::Clipped { poses, .. } if enough(observations, fit, poses) => {
                 let clipped = poses.iter().flat_map(|&pose| &rows[pose]);
-                clipped.for_each(|&r| session.weights[r] = 0.0);
+                clipped.for_each(|&r| observations.weights[r] = 0.0);
                 let count = |p: &usize| rows[*p].len();
-                if session.readings.held {
+                if observations.readings.held {
                     let own = |p: &usize| entry(Some(*p), count(p), fault.text());
                     excluded.extend(poses.iter().map(own));
                 } else {
@@ -222,8 +222,8 @@ pub fn set_apart(session: &mut Session, fit: &Fit, faults: &[Fault]) -> Vec<Excl
         }
     }
     if sigma != fit.noise.sigma {
-        session.options.noise = Some(sigma);
-        session.options.play = fit.noise.play;
+        observations.options.noise = Some(sigma);
+        observations.options.play = fit.noise.play;
     }
     excluded
 }
@@ -239,7 +239,7 @@ pub fn seen_by(before: &Fit, fit: Fit) -> Fit {
 }
 
 /// True where the poses that are left give equations for twice the parameters.
-fn enough(session: &Session, fit: &Fit, without: &[usize]) -> bool {
-    let left = session.readings.poses() - without.len();
+fn enough(observations: &Observations, fit: &Fit, without: &[usize]) -> bool {
+    let left = observations.readings.poses() - without.len();
     left * fit.model.equations() >= 2 * fit.model.parameters
 }

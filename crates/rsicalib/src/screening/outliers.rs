@@ -9,7 +9,7 @@
 //!
 //! with `S` the scatter within poses and `ν` its degrees of freedom, as in (61).
 
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 use crate::numerics::distributions;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::Excluded;
@@ -19,18 +19,18 @@ const ALPHA: f64 = 0.0015;
 
 /// Finds samples that stand off their pose, worst first, and leaves them out of the
 /// session; each time the scatter is that of the others.
-pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
+pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     let k = fit.residuals.equations as f64;
-    let poses = session.readings.rows_of_poses();
+    let poses = observations.readings.rows_of_poses();
     let mut excluded = Vec::new();
-    if !session.readings.held {
+    if !observations.readings.held {
         return excluded;
     }
     // A channel may be declared noisier than its repeats are, and the others are not then.
-    let declared = f64::from(u8::from(session.options.noise.is_some()));
+    let declared = f64::from(u8::from(observations.options.noise.is_some()));
     loop {
         let siblings = |rows: &Vec<usize>| -> Vec<usize> {
-            rows.iter().copied().filter(|&r| session.weights[r] > 0.0).collect()
+            rows.iter().copied().filter(|&r| observations.weights[r] > 0.0).collect()
         };
         let groups: Vec<Vec<usize>> = poses.iter().map(siblings).collect();
         let (mut scatter, mut dof, mut tests) = (0.0, 0.0, 0.0);
@@ -54,8 +54,8 @@ pub fn samples(session: &mut Session, fit: &Fit) -> Vec<Excluded> {
         if distributions::f_tail(far / k / typical, k, dof - k) * tests > ALPHA {
             return excluded;
         }
-        let blame = culprit(session, fit, row, &apart(fit, row, &groups[pose]), typical);
-        session.weights[row] = 0.0;
+        let blame = culprit(observations, fit, row, &apart(fit, row, &groups[pose]), typical);
+        observations.weights[row] = 0.0;
         let far = (far / typical).sqrt();
         let reason = format!("{far:.0} σ off the other samples of its pose: {}", blame.reason);
         excluded.push(Excluded {
@@ -78,8 +78,8 @@ fn apart(fit: &Fit, row: usize, rows: &[usize]) -> Vec<f64> {
 }
 
 /// The channel whose error would move the misclosure so, as far as it can be told.
-fn culprit(session: &Session, fit: &Fit, row: usize, off: &[f64], typical: f64) -> Blame {
-    let (k, c) = (off.len(), session.readings.channels);
+fn culprit(observations: &Observations, fit: &Fit, row: usize, off: &[f64], typical: f64) -> Blame {
+    let (k, c) = (off.len(), observations.readings.channels);
     let score = |channel: usize| {
         let a = |e: usize| fit.residuals.by_reading[(row * k + e) * c + channel];
         let along: f64 = (0..k).map(|e| a(e) * off[e]).sum();
@@ -87,5 +87,5 @@ fn culprit(session: &Session, fit: &Fit, row: usize, off: &[f64], typical: f64) 
         if length > 0.0 { along * along / length / typical } else { 0.0 }
     };
     let scores: Vec<(f64, usize)> = (0..c).map(|i| (score(i), i)).collect();
-    Blame::of(&scores, &session.mechanism)
+    Blame::of(&scores, &observations.mechanism)
 }

@@ -16,7 +16,7 @@
 use faer::Mat;
 
 use crate::Error;
-use crate::estimate::{Fit, Implicit, Part, Residuals, Session};
+use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
 use crate::mechanism::Target;
 use crate::model::Model;
 use crate::numerics::{distributions, symmetric};
@@ -36,7 +36,7 @@ const SIBLINGS: usize = 4;
 const SIDE: usize = 4;
 
 /// A move scores as much as this many single samples of the same run, or they are it.
-const FEW: f64 = 3.0;
+const SINGLES_PER_MOVE: f64 = 3.0;
 
 /// What is left on both sides of a move is at most this many times what is usual.
 const HEALED: f64 = 2.0;
@@ -49,27 +49,27 @@ const MOST: f64 = 0.2;
 /// # Errors
 ///
 /// As [`crate::estimate::fit`].
-pub fn find(session: &mut Session, fit: &Fit) -> Result<Vec<Excluded>, Error> {
-    let Some(placements) = fit.model.placements(&session.readings) else { return Ok(Vec::new()) };
+pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>, Error> {
+    let Some(placements) = fit.model.placements(&observations.readings) else { return Ok(Vec::new()) };
     let mut current = fit.clone();
     let mut excluded = Vec::new();
-    let all = session.weights.iter().filter(|w| **w > 0.0).count() as f64;
+    let all = observations.weights.iter().filter(|w| **w > 0.0).count() as f64;
     let mut left_out = 0;
-    while let Some((found, rows)) = Looking::at(session, &current, &placements).worst() {
+    while let Some((found, rows)) = Looking::at(observations, &current, &placements).worst() {
         left_out += rows.len();
         if left_out as f64 > MOST * all && found.placement.is_none() {
             break;
         }
-        rows.iter().for_each(|&r| session.weights[r] = 0.0);
+        rows.iter().for_each(|&r| observations.weights[r] = 0.0);
         excluded.push(found);
-        current = crate::estimate::fit(session, current.model.instances.clone(), Some(&current))?;
+        current = crate::estimate::fit(observations, current.model.instances.clone(), Some(&current))?;
     }
     Ok(excluded)
 }
 
 /// A fit, as far as damage shows in it.
 struct Looking<'a> {
-    session: &'a Session,
+    observations: &'a Observations,
     model: &'a Model,
     placements: &'a [usize],
     residuals: Residuals,
@@ -83,7 +83,7 @@ struct Looking<'a> {
 }
 
 /// A move that was found: of which run, from which of its rows on.
-struct Move {
+struct Displacement {
     run: usize,
     at: usize,
     score: f64,
@@ -93,20 +93,20 @@ struct Move {
 }
 
 impl<'a> Looking<'a> {
-    fn at(session: &'a Session, fit: &'a Fit, placements: &'a [usize]) -> Self {
-        let readings = &session.readings;
-        let part = Part { model: &fit.model, readings, weights: Some(&session.weights) };
+    fn at(observations: &'a Observations, fit: &'a Fit, placements: &'a [usize]) -> Self {
+        let readings = &observations.readings;
+        let part = Part { model: &fit.model, readings, weights: Some(&observations.weights) };
         let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
         let mut runs = vec![Vec::new(); readings.groups.len()];
         for block in readings.blocks() {
-            let live = block.rows[..block.live].iter().filter(|&&r| session.weights[r] > 0.0);
+            let live = block.rows[..block.live].iter().filter(|&&r| observations.weights[r] > 0.0);
             runs[block.group].extend(live);
         }
         runs.iter_mut().for_each(|rows| rows.sort_unstable());
         runs.retain(|rows| !rows.is_empty());
         let inverse = fit.inverse();
         let mut looking = Self {
-            session,
+            observations,
             model: &fit.model,
             placements,
             residuals,
@@ -129,7 +129,7 @@ impl<'a> Looking<'a> {
         let moved = self.moved();
         if let Some(placement) = self.strange() {
             // Half of a run that moved looks strange, too, but heals where it is parted.
-            let here = |m: &Move| self.placements[self.runs[m.run][0]] == placement.0;
+            let here = |m: &Displacement| self.placements[self.runs[m.run][0]] == placement.0;
             if !moved.as_ref().is_some_and(here) {
                 return Some(self.whole_placement(placement));
             }
@@ -137,7 +137,9 @@ impl<'a> Looking<'a> {
         let single = self.worst_single();
         match (single, moved) {
             // A move shows in many samples, each of which stands off a little.
-            (Some((row, score)), Some(m)) if FEW * score > m.score => Some(self.one_row(row)),
+            (Some((row, score)), Some(m)) if SINGLES_PER_MOVE * score > m.score => {
+                Some(self.one_row(row))
+            }
             (_, Some(m)) => Some(self.all_from_there_on(&m)),
             (Some((row, _)), None) => Some(self.one_row(row)),
             (None, None) => None,
@@ -193,8 +195,9 @@ impl<'a> Looking<'a> {
     }
 
     /// The best move of all runs, if it is above chance and heals its run.
-    fn moved(&self) -> Option<Move> {
-        let best: Vec<Move> = (0..self.runs.len()).filter_map(|run| self.moved_in(run)).collect();
+    fn moved(&self) -> Option<Displacement> {
+        let best: Vec<Displacement> =
+            (0..self.runs.len()).filter_map(|run| self.moved_in(run)).collect();
         if best.len() < SIBLINGS {
             return None;
         }
@@ -210,11 +213,11 @@ impl<'a> Looking<'a> {
     }
 
     /// Eq. (83): the best move of a run, of its point or of the tool.
-    fn moved_in(&self, run: usize) -> Option<Move> {
+    fn moved_in(&self, run: usize) -> Option<Displacement> {
         let rows = &self.runs[run];
-        let mut best: Option<Move> = None;
+        let mut best: Option<Displacement> = None;
         for (what, columns) in self.movable(rows[0]) {
-            let mut sums = Step::new(self.model.parameters);
+            let mut sums = StepSums::new(self.model.parameters);
             for (at, &row) in rows.iter().enumerate().rev() {
                 sums.add(self.x(row), self.whitened(row), &columns);
                 if at < SIDE || rows.len() - at < SIDE {
@@ -223,7 +226,7 @@ impl<'a> Looking<'a> {
                 let Some((score, by)) = sums.score(&self.inverse) else { continue };
                 let score = score / self.typical;
                 if best.as_ref().is_none_or(|b| score > b.score) {
-                    best = Some(Move { run, at, score, by, what });
+                    best = Some(Displacement { run, at, score, by, what });
                 }
             }
         }
@@ -233,7 +236,7 @@ impl<'a> Looking<'a> {
     /// What may move half-way, with the columns that do it: the point, and the tool
     /// where its place is a term of the model.
     fn movable(&self, row: usize) -> Vec<(&'static str, [usize; 3])> {
-        let group = self.session.readings.blocks().iter().find(|b| b.rows.contains(&row));
+        let group = self.observations.readings.blocks().iter().find(|b| b.rows.contains(&row));
         let columns = group.map_or(&[][..], |b| &self.model.columns()[b.group]);
         let points = columns.get(self.model.term_parameters..).unwrap_or_default();
         let points = points.chunks_exact(3).map(|c| ("the point it touches", [c[0], c[1], c[2]]));
@@ -253,7 +256,7 @@ impl<'a> Looking<'a> {
     }
 
     /// True where both sides of a move, each about its own mean, are as usual.
-    fn heals(&self, m: &Move) -> bool {
+    fn heals(&self, m: &Displacement) -> bool {
         let k = self.residuals.equations;
         let spread = |rows: &[usize]| -> Vec<f64> {
             let mean = |e: usize| {
@@ -273,7 +276,7 @@ impl<'a> Looking<'a> {
 
     fn whole_placement(&self, (placement, times): (usize, f64)) -> (Excluded, Vec<usize>) {
         let rows: Vec<usize> = (0..self.placements.len())
-            .filter(|&r| self.placements[r] == placement && self.session.weights[r] > 0.0)
+            .filter(|&r| self.placements[r] == placement && self.observations.weights[r] > 0.0)
             .collect();
         let reason = format!(
             "the placement does not fit its siblings: its residual is {times:.1} times theirs; {} samples left out",
@@ -283,10 +286,10 @@ impl<'a> Looking<'a> {
         (Excluded { placement, ..Excluded::of(None, rows.len(), reason) }, rows)
     }
 
-    fn all_from_there_on(&self, m: &Move) -> (Excluded, Vec<usize>) {
+    fn all_from_there_on(&self, m: &Displacement) -> (Excluded, Vec<usize>) {
         let rows = &self.runs[m.run];
         let out = &rows[m.at..];
-        let unit = &self.session.mechanism.length_unit;
+        let unit = &self.observations.mechanism.length_unit;
         let reason = format!(
             "{} moved by {:.2e} {unit} between its samples {} and {} (counted from 0): left out from there on, {} samples",
             m.what,
@@ -295,7 +298,7 @@ impl<'a> Looking<'a> {
             self.place(rows[m.at]),
             out.len()
         );
-        let pose = Some(self.session.readings.pose[out[0]]);
+        let pose = Some(self.observations.readings.pose[out[0]]);
         (Excluded::of(pose, out.len(), reason), out.to_vec())
     }
 
@@ -307,30 +310,30 @@ impl<'a> Looking<'a> {
             "sample {} of its run (counted from 0) stands {:.2e} {} off, {:.1} σ",
             self.place(row),
             off,
-            self.session.mechanism.length_unit,
+            self.observations.mechanism.length_unit,
             (self.single[row] / self.typical).sqrt()
         );
-        let pose = Some(self.session.readings.pose[row]);
-        let row_of_pose = self.session.readings.held.then_some(row);
+        let pose = Some(self.observations.readings.pose[row]);
+        let row_of_pose = self.observations.readings.held.then_some(row);
         (Excluded { row: row_of_pose, ..Excluded::of(pose, 1, reason) }, vec![row])
     }
 
     /// Which of the samples that touch the same points a row is, those left out included.
     fn place(&self, row: usize) -> usize {
-        let keys = &self.session.readings.table.keys;
+        let keys = &self.observations.readings.table.keys;
         let same = |r: &usize| keys.iter().all(|key| key[*r] == key[row]);
         (0..row).filter(same).count()
     }
 }
 
 /// Sums for (83) over the rows from one on.
-struct Step {
+struct StepSums {
     u: [f64; 3],
     zz: [[f64; 3]; 3],
     zx: Mat<f64>,
 }
 
-impl Step {
+impl StepSums {
     fn new(parameters: usize) -> Self {
         Self { u: [0.0; 3], zz: [[0.0; 3]; 3], zx: Mat::zeros(parameters, 3) }
     }

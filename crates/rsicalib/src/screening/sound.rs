@@ -1,7 +1,7 @@
 //! The fit without what is wrong whatever the model lacks.
 
 use crate::Error;
-use crate::estimate::{Fit, Session, fit};
+use crate::estimate::{Fit, Observations, fit};
 use crate::screening::excluded::Excluded;
 use crate::screening::{converter, outliers, placements};
 
@@ -11,22 +11,22 @@ use crate::screening::{converter, outliers, placements};
 /// # Errors
 ///
 /// As [`fit`].
-pub fn sound(session: &mut Session, before: &Fit) -> Result<(Fit, Vec<Excluded>), Error> {
+pub fn sound(observations: &mut Observations, before: &Fit) -> Result<(Fit, Vec<Excluded>), Error> {
     let base = &before.model.instances;
-    let faults = converter::faults(&session.mechanism, &session.readings);
-    let mut excluded = converter::set_apart(session, before, &faults);
+    let faults = converter::faults(&observations.mechanism, &observations.readings);
+    let mut excluded = converter::set_apart(observations, before, &faults);
     let sound = if excluded.is_empty() {
         before.clone()
     } else {
-        converter::seen_by(before, fit(session, base.clone(), Some(before))?)
+        converter::seen_by(before, fit(observations, base.clone(), Some(before))?)
     };
     let faulty = excluded.len();
-    excluded.extend(outliers::samples(session, &sound));
-    excluded.extend(placements::find(session, &sound)?);
+    excluded.extend(outliers::samples(observations, &sound));
+    excluded.extend(placements::find(observations, &sound)?);
     let clean = if excluded.len() == faulty {
         sound
     } else {
-        converter::seen_by(before, fit(session, base.clone(), Some(&sound))?)
+        converter::seen_by(before, fit(observations, base.clone(), Some(&sound))?)
     };
     Ok((clean, excluded))
 }

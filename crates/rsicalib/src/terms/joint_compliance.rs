@@ -1,6 +1,6 @@
 //! [`JointCompliance`].
 
-use crate::kinematics::steps::Weight;
+use crate::kinematics::elements::Weight;
 use crate::terms::term::{Acts, Info, Term};
 
 term! {

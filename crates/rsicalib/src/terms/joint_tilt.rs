@@ -1,6 +1,6 @@
 //! [`JointTilt`].
 
-use crate::kinematics::steps::{Axis, Way};
+use crate::kinematics::elements::{Axis, Way};
 use crate::terms::term::{Acts, Info, Spot, Term};
 
 term! {

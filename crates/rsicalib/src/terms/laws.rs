@@ -10,7 +10,7 @@ use crate::estimate::{Algebraic, Part};
 use crate::mechanism::Target;
 use crate::model::{self, Instance, MOST_PARAMETERS, Prior};
 use crate::numerics::linearization::Problem;
-use crate::numerics::lm::{self, Options};
+use crate::numerics::lm::{self, SolverOptions};
 use crate::readings::Readings;
 use crate::terms::find;
 use crate::terms::laws::devices::{
@@ -149,7 +149,7 @@ fn found_again(term: &'static dyn Term, target: Target, mut device: Device) {
     let fit = |priors: &[Prior]| {
         let problem = Algebraic::new(part, priors);
         assert!(problem.linearize(&start(0.0)).cost > 1e-9, "{name}: its effect is not to be seen");
-        let outcome = lm::minimize(&problem, &start(0.01), &Options::default());
+        let outcome = lm::minimize(&problem, &start(0.01), &SolverOptions::default());
         // Readings close the loop to 1e-14 rad, or 1e-12 in² over 500 equations.
         assert!(outcome.cost < 1e-18, "{name}: left {:e}, {:?}", outcome.cost, outcome.termination);
         outcome.x

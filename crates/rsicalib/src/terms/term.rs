@@ -12,7 +12,7 @@
 //! A term is one file in this folder and one line in the registry at the foot
 //! of this one. Its parameters are zero where the effect is absent.
 
-use crate::kinematics::steps::{Axis, Way, Weight};
+use crate::kinematics::elements::{Axis, Way, Weight};
 use crate::mechanism::{Channel, Mechanism};
 use crate::numerics::lanes::Lanes;
 

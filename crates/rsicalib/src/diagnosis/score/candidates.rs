@@ -1,6 +1,6 @@
 //! What may be missing: every term at every target that mechanism and readings allow.
 
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
 use crate::model::{Instance, places};
 use crate::terms::ALL;
@@ -9,8 +9,8 @@ use crate::terms::term::{Placed, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
 #[must_use]
-pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Instance> {
-    let (mechanism, readings) = (&session.mechanism, &session.readings);
+pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) -> Vec<Instance> {
+    let (mechanism, readings) = (&observations.mechanism, &observations.readings);
     let mut all = Vec::new();
     for term in ALL.iter().copied() {
         let info = term.info();
@@ -22,7 +22,7 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
             continue;
         }
         for target in targets(term, mechanism) {
-            if !meaningful(session, fit, term, target) {
+            if !meaningful(observations, fit, term, target) {
                 continue;
             }
             let channel = if let Target::Channel(c) = target { c } else { 0 };
@@ -41,8 +41,8 @@ pub fn candidates(session: &Session, fit: &Fit, without: &[String]) -> Vec<Insta
 /// to tilt, before the first joint the base tilts, a frame that is free as a whole is
 /// longer by itself, where nothing is fixed to the base a single chain has none, and a
 /// free shape is any shape.
-fn meaningful(session: &Session, fit: &Fit, term: &dyn Term, target: Target) -> bool {
-    let mechanism = &session.mechanism;
+fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: Target) -> bool {
+    let mechanism = &observations.mechanism;
     if has_free_shape(fit, term, target) {
         return false;
     }

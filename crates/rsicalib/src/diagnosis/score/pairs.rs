@@ -15,7 +15,7 @@ use faer::{Mat, MatRef, Side};
 use crate::Error;
 use crate::diagnosis::score::projection::{self, Projected, VISIBLE};
 use crate::diagnosis::score::scored::{CHARGE, Family, Judge, Scored};
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 
 /// Two effects, and by how much χ² would fall with both.
@@ -44,7 +44,7 @@ const APART: f64 = 1e-3;
 ///
 /// As [`crate::model::Model::new`].
 pub fn pairs(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     judge: &Judge,
     named: &[Instance],
@@ -53,7 +53,7 @@ pub fn pairs(
     let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
     let widths: Vec<usize> = named.iter().map(Instance::width).collect();
     let all = [widths.iter().sum()];
-    let projected = projection::project_blocks(session, fit, &inverse, named, &all)?;
+    let projected = projection::project_blocks(observations, fit, &inverse, named, &all)?;
     let Some(all) = projected.first() else { return Ok(Vec::new()) };
     let together = Together::new(all, &widths);
     let places = named.len() as f64;

@@ -4,7 +4,7 @@ use faer::Mat;
 
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
-use crate::estimate::{Fit, Implicit, Part, Session};
+use crate::estimate::{Fit, Implicit, Observations, Part};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::distributions;
@@ -74,21 +74,25 @@ fn declumped(turns: &[f64], score: f64) -> f64 {
 /// # Errors
 ///
 /// As [`Model::new`].
-pub fn bad_readings(session: &Session, fit: &Fit, judge: &Judge) -> Result<Vec<Scored>, Error> {
+pub fn bad_readings(
+    observations: &Observations,
+    fit: &Fit,
+    judge: &Judge,
+) -> Result<Vec<Scored>, Error> {
     let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
-    score(session, fit, judge, &inverse, &["slip".to_owned()])
+    score(observations, fit, judge, &inverse, &["slip".to_owned()])
 }
 
 /// Scores bad readings, bad poses and slips by running sums over poses.
 pub fn score(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     judge: &Judge,
     inverse: &Mat<f64>,
     without: &[String],
 ) -> Result<Vec<Scored>, Error> {
-    let (readings, n, c) = (&session.readings, fit.model.parameters, session.readings.channels);
-    let part = Part { model: &fit.model, readings, weights: Some(&session.weights) };
+    let (readings, n, c) = (&observations.readings, fit.model.parameters, observations.readings.channels);
+    let part = Part { model: &fit.model, readings, weights: Some(&observations.weights) };
     let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
     let k = residuals.equations;
     let allowed = |id: &str| !without.iter().any(|w| w == id);
@@ -96,7 +100,7 @@ pub fn score(
     let has = |instance: &Instance| fit.model.instances.contains(instance);
     let rows = readings.rows_of_poses();
     let live: Vec<usize> =
-        (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| session.weights[r] > 0.0)).collect();
+        (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| observations.weights[r] > 0.0)).collect();
     let mut scored = Vec::new();
     let flat: Vec<f64> = (0..n * n).map(|i| inverse[(i / n, i % n)]).collect();
     let mut keep = |instance: Instance, family, places: f64, score: Option<f64>| {
@@ -108,10 +112,10 @@ pub fn score(
     let tests_bad = (live.len() * (c + 1)) as f64;
     let stride = live.len().div_ceil(MOST_TIMES).max(1);
     let slips = allowed("slip")
-        && crate::terms::targets::provided(slip, &session.mechanism, readings).is_ok();
+        && crate::terms::targets::provided(slip, &observations.mechanism, readings).is_ok();
     let live_rows: Vec<Vec<usize>> = live
         .iter()
-        .map(|&p| rows[p].iter().copied().filter(|&r| session.weights[r] > 0.0).collect())
+        .map(|&p| rows[p].iter().copied().filter(|&r| observations.weights[r] > 0.0).collect())
         .collect();
     let fitted = |rows: &[usize]| {
         Mat::from_fn(rows.len() * k, n, |e, j| {

@@ -4,14 +4,14 @@ use faer::{Mat, Side};
 
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
-use crate::estimate::{Fit, Implicit, Part, Session};
+use crate::estimate::{Fit, Implicit, Observations, Part};
 use crate::model::{Instance, Model};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
 use crate::terms::targets;
 
-/// Sums for (71) over all candidates.
-struct Sums {
+/// ScoreSums for (71) over all candidates.
+struct ScoreSums {
     /// `Zᵀr`.
     gradient: Vec<Lanes>,
     /// `ZᵀX` of the terms, candidate column by candidate column.
@@ -24,7 +24,7 @@ struct Sums {
     own: Vec<Own>,
 }
 
-impl Sums {
+impl ScoreSums {
     /// Adds a block, of whose columns the first `base` are fitted, the candidates'
     /// next, and those of the unknown points last.
     #[inline(always)]
@@ -88,13 +88,13 @@ pub struct Projected {
 ///
 /// As [`Model::new`].
 pub fn project(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     inverse: &Mat<f64>,
     named: &[Instance],
 ) -> Result<Vec<Projected>, Error> {
     let widths: Vec<usize> = named.iter().map(Instance::width).collect();
-    project_blocks(session, fit, inverse, named, &widths)
+    project_blocks(observations, fit, inverse, named, &widths)
 }
 
 /// Eq. (71) for named candidates in blocks of so many columns: of candidates of different
@@ -104,7 +104,7 @@ pub fn project(
 ///
 /// As [`Model::new`].
 pub fn project_blocks(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     inverse: &Mat<f64>,
     named: &[Instance],
@@ -113,7 +113,7 @@ pub fn project_blocks(
     let mut instances = fit.model.instances.clone();
     let base = fit.model.term_parameters;
     instances.extend_from_slice(named);
-    let model = Model::about(&session.mechanism, &session.readings, instances, &session.centre)?;
+    let model = Model::about(&observations.mechanism, &observations.readings, instances, &observations.centre)?;
     let extra: usize = blocks.iter().sum();
     let nuisance = model.parameters - model.term_parameters;
     let n = base + nuisance;
@@ -121,18 +121,19 @@ pub fn project_blocks(
     beta[..base].copy_from_slice(&fit.beta[..base]);
     beta[base + extra..].copy_from_slice(&fit.beta[base..]);
 
-    let part = Part { model: &model, readings: &session.readings, weights: Some(&session.weights) };
+    let part = Part { model: &model, readings: &observations.readings, weights: Some(&observations.weights) };
     let problem = Implicit::new(vec![(part, fit.assumed())], &[]);
     let squares: usize = blocks.iter().map(|w| w * w).sum();
-    let zero = || Sums {
+    let zero = || ScoreSums {
         gradient: vec![Lanes::ZERO; extra],
         cross: vec![Lanes::ZERO; extra * base],
         square: vec![Lanes::ZERO; squares],
         base: vec![Lanes::ZERO; base],
         own: Vec::new(),
     };
-    let visit =
-        |sums: &mut Sums, group: usize, w: &[Lanes], x: &[Lanes]| sums.add(group, blocks, w, x);
+    let visit = |sums: &mut ScoreSums, group: usize, w: &[Lanes], x: &[Lanes]| {
+        sums.add(group, blocks, w, x)
+    };
     let sums = problem.sweep(&beta, zero, visit, |a, b| a.merge(&b)).unwrap_or_else(zero);
 
     let mut cross = Mat::from_fn(n, extra, |j, i| match j < base {
@@ -183,7 +184,7 @@ pub fn project_blocks(
 }
 
 pub fn score(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     judge: &Judge,
     inverse: &Mat<f64>,
@@ -193,8 +194,8 @@ pub fn score(
     let count = |f: Family| named.iter().filter(|i| family(i) == f).count() as f64;
     let places = [count(Family::Named), count(Family::Free)];
     let mut scored = Vec::with_capacity(named.len());
-    for (instance, candidate) in named.iter().zip(project(session, fit, inverse, named)?) {
-        let (score, width, p_value) = judge_projected(session, *instance, &candidate, judge);
+    for (instance, candidate) in named.iter().zip(project(observations, fit, inverse, named)?) {
+        let (score, width, p_value) = judge_projected(observations, *instance, &candidate, judge);
         if width > 0.0 {
             let family = family(instance);
             let places = places[usize::from(family == Family::Free)];
@@ -209,14 +210,14 @@ pub const VISIBLE: f64 = 1e-8;
 
 /// Eq. (72) for one candidate: score, degrees of freedom, probability.
 fn judge_projected(
-    session: &Session,
+    observations: &Observations,
     instance: Instance,
     candidate: &Projected,
     judge: &Judge,
 ) -> (f64, f64, f64) {
     let d = candidate.gradient.len();
     let info = instance.term.info();
-    let typical = targets::typical(&session.mechanism, instance.term, instance.target);
+    let typical = targets::typical(&observations.mechanism, instance.term, instance.target);
     // In units of the columns before the projection, so that rank is told apart.
     let norm: Vec<f64> = candidate.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect();
     let held = |i: usize| {

@@ -18,7 +18,7 @@
 use crate::Error;
 use crate::diagnosis::score::scored::{Judge, Scored};
 use crate::diagnosis::score::{places, projection};
-use crate::estimate::{Fit, Session};
+use crate::estimate::{Fit, Observations};
 
 pub use crate::diagnosis::score::candidates::{candidates, has_free_shape};
 pub use crate::diagnosis::score::pairs::{Pair, pairs};
@@ -32,14 +32,14 @@ pub use crate::numerics::symmetric::left_out;
 ///
 /// As [`Model::new`].
 pub fn scan(
-    session: &Session,
+    observations: &Observations,
     fit: &Fit,
     judge: &Judge,
     without: &[String],
 ) -> Result<Vec<Scored>, Error> {
-    let named = candidates(session, fit, without);
+    let named = candidates(observations, fit, without);
     let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
-    let mut scored = projection::score(session, fit, judge, &inverse, &named)?;
-    scored.extend(places::score(session, fit, judge, &inverse, without)?);
+    let mut scored = projection::score(observations, fit, judge, &inverse, &named)?;
+    scored.extend(places::score(observations, fit, judge, &inverse, without)?);
     Ok(scored)
 }

@@ -115,6 +115,6 @@ pub fn is_data(instance: &Instance) -> bool {
 }
 
 /// The pose of a candidate that says that the whole pose is wrong.
-pub fn whole_pose(instance: &Instance) -> Option<usize> {
+pub fn excluded_pose(instance: &Instance) -> Option<usize> {
     (is_data(instance) && instance.target == Target::All).then_some(instance.place)
 }

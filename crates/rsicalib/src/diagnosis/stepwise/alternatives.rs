@@ -1,15 +1,15 @@
 //! What fits as well as an effect, and what fits better.
 
 use crate::Error;
-use crate::diagnosis::score::scored::{self, CHARGE, Family, Scored, whole_pose};
-use crate::diagnosis::stepwise::state::{BETTER, Hunt, cost, physical, room};
+use crate::diagnosis::score::scored::{self, CHARGE, Family, Scored, excluded_pose};
+use crate::diagnosis::stepwise::stepwise::{BETTER, Stepwise, cost, physical, room};
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, credible};
 use crate::screening::blame::Blame;
 
-impl Hunt<'_> {
+impl Stepwise<'_> {
     /// What fits as well in place of one effect; true where something fits
     /// better, which then takes its place.
     pub fn alternatives(
@@ -29,7 +29,7 @@ impl Hunt<'_> {
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)
-                && whole_pose(&s.instance).is_none()
+                && excluded_pose(&s.instance).is_none()
                 && value_of(s) > value_of(&mine) - room
         });
         scored.sort_by(|a, b| value_of(b).total_cmp(&value_of(a)));

@@ -1,17 +1,17 @@
 //! Effects for effects: what was found first may have been half of the truth, or both halves of it.
 
 use crate::Error;
-use crate::diagnosis::options::{FEW, LEFT};
-use crate::diagnosis::score::scored::{Scored, whole_pose};
-use crate::diagnosis::stepwise::state::{BETTER, Hunt, cost, room};
+use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
+use crate::diagnosis::score::scored::{Scored, excluded_pose};
+use crate::diagnosis::stepwise::stepwise::{BETTER, Stepwise, cost, room};
 use crate::estimate::Fit;
 use crate::model::Instance;
 
-impl Hunt<'_> {
+impl Stepwise<'_> {
     /// One effect for two, and two for one or two, where that explains more; true where it
     /// does. What takes many effects to make up is not made up of pairs.
     pub fn exchange(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
-        if found.len() > FEW + 1 {
+        if found.len() > FEW_EFFECTS + 1 {
             return Ok(false);
         }
         let merged = self.merge_pairs(current, found)?;
@@ -54,7 +54,7 @@ impl Hunt<'_> {
         let both = cost(&without) - cost(current) - price;
         scored.retain(|s| {
             !pair.contains(&s.instance)
-                && whole_pose(&s.instance).is_none()
+                && excluded_pose(&s.instance).is_none()
                 && s.charged() > 0.5 * both
                 && s.corrected <= self.search.alpha
         });
@@ -85,7 +85,7 @@ impl Hunt<'_> {
     /// more: of two that hide each other neither is found before the other.
     fn find_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
         let mut exchanged = false;
-        for _ in 0..=FEW {
+        for _ in 0..=FEW_EFFECTS {
             let Some((both, fit)) = self.two_for_any(current, found)? else { break };
             let new = both.map(|s| s.instance);
             found.retain(|s| {
@@ -106,9 +106,9 @@ impl Hunt<'_> {
         current: &Fit,
         found: &[Scored],
     ) -> Result<Option<([Scored; 2], Fit)>, Error> {
-        let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > LEFT);
-        let none = (!quiet && found.len() < FEW).then_some(Vec::new());
-        let one = found.iter().filter(|_| found.len() <= FEW).map(|s| vec![*s]);
+        let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > RESIDUAL_LEVEL);
+        let none = (!quiet && found.len() < FEW_EFFECTS).then_some(Vec::new());
+        let one = found.iter().filter(|_| found.len() <= FEW_EFFECTS).map(|s| vec![*s]);
         let two = (0..found.len()).flat_map(|b| (0..b).map(move |a| vec![found[a], found[b]]));
         for gone in two.chain(one).chain(none) {
             let better = self.two_for(current, &gone)?;

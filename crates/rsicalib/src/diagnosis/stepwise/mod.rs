@@ -4,4 +4,4 @@ mod alternatives;
 mod exchange;
 mod prune;
 pub mod search;
-pub mod state;
+pub mod stepwise;

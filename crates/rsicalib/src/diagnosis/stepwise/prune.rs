@@ -1,14 +1,14 @@
 //! The look back: what is no longer needed, or does not stand out after all.
 
 use crate::Error;
-use crate::diagnosis::options::LEFT;
+use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::scored::Scored;
-use crate::diagnosis::stepwise::state::{Hunt, cost};
+use crate::diagnosis::stepwise::stepwise::{Stepwise, cost};
 use crate::estimate::{Fit, fit};
 use crate::model::Instance;
 
-impl Hunt<'_> {
+impl Stepwise<'_> {
     /// Drops what is no longer needed, or is part of a free shape that was added.
     pub fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
         let mut current = current;
@@ -43,7 +43,7 @@ impl Hunt<'_> {
         poses: &mut Vec<Scored>,
     ) -> Result<(), Error> {
         let judge = self.judge(current);
-        if judge.lack_of_fit(current).is_none_or(|p| p > LEFT) {
+        if judge.lack_of_fit(current).is_none_or(|p| p > RESIDUAL_LEVEL) {
             return Ok(());
         }
         let rest = current.chi2 / current.dof;

@@ -3,10 +3,10 @@
 
 use crate::Error;
 use crate::diagnosis::doubt::doubt;
-use crate::diagnosis::isolation::{Alone, alone, leave_out};
-use crate::diagnosis::options::{FEW, LEFT};
-use crate::diagnosis::score::scored::{self, Family, Scored, whole_pose};
-use crate::diagnosis::stepwise::state::{Hunt, cost};
+use crate::diagnosis::isolation::{Isolated, isolate, leave_out};
+use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
+use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
+use crate::diagnosis::stepwise::stepwise::{Stepwise, cost};
 use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
 use crate::model::Instance;
@@ -14,7 +14,7 @@ use crate::numerics::credible_set::AS_WELL;
 use crate::screening::blame::Blame;
 
 /// One effect of a search.
-pub struct Step {
+pub struct FoundEffect {
     pub scored: Scored,
     /// What fits as well.
     pub also: Vec<Instance>,
@@ -25,9 +25,9 @@ pub struct Step {
 }
 
 /// Where a search ended.
-pub struct Pursued {
+pub struct Searched {
     pub current: Fit,
-    pub found: Vec<Step>,
+    pub found: Vec<FoundEffect>,
     /// Poses that are wrong as a whole.
     pub poses: Vec<Scored>,
     /// What is wrong beside what is at fault alone.
@@ -37,15 +37,15 @@ pub struct Pursued {
     more: bool,
 }
 
-impl Pursued {
+impl Searched {
     /// What is found but wrong readings.
-    fn effects(&self) -> impl Iterator<Item = &Step> {
+    fn effects(&self) -> impl Iterator<Item = &FoundEffect> {
         self.found.iter().filter(|step| !scored::is_data(&step.scored.instance))
     }
 
     /// True where it takes jumps or wrong readings: crests of an unknown law look like them.
     fn sudden(&self) -> bool {
-        let jumps = |step: &Step| matches!(step.scored.family, Family::Slip | Family::Bad);
+        let jumps = |step: &FoundEffect| matches!(step.scored.family, Family::Slip | Family::Bad);
         !self.poses.is_empty() || self.found.iter().any(jumps)
     }
 
@@ -57,61 +57,67 @@ impl Pursued {
     }
 
     /// True where what is left is noise.
-    fn quiet(&self, hunt: &Hunt) -> bool {
-        hunt.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEFT)
+    fn quiet(&self, stepwise: &Stepwise) -> bool {
+        stepwise.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > RESIDUAL_LEVEL)
     }
 
     /// True where nothing is left, and nothing that was found is in doubt.
-    fn settled(&self, hunt: &Hunt) -> bool {
+    fn settled(&self, stepwise: &Stepwise) -> bool {
         let (found, rises): (Vec<_>, Vec<_>) = self
             .effects()
             .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))
             .unzip();
-        !self.more && self.quiet(hunt) && doubt(&hunt.small.mechanism, &found, &rises).is_none()
+        !self.more
+            && self.quiet(stepwise)
+            && doubt(&stepwise.small.mechanism, &found, &rises).is_none()
     }
 }
 
 /// The search, and once more where one thing is at fault alone.
-pub fn pursue_all(hunt: &mut Hunt, start: &Fit) -> Result<(Pursued, Option<Alone>), Error> {
-    let most = hunt.search.most;
+pub fn search_effects(
+    stepwise: &mut Stepwise,
+    start: &Fit,
+) -> Result<(Searched, Option<Isolated>), Error> {
+    let most = stepwise.search.most;
     // One unknown law takes many effects to make up: it is looked for before them.
-    let mut open = pursue(hunt, start.clone(), most.min(FEW + 1))?;
+    let mut open = search_once(stepwise, start.clone(), most.min(FEW_EFFECTS + 1))?;
     let mut at_fault = None;
-    if !open.settled(hunt) {
+    if !open.settled(stepwise) {
         let found: Vec<Instance> = open.effects().map(|step| step.scored.instance).collect();
-        at_fault = alone(&hunt.all(), start, &hunt.judge(start), &found, hunt.search)?;
+        at_fault =
+            isolate(&stepwise.all(), start, &stepwise.judge(start), &found, stepwise.search)?;
     }
     let Some(it) = &at_fault else {
         if open.more {
-            hunt.restart();
-            open = pursue(hunt, start.clone(), most)?;
+            stepwise.restart();
+            open = search_once(stepwise, start.clone(), most)?;
         }
         return Ok((open, None));
     };
     let chain = matches!(it.target, Target::Chain(_));
-    let stays = (chain || open.effects().count() <= FEW) && open.quiet(hunt);
-    let weights = hunt.restart();
-    let confined = pursue_alone(hunt, start, it)?;
+    let stays = (chain || open.effects().count() <= FEW_EFFECTS) && open.quiet(stepwise);
+    let weights = stepwise.restart();
+    let confined = search_confined(stepwise, start, it)?;
     // A few effects that leave nothing give way to others that do, and cost no more; none give
     // way to nothing.
-    let nothing = confined.quiet(hunt) && confined.effects().count() == 0;
+    let nothing = confined.quiet(stepwise) && confined.effects().count() == 0;
     let dearer = (chain || !open.sudden()) && confined.price() > open.price() + AS_WELL;
-    if nothing || (stays && (dearer || !confined.settled(hunt))) {
-        hunt.release(weights);
+    if nothing || (stays && (dearer || !confined.settled(stepwise))) {
+        stepwise.release(weights);
         return Ok((open, at_fault));
     }
     Ok((confined, at_fault))
 }
 
 /// The search confined to what is at fault alone, and what is wrong beside it left out.
-fn pursue_alone(hunt: &mut Hunt, start: &Fit, it: &Alone) -> Result<Pursued, Error> {
-    hunt.only = Some(it.target);
+fn search_confined(stepwise: &mut Stepwise, start: &Fit, it: &Isolated) -> Result<Searched, Error> {
+    stepwise.only = Some(it.target);
     let mut instances = start.model.instances.clone();
     for (scored, _) in &it.wrong {
-        leave_out(scored, &mut hunt.small, &mut instances);
+        leave_out(scored, &mut stepwise.small, &mut instances);
     }
-    let start = fit(&hunt.small, instances, Some(start))?;
-    Ok(Pursued { wrong: it.wrong.clone(), ..pursue(hunt, start, hunt.search.most)? })
+    let start = fit(&stepwise.small, instances, Some(start))?;
+    Ok(Searched { wrong: it.wrong.clone(), ..search_once(stepwise, start, stepwise.search.most)? })
 }
 
 /// A search on its way.
@@ -127,57 +133,57 @@ struct Growing {
 }
 
 /// Adds effects until nothing scores, or there are so many.
-fn grow(hunt: &mut Hunt, it: &mut Growing, most: usize) -> Result<(), Error> {
+fn grow(stepwise: &mut Stepwise, it: &mut Growing, most: usize) -> Result<(), Error> {
     let Growing { current, found, poses, left, more } = it;
     for _ in 0..=most {
-        let scored = hunt.scan(current)?;
+        let scored = stepwise.scan(current)?;
         *left = best_of(&scored);
         if found.len() + poses.len() >= most {
-            *more = left.is_some_and(|left| left.corrected <= hunt.search.alpha);
+            *more = left.is_some_and(|left| left.corrected <= stepwise.search.alpha);
             break;
         }
-        let Some((steps, next)) = hunt.step(current, scored)? else { break };
-        if let Some(pose) = whole_pose(&steps[0].instance) {
-            hunt.small.weights[pose] = 0.0;
+        let Some((steps, next)) = stepwise.step(current, scored)? else { break };
+        if let Some(pose) = excluded_pose(&steps[0].instance) {
+            stepwise.small.weights[pose] = 0.0;
             poses.extend(steps);
-            *current = fit(&hunt.small, current.model.instances.clone(), Some(current))?;
-            hunt.rescale(current)?;
+            *current = fit(&stepwise.small, current.model.instances.clone(), Some(current))?;
+            stepwise.rescale(current)?;
             continue;
         }
         found.extend(steps);
         *current = next;
-        hunt.rescale(current)?;
-        *current = hunt.look_back(current.clone(), found)?;
+        stepwise.rescale(current)?;
+        *current = stepwise.look_back(current.clone(), found)?;
     }
     Ok(())
 }
 
 /// Adds effects, exchanges them for better ones, and looks back.
-fn pursue(hunt: &mut Hunt, start: Fit, most: usize) -> Result<Pursued, Error> {
+fn search_once(stepwise: &mut Stepwise, start: Fit, most: usize) -> Result<Searched, Error> {
     let (found, poses) = (Vec::new(), Vec::new());
     let mut it = Growing { current: start, found, poses, left: None, more: false };
-    grow(hunt, &mut it, most)?;
-    if hunt.exchange(&mut it.current, &mut it.found)? {
+    grow(stepwise, &mut it, most)?;
+    if stepwise.exchange(&mut it.current, &mut it.found)? {
         it.more = false;
-        grow(hunt, &mut it, most)?;
+        grow(stepwise, &mut it, most)?;
     }
     let Growing { mut current, mut found, mut poses, left, more } = it;
-    hunt.against_the_rest(&mut current, &mut found, &mut poses)?;
+    stepwise.against_the_rest(&mut current, &mut found, &mut poses)?;
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut rivals = Vec::new();
     for index in 0..found.len() {
-        let (better, also, blame) = hunt.alternatives(&mut current, &mut found, index)?;
+        let (better, also, blame) = stepwise.alternatives(&mut current, &mut found, index)?;
         if better {
-            hunt.rescale(&mut current)?;
+            stepwise.rescale(&mut current)?;
         }
         rivals.push((also, blame));
     }
     let mut steps = Vec::new();
     for (scored, (also, blame)) in found.into_iter().zip(rivals) {
-        let without = hunt.without(&current, &[scored.instance])?;
-        steps.push(Step { scored, also, blame, without });
+        let without = stepwise.without(&current, &[scored.instance])?;
+        steps.push(FoundEffect { scored, also, blame, without });
     }
-    Ok(Pursued { current, found: steps, poses, wrong: Vec::new(), left, more })
+    Ok(Searched { current, found: steps, poses, wrong: Vec::new(), left, more })
 }
 
 /// The candidate least likely by chance.

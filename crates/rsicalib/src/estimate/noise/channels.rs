@@ -34,7 +34,7 @@ const STRANGE: usize = 10;
 const GROSS: f64 = 1e-4;
 
 /// More than one in so many groups are not gross: that is how they scatter.
-const FEW: usize = 4;
+const MOST_GROSS: usize = 4;
 
 /// Score, in standard deviations, that must be left without the strange groups.
 const WITHOUT: f64 = 1.5;
@@ -101,7 +101,7 @@ impl Variances {
         self.own.iter().flatten().count()
     }
 
-    /// The columns of [`Sums`] that belong to it: the scale, then channels that stand apart.
+    /// The columns of [`ScoreSums`] that belong to it: the scale, then channels that stand apart.
     fn columns(&self) -> Vec<usize> {
         let own = (0..self.own.len()).filter(|c| self.own[*c].is_some()).map(|c| c + 1);
         std::iter::once(0).chain(own).collect()
@@ -161,7 +161,7 @@ fn without_gross(groups: Vec<Group>, equations: usize) -> Vec<Group> {
     let chance = GROSS / groups.len().max(1) as f64;
     let sound = |g: &Group| size(g) <= usual * distributions::chi2_quantile(chance, dof(g));
     let gross = groups.iter().filter(|g| !sound(g)).count();
-    if gross * FEW > groups.len() {
+    if gross * MOST_GROSS > groups.len() {
         return groups;
     }
     groups.into_iter().filter(sound).collect()
@@ -222,8 +222,8 @@ impl Seen {
     }
 
     /// Eq. (65), summed over the groups.
-    fn sums(&self, at: &Variances) -> Option<Sums> {
-        let mut sums = Sums::new(self.units.len() + 1);
+    fn sums(&self, at: &Variances) -> Option<ScoreSums> {
+        let mut sums = ScoreSums::new(self.units.len() + 1);
         for group in &self.groups {
             sums.add(&self.of_group(group, at)?);
         }
@@ -231,7 +231,7 @@ impl Seen {
     }
 
     /// Eq. (65) of one group: by the common scale, then by each channel's own variance.
-    fn of_group(&self, group: &Group, at: &Variances) -> Option<Sums> {
+    fn of_group(&self, group: &Group, at: &Variances) -> Option<ScoreSums> {
         let (k, channels) = (group.columns.nrows(), self.units.len());
         let b = &group.columns;
         let mut scale = group.play.clone();
@@ -255,7 +255,7 @@ impl Seen {
         let w = solve(&group.products);
         // V⁻¹ (W - ν V) V⁻¹ against each derivative.
         let excess = Mat::from_fn(k, k, |i, j| w[(i, j)] - if i == j { group.free } else { 0.0 });
-        let mut out = Sums::new(channels + 1);
+        let mut out = ScoreSums::new(channels + 1);
         let product = |a: &Mat<f64>, b: &Mat<f64>| -> f64 {
             (0..k)
                 .flat_map(|i| (0..k).map(move |j| (i, j)))
@@ -283,9 +283,9 @@ impl Seen {
     /// groups, and without those that speak loudest.
     fn scores(&self, at: &Variances) -> Option<Vec<(f64, f64)>> {
         let columns = at.columns();
-        let each: Vec<Sums> =
+        let each: Vec<ScoreSums> =
             self.groups.iter().map(|g| self.of_group(g, at)).collect::<Option<_>>()?;
-        let mut all = Sums::new(self.units.len() + 1);
+        let mut all = ScoreSums::new(self.units.len() + 1);
         each.iter().for_each(|sums| all.add(sums));
         let channels = 0..self.units.len();
         channels
@@ -294,7 +294,7 @@ impl Seen {
                 let mut order: Vec<usize> = (0..each.len()).collect();
                 let loud = |i: &usize| -score.signum() * each[*i].gradient[c + 1];
                 order.sort_by(|a, b| loud(a).total_cmp(&loud(b)));
-                let mut rest = Sums::new(self.units.len() + 1);
+                let mut rest = ScoreSums::new(self.units.len() + 1);
                 for &i in &order[each.len().div_ceil(STRANGE)..] {
                     rest.add(&each[i]);
                 }
@@ -305,12 +305,12 @@ impl Seen {
 }
 
 /// Gradient and information of (65): of the common scale, and of each channel.
-struct Sums {
+struct ScoreSums {
     gradient: Vec<f64>,
     information: Mat<f64>,
 }
 
-impl Sums {
+impl ScoreSums {
     fn new(n: usize) -> Self {
         Self { gradient: vec![0.0; n], information: Mat::zeros(n, n) }
     }

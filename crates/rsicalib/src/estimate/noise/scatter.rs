@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 
 use crate::estimate::implicit::Residuals;
 use crate::estimate::noise::correlation::correlated;
-use crate::estimate::session::Session;
+use crate::estimate::observations::Observations;
 use crate::readings::Readings;
 
 /// Rows that a stretch of a recording has.
@@ -81,9 +81,9 @@ impl Groups {
     /// With steady noise `σ` the mean code is off by `Σ (-1)ᵏ e^(-2π²k²σ²) sin(2πkx) / πk`
     /// for a reading at `x`, in units of a code.
     #[must_use]
-    pub fn lasting_rounding(&self, session: &Session) -> f64 {
-        let Readings { channels, held, table, .. } = &session.readings;
-        let coded = session.mechanism.channels.iter().all(|c| c.unit == "count");
+    pub fn lasting_rounding(&self, observations: &Observations) -> f64 {
+        let Readings { channels, held, table, .. } = &observations.readings;
+        let coded = observations.mechanism.channels.iter().all(|c| c.unit == "count");
         if !held || !coded || table.values.iter().any(|v| v.fract() != 0.0) {
             return 0.0;
         }

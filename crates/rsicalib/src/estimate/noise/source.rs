@@ -4,7 +4,7 @@ use crate::estimate::implicit::Residuals;
 use crate::estimate::noise::channels::{self, Alike};
 use crate::estimate::noise::scatter::{Groups, Scatter};
 use crate::estimate::objective::Noise;
-use crate::estimate::session::Session;
+use crate::estimate::observations::Observations;
 use crate::mechanism::Channel;
 
 /// Where the noise is from.
@@ -73,26 +73,26 @@ impl NoiseEstimate {
 }
 
 /// Fewer degrees of freedom than this give no noise.
-const FEW: f64 = 8.0;
+const LEAST_DOF: f64 = 8.0;
 
 /// Part of the variance of rounding that may last within a pose while channels are told apart.
 const COARSE: f64 = 0.05;
 
 /// Noise of each channel, up to scale, where the data can tell channels apart, and how many.
 pub(crate) fn told_apart(
-    session: &Session,
+    observations: &Observations,
     groups: &Groups,
     residuals: &Residuals,
     used: &Noise,
 ) -> (Noise, usize) {
     let alike = Alike {
-        noise: first_noise(session, None),
-        floor: session.mechanism.channels.iter().map(Channel::quantisation).collect(),
+        noise: first_noise(observations, None),
+        floor: observations.mechanism.channels.iter().map(Channel::quantisation).collect(),
     };
     let scatter = groups.scatter(residuals, 0.0);
     // What rounding gives within a pose is no scatter of a normal distribution.
-    let coarse = groups.lasting_rounding(session) > COARSE;
-    if scatter.dof < FEW || coarse || scatter.within == 0.0 {
+    let coarse = groups.lasting_rounding(observations) > COARSE;
+    if scatter.dof < LEAST_DOF || coarse || scatter.within == 0.0 {
         return (alike.noise, 0);
     }
     let independent = (scatter.effective / scatter.dof).min(1.0);
@@ -101,14 +101,14 @@ pub(crate) fn told_apart(
 }
 
 /// Noise to begin with, up to scale.
-pub(crate) fn first_noise(session: &Session, earlier: Option<Noise>) -> Noise {
-    if let (Some(sigma), play) = (&session.options.noise, session.options.play) {
+pub(crate) fn first_noise(observations: &Observations, earlier: Option<Noise>) -> Noise {
+    if let (Some(sigma), play) = (&observations.options.noise, observations.options.play) {
         return Noise { sigma: sigma.clone(), play };
     }
     if let Some(noise) = earlier {
         return noise;
     }
-    let channels = &session.mechanism.channels;
+    let channels = &observations.mechanism.channels;
     let guess = |unit: &str, gain: f64| if unit == "count" { 1.0 } else { 1e-5 / gain.abs() };
     let sigma =
         channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(&c.unit, c.gain))).collect();
@@ -116,8 +116,8 @@ pub(crate) fn first_noise(session: &Session, earlier: Option<Noise>) -> Noise {
 }
 
 /// Variance of the rounding of each channel, in units of its noise.
-fn roundings(session: &Session, used: &Noise) -> impl Iterator<Item = f64> {
-    let channels = session.mechanism.channels.iter().zip(&used.sigma);
+fn roundings(observations: &Observations, used: &Noise) -> impl Iterator<Item = f64> {
+    let channels = observations.mechanism.channels.iter().zip(&used.sigma);
     channels.map(|(channel, sigma)| channel.quantisation() / (sigma * sigma))
 }
 
@@ -126,8 +126,8 @@ fn roundings(session: &Session, used: &Noise) -> impl Iterator<Item = f64> {
 const MINOR: f64 = 0.5;
 
 /// True where every closure of a sample declares its play.
-fn plays(session: &Session) -> bool {
-    let mechanism = &session.mechanism;
+fn plays(observations: &Observations) -> bool {
+    let mechanism = &observations.mechanism;
     let mut closures = mechanism.closures.iter().filter(|c| !mechanism.is_link(c));
     closures.all(|c| c.noise.is_some_and(|n| n > 0.0))
 }
@@ -142,15 +142,15 @@ fn readings_share(residuals: &Residuals, noise: &Noise) -> f64 {
 
 /// The noise that these residuals show, by the best source there is.
 pub(crate) fn estimate_noise(
-    session: &Session,
+    observations: &Observations,
     groups: &Groups,
     residuals: &Residuals,
     used: &Noise,
     declared: bool,
     parameters: usize,
 ) -> NoiseEstimate {
-    let rounding = roundings(session, used).fold(f64::INFINITY, f64::min).sqrt();
-    let share = roundings(session, used).sum::<f64>() / used.sigma.len() as f64;
+    let rounding = roundings(observations, used).fold(f64::INFINITY, f64::min).sqrt();
+    let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
     let Scatter { within, dof, correlation, inflation, slow, effective, shown } =
         groups.scatter(residuals, share);
     let scaled = |s: f64, source, dof| NoiseEstimate {
@@ -166,13 +166,13 @@ pub(crate) fn estimate_noise(
     if declared {
         return scaled(1.0, Source::Declared, f64::INFINITY);
     }
-    if dof >= FEW {
-        let lasting = groups.lasting_rounding(session) * share;
+    if dof >= LEAST_DOF {
+        let lasting = groups.lasting_rounding(observations) * share;
         let white = within / dof / shown;
         let variance = (white + lasting).max(rounding * rounding);
         let (source, dof) = if white < lasting || white + lasting < variance {
             (Source::Quantisation, f64::INFINITY)
-        } else if session.readings.held {
+        } else if observations.readings.held {
             (Source::Repeats, effective.max(1.0))
         } else {
             (Source::Neighbours, effective.max(1.0))
@@ -184,12 +184,12 @@ pub(crate) fn estimate_noise(
         let slow = slow + share * (n - slow);
         return NoiseEstimate { inflation, slow, ..estimate };
     }
-    if plays(session) && readings_share(residuals, used) < MINOR {
+    if plays(observations) && readings_share(residuals, used) < MINOR {
         return scaled(1.0, Source::Declared, f64::INFINITY);
     }
     let k = residuals.equations;
     let live: Vec<usize> =
-        (0..session.readings.samples).filter(|&r| session.weights[r] > 0.0).collect();
+        (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0).collect();
     let total: f64 =
         live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
     let free = ((live.len() * k) as f64 - parameters as f64).max(1.0);

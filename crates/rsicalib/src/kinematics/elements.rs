@@ -33,9 +33,9 @@ pub enum Source {
 
 /// One step from the base to the tip.
 #[derive(Debug, Clone)]
-pub enum Step {
+pub enum Element {
     /// A rigid placement: rotation, row by row, and translation.
-    Place([f64; 9], [f64; 3]),
+    Rigid([f64; 9], [f64; 3]),
     /// A motion about or along one axis of the frame reached.
     Move(Axis, Way, Source),
     /// A mass: whose it is, its centre in the frame reached, and its weight.
@@ -43,9 +43,9 @@ pub enum Step {
 }
 
 /// Appends a placement, merged with the one before it.
-pub fn push_place(steps: &mut Vec<Step>, place: &Isometry3<f64>) {
+pub fn push_rigid(steps: &mut Vec<Element>, place: &Isometry3<f64>) {
     let mut place = *place;
-    if let Some(Step::Place(r, t)) = steps.last() {
+    if let Some(Element::Rigid(r, t)) = steps.last() {
         place = isometry(r, t) * place;
         steps.pop();
     }
@@ -57,7 +57,7 @@ pub fn push_place(steps: &mut Vec<Step>, place: &Isometry3<f64>) {
     let snap = |v: f64| if v.abs() < 1e-15 { 0.0 } else { v };
     let rotation = std::array::from_fn(|k| snap(m[(k / 3, k % 3)]));
     let t = place.translation;
-    steps.push(Step::Place(rotation, [snap(t.x), snap(t.y), snap(t.z)]));
+    steps.push(Element::Rigid(rotation, [snap(t.x), snap(t.y), snap(t.z)]));
 }
 
 fn isometry(r: &[f64; 9], t: &[f64; 3]) -> Isometry3<f64> {

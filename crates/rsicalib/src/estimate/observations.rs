@@ -1,6 +1,6 @@
 //! A session: one mechanism, its readings, and what else is known of them.
 
-use crate::estimate::options::Options;
+use crate::estimate::options::FitOptions;
 use crate::mechanism::Mechanism;
 use crate::model::{Instance, assembly};
 use crate::readings::{Readings, Table};
@@ -8,7 +8,7 @@ use crate::{Error, terms};
 
 /// Readings to fit, with everything that is known beside them.
 #[derive(Debug, Clone)]
-pub struct Session {
+pub struct Observations {
     /// The mechanism.
     pub mechanism: Mechanism,
     /// Its readings.
@@ -22,7 +22,7 @@ pub struct Session {
     /// Readings at which offsets are told from gains: the mean of each channel.
     pub centre: Vec<f64>,
     /// The options.
-    pub options: Options,
+    pub options: FitOptions,
     /// The mechanism held at rest, and its one reading, where the rest pose is
     /// declared with a tolerance and so is an observation.
     pub held: Option<(Mechanism, Readings)>,
@@ -39,7 +39,7 @@ pub struct Anchor {
     pub known: bool,
 }
 
-impl Session {
+impl Observations {
     /// Gathers what is known.
     ///
     /// `rest` holds readings of the rest pose, row by row.
@@ -51,7 +51,7 @@ impl Session {
         mechanism: &Mechanism,
         table: Table,
         rest: Option<Vec<f64>>,
-        options: Options,
+        options: FitOptions,
     ) -> Result<Self, Error> {
         let mechanism = match &options.closures {
             Some(names) => mechanism.with_closures(names)?,

@@ -7,8 +7,8 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::diagnosis::options::Search;
-use rsicalib::estimate::{Fit, Method, Options, Session};
+use rsicalib::diagnosis::options::SearchOptions;
+use rsicalib::estimate::{Fit, Method, FitOptions, Observations};
 use rsicalib::readings::Table;
 use rsicalib::report::result::{FitReport, estimates};
 use rsicalib::report::traced::{ExcludedReport, Known};
@@ -22,12 +22,12 @@ use crate::mechanism::PyMechanism;
 
 /// Readings of one mechanism, with what is known beside them.
 #[pyclass(frozen, skip_from_py_object, name = "Session", module = "rsicalib._core")]
-pub struct PySession(pub Arc<Session>);
+pub struct PyObservations(pub Arc<Observations>);
 
 /// A fitted model.
 #[pyclass(frozen, skip_from_py_object, name = "Fit", module = "rsicalib._core")]
 pub struct PyFit {
-    pub session: Arc<Session>,
+    pub session: Arc<Observations>,
     pub fit: Fit,
 }
 
@@ -84,7 +84,7 @@ struct FitView {
 type Calibration<'py> = (PyFit, Option<PyFit>, Bound<'py, PyAny>);
 
 #[pymethods]
-impl PySession {
+impl PyObservations {
     /// Checks readings against a mechanism and gathers the options.
     #[new]
     #[pyo3(signature = (mechanism, table, *, rest=None, terms=None, closures=None, method=None,
@@ -102,7 +102,7 @@ impl PySession {
         max_iterations: Option<usize>,
         xtol: Option<f64>,
     ) -> Result<Self, PyError> {
-        let mut options = Options { terms, closures, noise, ..Options::default() };
+        let mut options = FitOptions { terms, closures, noise, ..FitOptions::default() };
         options.method = match method {
             None | Some("implicit_loop") => Method::ImplicitLoop,
             Some("algebraic") => Method::Algebraic,
@@ -119,7 +119,7 @@ impl PySession {
         options.lm.max_iterations = max_iterations.unwrap_or(options.lm.max_iterations);
         options.lm.xtol = xtol.unwrap_or(options.lm.xtol);
         let rest = rest.map(|r| r.as_array().iter().copied().collect());
-        Ok(Self(Arc::new(Session::new(&mechanism.0, table.table(), rest, options)?)))
+        Ok(Self(Arc::new(Observations::new(&mechanism.0, table.table(), rest, options)?)))
     }
 
     /// What reported parameters refer to: `centre` and `span` of each channel, `temperature`.
@@ -129,7 +129,7 @@ impl PySession {
 
     /// Terms that are no candidates here, and what they need: `{id: needs}`.
     fn lacking(&self) -> HashMap<&'static str, &'static str> {
-        let Session { mechanism, readings, .. } = &*self.0;
+        let Observations { mechanism, readings, .. } = &*self.0;
         let lacks = |t: &&&dyn Term| provided(**t, mechanism, readings).is_err();
         ALL.iter().filter(lacks).map(|t| (t.info().id, t.info().needs.words())).collect()
     }
@@ -149,8 +149,8 @@ impl PySession {
             poses: poses_of(&poses),
             align,
         });
-        let default = Search::default();
-        let search = Search {
+        let default = SearchOptions::default();
+        let search = SearchOptions {
             alpha: alpha.unwrap_or(default.alpha),
             without: without.unwrap_or_default(),
             ..default
@@ -172,10 +172,10 @@ impl PySession {
         let out: Vec<ExcludedReport> = found
             .excluded
             .iter()
-            .map(|e| rsicalib::report::traced::excluded(&found.session, e))
+            .map(|e| rsicalib::report::traced::excluded(&found.observations, e))
             .collect();
         let with = found.with.map(|fit| PyFit { session, fit });
-        let fit = PyFit { session: Arc::new(found.session), fit: found.fit };
+        let fit = PyFit { session: Arc::new(found.observations), fit: found.fit };
         Ok((fit, with, pythonize(py, &out)?))
     }
 

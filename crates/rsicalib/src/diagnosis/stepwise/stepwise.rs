@@ -3,13 +3,13 @@
 
 use crate::Error;
 use crate::diagnosis::isolation::belongs;
-use crate::diagnosis::options::Search;
+use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::pairs::{self, Pair};
-use crate::diagnosis::score::scored::{self, CHARGE, Family, Judge, Scored, whole_pose};
+use crate::diagnosis::score::scored::{self, CHARGE, Family, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{candidates, scan};
 use crate::estimate::noise::source::Source;
-use crate::estimate::{Fit, Options, Session, fit};
-use crate::kinematics::steps::Weight;
+use crate::estimate::{Fit, FitOptions, Observations, fit};
+use crate::kinematics::elements::Weight;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
@@ -47,12 +47,12 @@ pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
 }
 
 /// The state of a search.
-pub struct Hunt<'a> {
+pub struct Stepwise<'a> {
     /// One sample for each held pose.
-    pub small: Session,
+    pub small: Observations,
     /// The channel, closure or chain to which the search is confined.
     pub only: Option<Target>,
-    pub search: &'a Search,
+    pub search: &'a SearchOptions,
     /// Weights of the samples before any pose was left out.
     pub(crate) counts: Vec<f64>,
     /// Samples of each pose.
@@ -61,23 +61,27 @@ pub struct Hunt<'a> {
     noise_dof: f64,
 }
 
-impl<'a> Hunt<'a> {
-    pub fn new(session: &Session, fit: &Fit, search: &'a Search) -> Result<Self, Error> {
-        let mut small = session.clone();
+impl<'a> Stepwise<'a> {
+    pub fn new(
+        observations: &Observations,
+        fit: &Fit,
+        search: &'a SearchOptions,
+    ) -> Result<Self, Error> {
+        let mut small = observations.clone();
         let mut sigma = fit.noise.sigma.clone();
-        if session.readings.held {
+        if observations.readings.held {
             let (readings, counts) =
-                session.readings.averaged(&session.mechanism, &session.weights)?;
+                observations.readings.averaged(&observations.mechanism, &observations.weights)?;
             let usual = counts.iter().copied().fold(1.0, f64::max);
             small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
             small.readings = readings;
             sigma.iter_mut().for_each(|s| *s *= (fit.noise.inflation / usual).sqrt());
         }
-        let lm = lm::Options { ftol: ENOUGH, xtol: ENOUGH, ..session.options.lm.clone() };
+        let lm = lm::SolverOptions { ftol: ENOUGH, xtol: ENOUGH, ..observations.options.lm.clone() };
         let (noise, play) = (Some(sigma), fit.noise.play);
-        small.options = Options { noise, play, lm, ..session.options.clone() };
+        small.options = FitOptions { noise, play, lm, ..observations.options.clone() };
         let counts = small.weights.clone();
-        let samples = session.readings.rows_of_poses().iter().map(Vec::len).collect();
+        let samples = observations.readings.rows_of_poses().iter().map(Vec::len).collect();
         let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
         Ok(Self { small, only: None, search, counts, samples, source, noise_dof })
     }
@@ -115,8 +119,8 @@ impl<'a> Hunt<'a> {
     }
 
     /// The session with all poses.
-    pub fn all(&self) -> Session {
-        Session { weights: self.counts.clone(), ..self.small.clone() }
+    pub fn all(&self) -> Observations {
+        Observations { weights: self.counts.clone(), ..self.small.clone() }
     }
 
     /// All poses count again; gives the weights that were.
@@ -155,7 +159,7 @@ impl<'a> Hunt<'a> {
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         let mut best: Option<(f64, Scored, Fit)> = None;
         for &candidate in scored.iter().take(self.search.refits) {
-            if whole_pose(&candidate.instance).is_some() {
+            if excluded_pose(&candidate.instance).is_some() {
                 if best.is_none() {
                     let one = self.one_channel(current, &candidate, &scored)?;
                     let (one, fit) = one.unwrap_or_else(|| (candidate, current.clone()));
@@ -233,7 +237,7 @@ impl<'a> Hunt<'a> {
     ) -> Result<Option<(Scored, Fit)>, Error> {
         let here = |s: &&Scored| {
             scored::is_data(&s.instance)
-                && whole_pose(&s.instance).is_none()
+                && excluded_pose(&s.instance).is_none()
                 && s.instance.place == pose.instance.place
         };
         let mut without = self.small.clone();
