@@ -57,7 +57,7 @@ from tests.blind.simulator import CHANNELS, Device, Session
 from tests.oracle import Array
 
 DATA = ROOT.parent / "shared" / "data" / "rsi"
-TABLES = ROOT / "python" / "rsicalib" / "data_paper" / "tables.toml"
+TABLES = ROOT / "python" / "rsicalib" / "reproduction" / "tables.toml"
 TREMOR = (0.01, 0.01)
 RSI = _core.Mechanism.rsi()
 NOMINAL = oracle.nominal(oracle.rsi())

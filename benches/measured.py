@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import rsicalib
-from rsicalib.files import write_text
+from rsicalib.io.files import write_text
 
 HERE = Path(__file__).parents[1]
 MM = 1e3

@@ -11,7 +11,7 @@ import re
 from pathlib import Path
 
 import rsicalib
-from rsicalib.page import residual_figure
+from rsicalib.report.page import residual_figure
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

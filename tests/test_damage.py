@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rsicalib
-from rsicalib.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
 from tests import oracle, simulated
 
 Array = NDArray[Any]

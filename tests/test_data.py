@@ -17,7 +17,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rsicalib.data import Readings, Skipped, load_readings, suspicions
+from rsicalib.io.readings import Readings, Skipped, load_readings, suspicions
 from rsicalib.errors import InputError, RsicalibError
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsicalib.paper import Paper, paper, printed_numbers
+from rsicalib.reproduction.paper import Paper, paper, printed_numbers
 from tests import oracle
 
 TRIALS = 120

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rsicalib import InputError, _core
-from rsicalib.mechanisms import mechanism_toml
-from rsicalib.paper import printed_numbers
-from rsicalib.plan import CRITERIA, Plan, bound, plan
+from rsicalib.io.mechanisms import mechanism_toml
+from rsicalib.reproduction.paper import printed_numbers
+from rsicalib.planning import CRITERIA, Plan, bound, plan
 from rsicalib.records import plain
 from tests import oracle
 from tests.oracle import Array

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 import rsicalib
 from benches.speed import Rival
 from rsicalib import InputError, _core
-from rsicalib.experiments import (
+from rsicalib.reproduction.convergence import (
     closed_loop_noise,
     convergence_equal,
     convergence_independent,
@@ -28,10 +28,10 @@ from rsicalib.experiments import (
     run,
     start_success,
 )
-from rsicalib.mechanisms import mechanism_toml
-from rsicalib.paper import printed_numbers
+from rsicalib.io.mechanisms import mechanism_toml
+from rsicalib.reproduction.paper import printed_numbers
 from rsicalib.records import plain
-from rsicalib.simulate import Device, draw_poses, simulate
+from rsicalib.simulation import Device, draw_poses, simulate
 from tests import oracle
 
 RSI = _core.Mechanism.rsi()

@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib import _core, data, work
+from rsicalib import _core
+from rsicalib.io import readings as data
+from rsicalib.work import job as work
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
+from rsicalib.io.readings import Readings
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.groups import measured
 from rsicalib.places import Places, places, readings_for
 from rsicalib.results import ALPHA, Calibration, Parameter, Trace
-from rsicalib.work import (
+from rsicalib.work.job import (
     NOTHING,
     CalibrationArg,
     FloatArray,

@@ -15,9 +15,9 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
+from rsicalib.io.readings import Readings
 from rsicalib.results import Calibration, Groups, Result
-from rsicalib.work import FloatArray, Work, as_applied, as_table
+from rsicalib.work.job import FloatArray, Work, as_applied, as_table
 
 __all__ = ["carried_points", "measured", "spread"]
 

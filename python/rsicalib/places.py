@@ -12,9 +12,9 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
+from rsicalib.io.readings import Readings
 from rsicalib.results import Result
-from rsicalib.work import Bare, FloatArray, ReadingsArg, as_applied, as_table, load
+from rsicalib.work.job import Bare, FloatArray, ReadingsArg, as_applied, as_table, load
 
 __all__ = ["POSE", "Places", "places", "readings_for"]
 

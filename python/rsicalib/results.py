@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.errors import InputError
-from rsicalib.files import write_text
+from rsicalib.io.files import write_text
 from rsicalib.records import IF_KNOWN, OMIT, Record, to_json
 
 __all__ = [
@@ -376,13 +376,13 @@ class Result(Record):
 
     def summary(self) -> str:
         """The terminal's 25 lines."""
-        from rsicalib.report import summary
+        from rsicalib.report.terminal import summary
 
         return summary(self)
 
     def report(self) -> str:
         """The HTML report, one file that needs no network."""
-        from rsicalib.report import html
+        from rsicalib.report.terminal import html
 
         return html(self)
 

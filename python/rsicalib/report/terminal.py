@@ -5,9 +5,9 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from rsicalib.page import page
+from rsicalib.report.page import page
 from rsicalib.results import Parameter, Result, Trace
-from rsicalib.words import (
+from rsicalib.report.words import (
     advice,
     comparison,
     excluded_words,

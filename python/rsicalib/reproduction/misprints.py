@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from rsicalib import _core
-from rsicalib.experiments import NoiseCell, closed_loop_noise, fixture_lines
+from rsicalib.reproduction.convergence import NoiseCell, closed_loop_noise, fixture_lines
 from rsicalib.records import Record
-from rsicalib.simulate import Device
-from rsicalib.work import FloatArray
+from rsicalib.simulation import Device
+from rsicalib.work.job import FloatArray
 
 __all__ = ["Misprint", "Printed", "misprints"]
 
@@ -28,7 +28,7 @@ class Printed:
     Attributes
     ----------
     numbers : mapping
-        The file `data_paper/tables.toml`.
+        The file `reproduction/tables.toml`.
     fixture_printed, fixture, closed_loop : ndarray, shape (12, 6)
         Table II as printed and corrected, Table III.
     nominal : Device

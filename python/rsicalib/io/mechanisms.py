@@ -14,8 +14,8 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
-from rsicalib.urdf import UrdfChain, chain_from_urdf, masses_from_toml, read_toml
-from rsicalib.urdf_tree import listed, refuse
+from rsicalib.io.urdf import UrdfChain, chain_from_urdf, masses_from_toml, read_toml
+from rsicalib.io.urdf_tree import listed, refuse
 
 __all__ = ["BUILTIN", "load_mechanism_text", "mechanism_toml", "read_mechanism"]
 

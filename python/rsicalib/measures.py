@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
+from rsicalib.io.readings import Readings
 from rsicalib.errors import InputError
 from rsicalib.records import Record
-from rsicalib.simulate import nominal
-from rsicalib.work import (
+from rsicalib.simulation import nominal
+from rsicalib.work.job import (
     CalibrationArg,
     FloatArray,
     MechanismArg,

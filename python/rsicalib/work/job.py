@@ -12,14 +12,15 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib import _core, data
+from rsicalib import _core
+from rsicalib.io import readings as data
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
+from rsicalib.io.readings import Readings
 from rsicalib.errors import InputError, UndeterminedError, Where
-from rsicalib.mechanisms import load_mechanism_text
+from rsicalib.io.mechanisms import load_mechanism_text
 from rsicalib.records import plain
 from rsicalib.results import ALPHA, Data, Moved, Parameter, Result, load_calibration
-from rsicalib.signs import mark_unphysical
+from rsicalib.work.signs import mark_unphysical
 
 __all__ = [
     "NOTHING",

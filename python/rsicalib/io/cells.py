@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.errors import InputError
-from rsicalib.tables import FloatArray, Table, is_blank, numbers, quoted, text
+from rsicalib.io.tables import FloatArray, Table, is_blank, numbers, quoted, text
 
 __all__ = [
     "POSE",

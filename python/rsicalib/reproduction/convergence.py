@@ -21,8 +21,8 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.records import Record
-from rsicalib.simulate import Device, nominal
-from rsicalib.work import FloatArray
+from rsicalib.simulation import Device, nominal
+from rsicalib.work.job import FloatArray
 
 __all__ = [
     "Edge",

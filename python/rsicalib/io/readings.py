@@ -17,7 +17,7 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib.checks import (
+from rsicalib.io.cells import (
     POSE,
     TEXTS,
     ChannelLike,
@@ -28,8 +28,8 @@ from rsicalib.checks import (
     read_header,
 )
 from rsicalib.errors import InputError
-from rsicalib.suspicions import suspicions
-from rsicalib.tables import FloatArray, IntArray, Table, read_table, table_of_arrays, text
+from rsicalib.io.suspicions import suspicions
+from rsicalib.io.tables import FloatArray, IntArray, Table, read_table, table_of_arrays, text
 
 __all__ = ["ChannelLike", "MechanismLike", "Readings", "Skipped", "load_readings", "suspicions"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsicalib.rigid import Matrix, align_z, inverse, rigid
-from rsicalib.urdf_tree import (
+from rsicalib.io.rigid import Matrix, align_z, inverse, rigid
+from rsicalib.io.urdf_tree import (
     ORIGIN,
     Element,
     Joint,

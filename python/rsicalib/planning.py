@@ -12,12 +12,12 @@ import numpy.typing as npt
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.experiments import readings_of
-from rsicalib.files import write_text
-from rsicalib.observability import counts_of, known_sd, parameters_of
+from rsicalib.reproduction.convergence import readings_of
+from rsicalib.io.files import write_text
+from rsicalib.measures import counts_of, known_sd, parameters_of
 from rsicalib.records import Record
-from rsicalib.simulate import MARGIN, Device, Within, workspace
-from rsicalib.work import (
+from rsicalib.simulation import MARGIN, Device, Within, workspace
+from rsicalib.work.job import (
     CalibrationArg,
     FloatArray,
     MechanismArg,

@@ -17,11 +17,11 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
+from rsicalib.io.readings import Readings
 from rsicalib.errors import InputError
-from rsicalib.files import write_text
+from rsicalib.io.files import write_text
 from rsicalib.records import to_json
-from rsicalib.work import FloatArray, MechanismArg, PathLike, open_mechanism
+from rsicalib.work.job import FloatArray, MechanismArg, PathLike, open_mechanism
 
 __all__ = ["WITHIN", "Device", "Simulated", "Within", "draw_poses", "nominal", "simulate"]
 

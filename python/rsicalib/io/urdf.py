@@ -26,9 +26,9 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from rsicalib.rigid import Matrix, inverse, joint_motion, rigid, rotation, xyz_rpy
-from rsicalib.urdf_path import JointPath, Mass, Masses, stretch
-from rsicalib.urdf_tree import ORIGIN, Joint, Robot, Step, listed, refuse
+from rsicalib.io.rigid import Matrix, inverse, joint_motion, rigid, rotation, xyz_rpy
+from rsicalib.io.urdf_path import JointPath, Mass, Masses, stretch
+from rsicalib.io.urdf_tree import ORIGIN, Joint, Robot, Step, listed, refuse
 
 __all__ = [
     "Mass",

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from rsicalib import _core
 
 if TYPE_CHECKING:
-    from rsicalib.checks import MechanismLike
-    from rsicalib.data import Readings
+    from rsicalib.io.cells import MechanismLike
+    from rsicalib.io.readings import Readings
 
 __all__ = ["suspicions"]
 

@@ -7,9 +7,9 @@ from html import escape
 
 import numpy as np
 
-from rsicalib import svg
+from rsicalib.report import svg
 from rsicalib.results import Result, Step, Trace
-from rsicalib.words import (
+from rsicalib.report.words import (
     advice,
     comparison,
     curve_unit,

@@ -1,7 +1,7 @@
 """The paper's tables, computed again beside the printed ones.
 
 J. M. Hollerbach and D. M. Lokhorst, "Closed-Loop Kinematic Calibration of the RSI 6-DOF Hand
-Controller". The printed numbers come with the package (`data_paper/tables.toml`). No raw readings
+Controller". The printed numbers come with the package (`reproduction/tables.toml`). No raw readings
 were published: what rests on them is simulated on a device with parameter set I.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.experiments import (
+from rsicalib.reproduction.convergence import (
     Estimate,
     NoiseCell,
     Progress,
@@ -33,11 +33,11 @@ from rsicalib.experiments import (
     run,
     start_success,
 )
-from rsicalib.misprints import Misprint, Printed, misprints
-from rsicalib.observability import SCALINGS
+from rsicalib.reproduction.misprints import Misprint, Printed, misprints
+from rsicalib.measures import SCALINGS
 from rsicalib.records import Record
-from rsicalib.simulate import Device
-from rsicalib.work import FloatArray
+from rsicalib.simulation import Device
+from rsicalib.work.job import FloatArray
 
 __all__ = ["Cell", "Paper", "Row", "Table", "paper", "printed_numbers"]
 
@@ -237,7 +237,7 @@ def printed_numbers() -> Printed:
     Printed
         In arrays, pose 3 of Table II corrected beside the table as printed.
     """
-    text = files("rsicalib").joinpath("data_paper/tables.toml").read_text(encoding="utf-8")
+    text = files("rsicalib").joinpath("reproduction/tables.toml").read_text(encoding="utf-8")
     numbers = tomllib.loads(text)
 
     def poses(name: str) -> FloatArray:

@@ -1,0 +1,1 @@
+"""The report of a result: one HTML file, and the summary for a terminal."""
