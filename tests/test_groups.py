@@ -12,7 +12,7 @@ import rsicalib
 from rsicalib import InputError
 from rsicalib.groups import spread
 from rsicalib.report.words import advice
-from rsicalib.work.job import as_applied
+from rsicalib.work.applying import as_applied
 from tests.test_examples import sockets
 
 

@@ -16,22 +16,22 @@ from scipy.optimize import least_squares
 import rsicalib
 from benches.speed import Rival
 from rsicalib import InputError, _core
+from rsicalib.devices import Device, draw_poses, nominal_device
+from rsicalib.io.mechanisms import mechanism_toml
+from rsicalib.records import plain
 from rsicalib.reproduction.convergence import (
     closed_loop_noise,
     convergence_equal,
     convergence_independent,
     edge,
     fixture_lines,
-    nominal_device,
     open_loop_noise,
     placed,
     run,
     start_success,
 )
-from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.reproduction.paper import printed_numbers
-from rsicalib.records import plain
-from rsicalib.simulation import Device, draw_poses, simulate
+from rsicalib.simulation import simulate
 from tests import oracle
 
 RSI = _core.Mechanism.rsi()

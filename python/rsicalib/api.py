@@ -13,24 +13,29 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
-from rsicalib.io import readings as data
-from rsicalib.work import job as work
 from rsicalib._core import Mechanism
-from rsicalib.io.readings import Readings
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.groups import measured
+from rsicalib.io.readings import Readings
+from rsicalib.io.readings import load_readings as read_readings
 from rsicalib.places import Places, places, readings_for
-from rsicalib.results import ALPHA, Calibration, Parameter, Trace
-from rsicalib.work.job import (
-    NOTHING,
+from rsicalib.results import Calibration, Trace
+from rsicalib.shapes import Parameter
+from rsicalib.verdicts import ALPHA
+from rsicalib.work.applying import posed
+from rsicalib.work.arguments import (
     CalibrationArg,
-    FloatArray,
     MechanismArg,
     PathLike,
     ReadingsArg,
     SessionsArg,
-    Work,
+    earlier_result,
+    listed,
+    open_mechanism,
 )
+from rsicalib.work.job import Work
+from rsicalib.work.outcome import NOTHING
 
 __all__ = [
     "DEMO",
@@ -77,7 +82,7 @@ def load_mechanism(name_or_path: MechanismArg = "rsi") -> Mechanism:
     >>> load_mechanism("rsi").length_unit
     'in'
     """
-    return work.open_mechanism(name_or_path)
+    return open_mechanism(name_or_path)
 
 
 def load_readings(
@@ -104,7 +109,7 @@ def load_readings(
     InputError
         The file cannot be used; the message says where, and what was expected.
     """
-    return data.load_readings(path, load_mechanism(mechanism), skip_bad_rows=skip_bad_rows)
+    return read_readings(path, load_mechanism(mechanism), skip_bad_rows=skip_bad_rows)
 
 
 def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:
@@ -212,7 +217,7 @@ def calibrate(
     job = Work(mechanism, skip_bad_rows, calibration)
     job.take(readings, fit_groups, hold_out_groups)
     options = {
-        "closures": work.listed(closures),
+        "closures": listed(closures),
         "method": method,
         "noise": job.noise(noise),
         "starts": starts,
@@ -321,7 +326,7 @@ def trace(
     job = Work(mechanism, skip_bad_rows, calibration)
     job.take(readings, fit_groups, hold_out_groups)
     options = {
-        "closures": work.listed(closures),
+        "closures": listed(closures),
         "noise": job.noise(noise),
         "starts": starts,
         "max_iterations": max_iterations,
@@ -330,7 +335,7 @@ def trace(
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)
     try:
-        report = session.trace(check=known, align=align, without=work.listed(without), alpha=alpha)
+        report = session.trace(check=known, align=align, without=listed(without), alpha=alpha)
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
@@ -374,7 +379,7 @@ def fixture(
     """
     job = Work(mechanism, skip_bad_rows, None)
     job.take(readings, None, None, known_poses=True)
-    table, poses = work.posed(job.readings[0], job.mechanism)
+    table, poses = posed(job.readings[0], job.mechanism)
     try:
         lines, count = _core.fixture(job.mechanism, table, poses)
     except UndeterminedError as error:
@@ -492,7 +497,7 @@ def _placed(
 ) -> Places:
     loaded = load_mechanism(mechanism)
     one = readings_for(readings, loaded, skip_bad_rows)
-    result = None if calibration is None else work.earlier_result(calibration, loaded)
+    result = None if calibration is None else earlier_result(calibration, loaded)
     return places(one, loaded, result, sd=sd)
 
 

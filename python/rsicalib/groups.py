@@ -15,9 +15,12 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
 from rsicalib.io.readings import Readings
-from rsicalib.results import Calibration, Groups, Result
-from rsicalib.work.job import FloatArray, Work, as_applied, as_table
+from rsicalib.results import Calibration, Result
+from rsicalib.shapes import Groups
+from rsicalib.work.applying import as_applied, as_table
+from rsicalib.work.job import Work
 
 __all__ = ["carried_points", "measured", "spread"]
 

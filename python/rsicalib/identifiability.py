@@ -24,10 +24,11 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.records import Record
-from rsicalib.work.job import FloatArray, MechanismArg, open_mechanism
+from rsicalib.work.arguments import MechanismArg, open_mechanism
 
 __all__ = ["COMPLETE", "Counted", "Identifiable", "identifiable"]
 

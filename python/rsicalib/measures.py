@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.io.readings import Readings
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import nominal
 from rsicalib.errors import InputError
+from rsicalib.io.readings import Readings
 from rsicalib.records import Record
-from rsicalib.simulation import nominal
-from rsicalib.work.job import (
+from rsicalib.work.arguments import (
     CalibrationArg,
-    FloatArray,
     MechanismArg,
     ReadingsArg,
     earlier_result,

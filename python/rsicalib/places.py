@@ -12,9 +12,11 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
-from rsicalib.work.job import Bare, FloatArray, ReadingsArg, as_applied, as_table, load
+from rsicalib.work.applying import as_applied, as_table
+from rsicalib.work.arguments import Bare, ReadingsArg, load
 
 __all__ = ["POSE", "Places", "places", "readings_for"]
 

@@ -11,15 +11,14 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import MARGIN, Device, Within, readings_of, workspace
 from rsicalib.errors import InputError
-from rsicalib.reproduction.convergence import readings_of
 from rsicalib.io.files import write_text
 from rsicalib.measures import counts_of, known_sd, parameters_of
 from rsicalib.records import Record
-from rsicalib.simulation import MARGIN, Device, Within, workspace
-from rsicalib.work.job import (
+from rsicalib.work.arguments import (
     CalibrationArg,
-    FloatArray,
     MechanismArg,
     PathLike,
     ReadingsArg,

@@ -1,4 +1,4 @@
-"""Devices with a known truth: joint readings of poses, with noise, averaging and rounding.
+"""Sessions of a device with a known truth: joint readings with noise, averaging and rounding.
 
 For the experiments of the paper and for a first try. A simulated device is exactly the model
 `[offset, gain]`: with it a fit can only agree with itself, so effects that a model lacks are
@@ -7,170 +7,25 @@ simulated elsewhere, by code that shares nothing with this package (`tests/blind
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rsicalib import _core
-from rsicalib._core import Mechanism
-from rsicalib.io.readings import Readings
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import Device, Within, draw_poses
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
+from rsicalib.io.readings import Readings
 from rsicalib.records import to_json
-from rsicalib.work.job import FloatArray, MechanismArg, PathLike, open_mechanism
+from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
-__all__ = ["WITHIN", "Device", "Simulated", "Within", "draw_poses", "nominal", "simulate"]
-
-Within = Sequence[tuple[float, float]]
-"""Lowest and highest x, y, z [length unit], rx, ry, rz [rad]."""
-
-ANGLE = float(np.pi / 6)
-WITHIN: dict[str, Within] = {
-    "rsi": (
-        (-3.0, 3.0),
-        (-3.0, 3.0),
-        (-5.7, -0.3),
-        (-ANGLE, ANGLE),
-        (-ANGLE, ANGLE),
-        (-ANGLE, ANGLE),
-    )
-}
-"""The workspace of the mechanisms that come along."""
-
-MARGIN = 20.0
-"""Readings that a pose keeps from the ends of the range: offsets are not known beforehand."""
+__all__ = ["Simulated", "simulate"]
 
 POSE_S, SAMPLE_S = 15.0, 0.02
 """Between two held poses, and between two samples of one [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Device:
-    """A mechanism whose offsets and gains are known.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-        Geometry, ranges and limits.
-    offsets : ndarray, shape (C,)
-        Joint coordinate at reading zero, `θ_off` of eq. (9) [rad].
-    gains : ndarray, shape (C,)
-        Joint coordinate per reading, `k` of eq. (9) [rad/reading].
-    """
-
-    mechanism: Mechanism
-    offsets: FloatArray
-    gains: FloatArray
-
-    @classmethod
-    def drawn(
-        cls,
-        mechanism: Mechanism,
-        rng: np.random.Generator,
-        *,
-        gain: float = 0.02,
-        clamp: float = 20.0,
-    ) -> Device:
-        """Draw a device as an assembler would make it.
-
-        Gains differ from nominal as potentiometers do, and each sensor is clamped at the rest
-        pose to its nominal reading as well as a hand can; without a rest pose, at mid-range.
-
-        Parameters
-        ----------
-        mechanism : Mechanism
-            With nominal offsets and gains.
-        rng : numpy.random.Generator
-            Where chance comes from.
-        gain : float
-            Standard deviation of the gains, as a fraction.
-        clamp : float
-            Standard deviation of the clamping, in readings.
-
-        Returns
-        -------
-        Device
-            Close to nominal, but not nominal.
-        """
-        offsets, gains = nominal(mechanism)
-        anchor = np.array(
-            [sum(c.range) / 2 if c.range is not None else 0.0 for c in mechanism.channels]
-        )
-        rest = mechanism.to_dict().get("rest")
-        if rest is not None:
-            anchor = (np.array(mechanism.inverse(rest["pose"])) - offsets) / gains
-        angles = offsets + gains * anchor
-        true = gains * (1 + gain * rng.standard_normal(len(gains)))
-        read = anchor + clamp * rng.standard_normal(len(gains))
-        return cls(mechanism, angles - true * read, true)
-
-    def readings(self, poses: npt.ArrayLike, margin: float = 0.0) -> FloatArray:
-        """Find the exact readings that hold the platform at poses.
-
-        Parameters
-        ----------
-        poses : array_like, shape (n, 6)
-            `x y z` [length unit], `rx ry rz` [rad].
-        margin : float
-            Readings to keep from the ends of the range.
-
-        Returns
-        -------
-        ndarray, shape (n, C)
-            Real numbers, neither noisy nor rounded; NaN where a pose is out of reach, beyond a
-            joint limit or out of range.
-        """
-        poses = np.ascontiguousarray(poses, dtype=np.float64).reshape(-1, 6)
-        found: FloatArray = _core.readings_at(
-            self.mechanism, poses, self.offsets, self.gains, margin
-        )
-        return found
-
-    def sample(
-        self,
-        exact: FloatArray,
-        rng: np.random.Generator,
-        *,
-        noise: float = 1.0,
-        samples: int = 1,
-    ) -> FloatArray:
-        """Read exact readings as the electronics do: noise, rounding to counts, end of range.
-
-        Parameters
-        ----------
-        exact : ndarray, shape (n, C)
-            From `readings`.
-        rng : numpy.random.Generator
-            Where the noise comes from.
-        noise : float
-            Standard deviation of one sample, in readings, before it is rounded.
-        samples : int
-            Of each pose.
-
-        Returns
-        -------
-        ndarray, shape (n, samples, C)
-            Whole numbers where the channel counts.
-        """
-        shape = (len(exact), samples, exact.shape[1])
-        read = np.broadcast_to(exact[:, None], shape)
-        if noise > 0:
-            read = read + noise * rng.standard_normal(shape)
-        counted = np.array([c.unit == "count" for c in self.mechanism.channels])
-        read = np.where(counted, np.round(read), read)
-        return np.clip(read, *_ranges(self.mechanism))
-
-    def truth(self) -> dict[str, Any]:
-        """Offsets and gains by channel, as `truth.json` has them."""
-        names = [c.name for c in self.mechanism.channels]
-        return {
-            "off": dict(zip(names, self.offsets.tolist(), strict=True)),
-            "gain": dict(zip(names, self.gains.tolist(), strict=True)),
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,78 +85,6 @@ class Simulated:
         files.append(write_text(folder / "truth.json", to_json(self.truth)))
         files.append(write_text(folder / "mechanism.toml", self.device.mechanism.to_toml()))
         return files
-
-
-def nominal(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
-    """Offsets and gains as the mechanism declares them, each of shape (C,)."""
-    channels = mechanism.channels
-    return np.array([c.offset for c in channels]), np.array([c.gain for c in channels])
-
-
-def workspace(mechanism: Mechanism, within: Within | None) -> FloatArray:
-    """The bounds of a workspace, given or known: shape (6, 2)."""
-    if within is None:
-        if mechanism.name not in WITHIN:
-            raise InputError(
-                f"found no workspace of {mechanism.name!r}, expected `within`: "
-                "lowest and highest x, y, z, rx, ry, rz"
-            )
-        within = WITHIN[mechanism.name]
-    bounds = np.array(within, dtype=np.float64)
-    if bounds.shape != (6, 2) or not np.all(bounds[:, 0] <= bounds[:, 1]):
-        found = f"{bounds.tolist()}"
-        raise InputError(f"within: found {found}, expected six pairs, the lower end first")
-    return bounds
-
-
-def draw_poses(
-    device: Device,
-    count: int,
-    rng: np.random.Generator,
-    *,
-    within: Within | None = None,
-    margin: float = MARGIN,
-) -> tuple[FloatArray, FloatArray]:
-    """Draw poses that the device can take, uniformly from a box.
-
-    Parameters
-    ----------
-    device : Device
-        Whose reach, joint limits and ranges count.
-    count : int
-        How many.
-    rng : numpy.random.Generator
-        Where chance comes from.
-    within : six pairs, optional
-        The box; for the hand controller ±3 in, z -5.7 to -0.3, ±30°.
-    margin : float
-        Readings to keep from the ends of the range.
-
-    Returns
-    -------
-    poses : ndarray, shape (count, 6)
-        `x y z` [length unit], `rx ry rz` [rad].
-    exact : ndarray, shape (count, C)
-        Their readings.
-
-    Raises
-    ------
-    InputError
-        Hardly a pose of the box can be taken.
-    """
-    low, high = workspace(device.mechanism, within).T
-    poses, exact = np.empty((0, 6)), np.empty((0, len(device.gains)))
-    tried = 0
-    while len(poses) < count:
-        more = rng.uniform(low, high, (2 * (count - len(poses)) + 8, 6))
-        tried += len(more)
-        read = device.readings(more, margin)
-        can = np.isfinite(read).all(axis=1)
-        poses, exact = np.vstack([poses, more[can]]), np.vstack([exact, read[can]])
-        if tried > 100 * (len(poses) + 10):
-            found = f"{len(poses)} of {tried} poses within reach, joint limits and ranges"
-            raise InputError(f"within: found {found}, expected a box that the mechanism can reach")
-    return poses[:count], exact[:count]
 
 
 def simulate(
@@ -410,9 +193,3 @@ def _session(
         poses=None if known is None else np.repeat(known, samples, axis=0),
         source=source,
     )
-
-
-def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
-    ends = [c.range if c.range is not None else (-np.inf, np.inf) for c in mechanism.channels]
-    low, high = np.array(ends, dtype=np.float64).T
-    return low, high

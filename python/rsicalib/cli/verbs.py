@@ -28,16 +28,16 @@ import numpy as np
 from rsicalib import _core, api
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.export import calibrated_files
-from rsicalib.io.files import forget_parts, write_text
 from rsicalib.identifiability import COMPLETE, identifiable
-from rsicalib.reproduction.paper import paper as compute_paper
+from rsicalib.io.files import forget_parts, write_text
 from rsicalib.places import places, readings_for
 from rsicalib.planning import CRITERIA
 from rsicalib.planning import plan as plan_poses
 from rsicalib.records import to_json
+from rsicalib.reproduction.paper import paper as compute_paper
 from rsicalib.results import Calibration, Result, Trace
 from rsicalib.simulation import simulate as simulate_device
-from rsicalib.work.job import earlier_result
+from rsicalib.work.arguments import earlier_result
 
 __all__ = ["main"]
 

@@ -13,8 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.io.tables import FloatArray, Table, is_blank, numbers, quoted, text
+from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
 
 __all__ = [
     "POSE",

@@ -1,7 +1,7 @@
 """Readings of a device: loaded, checked once on the way in, never repaired.
 
 A file that cannot be used is refused whole, with the place of the first fault.
-What is suspicious but usable becomes a warning (`rsicalib.suspicions`).
+What is suspicious but usable becomes a warning (`rsicalib.io.suspicions`).
 """
 
 from __future__ import annotations
@@ -11,40 +11,32 @@ import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib.errors import InputError
 from rsicalib.io.cells import (
     POSE,
     TEXTS,
-    ChannelLike,
     Fault,
     MechanismLike,
     needed_columns,
     read_cells,
     read_header,
 )
-from rsicalib.errors import InputError
+from rsicalib.io.files import whole_file
+from rsicalib.io.order import check_poses_are_together, time_goes_back
+from rsicalib.io.samples import Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
-from rsicalib.io.tables import FloatArray, IntArray, Table, read_table, table_of_arrays, text
+from rsicalib.io.tables import Table, read_table, table_of_arrays, text
 
-__all__ = ["ChannelLike", "MechanismLike", "Readings", "Skipped", "load_readings", "suspicions"]
-
-
-@dataclass(frozen=True)
-class Skipped:
-    """A row that was dropped: where, and its first fault."""
-
-    line: int
-    column: str | None
-    reason: str
+__all__ = ["Readings", "load_readings"]
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class Readings(Samples):
     """Samples of all channels, one row each: `n` samples of `C` channels.
 
     All arrays are read-only. Make one with `load_readings` or `from_arrays`.
@@ -81,23 +73,6 @@ class Readings:
     line_word : {"line", "row"}
         What `lines` counts.
     """
-
-    channels: tuple[str, ...]
-    values: FloatArray
-    pose: IntArray
-    held: bool
-    sample: IntArray | None
-    time_s: FloatArray | None
-    temperature_c: FloatArray | None
-    poses: FloatArray | None
-    keys: dict[str, tuple[str, ...]]
-    columns: dict[str, FloatArray]
-    lines: IntArray
-    source: str
-    sha256: str
-    warnings: tuple[str, ...] = ()
-    skipped: tuple[Skipped, ...] = ()
-    line_word: str = "line"
 
     @classmethod
     def from_arrays(
@@ -157,14 +132,6 @@ class Readings:
             blocks.append((POSE, poses))
         return _readings(table_of_arrays(blocks, source), mechanism, skip_bad_rows)
 
-    def __len__(self) -> int:
-        return len(self.values)
-
-    @property
-    def n_poses(self) -> int:
-        """Number of different poses."""
-        return len(np.unique(self.pose))
-
     def select(self, mask: npt.ArrayLike) -> Readings:
         """The rows where `mask` is true.
 
@@ -186,7 +153,7 @@ class Readings:
             raise InputError.at(self.source, found=found, expected=f"{len(self)} truth values")
 
         def rows(array: Any) -> Any:
-            return None if array is None else _frozen(array[keep])
+            return None if array is None else frozen(array[keep])
 
         return replace(
             self,
@@ -196,7 +163,7 @@ class Readings:
             time_s=rows(self.time_s),
             temperature_c=rows(self.temperature_c),
             poses=rows(self.poses),
-            keys={name: _picked(cells, keep) for name, cells in self.keys.items()},
+            keys={name: picked(cells, keep) for name, cells in self.keys.items()},
             columns={name: rows(column) for name, column in self.columns.items()},
             lines=rows(self.lines),
         )
@@ -213,14 +180,8 @@ class Readings:
         """
         if not isinstance(path_or_file, str | os.PathLike):
             return self._write(path_or_file)
-        path = Path(path_or_file)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            with part.open("w", encoding="utf-8", newline="") as file:
-                self._write(file)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        with whole_file(path_or_file) as file:
+            self._write(file)
 
     def _write(self, file: TextIO) -> None:
         table: dict[str, Iterable[str]] = {}
@@ -281,14 +242,14 @@ def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Re
     keep = np.ones(len(table.lines), dtype=np.bool_)
     keep[[*faults]] = False
 
-    ours = {name: _frozen(column[keep]) for name, column in cells.items()}
+    ours = {name: frozen(column[keep]) for name, column in cells.items()}
     free = ours.keys() - needed_columns(mechanism)  # a channel may be called as it likes
 
     def optional(name: str) -> Any:
         return ours[name] if name in free else None
 
     def whole(name: str) -> Any:
-        return _frozen(ours[name].astype(np.int64)) if name in free else None
+        return frozen(ours[name].astype(np.int64)) if name in free else None
 
     names = tuple(channel.name for channel in mechanism.channels)
     rows = np.arange(1, len(keep) + 1, dtype=np.int64)
@@ -296,27 +257,27 @@ def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Re
     known = free.issuperset(POSE)
     readings = Readings(
         channels=names,
-        values=_frozen(np.column_stack([ours[name] for name in names])),
-        pose=whole("pose") if held else _frozen(rows[keep]),
+        values=frozen(np.column_stack([ours[name] for name in names])),
+        pose=whole("pose") if held else frozen(rows[keep]),
         held=held,
         sample=whole("sample"),
         time_s=optional("time_s"),
         temperature_c=optional("temperature_c"),
-        poses=_frozen(np.column_stack([ours[name] for name in POSE])) if known else None,
+        poses=frozen(np.column_stack([ours[name] for name in POSE])) if known else None,
         keys={
-            name: _picked(map(text, table.columns[index[name]]), keep)
+            name: picked(map(text, table.columns[index[name]]), keep)
             for name in index
             if name in {*mechanism.key_columns, *TEXTS} and name not in cells
         },
         columns={name: ours[name] for name in mechanism.value_columns},
-        lines=_frozen(table.lines[keep]),
+        lines=frozen(table.lines[keep]),
         source=table.source,
         sha256=table.sha256,
         skipped=skipped,
         line_word=table.line_word,
     )
-    _check_poses_are_together(readings)
-    warnings = [*ignored, *_time_goes_back(readings), *suspicions(readings, mechanism)]
+    check_poses_are_together(readings)
+    warnings = [*ignored, *time_goes_back(readings), *suspicions(readings, mechanism)]
     return replace(readings, warnings=tuple(warnings))
 
 
@@ -344,52 +305,6 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
         )
         for i, fault in sorted(faults.items())
     )
-
-
-def _check_poses_are_together(readings: Readings) -> None:
-    pose = readings.pose
-    starts = np.flatnonzero(np.r_[True, pose[1:] != pose[:-1]])
-    _, first = np.unique(pose[starts], return_index=True)
-    if len(first) == len(starts):
-        return
-    again = int(starts[np.setdiff1d(np.arange(len(starts)), first)[0]])
-    before = int(np.flatnonzero(pose[:again] == pose[again])[-1])
-    raise InputError.at(
-        readings.source,
-        line=int(readings.lines[again]),
-        column="pose",
-        found=f"pose {pose[again]} again, which ended at {readings.line_word} "
-        f"{readings.lines[before]}",
-        expected="the rows of a pose next to each other",
-        hint="Give each visit a number of its own; sessions go into files of their own.",
-        line_word=readings.line_word,
-    )
-
-
-def _time_goes_back(readings: Readings) -> list[str]:
-    if readings.time_s is None:
-        return []
-    back = np.flatnonzero(np.diff(readings.time_s) < 0.0) + 1
-    if not len(back):
-        return []
-    i = int(back[0])
-    times = f"from {readings.time_s[i - 1]:.6g} to {readings.time_s[i]:.6g} s"
-    more = f", and {len(back) - 1} more times" if len(back) > 1 else ""
-    place = f"{readings.source}, {readings.line_word} {readings.lines[i]}, column time_s"
-    advice = (
-        "terms of drift use it as it stands; check the clock, or give sessions files of their own"
-    )
-    return [f"{place}: time goes back {times}{more}; {advice}"]
-
-
-def _frozen(array: npt.NDArray[Any]) -> Any:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array
-
-
-def _picked(cells: Iterable[str], keep: npt.NDArray[np.bool_]) -> tuple[str, ...]:
-    return tuple(cell for cell, kept in zip(cells, keep, strict=True) if kept)
 
 
 def _written(array: npt.NDArray[Any]) -> list[str]:

@@ -9,21 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
-
-if TYPE_CHECKING:
-    from rsicalib.io.cells import MechanismLike
-    from rsicalib.io.readings import Readings
+from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.io.cells import MechanismLike
+from rsicalib.io.samples import Samples
 
 __all__ = ["suspicions"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 RARE = 1e-6
 """How often a rule may speak up in clean data, per file."""
@@ -31,7 +26,7 @@ LISTED = 5
 """Places a message names before it only counts."""
 
 
-def suspicions(readings: Readings, mechanism: MechanismLike) -> list[str]:
+def suspicions(readings: Samples, mechanism: MechanismLike) -> list[str]:
     """Warnings about suspicious but usable readings.
 
     Looks for a channel that never changes, a bit of a converter that never toggles,
@@ -40,7 +35,7 @@ def suspicions(readings: Readings, mechanism: MechanismLike) -> list[str]:
 
     Parameters
     ----------
-    readings : Readings
+    readings : Samples
         `n` samples of `C` channels.
     mechanism : MechanismLike
         Units and ranges of the channels.
@@ -60,7 +55,7 @@ def suspicions(readings: Readings, mechanism: MechanismLike) -> list[str]:
     ]
 
 
-def _constant_channels(readings: Readings) -> Iterator[str]:
+def _constant_channels(readings: Samples) -> Iterator[str]:
     """Channels that stand still while another one clearly does not."""
     values, poses = readings.values, readings.n_poses
     if poses < 5:  # one rest pose may well hold a channel still
@@ -75,7 +70,7 @@ def _constant_channels(readings: Readings) -> Iterator[str]:
         )
 
 
-def _faults(readings: Readings, mechanism: MechanismLike) -> Iterator[str]:
+def _faults(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
     """Bits that keep one value, alike channels in one message, and codes as at a wall."""
     counts = [channel.unit == "count" for channel in mechanism.channels]
     starts, lengths = _runs(readings.pose)
@@ -101,7 +96,7 @@ def _faults(readings: Readings, mechanism: MechanismLike) -> Iterator[str]:
         )
 
 
-def _saturated_codes(readings: Readings, mechanism: MechanismLike) -> Iterator[str]:
+def _saturated_codes(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
     """Readings at the very ends of a channel's range, where the truth may lie beyond."""
     for k, channel in enumerate(mechanism.channels):
         for end in channel.range or ():
@@ -114,7 +109,7 @@ def _saturated_codes(readings: Readings, mechanism: MechanismLike) -> Iterator[s
                 )
 
 
-def _moved_poses(readings: Readings, mechanism: MechanismLike) -> Iterator[str]:
+def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
     """Held poses that scatter far beyond what is typical of the others."""
     starts, counts = _runs(readings.pose)
     several = counts > 1
@@ -161,7 +156,7 @@ def _chi2(dof: IntArray, z: float) -> FloatArray:
     return np.asarray((1.0 - h + z * np.sqrt(h)) ** 3)
 
 
-def _stale_rows(readings: Readings) -> Iterator[str]:
+def _stale_rows(readings: Samples) -> Iterator[str]:
     """Rows that repeat the one before in every channel, amid rows that do not."""
     values = readings.values
     pair = np.ones(len(values) - 1, dtype=np.bool_)
@@ -188,7 +183,7 @@ def _stale_rows(readings: Readings) -> Iterator[str]:
         )
 
 
-def _copied_poses(readings: Readings) -> Iterator[str]:
+def _copied_poses(readings: Samples) -> Iterator[str]:
     """Held poses whose samples are, one by one, those of another pose."""
     if not readings.held:
         return
@@ -213,7 +208,7 @@ def _runs(labels: npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> tuple[IntArr
     return starts, np.diff(np.r_[starts, len(labels)])
 
 
-def _places(readings: Readings, rows: Iterable[np.int64] | IntArray) -> str:
+def _places(readings: Samples, rows: Iterable[np.int64] | IntArray) -> str:
     """The first few lines of a list, and how many more there are."""
     lines = [str(readings.lines[i]) for i in rows]
     more = f" and {len(lines) - LISTED} more" if len(lines) > LISTED else ""

@@ -1,6 +1,6 @@
 """Tables as they stand in a file: names, cells and line numbers, nothing interpreted.
 
-`rsicalib.data` decides what the cells mean and which of them cannot be used.
+`rsicalib.io.readings` decides what the cells mean and which of them cannot be used.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 
 __all__ = [
@@ -31,9 +32,6 @@ __all__ = [
     "table_of_arrays",
     "text",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 PARQUET = {".parquet", ".pq"}
 

@@ -8,7 +8,6 @@ from html import escape
 import numpy as np
 
 from rsicalib.report import svg
-from rsicalib.results import Result, Step, Trace
 from rsicalib.report.words import (
     advice,
     comparison,
@@ -19,12 +18,15 @@ from rsicalib.report.words import (
     number,
     p_is,
     plus_minus,
+    quality,
     sentence,
     size_words,
     subject,
 )
+from rsicalib.shapes import ResultShape, Step, TraceShape
+from rsicalib.verdicts import exit_code
 
-__all__ = ["page", "residual_figure"]
+__all__ = ["html", "residual_figure"]
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #1c1c1a; --paper: #fdfdfb; --faint: #6d6d66;
@@ -63,8 +65,8 @@ MOST_DOTS = 300
 """A longer recording is drawn in blocks."""
 
 
-def page(result: Result) -> str:
-    """Write the report.
+def html(result: ResultShape) -> str:
+    """Write the report as one HTML file that needs no network.
 
     Parameters
     ----------
@@ -74,9 +76,9 @@ def page(result: Result) -> str:
     Returns
     -------
     str
-        One HTML document.
+        The document.
     """
-    good = "good" if result.exit_code == 0 else "bad"
+    good = "good" if exit_code(result.verdict) == 0 else "bad"
     parts = [
         f"<h1>Calibration of {escape(result.mechanism)}</h1>",
         f'<p class="verdict {good}">{escape(sentence(result))}</p>',
@@ -84,10 +86,10 @@ def page(result: Result) -> str:
         _errors(result),
         _residuals(result),
     ]
-    if isinstance(result, Trace):
+    if isinstance(result, TraceShape):
         parts.append(_found(result))
     parts += [_excluded(result), _moved(result), _parameters(result)]
-    if isinstance(result, Trace):
+    if isinstance(result, TraceShape):
         parts.append(_hidden(result))
     parts += [_next(result), _warnings(result), _about(result)]
     body = "\n".join(part for part in parts if part)
@@ -99,7 +101,7 @@ def page(result: Result) -> str:
     )
 
 
-def residual_figure(result: Result) -> str:
+def residual_figure(result: ResultShape) -> str:
     """Draw the residual of every pose in units of noise, before and after; empty if not known."""
     panels = [
         (title, _blocks(rows))
@@ -148,7 +150,7 @@ def _list(items: Iterable[str]) -> str:
     return f"<ul>\n{inner}\n</ul>" if inner else ""
 
 
-def _data(result: Result) -> str:
+def _data(result: ResultShape) -> str:
     readings = result.readings
     return (
         f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. "
@@ -156,11 +158,11 @@ def _data(result: Result) -> str:
     )
 
 
-def _errors(result: Result) -> str:
+def _errors(result: ResultShape) -> str:
     heads, rows = comparison(result)
     note = (
         ""
-        if result.quality.check
+        if quality(result).check
         else (
             '<p class="faint">Closure is not accuracy: no known poses were given, so the error of '
             "the platform is not known.</p>"
@@ -169,7 +171,7 @@ def _errors(result: Result) -> str:
     return _section("Error before and after", _table(["", *heads], rows) if rows else "", note)
 
 
-def _residuals(result: Result) -> str:
+def _residuals(result: ResultShape) -> str:
     figure = residual_figure(result)
     if not figure:
         return ""
@@ -183,7 +185,7 @@ def _residuals(result: Result) -> str:
     )
 
 
-def _found(result: Trace) -> str:
+def _found(result: TraceShape) -> str:
     parts = []
     for step in result.steps:
         parts.append(f"<p><strong>{escape(subject(step))}</strong>: {escape(size_words(step))}.")
@@ -223,12 +225,12 @@ def _cost(step: Step, unit: str) -> str:
     return out.strip()
 
 
-def _excluded(result: Result) -> str:
+def _excluded(result: ResultShape) -> str:
     skipped = [f"line {s['line']}, {s['column']}: {s['reason']}" for s in result.readings.skipped]
     return _section("Readings left out", _list([*map(excluded_words, result.excluded), *skipped]))
 
 
-def _moved(result: Result) -> str:
+def _moved(result: ResultShape) -> str:
     if result.moved is None:
         return ""
     rows = [
@@ -249,7 +251,7 @@ def _moved(result: Result) -> str:
     return _section("Against the earlier calibration", table)
 
 
-def _parameters(result: Result) -> str:
+def _parameters(result: ResultShape) -> str:
     whole = result.with_excluded.parameters if result.with_excluded else ()
     before = {(p.spec, p.name): p for p in whole}
     heads = ["target", "parameter", "value", "± 95 %", "unit"]
@@ -268,7 +270,7 @@ def _parameters(result: Result) -> str:
     return _section("Parameters", table, _list(notes))
 
 
-def _hidden(result: Trace) -> str:
+def _hidden(result: TraceShape) -> str:
     rows = []
     for h in result.could_hide[:12]:
         rms = h.platform_rms
@@ -288,15 +290,15 @@ def _hidden(result: Trace) -> str:
     return _section("What could hide", f"<p>{note}</p>", _table(heads, rows, 2)) if rows else ""
 
 
-def _next(result: Result) -> str:
+def _next(result: ResultShape) -> str:
     return _section("What to do next", _list(advice(result)))
 
 
-def _warnings(result: Result) -> str:
+def _warnings(result: ResultShape) -> str:
     return _section("Warnings", _list(result.warnings))
 
 
-def _about(result: Result) -> str:
+def _about(result: ResultShape) -> str:
     starts = len(result.starts)
     items = [
         f"rsicalib {result.version}, method {result.method}",
@@ -305,14 +307,14 @@ def _about(result: Result) -> str:
     ]
     if result.noise is not None and result.noise.correlation is not None:
         items.append(f"correlation of neighbouring samples {number(result.noise.correlation, 2)}")
-    if isinstance(result, Trace):
+    if isinstance(result, TraceShape):
         items += [f"not tried, for lack of a {needs}: {names}" for needs, names in _lacking(result)]
     code = f"<code>{escape(result.readings.sha256)}</code>"
     digest = f'<p class="faint">SHA-256 of the readings {code}</p>'
     return _section("How", f'<div class="faint">{_list(items)}</div>', digest)
 
 
-def _lacking(result: Trace) -> list[tuple[str, str]]:
+def _lacking(result: TraceShape) -> list[tuple[str, str]]:
     """What is lacking, and the terms that need it."""
     by_need: dict[str, list[str]] = {}
     for term, needs in result.not_candidates.items():

@@ -1,12 +1,10 @@
-"""What people look at: the terminal's lines, and one HTML file."""
+"""The summary of a result for a terminal."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
 
-from rsicalib.report.page import page
-from rsicalib.results import Parameter, Result, Trace
 from rsicalib.report.words import (
     advice,
     comparison,
@@ -18,31 +16,16 @@ from rsicalib.report.words import (
     sentence,
     size_words,
 )
+from rsicalib.shapes import Parameter, ResultShape, TraceShape
 
-__all__ = ["html", "summary"]
+__all__ = ["summary"]
 
 LINES = 23
 """With a blank one and the path of a report they are 25."""
 WIDTH = 100
 
 
-def html(result: Result) -> str:
-    """Write the report as one HTML file that needs no network.
-
-    Parameters
-    ----------
-    result : Calibration or Trace
-        What was found.
-
-    Returns
-    -------
-    str
-        The document.
-    """
-    return page(result)
-
-
-def summary(result: Result) -> str:
+def summary(result: ResultShape) -> str:
     """Write what was found in a few lines for a terminal.
 
     Parameters
@@ -61,7 +44,7 @@ def summary(result: Result) -> str:
     head += [f"  {'noise':10}{noise_words(result)}"]
     head += _listed("warning", result.warnings, 1)
     middle = _errors(result)
-    if isinstance(result, Trace):
+    if isinstance(result, TraceShape):
         middle = [*_found(result), *_left_out(result), *middle, *_left(result)]
     else:
         middle = [*_left_out(result), *middle]
@@ -69,7 +52,7 @@ def summary(result: Result) -> str:
     if tail:
         tail = ["", *tail]
     room = LINES - len(head) - len(tail) - 1
-    if not isinstance(result, Trace):
+    if not isinstance(result, TraceShape):
         middle += ["", *_parameters(result.parameters, room - len(middle) - 1)]
     if len(middle) > room:
         middle = [*middle[: room - 1], f"  … {len(middle) - room + 1} more lines in the report"]
@@ -91,7 +74,7 @@ def _next(text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent="→ ", subsequent_indent="  ")
 
 
-def _errors(result: Result) -> list[str]:
+def _errors(result: ResultShape) -> list[str]:
     heads, rows = comparison(result)
     rows = [row for row in rows if row[0] != "p-value"]  # it stands in the first line
     # What has the least to say comes last, where lines are short.
@@ -105,7 +88,7 @@ def _errors(result: Result) -> list[str]:
     return lines + [f"  {name:{wide}}{old:>14}{new:>14}" for name, old, new in rows]
 
 
-def _found(result: Trace) -> list[str]:
+def _found(result: TraceShape) -> list[str]:
     lines = []
     for step in result.steps[:4]:
         line = f"  found     {name_of(step.term)} of {step.target}: {size_words(step)}"
@@ -122,12 +105,12 @@ def _found(result: Trace) -> list[str]:
     return lines if not lines or result.excluded else [*lines, ""]
 
 
-def _left_out(result: Result) -> list[str]:
+def _left_out(result: ResultShape) -> list[str]:
     lines = _listed("left out", [excluded_words(e) for e in result.excluded], 3)
     return [*lines, ""] if lines else []
 
 
-def _left(result: Trace) -> list[str]:
+def _left(result: TraceShape) -> list[str]:
     lines = []
     # Where something is, it stands whole among what to do next.
     if result.unexplained is not None and result.unexplained.target is None:

@@ -7,7 +7,16 @@ from collections import Counter
 from collections.abc import Sequence
 
 from rsicalib import _core
-from rsicalib.results import ALPHA, Calibration, Excluded, FitQuality, Name, Result, Step, Trace
+from rsicalib.shapes import (
+    CalibrationShape,
+    Excluded,
+    FitQuality,
+    Name,
+    ResultShape,
+    Step,
+    TraceShape,
+)
+from rsicalib.verdicts import ALPHA
 
 __all__ = [
     "advice",
@@ -17,6 +26,7 @@ __all__ = [
     "noise_words",
     "number",
     "plus_minus",
+    "quality",
     "sentence",
     "size_words",
     "subject",
@@ -75,7 +85,7 @@ def _and(items: Sequence[str]) -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
 
 
-def _at(result: Trace) -> str:
+def _at(result: TraceShape) -> str:
     """Where something is left: ` at a33`."""
     target = None if result.unexplained is None else result.unexplained.target
     return "" if target in (None, "all") else f" at {target}"
@@ -99,14 +109,23 @@ def p_is(p: float | None) -> str:
     return f"p {words}" if words.startswith("<") else f"p = {words}"
 
 
-def sentence(result: Result) -> str:
+def quality(result: ResultShape) -> FitQuality:
+    """How well the final model fits."""
+    if isinstance(result, TraceShape):
+        return result.after
+    if isinstance(result, CalibrationShape):
+        return result.fit
+    raise TypeError(f"found {type(result).__name__}, expected a calibration or a trace")
+
+
+def sentence(result: ResultShape) -> str:
     """The verdict."""
-    fit = result.quality
+    fit = quality(result)
     judged = _judged(fit)
     if result.verdict == "undetermined":
         why = next(iter(result.unobservable), result.termination)
         return f"Undetermined: these readings cannot determine what was asked ({why})."
-    if isinstance(result, Trace) and result.steps:
+    if isinstance(result, TraceShape) and result.steps:
         missing = _and([subject(step) for step in result.steps])
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
@@ -119,22 +138,22 @@ def sentence(result: Result) -> str:
             )
         where = f"something is left{_at(result)}"
         return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
-    if isinstance(result, Trace) and result.excluded and result.verdict == "explained":
+    if isinstance(result, TraceShape) and result.excluded and result.verdict == "explained":
         count = len(result.excluded)
         bad = "a bad reading" if count == 1 else f"{count} bad readings"
         return f"Explained: {bad} left out; what is left is noise ({judged})."
     if result.verdict == "unexplained":
-        if isinstance(result, Trace):
+        if isinstance(result, TraceShape):
             return f"Unexplained: no known effect explains what is left{_at(result)} ({judged})."
         return f"The residual is significant ({judged}): the model lacks something."
     if result.verdict == "adequate":
         return f"Adequate: what is left is the noise of the readings ({judged})."
-    if isinstance(result, Calibration) and result.method == "fixture":
+    if isinstance(result, CalibrationShape) and result.method == "fixture":
         return "Calibrated open loop, from known poses: a straight line for each channel."
     return "Calibrated, but lack of fit cannot be judged: only the fit itself gives the noise."
 
 
-def noise_words(result: Result) -> str:
+def noise_words(result: ResultShape) -> str:
     """How large the noise is, and where from."""
     if result.noise is None:
         return "not known"
@@ -151,21 +170,21 @@ def noise_words(result: Result) -> str:
     return f"{size} {unit}per sample{others} ({result.noise.source}{dof})"
 
 
-def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, str]]]:
+def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, str, str]]]:
     """The error before and after: two headings, and rows of name, before, after."""
-    if isinstance(result, Trace):
+    if isinstance(result, TraceShape):
         before, after, heads = result.before, result.after, ("before", "after")
     elif result.with_excluded is not None:
         before, after, heads = (
             result.with_excluded.fit,
-            result.quality,
+            quality(result),
             ("all readings", "left out"),
         )
     else:
         nothing = FitQuality(None, None, None, None)
         before, after, heads = (
             result.nominal or nothing,
-            result.quality,
+            quality(result),
             ("as declared", "calibrated"),
         )
     unit = result.length_unit
@@ -193,12 +212,14 @@ def comparison(result: Result) -> tuple[tuple[str, str], list[tuple[str, str, st
     return heads, [row for row in rows if row[1:] != ("–", "–")]
 
 
-def _touched(result: Result) -> list[tuple[str, str, str]]:
+def _touched(result: ResultShape) -> list[tuple[str, str, str]]:
     """How far carried points are from where they touch, in groups that were fitted, and others."""
     groups = result.groups
-    if groups is None or (isinstance(result, Calibration) and result.with_excluded is not None):
+    if groups is None or (
+        isinstance(result, CalibrationShape) and result.with_excluded is not None
+    ):
         return []
-    traced = isinstance(result, Trace)
+    traced = isinstance(result, TraceShape)
     old = (groups.before_fitted, groups.before_others) if traced else None
     old = old or (groups.nominal_fitted, groups.nominal_others)
     names = (f"at what it touches, {which} [{groups.unit}]" for which in ("fitted", "other groups"))
@@ -233,23 +254,23 @@ def excluded_words(entry: Excluded) -> str:
     return f"{where}: {entry.reason}"
 
 
-def advice(result: Result) -> list[str]:
+def advice(result: ResultShape) -> list[str]:
     """What to do, or to measure, next."""
     out = []
-    fit = result.quality
+    fit = quality(result)
     if result.verdict == "undetermined":
         out.append(
             "Record more poses, and more different ones, or declare what is known: "
             "--rest, fewer --terms, `sd` in the mechanism."
         )
-    if result.verdict == "unexplained" and isinstance(result, Calibration):
+    if result.verdict == "unexplained" and isinstance(result, CalibrationShape):
         out.append("Find what is missing: rsicalib trace, with the same files.")
     if fit.p_value is None and result.method != "fixture" and result.verdict != "undetermined":
         out.append(
             "To judge the fit, hold each pose for a few samples (the same number in column "
             "`pose`), or declare the noise with --noise."
         )
-    if isinstance(result, Trace):
+    if isinstance(result, TraceShape):
         out += [*_elsewhere(result), *_next_measurement(result)]
     if fit.check is None:
         out.append(
@@ -265,7 +286,7 @@ WORSE = 1.05
 """Groups that were not fitted must not close worse than this many times what they did."""
 
 
-def _elsewhere(result: Trace) -> list[str]:
+def _elsewhere(result: TraceShape) -> list[str]:
     groups = result.groups
     if groups is None or groups.others is None or groups.before_others is None:
         return []
@@ -278,7 +299,7 @@ def _elsewhere(result: Trace) -> list[str]:
     ]
 
 
-def _next_measurement(result: Trace) -> list[str]:
+def _next_measurement(result: TraceShape) -> list[str]:
     out = []
     for step in result.steps:
         if not step.also_fits:

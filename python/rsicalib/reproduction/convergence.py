@@ -18,11 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
-from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import Device, readings_of
 from rsicalib.errors import InputError
 from rsicalib.records import Record
-from rsicalib.simulation import Device, nominal
-from rsicalib.work.job import FloatArray
 
 __all__ = [
     "Edge",
@@ -37,10 +36,8 @@ __all__ = [
     "converges",
     "edge",
     "fixture_lines",
-    "nominal_device",
     "open_loop_noise",
     "placed",
-    "readings_of",
     "run",
     "start_success",
 ]
@@ -646,15 +643,6 @@ def placed(
     raise InputError("poses: found one that cannot be taken wherever it is placed")
 
 
-def readings_of(device: Device, poses: FloatArray) -> FloatArray:
-    """Exact readings of poses, by the closed forms (6)-(8) for the hand controller."""
-    if device.mechanism.name != "rsi":
-        return device.readings(poses)
-    exact = (_core.rsi_angles(np.ascontiguousarray(poses)) - device.offsets) / device.gains
-    found: FloatArray = np.where((exact >= 0) & (exact <= 4095), exact, np.nan)
-    return found
-
-
 def _exact(device: Device, poses: npt.ArrayLike) -> FloatArray:
     exact = readings_of(device, np.asarray(poses, dtype=np.float64))
     bad = np.flatnonzero(~np.isfinite(exact).all(axis=1))
@@ -673,8 +661,3 @@ def _anchor(device: Device) -> FloatArray:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def nominal_device(mechanism: Mechanism) -> Device:
-    """The device that is exactly as the mechanism declares it."""
-    return Device(mechanism, *nominal(mechanism))

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from rsicalib import _core
-from rsicalib.reproduction.convergence import NoiseCell, closed_loop_noise, fixture_lines
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import Device
 from rsicalib.records import Record
-from rsicalib.simulation import Device
-from rsicalib.work.job import FloatArray
+from rsicalib.reproduction.convergence import NoiseCell, closed_loop_noise, fixture_lines
 
 __all__ = ["Misprint", "Printed", "misprints"]
 

@@ -18,7 +18,11 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import Device, nominal_device
 from rsicalib.errors import InputError
+from rsicalib.measures import SCALINGS
+from rsicalib.records import Record
 from rsicalib.reproduction.convergence import (
     Estimate,
     NoiseCell,
@@ -27,17 +31,12 @@ from rsicalib.reproduction.convergence import (
     convergence_equal,
     convergence_independent,
     fixture_lines,
-    nominal_device,
     open_loop_noise,
     placed,
     run,
     start_success,
 )
 from rsicalib.reproduction.misprints import Misprint, Printed, misprints
-from rsicalib.measures import SCALINGS
-from rsicalib.records import Record
-from rsicalib.simulation import Device
-from rsicalib.work.job import FloatArray
 
 __all__ = ["Cell", "Paper", "Row", "Table", "paper", "printed_numbers"]
 
