@@ -9,7 +9,7 @@ from rsicalib import InputError, _core
 from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.planning import CRITERIA, Plan, bound, plan
 from rsicalib.records import plain
-from rsicalib.reproduction.paper import printed_numbers
+from rsicalib.reproduction.printed import printed_numbers
 from tests import oracle
 from tests.oracle import Array
 

@@ -20,17 +20,15 @@ from rsicalib.devices import Device, draw_poses, nominal_device
 from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.records import plain
 from rsicalib.reproduction.convergence import (
-    closed_loop_noise,
     convergence_equal,
     convergence_independent,
     edge,
-    fixture_lines,
-    open_loop_noise,
-    placed,
-    run,
     start_success,
 )
-from rsicalib.reproduction.paper import printed_numbers
+from rsicalib.reproduction.noise import closed_loop_noise, fixture_lines, open_loop_noise
+from rsicalib.reproduction.placing import placed
+from rsicalib.reproduction.printed import printed_numbers
+from rsicalib.reproduction.trials import run
 from rsicalib.simulation import simulate
 from tests import oracle
 
