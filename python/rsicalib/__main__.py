@@ -1,5 +1,5 @@
 """`python -m rsicalib` is the command `rsicalib`."""
 
-from rsicalib.cli.verbs import main
+from rsicalib.cli import main
 
 main()
