@@ -73,7 +73,7 @@ def load_readings(
     path : path
         CSV, or Parquet if it ends in `.parquet` or `.pq`.
     mechanism : str, path or Mechanism
-        Whose channels are the columns.
+        Mechanism whose channels are the columns.
     skip_bad_rows : bool, optional
         Drop rows that cannot be used and list them in `skipped`.
 
@@ -96,7 +96,7 @@ def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:
     Parameters
     ----------
     mechanism : str, path or Mechanism
-        Whose channels, chains and closures are the targets.
+        Mechanism whose channels, chains and closures are the targets.
 
     Returns
     -------

@@ -76,7 +76,7 @@ def calibrate(
     skip_bad_rows : bool, optional
         Drop rows that cannot be used and list them in the result.
     starts : int, optional
-        Starts to try at the most.
+        Upper limit of starts that are tried.
     max_iterations : int, optional
         Steps of the solver.
     xtol : float, optional

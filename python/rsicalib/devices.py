@@ -83,7 +83,7 @@ class Device:
         mechanism : Mechanism
             With nominal offsets and gains.
         rng : numpy.random.Generator
-            Where chance comes from.
+            Source of the random draws.
         gain : float
             Standard deviation of the gains, as a fraction.
         clamp : float
@@ -143,11 +143,11 @@ class Device:
         exact : ndarray, shape (n, C)
             From `readings`.
         rng : numpy.random.Generator
-            Where the noise comes from.
+            Source of the noise.
         noise : float
             Standard deviation of one sample, in readings, before it is rounded.
         samples : int
-            Of each pose.
+            Number of samples of each pose.
 
         Returns
         -------
@@ -220,11 +220,11 @@ def draw_poses(
     Parameters
     ----------
     device : Device
-        Whose reach, joint limits and ranges count.
+        Device whose reach, joint limits and ranges the poses must keep.
     count : int
-        How many.
+        Number of poses.
     rng : numpy.random.Generator
-        Where chance comes from.
+        Source of the random draws.
     within : six pairs, optional
         The box; for the hand controller ±3 in, z -5.7 to -0.3, ±30°.
     margin : float

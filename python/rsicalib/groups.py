@@ -37,7 +37,7 @@ def carried_points(
     readings : sequence of Readings
         `n` samples in all.
     mechanism : Mechanism
-        Of which the readings are.
+        Mechanism that the readings are from.
     applied : mapping
         A result as `as_applied` has it.
 
@@ -59,9 +59,9 @@ def spread(
     Parameters
     ----------
     readings : sequence of Readings
-        Of a mechanism whose chains touch unknown points.
+        Readings of a mechanism whose chains touch unknown points.
     mechanism : Mechanism
-        Of which the readings are.
+        Mechanism that the readings are from.
     applied : mapping
         A result as `as_applied` has it.
 
@@ -94,9 +94,9 @@ def measured(job: Work, result: AnyResult, session: _core.Session | None = None)
     Parameters
     ----------
     job : Work
-        Which readings there are, and which were used.
+        Call of the verb: all its readings, and those that were used.
     result : Result
-        Of a mechanism with or without unknown points.
+        Result for a mechanism with or without unknown points.
     session : Session, optional
         What was traced: its fit is measured too, for the figures before.
 

@@ -1,4 +1,4 @@
-"""What a mechanism can be told about, before a single reading is taken.
+"""Number of parameters that a mechanism can determine, counted before any reading is taken.
 
 The parameters of a model are counted three times:
 
@@ -115,7 +115,7 @@ def identifiable(
         A model; as the mechanism declares it where not given. `COMPLETE` stands for
         complete geometry.
     seed : int
-        Of the configurations. The counts do not depend on it.
+        Seed of the configurations. The counts do not depend on it.
 
     Returns
     -------

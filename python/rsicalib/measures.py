@@ -84,9 +84,9 @@ class Observability(Record):
         Cramér-Rao bound for one unit of noise per reading: rad, rad/reading; NaN where these
         poses cannot tell.
     unobservable : tuple of str
-        Directions in the space of parameters that the poses cannot tell, in words.
+        Directions in the space of parameters that the poses cannot determine, in words.
     weak : tuple of str
-        Directions that they hardly tell, for one unit of noise per reading.
+        Directions that the poses determine badly, for one unit of noise per reading.
     """
 
     samples: int
@@ -141,7 +141,7 @@ def observability(
     mechanism : str, path or Mechanism
         Distances, or touches of fixed points.
     calibration : path, Calibration or Trace, optional
-        Whose offsets and gains hold; those of the mechanism by default.
+        Result that gives the offsets and gains; the mechanism's own by default.
     scalings : sequence of {"none", "unit_columns", "wrist_position"}
         Scalings of the columns: singular values of rad beside rad/count mean nothing.
     closures : sequence of str, optional

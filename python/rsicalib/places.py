@@ -23,7 +23,7 @@ __all__ = ["POSE", "Places", "places", "readings_for"]
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 STEP = 1e-2
-"""Of a difference, in standard deviations: small enough to be linear, large enough for rounding."""
+"""Step of the differences, in standard deviations: small for linearity, large against rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Places:
     names : tuple of str
         `x y z rx ry rz` [length unit, rad]; or `ball.x ball.y ball.z` for a point `ball`.
     values : ndarray, shape (n, k)
-        Row by row.
+        Values, one row for each sample.
     sd : ndarray, shape (n, k), or None
         What the uncertainty of the calibration leaves open, noise of the reading not counted;
         None where nothing is known of it.
@@ -62,16 +62,16 @@ def places(
     readings : Readings
         `n` samples.
     mechanism : Mechanism
-        Of which the readings are.
+        Mechanism that the readings are from.
     result : Result or None
         A calibration; without it the mechanism as it is declared.
     sd : bool
-        Whether to ask how well.
+        Whether the standard deviations are computed as well.
 
     Returns
     -------
     Places
-        Of every sample.
+        Places of all samples.
     """
     posed = bool(mechanism.to_dict().get("platform"))
     if posed:

@@ -43,11 +43,11 @@ class Bound(Record):
     noise : float
         Standard deviation of one reading that it is for; it grows in proportion.
     offset_sd : ndarray, shape (C,)
-        Of the offsets, at reading zero [rad]; NaN where the poses cannot tell.
+        Bound of the offsets, at reading zero [rad]; NaN where the poses do not determine it.
     gain_sd : ndarray, shape (C,)
-        Of the gains [rad/reading].
+        Bound of the gains [rad/reading].
     joint_sd : ndarray, shape (C,)
-        Of the joint coordinates, root mean square over the poses [rad].
+        Bound of the joint coordinates, root mean square over the poses [rad].
     """
 
     noise: float
@@ -57,7 +57,7 @@ class Bound(Record):
 
     @property
     def offset_rms(self) -> float:
-        """Root mean square of `offset_sd` [rad]; infinite where one cannot be told."""
+        """Root mean square of `offset_sd` [rad]; infinite where one is not determined."""
         return _rms(self.offset_sd)
 
     @property
@@ -78,19 +78,19 @@ class Plan(Record):
     Attributes
     ----------
     mechanism, length_unit : str
-        Whose poses they are, and the unit of x, y, z.
+        Name of the mechanism, and the unit of x, y, z.
     criterion : str
-        What was made small.
+        Criterion that was minimised.
     seed : int
-        Of the candidates.
+        Seed of the candidates.
     poses : ndarray, shape (n, 6)
         `x y z` [length unit], `rx ry rz` [rad], in an order of short ways.
     readings : ndarray, shape (n, C)
         What the channels should read there, about.
     bound : Bound
-        With these poses, and those visited already.
+        Bound with these poses and those visited already.
     before : Bound or None
-        With those visited already alone.
+        Bound with only the poses visited already.
     """
 
     mechanism: str
@@ -115,7 +115,7 @@ class Plan(Record):
         Parameters
         ----------
         path : path
-            Where to.
+            Path of the file.
         """
         write_text(path, self.csv())
 
@@ -157,12 +157,12 @@ def bound(
     noise : float
         Standard deviation of one reading, quantisation included; of an average of n, 1/√n of it.
     calibration : path, Calibration or Trace, optional
-        Whose offsets and gains hold; those of the mechanism by default.
+        Result that gives the offsets and gains; the mechanism's own by default.
 
     Returns
     -------
     Bound
-        Whatever the estimator.
+        Bound for any unbiased estimator.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def plan(
     mechanism : str, path or Mechanism
         With a platform.
     poses : int
-        How many to visit.
+        Number of poses to visit.
     beside : path, Readings or array_like of shape (n, C), optional
         Readings of poses that are visited already: the plan complements them.
     within : six pairs, optional
@@ -221,9 +221,9 @@ def plan(
     criterion : {"offsets", "joints", "volume"}
         What is made small: see `CRITERIA`.
     calibration : path, Calibration or Trace, optional
-        Whose offsets and gains hold; those of the mechanism by default.
+        Result that gives the offsets and gains; the mechanism's own by default.
     candidates, starts : int
-        How thorough the search is.
+        Number of candidate poses, and of searches from different starts.
     seed : int
         Same seed, same plan.
 

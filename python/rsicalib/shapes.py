@@ -166,7 +166,7 @@ class Moved(Record):
     before: float
     after: float
     sd: float
-    """Of the difference."""
+    """Standard deviation of the difference."""
     unit: str
 
 
@@ -287,7 +287,7 @@ class ResultShape(Record):
     verdict: str | None
     parameters: tuple[Parameter, ...]
     covariance: FloatArray
-    """Of the parameters, in their order and units."""
+    """Covariance of the parameters, in their order and units."""
     unobservable: tuple[str, ...] = ()
     weak: tuple[str, ...] = field(default=(), metadata=OMIT)
     condition: float | None = None

@@ -110,7 +110,7 @@ def simulate(
     poses, check : int
         Held poses, and other poses to check against.
     samples : int
-        Of each pose.
+        Number of samples of each pose.
     noise : float
         Standard deviation of one sample, in readings, before it is rounded.
     within : six pairs, optional

@@ -140,7 +140,7 @@ def _role(name: str, mechanism: MechanismLike) -> str:
 
 
 def _header_hint(name: str, names: list[str]) -> str:
-    """What the header may have meant, as far as it can be guessed."""
+    """Advice on what may be wrong with the header."""
     for other in names:
         if other.lower() == name.lower():
             return f"There is '{other}'; names must agree in case."

@@ -171,12 +171,12 @@ class Readings(Samples):
     def to_csv(self, path_or_file: str | os.PathLike[str] | TextIO) -> None:
         """Write the readings as a file that `load_readings` reads back unchanged.
 
-        A path is written beside and moved into place: nobody ever sees half a file.
+        The file takes its place when everything is written.
 
         Parameters
         ----------
         path_or_file : path or text file
-            Where to; a file is left open.
+            Path of the file, or an open file, which is left open.
         """
         if not isinstance(path_or_file, str | os.PathLike):
             return self._write(path_or_file)

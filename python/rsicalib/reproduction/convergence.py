@@ -19,7 +19,7 @@ from rsicalib.errors import InputError
 from rsicalib.records import Record
 from rsicalib.reproduction.edges import edge, intervals
 from rsicalib.reproduction.placing import exact_readings
-from rsicalib.reproduction.trials import Estimate, Progress, run
+from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, run
 
 __all__ = [
     "Region",
@@ -29,9 +29,6 @@ __all__ = [
     "converges",
     "start_success",
 ]
-
-ITERATIONS = 200
-"""Linearisations before a trial counts as failed."""
 
 CLOSE = 1e-3
 """A gain this near to the truth, as a fraction of it, is the right solution and no other."""
@@ -50,7 +47,7 @@ def converges(
     Parameters
     ----------
     device : Device
-        The truth.
+        Device with the true parameters.
     exact : ndarray, shape (n, C)
         Readings without noise.
     factors : float or ndarray, shape (C,)
@@ -59,7 +56,7 @@ def converges(
         Readings at which the joint coordinates are known, so that offsets start at
         `θ - k a`; without it the true offsets are kept, as in the paper.
     closures : sequence of str, optional
-        Only these.
+        Closures that are used; all by default.
 
     Returns
     -------
@@ -109,17 +106,17 @@ def convergence_equal(
     Parameters
     ----------
     device : Device
-        The truth.
+        Device with the true parameters.
     poses : array_like, shape (n, 6)
-        Visited without noise.
+        Poses that are visited without noise.
     anchored : bool
         Start with offsets that hold at the rest pose, instead of the true offsets.
     low, high : float
-        Factors as far as which is looked.
+        Lowest and highest factor that is tried.
     step : float
-        Between the factors that are tried.
+        Distance between the factors that are tried.
     closures : sequence of str, optional
-        Only these.
+        Closures that are used; all by default.
 
     Returns
     -------
@@ -162,15 +159,15 @@ def convergence_independent(
     Parameters
     ----------
     device : Device
-        The truth.
+        Device with the true parameters.
     poses : array_like, shape (n, 6)
-        Visited without noise.
+        Poses that are visited without noise.
     anchored : bool
         Start with offsets that hold at the rest pose, instead of the true offsets.
     trials, seed : int
-        Directions.
+        Number of directions, and the seed they are drawn with.
     largest : float
-        As far as to walk: 1 is a gain of zero, or twice the truth.
+        Largest error that is tried: 1 is a gain of zero, or twice the truth.
     progress, workers
         As in `run`.
 
@@ -208,7 +205,7 @@ class Starts(Record):
     error : float
         Gains are wrong by up to this fraction, each by its own.
     rate : Estimate
-        Of success.
+        Fraction of starts that succeed.
     """
 
     error: float
@@ -232,9 +229,9 @@ def start_success(
     Parameters
     ----------
     device : Device
-        The truth.
+        Device with the true parameters.
     poses : array_like, shape (n, 6)
-        Visited without noise.
+        Poses that are visited without noise.
     errors : sequence of float
         Half-widths of the uniform distribution, as fractions.
     anchored, trials, seed, closures, progress, workers

@@ -16,9 +16,9 @@ class Cell(Record):
     Attributes
     ----------
     computed : float or None
-        By us; None where the paper gives nothing to compute it from.
+        Our figure; None where the paper gives nothing to compute it from.
     printed : float or None
-        In the paper, misprints corrected; None where it has no such figure.
+        Figure of the paper, misprints corrected; None where it has no such figure.
     sd : float or None
         Standard error of `computed`, where it is a mean over trials.
     """
@@ -117,9 +117,9 @@ class Paper(Record):
     Attributes
     ----------
     format, version : str
-        Of the JSON, and of rsicalib.
+        Format of the JSON, and version of rsicalib.
     trials, seed : int
-        Of the simulations.
+        Number of trials of the simulations, and their seed.
     tables : tuple of Table
         In the paper's order, then convergence, calibrations and the bound.
     misprints : tuple of Misprint

@@ -34,18 +34,18 @@ def edge(
     Parameters
     ----------
     succeeds : callable
-        Of a factor.
+        Function of a factor: whether the start with it succeeds.
     limit : float
-        As far as to walk.
+        Factor at which the walk ends.
     step : float
-        Of the walk; a gap or an island that is narrower may be missed.
+        Step of the walk; a gap or an island that is narrower may be missed.
     width : float
-        At which the bisection ends.
+        Width at which the bisection ends.
 
     Returns
     -------
     Edge
-        `outside` is None where every start as far as the limit succeeds.
+        `outside` is None where every start up to the limit succeeds.
     """
     inside = 1.0
     grid = np.linspace(1.0, limit, int(np.ceil(abs(limit - 1.0) / step)) + 1)[1:]

@@ -28,7 +28,7 @@ def misprints(
     averages : mapping of str to float
         Computed cells of Table IX by name, as `rsicalib.paper` has them.
     trials, seed : int
-        Of what has to be simulated besides.
+        Number of trials, and the seed, of the simulations for Table IX.
 
     Returns
     -------

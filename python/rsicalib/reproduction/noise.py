@@ -13,12 +13,9 @@ from rsicalib.arrays import FloatArray
 from rsicalib.devices import Device
 from rsicalib.records import Record
 from rsicalib.reproduction.placing import exact_readings, placed
-from rsicalib.reproduction.trials import Estimate, Progress, rms, run
+from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, rms, run
 
 __all__ = ["NoiseCell", "closed_loop_noise", "fixture_lines", "open_loop_noise"]
-
-ITERATIONS = 200
-"""Linearisations before a trial counts as failed."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +72,11 @@ def closed_loop_noise(
     device : Device
         The truth, from which the search also starts.
     poses : array_like, shape (n, 6)
-        Aimed at.
+        Poses that the hand aims at.
     noise : float
         Standard deviation of one sample, in readings, before it is rounded; 0 for truncation.
     average : int
-        Samples of each pose.
+        Number of samples of each pose.
     placement : (float, float)
         Standard deviation of where the hand puts the handle: length unit, rad.
     round_average : bool
@@ -92,7 +89,7 @@ def closed_loop_noise(
     Returns
     -------
     NoiseCell
-        With standard errors.
+        Means with their standard errors.
     """
     aim = np.asarray(poses, dtype=np.float64)
 
@@ -131,7 +128,7 @@ def open_loop_noise(
     device : Device
         The truth.
     poses : array_like, shape (n, 6)
-        Of the fixture.
+        Poses of the fixture.
     noise, average, trials, seed, progress, workers
         As in `closed_loop_noise`.
     angle_noise : float
@@ -142,7 +139,7 @@ def open_loop_noise(
     Returns
     -------
     NoiseCell
-        With standard errors.
+        Means with their standard errors.
     """
     exact = exact_readings(device, poses)
     angles = device.offsets + device.gains * exact

@@ -2,7 +2,7 @@
 
 J. M. Hollerbach and D. M. Lokhorst, "Closed-Loop Kinematic Calibration of the RSI 6-DOF Hand
 Controller". The printed numbers come with the package (`reproduction/tables.toml`). No raw readings
-were published: what rests on them is simulated on a device with parameter set I.
+were published: what needs them is simulated on a device with parameter set I.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def paper(
     Parameters
     ----------
     trials : int
-        In every simulated cell; standard errors shrink with its root.
+        Number of trials in every simulated cell; standard errors shrink with its root.
     seed : int
         Same seed, same figures, on any number of cores.
     progress : callable, optional

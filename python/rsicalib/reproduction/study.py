@@ -1,4 +1,4 @@
-"""One run of the reproduction: its numbers, its device, its seed, and who is told of progress."""
+"""One run of the reproduction: the numbers, the device and the options that its tables share."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Study:
     printed : Printed
         Numbers of the paper.
     trials, seed : int
-        Of every simulated cell.
+        Number of trials of every simulated cell, and their seed.
     say : callable
         Called with what is being computed, trials done, and trials in all.
     workers : int or None

@@ -19,7 +19,7 @@ from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.records import Record
 
-__all__ = ["Estimate", "Progress", "rms", "run"]
+__all__ = ["ITERATIONS", "Estimate", "Progress", "rms", "run"]
 
 Progress = Callable[[int, int], None]
 """Called with the trials that are done, and all of them."""
@@ -28,6 +28,9 @@ T = TypeVar("T")
 
 CHUNK = 50
 """Trials that one job takes; part of what a seed means."""
+
+ITERATIONS = 200
+"""Linearisations before a trial counts as failed."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,9 @@ class Estimate(Record):
     value : float
         The mean.
     sd : float or None
-        Its standard error.
+        Standard error of the mean.
     trials : int
-        That it rests on.
+        Number of trials.
     """
 
     value: float
@@ -81,7 +84,7 @@ def run(
     workers : int, optional
         Threads; as many as there are cores by default.
     chunk : int
-        Trials in one job.
+        Number of trials in one job.
 
     Returns
     -------
