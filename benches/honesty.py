@@ -49,6 +49,7 @@ import numpy as np
 from scipy import stats
 
 from rsicalib import _core
+from rsicalib.cores import available_cores
 from tests import oracle
 from tests.blind import effects, power, simulator
 from tests.blind.effects import Effect
@@ -57,7 +58,7 @@ from tests.blind.simulator import CHANNELS, Device, Session
 from tests.oracle import Array
 
 DATA = ROOT.parent / "shared" / "data" / "rsi"
-TABLES = ROOT / "python" / "rsicalib" / "data_paper" / "tables.toml"
+TABLES = ROOT / "python" / "rsicalib" / "reproduction" / "tables.toml"
 TREMOR = (0.01, 0.01)
 RSI = _core.Mechanism.rsi()
 NOMINAL = oracle.nominal(oracle.rsi())
@@ -563,7 +564,7 @@ def main() -> None:
     size = parser.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="a tenth of the sessions")
     size.add_argument("--full", action="store_true", help="10,000 starts and more of the costly")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--jobs", type=int, default=available_cores())
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", choices=["held", "recordings", "starts", "bad", "cost"])
     parser.add_argument("--recording", type=int, help=argparse.SUPPRESS)

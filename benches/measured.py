@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import rsicalib
-from rsicalib.files import write_text
+from rsicalib.io.files import write_text
 
 HERE = Path(__file__).parents[1]
 MM = 1e3
@@ -64,9 +64,9 @@ class Workshop:
             shutil.copy(file, folder)
         for name in ("panda", "gen3lite"):
             text = (HERE / "examples" / f"mukca_{name}.toml").read_text()
-            (folder / f"{name}.toml").write_text(text)
+            write_text(folder / f"{name}.toml", text)
             turned = text.replace("gravity = [0, 0, -1]", "gravity = [0, 1, 0]")
-            (folder / f"{name}_y.toml").write_text(turned)
+            write_text(folder / f"{name}_y.toml", turned)
 
     def mechanism(self, robot: str, turned: bool = False) -> Path:
         """The file of a robot's kind; `turned`: with gravity along y."""

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import rsicalib
+from rsicalib.io.files import write_text
 from tests.blind import power, simulator
 from tests.blind.effects.sensor import Curvature
 from tests.blind.scene import held
@@ -72,7 +73,7 @@ def main() -> None:
     for name, session in files.items():
         readings(session).to_csv(FOLDER / f"{name}.csv")
     text = README.format(poses=POSES, samples=SAMPLES, sigma=SIGMA, truth=truth, seed=SEED)
-    (FOLDER / "README.md").write_text(text, encoding="utf-8")
+    write_text(FOLDER / "README.md", text)
 
 
 if __name__ == "__main__":

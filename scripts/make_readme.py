@@ -11,7 +11,8 @@ import re
 from pathlib import Path
 
 import rsicalib
-from rsicalib.page import residual_figure
+from rsicalib.io.files import write_text
+from rsicalib.report.page import residual_figure
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -53,5 +54,5 @@ def text(readme: str) -> str:
 
 
 if __name__ == "__main__":
-    README.write_text(text(README.read_text(encoding="utf-8")), encoding="utf-8")
-    PICTURE.write_text(picture(), encoding="utf-8")
+    write_text(README, text(README.read_text(encoding="utf-8")))
+    write_text(PICTURE, picture())

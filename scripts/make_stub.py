@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import rsicalib._core as core
+from rsicalib.io.files import write_text
 
 STUB = Path(__file__).parents[1] / "python" / "rsicalib" / "_core.pyi"
 
@@ -215,4 +216,4 @@ def formatted(text: str) -> str:
 
 
 if __name__ == "__main__":
-    STUB.write_text(formatted(stub()), encoding="utf-8")
+    write_text(STUB, formatted(stub()))

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import rsicalib
+from rsicalib.io.files import write_text
 
 PAGE = Path(__file__).parents[1] / "docs" / "terms.md"
 
@@ -42,4 +43,4 @@ def text() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(text(), encoding="utf-8")
+    write_text(PAGE, text())

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rsicalib
-from rsicalib.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
 from tests import oracle, simulated
 
 Array = NDArray[Any]
@@ -118,7 +118,7 @@ def reached(arm: dict[str, Any], angles: Array, places: Array) -> Array:
     return angles
 
 
-def excluded(seed: int, damage: Damage) -> list[rsicalib.results.Excluded]:
+def excluded(seed: int, damage: Damage) -> list[rsicalib.shapes.Excluded]:
     mechanism, readings = session(seed, damage)
     found = rsicalib.calibrate(readings, mechanism)
     return list(found.excluded)

@@ -17,8 +17,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rsicalib.data import Readings, Skipped, load_readings, suspicions
 from rsicalib.errors import InputError, RsicalibError
+from rsicalib.io.readings import Readings, load_readings
+from rsicalib.io.samples import Skipped
+from rsicalib.io.suspicions import suspicions
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import rsicalib
 from rsicalib import Calibration
-from rsicalib.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
 from tests import oracle, simulated
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -15,7 +15,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Calibration, export
-from rsicalib.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
 from tests import oracle
 
 READINGS, REST = DEMO / "readings.csv", DEMO / "rest.csv"

@@ -11,8 +11,8 @@ import pytest
 import rsicalib
 from rsicalib import InputError
 from rsicalib.groups import spread
-from rsicalib.words import advice
-from rsicalib.work import as_applied
+from rsicalib.report.words import advice
+from rsicalib.work.applying import as_applied
 from tests.test_examples import sockets
 
 

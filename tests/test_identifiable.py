@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import rsicalib
-from rsicalib.identifiable import COMPLETE, identifiable
-from rsicalib.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.identifiability import COMPLETE, identifiable
+from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

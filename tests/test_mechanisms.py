@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 import rsicalib
 from rsicalib.errors import InputError
-from rsicalib.mechanisms import load_mechanism_text, mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import load_mechanism_text, mechanism_toml, read_mechanism
 from tests import oracle
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -7,8 +7,8 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError, _core
-from rsicalib.observability import observability
-from rsicalib.paper import printed_numbers
+from rsicalib.measures import observability
+from rsicalib.reproduction.printed import printed_numbers
 from tests import oracle
 from tests.oracle import Array
 

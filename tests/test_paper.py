@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsicalib.paper import Paper, paper, printed_numbers
+from rsicalib.reproduction.document import Paper
+from rsicalib.reproduction.paper import paper
+from rsicalib.reproduction.printed import printed_numbers
 from tests import oracle
 
 TRIALS = 120

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rsicalib import InputError, _core
-from rsicalib.mechanisms import mechanism_toml
-from rsicalib.paper import printed_numbers
-from rsicalib.plan import CRITERIA, Plan, bound, plan
+from rsicalib.io.mechanisms import mechanism_toml
+from rsicalib.planning import CRITERIA, Plan, bound, plan
 from rsicalib.records import plain
+from rsicalib.reproduction.printed import printed_numbers
 from tests import oracle
 from tests.oracle import Array
 

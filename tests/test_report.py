@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import DEMO, Trace, svg
-from rsicalib.page import residual_figure
+from rsicalib import DEMO, Trace
 from rsicalib.records import plain, to_json
-from rsicalib.results import Excluded, Noise, Result, Unexplained
-from rsicalib.words import noise_words, number, plus_minus, sentence
+from rsicalib.report import svg
+from rsicalib.report.page import residual_figure
+from rsicalib.report.words import noise_words, number, plus_minus, sentence
+from rsicalib.results import Result
+from rsicalib.shapes import Excluded, Noise, Unexplained
 
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
 

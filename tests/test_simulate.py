@@ -16,22 +16,20 @@ from scipy.optimize import least_squares
 import rsicalib
 from benches.speed import Rival
 from rsicalib import InputError, _core
-from rsicalib.experiments import (
-    closed_loop_noise,
+from rsicalib.devices import Device, draw_poses, nominal_device
+from rsicalib.io.mechanisms import mechanism_toml
+from rsicalib.records import plain
+from rsicalib.reproduction.convergence import (
     convergence_equal,
     convergence_independent,
     edge,
-    fixture_lines,
-    nominal_device,
-    open_loop_noise,
-    placed,
-    run,
     start_success,
 )
-from rsicalib.mechanisms import mechanism_toml
-from rsicalib.paper import printed_numbers
-from rsicalib.records import plain
-from rsicalib.simulate import Device, draw_poses, simulate
+from rsicalib.reproduction.noise import closed_loop_noise, fixture_lines, open_loop_noise
+from rsicalib.reproduction.placing import placed
+from rsicalib.reproduction.printed import printed_numbers
+from rsicalib.reproduction.trials import run
+from rsicalib.simulation import simulate
 from tests import oracle
 
 RSI = _core.Mechanism.rsi()

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from benches.speed import Rival, session
 from rsicalib import InputError, _core
-from rsicalib.mechanisms import mechanism_toml
+from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.records import plain
 from tests import oracle
 from tests.oracle import Array

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rsicalib.errors import InputError
-from rsicalib.urdf import chain_from_urdf, masses_from_toml, write_urdf
+from rsicalib.io.urdf import chain_from_urdf, masses_from_toml, write_urdf
 
 MUKCA = Path(__file__).parents[2] / "shared" / "data" / "mukca"
 needs_mukca = pytest.mark.skipif(

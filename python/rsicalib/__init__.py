@@ -24,15 +24,16 @@ from rsicalib.api import (
     terms,
     trace,
 )
-from rsicalib.data import Readings
 from rsicalib.errors import InputError, RsicalibError, UndeterminedError
 from rsicalib.export import export_toml, export_urdf
-from rsicalib.identifiable import identifiable
-from rsicalib.observability import observability
-from rsicalib.paper import paper
-from rsicalib.plan import plan
-from rsicalib.results import Calibration, Parameter, Step, Trace, load_calibration
-from rsicalib.simulate import simulate
+from rsicalib.identifiability import identifiable
+from rsicalib.io.readings import Readings
+from rsicalib.measures import observability
+from rsicalib.planning import plan
+from rsicalib.reproduction.paper import paper
+from rsicalib.results import Calibration, Trace, load_calibration
+from rsicalib.shapes import Parameter, Step
+from rsicalib.simulation import simulate
 
 __all__ = [
     "DEMO",

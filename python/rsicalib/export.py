@@ -24,11 +24,17 @@ import numpy as np
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.mechanisms import BUILTIN, mechanism_toml
+from rsicalib.io.mechanisms import BUILTIN, mechanism_toml
+from rsicalib.io.rigid import Matrix, rigid, rotation, xyz_rpy
+from rsicalib.io.urdf import write_urdf
 from rsicalib.results import Result
-from rsicalib.rigid import Matrix, rigid, rotation, xyz_rpy
-from rsicalib.urdf import write_urdf
-from rsicalib.work import CalibrationArg, MechanismArg, PathLike, earlier_result, open_mechanism
+from rsicalib.work.arguments import (
+    CalibrationArg,
+    MechanismArg,
+    PathLike,
+    earlier_result,
+    open_mechanism,
+)
 
 __all__ = ["Calibrated", "calibrated", "calibrated_files", "export_toml", "export_urdf"]
 

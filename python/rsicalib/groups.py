@@ -15,9 +15,12 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
-from rsicalib.results import Calibration, Groups, Result
-from rsicalib.work import FloatArray, Work, as_applied, as_table
+from rsicalib.arrays import FloatArray
+from rsicalib.io.readings import Readings
+from rsicalib.results import Calibration, Result
+from rsicalib.shapes import Groups
+from rsicalib.work.applying import as_applied, as_table
+from rsicalib.work.job import Work
 
 __all__ = ["carried_points", "measured", "spread"]
 
@@ -34,7 +37,7 @@ def carried_points(
     readings : sequence of Readings
         `n` samples in all.
     mechanism : Mechanism
-        Of which the readings are.
+        Mechanism that the readings are from.
     applied : mapping
         A result as `as_applied` has it.
 
@@ -56,9 +59,9 @@ def spread(
     Parameters
     ----------
     readings : sequence of Readings
-        Of a mechanism whose chains touch unknown points.
+        Readings of a mechanism whose chains touch unknown points.
     mechanism : Mechanism
-        Of which the readings are.
+        Mechanism that the readings are from.
     applied : mapping
         A result as `as_applied` has it.
 
@@ -91,9 +94,9 @@ def measured(job: Work, result: AnyResult, session: _core.Session | None = None)
     Parameters
     ----------
     job : Work
-        Which readings there are, and which were used.
+        Call of the verb: all its readings, and those that were used.
     result : Result
-        Of a mechanism with or without unknown points.
+        Result for a mechanism with or without unknown points.
     session : Session, optional
         What was traced: its fit is measured too, for the figures before.
 

@@ -12,16 +12,18 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.data import Readings
+from rsicalib.arrays import FloatArray
+from rsicalib.io.readings import Readings
 from rsicalib.results import Result
-from rsicalib.work import Bare, FloatArray, ReadingsArg, as_applied, as_table, load
+from rsicalib.work.applying import as_applied, as_table
+from rsicalib.work.arguments import Bare, ReadingsArg, load
 
 __all__ = ["POSE", "Places", "places", "readings_for"]
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 STEP = 1e-2
-"""Of a difference, in standard deviations: small enough to be linear, large enough for rounding."""
+"""Step of the differences, in standard deviations: small for linearity, large against rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +35,7 @@ class Places:
     names : tuple of str
         `x y z rx ry rz` [length unit, rad]; or `ball.x ball.y ball.z` for a point `ball`.
     values : ndarray, shape (n, k)
-        Row by row.
+        Values, one row for each sample.
     sd : ndarray, shape (n, k), or None
         What the uncertainty of the calibration leaves open, noise of the reading not counted;
         None where nothing is known of it.
@@ -60,16 +62,16 @@ def places(
     readings : Readings
         `n` samples.
     mechanism : Mechanism
-        Of which the readings are.
+        Mechanism that the readings are from.
     result : Result or None
         A calibration; without it the mechanism as it is declared.
     sd : bool
-        Whether to ask how well.
+        Whether the standard deviations are computed as well.
 
     Returns
     -------
     Places
-        Of every sample.
+        Places of all samples.
     """
     posed = bool(mechanism.to_dict().get("platform"))
     if posed:

@@ -12,12 +12,14 @@ from typing import Any, Self, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-__all__ = ["IF_KNOWN", "OMIT", "Record", "plain", "to_json"]
+__all__ = ["IF_KNOWN", "NOT_WRITTEN", "OMIT", "Record", "plain", "to_json"]
 
 OMIT: dict[str, Any] = {"omit": (None, [], {})}
 """Metadata of a field that does not stand in the JSON where it is None or empty."""
 IF_KNOWN: dict[str, Any] = {"omit": (None,)}
 """Metadata of a field that does not stand in the JSON where it is None."""
+NOT_WRITTEN: dict[str, Any] = {"written": False}
+"""Metadata of a field that never stands in the JSON."""
 
 
 class Record:
@@ -60,6 +62,8 @@ class Record:
         """
         out = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            if not field.metadata.get("written", True):
+                continue
             value = plain(getattr(self, field.name))
             if value not in field.metadata.get("omit", ()):
                 out[field.metadata.get("key", field.name)] = value

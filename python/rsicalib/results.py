@@ -1,329 +1,31 @@
-"""Results: values with names, in the shape of the JSON that the commands print."""
+"""Results of the verbs: their data, with what one does with them."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-import numpy.typing as npt
 
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.files import write_text
-from rsicalib.records import IF_KNOWN, OMIT, Record, to_json
+from rsicalib.io.files import write_text
+from rsicalib.records import to_json
+from rsicalib.report import html, summary
+from rsicalib.report.words import quality
+from rsicalib.shapes import CalibrationShape, FitQuality, Groups, Parameter, ResultShape, TraceShape
+from rsicalib.verdicts import exit_code
 
-__all__ = [
-    "ALPHA",
-    "Calibration",
-    "Check",
-    "Data",
-    "Excluded",
-    "FitQuality",
-    "Groups",
-    "HeldOut",
-    "Hidden",
-    "Moved",
-    "Name",
-    "Noise",
-    "Parameter",
-    "Reference",
-    "Rms",
-    "Start",
-    "Step",
-    "Trace",
-    "Unexplained",
-    "WithExcluded",
-    "load_calibration",
-]
-
-FloatArray = npt.NDArray[np.float64]
-
-ALPHA = 0.01
-"""A residual that chance would exceed less often than this is significant."""
+__all__ = ["Calibration", "Result", "Trace", "load_calibration"]
 
 
-@dataclass(frozen=True)
-class Data(Record):
-    """The readings that a result is about."""
-
-    poses: int
-    samples: int
-    sha256: str
-    files: tuple[str, ...] = field(default=(), metadata=OMIT)
-    skipped: tuple[Mapping[str, Any], ...] = field(default=(), metadata=OMIT)
-    """Rows that were dropped because the caller asked for it: line, column, reason."""
-
-
-@dataclass(frozen=True)
-class Noise(Record):
-    """Noise of one sample, by channel, and where it is known from."""
-
-    source: str
-    sigma: Mapping[str, float]
-    """In each channel's unit, quantisation included."""
-    dof: float | None
-    correlation: float | None
-    """Between neighbouring samples."""
-
-
-@dataclass(frozen=True)
-class Check(Record):
-    """Error on known poses: root mean square over components."""
-
-    poses: int
-    position_rms: float
-    """[length unit]"""
-    orientation_rms: float
-    """[rad]"""
-
-
-@dataclass(frozen=True)
-class HeldOut(Record):
-    """Error on poses that were left out, the terms refitted without them."""
-
-    chi2_per_dof: float | None
-    rms_misclosure: float | None = None
-    """[length unit]"""
-
-
-@dataclass(frozen=True)
-class FitQuality(Record):
-    """How well a model fits."""
-
-    chi2: float | None
-    dof: float | None
-    p_value: float | None
-    """None where lack of fit cannot be judged."""
-    rms_misclosure: float | None
-    """[length unit]"""
-    held_out: HeldOut | None = None
-    check: Check | None = field(default=None, metadata=OMIT)
-    aligned: Check | None = field(default=None, metadata=OMIT)
-    """As `check`, after the best rigid motion of the instrument."""
-
-
-@dataclass(frozen=True)
-class Parameter(Record):
-    """An estimate: `value` ± 1.96 `sd` covers the truth 95 times in 100."""
-
-    term: str
-    target: str
-    name: str
-    value: float | None
-    sd: float | None
-    """None where these poses cannot determine it."""
-    unit: str
-    place: str | None = field(default=None, metadata=OMIT)
-    """Where a searched term acts: a pose, or another channel."""
-    note: str | None = field(default=None, metadata=OMIT)
-    """What keeps it from being what its term is called."""
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """Bounds of 95 %, in `unit`."""
-        if self.value is None or self.sd is None:
-            return None
-        return self.value - 1.96 * self.sd, self.value + 1.96 * self.sd
-
-    @property
-    def spec(self) -> str:
-        """The term at its place, as `terms=[…]` takes it: `curvature@a22`."""
-        return f"{self.term}@{self.target}" + (f":{self.place}" if self.place else "")
-
-
-@dataclass(frozen=True)
-class Start(Record):
-    """A start that was tried."""
-
-    origin: str = field(metadata={"key": "from"})
-    cost: float | None
-    collapsed: bool | None = None
-    """True where a gain went to zero: the trivial solution."""
-
-
-@dataclass(frozen=True)
-class Excluded(Record):
-    """A reading that was found to be bad; None: all of them."""
-
-    pose: int | None
-    sample: int | None
-    group: str | None
-    chain: str | None
-    channel: str | None
-    reason: str
-    samples: int | None = None
-    """How many that are."""
-
-
-@dataclass(frozen=True)
-class WithExcluded(Record):
-    """The calibration of all readings, where some were left out."""
-
-    fit: FitQuality
-    parameters: tuple[Parameter, ...]
-
-
-@dataclass(frozen=True)
-class Reference(Record):
-    """What the parameters refer to: the readings that they were found with."""
-
-    centre: tuple[float, ...]
-    span: tuple[tuple[float, ...], ...]
-    temperature: float | None = None
-
-
-@dataclass(frozen=True)
-class Moved(Record):
-    """A parameter that is not what an earlier result says, beyond both uncertainties."""
-
-    term: str
-    target: str
-    name: str
-    before: float
-    after: float
-    sd: float
-    """Of the difference."""
-    unit: str
-
-
-@dataclass(frozen=True)
-class Groups(Record):
-    """Mean distance of carried points from their own mean at what they touch, by placement.
-
-    `docs/measured.md` says how it is formed. None where there are no such groups.
-    """
-
-    fitted: float | None
-    """Mean over the groups that were fitted [unit]."""
-    others: float | None
-    """Mean over the groups that the fit has not seen [unit]."""
-    by_group: Mapping[str, float]
-    unit: str
-    nominal_fitted: float | None = None
-    """`fitted` with the mechanism as it is declared."""
-    nominal_others: float | None = None
-    before_fitted: float | None = field(default=None, metadata=OMIT)
-    """`fitted` before effects were traced."""
-    before_others: float | None = field(default=None, metadata=OMIT)
-
-
-@dataclass(frozen=True)
-class Name(Record):
-    """A term at its target."""
-
-    term: str
-    klass: str = field(metadata={"key": "class"})
-    target: str
-    place: str | None = field(default=None, metadata=OMIT)
-
-
-@dataclass(frozen=True)
-class Rms(Record):
-    """What an effect does to the platform pose: root mean square over components."""
-
-    position: float | None
-    """[length unit]"""
-    orientation: float | None
-    """[rad]"""
-
-
-@dataclass(frozen=True)
-class StepParameter(Record):
-    """A parameter of a term that was found missing."""
-
-    name: str
-    value: float | None
-    sd: float | None
-    unit: str
-    note: str | None = field(default=None, metadata=OMIT)
-    """As in `Parameter`."""
-
-
-@dataclass(frozen=True)
-class Step(Record):
-    """A missing term that was found."""
-
-    term: str
-    klass: str = field(metadata={"key": "class"})
-    target: str
-    p_value: float | None
-    chi2_rise: float | None = field(default=None, metadata=OMIT)
-    """By how much χ² would rise without it."""
-    parameters: tuple[StepParameter, ...] = ()
-    place: str | None = field(default=None, metadata=OMIT)
-    also_fits: tuple[Name, ...] = ()
-    """Terms that these poses cannot tell from this one."""
-    platform_rms: Rms | None = None
-    """What it did to the platform pose, the other parameters having absorbed what they can."""
-    curve: tuple[tuple[float, ...], ...] = field(default=(), metadata=OMIT)
-    """Rows of reading and correction [rad]; see `curve_over`."""
-    curve_sd: tuple[float, ...] = field(default=(), metadata=OMIT)
-    """Standard deviation of each correction."""
-    curve_over: str | None = field(default=None, metadata=OMIT)
-    """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction [rad], of
-    the converter's reference the fraction by which all readings change."""
-    held_out: HeldOut | None = None
-
-
-@dataclass(frozen=True)
-class Unexplained(Record):
-    """What is left when nothing scores any more."""
-
-    p_value: float | None
-    target: str | None
-    text: str
-
-
-@dataclass(frozen=True)
-class Hidden(Record):
-    """How large an absent effect would have to be to be seen, and what it would do meanwhile."""
-
-    term: str
-    target: str
-    detectable: float | None
-    unit: str
-    platform_rms: Rms | None = None
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Result(Record):
+class Result(ResultShape):
     """What a calibration and a traced calibration have in common."""
 
     FORMAT: ClassVar[str]
-
-    format: str
-    version: str
-    mechanism: str
-    length_unit: str
-    readings: Data
-    method: str = field(default="implicit_loop")
-    noise: Noise | None
-    warnings: tuple[str, ...] = ()
-    excluded: tuple[Excluded, ...] = ()
-    with_excluded: WithExcluded | None = field(default=None, metadata=IF_KNOWN)
-    """What the calibration would be with the readings in `excluded`."""
-    verdict: str | None
-    parameters: tuple[Parameter, ...]
-    covariance: npt.NDArray[np.float64]
-    """Of the parameters, in their order and units."""
-    unobservable: tuple[str, ...] = ()
-    weak: tuple[str, ...] = field(default=(), metadata=OMIT)
-    condition: float | None = None
-    starts: tuple[Start, ...] = ()
-    termination: str = ""
-    reference: Reference | None = field(default=None, metadata=OMIT)
-    nominal: FitQuality | None = field(default=None, metadata=OMIT)
-    """The check poses with the mechanism as it is declared."""
-    moved: tuple[Moved, ...] | None = field(default=None, metadata=IF_KNOWN)
-    """Against an earlier result, where one was given."""
-    groups: Groups | None = field(default=None, metadata=IF_KNOWN)
-    """How well points that are touched are repeated, where the mechanism has such."""
-    before_residuals: npt.NDArray[np.float64] | None = field(default=None, repr=False)
-    after_residuals: npt.NDArray[np.float64] | None = field(default=None, repr=False)
-    """Residuals in units of noise, shape (poses, equations); not in the JSON."""
 
     def __getitem__(self, key: tuple[str, ...]) -> Parameter:
         """The parameter of a term at a target; its name as well where there are several."""
@@ -344,21 +46,12 @@ class Result(Record):
     @property
     def quality(self) -> FitQuality:
         """How well the final model fits."""
-        raise NotImplementedError
+        return quality(self)
 
     @property
     def exit_code(self) -> int:
         """What the command returns: 0 usable, 3 undetermined, 4 residual left."""
-        if self.verdict == "undetermined":
-            return 3
-        return 4 if self.verdict in ("unexplained", "partly_explained") else 0
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON as a dictionary of plain values; what is not known is None."""
-        out = super().to_dict()
-        for name in ("before_residuals", "after_residuals"):
-            del out[name]
-        return out
+        return exit_code(self.verdict)
 
     def to_json(self) -> str:
         """The result as JSON text, as `--json` prints it."""
@@ -375,15 +68,11 @@ class Result(Record):
         write_text(path, self.to_json())
 
     def summary(self) -> str:
-        """The terminal's 25 lines."""
-        from rsicalib.report import summary
-
+        """Summary for a terminal, 25 lines at most."""
         return summary(self)
 
     def report(self) -> str:
-        """The HTML report, one file that needs no network."""
-        from rsicalib.report import html
-
+        """Report as one HTML file that needs no network."""
         return html(self)
 
     def with_groups(self, groups: Groups) -> Self:
@@ -405,7 +94,7 @@ class Result(Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Calibration(Result):
+class Calibration(Result, CalibrationShape):
     """Parameters from joint readings alone: estimates, uncertainty, adequacy.
 
     Examples
@@ -419,32 +108,12 @@ class Calibration(Result):
 
     FORMAT: ClassVar[str] = "rsicalib.calibration/1"
 
-    fit: FitQuality
-
-    @property
-    def quality(self) -> FitQuality:
-        """How well the model fits."""
-        return self.fit
-
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Trace(Result):
+class Trace(Result, TraceShape):
     """A calibration, what was missing from it, and the error before and after."""
 
     FORMAT: ClassVar[str] = "rsicalib.trace/1"
-
-    before: FitQuality
-    steps: tuple[Step, ...] = ()
-    after: FitQuality
-    unexplained: Unexplained | None = None
-    could_hide: tuple[Hidden, ...] = ()
-    not_candidates: Mapping[str, str] = field(default_factory=dict, metadata=OMIT)
-    """Terms that could not be tried, and what the readings or the mechanism lack for them."""
-
-    @property
-    def quality(self) -> FitQuality:
-        """How well the final model fits."""
-        return self.after
 
 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rsicalib.io.files import write_text
 from tests.blind.trials import FLOOR, SUITES, Row, Size, run
 
 
@@ -170,7 +171,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         every += rows
     if options.out:
         lines = [json.dumps(asdict(row)) + "\n" for row in every]
-        options.out.write_text("".join(lines), encoding="utf-8")
+        write_text(options.out, "".join(lines))
     return 0
 
 

@@ -1,0 +1,152 @@
+"""Parameters from joint readings alone: the verb `calibrate`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rsicalib.errors import UndeterminedError
+from rsicalib.groups import measured
+from rsicalib.results import Calibration
+from rsicalib.verdicts import ALPHA
+from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
+from rsicalib.work.job import Work
+from rsicalib.work.outcome import NOTHING
+
+__all__ = ["calibrate"]
+
+
+MOST_HELD_OUT = 5000
+"""A calibration from more poses is not fitted again without some of them: `trace` does that."""
+
+
+def calibrate(
+    readings: SessionsArg,
+    mechanism: MechanismArg = "rsi",
+    *,
+    rest: ReadingsArg | None = None,
+    check: ReadingsArg | None = None,
+    terms: Sequence[str] | None = None,
+    closures: Sequence[str] | None = None,
+    method: str | None = None,
+    noise: float | Mapping[str, float] | None = None,
+    calibration: CalibrationArg | None = None,
+    align: bool = False,
+    fit_groups: Sequence[str] | None = None,
+    hold_out_groups: Sequence[str] | None = None,
+    skip_bad_rows: bool = False,
+    starts: int | None = None,
+    max_iterations: int | None = None,
+    xtol: float | None = None,
+) -> Calibration:
+    """Find the parameters of a closed mechanism from its joint readings alone.
+
+    Minimises eq. (51) of `docs/model.md`, noise in every reading, over the
+    parameters of `terms`. Readings that are wrong are left out and listed in
+    `excluded`; the calibration with them is `with_excluded`.
+
+    Parameters
+    ----------
+    readings : path, Readings, or a sequence of them
+        `n` samples each; several are sessions of one device.
+    mechanism : str, path or Mechanism
+        What is read.
+    rest : path or Readings, optional
+        A reading of the rest pose: where the search starts.
+    check : path or Readings, optional
+        Known poses, never used in the fit: for the error of the platform.
+    terms : sequence of str, optional
+        `offset` is a term at every target, `curvature@a22` at one; as the
+        mechanism says where not given.
+    closures : sequence of str, optional
+        Only these.
+    method : {"implicit_loop", "algebraic"}, optional
+        Noise in the readings, or the paper's least squares.
+    noise : float or mapping of str to float, optional
+        Standard deviation of one sample, quantisation included, of all channels
+        or by name, in their units.
+    calibration : path, Calibration or Trace, optional
+        An earlier result: where the search starts, whose terms are identified,
+        and with which the new one is compared (`moved`).
+    align : bool, optional
+        Give the error of the check poses also after the best rigid motion of
+        the instrument that measured them.
+    fit_groups, hold_out_groups : sequence of str, optional
+        Values of the column `group` to use, or to leave out. Those that were not
+        used are measured too, see `groups` of the result.
+    skip_bad_rows : bool, optional
+        Drop rows that cannot be used and list them in the result.
+    starts : int, optional
+        Upper limit of starts that are tried.
+    max_iterations : int, optional
+        Steps of the solver.
+    xtol : float, optional
+        Relative step below which the solver has converged.
+
+    Returns
+    -------
+    Calibration
+        Estimates with standard deviations, lack of fit, and why the solver
+        stopped. Look at `verdict`: data that cannot determine a parameter are
+        an outcome, not an exception.
+
+    Raises
+    ------
+    InputError
+        The input or the options cannot be used.
+
+    See Also
+    --------
+    trace : which effect explains the residual.
+
+    Examples
+    --------
+    >>> from rsicalib import DEMO
+    >>> found = calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    >>> found.noise.source
+    'misclosure of repeats'
+    """
+    job = Work(mechanism, skip_bad_rows, calibration)
+    job.take(readings, fit_groups, hold_out_groups)
+    options = {
+        "closures": listed(closures),
+        "method": method,
+        "noise": job.noise(noise),
+        "starts": starts,
+        "max_iterations": max_iterations,
+        "xtol": xtol,
+    }
+    session = job.session(rest, job.terms(terms), options)
+    try:
+        fit, whole, out = session.calibrate()
+    except UndeterminedError as error:
+        return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
+    found = dict(fit.to_dict()) | {"excluded": out}
+    if whole is not None:
+        found["with_excluded"] = {k: whole.to_dict()[k] for k in ("fit", "parameters")}
+    if found["converged"] and found["fit"]["dof"] >= 1.0 and job.count <= MOST_HELD_OUT:
+        found["fit"] |= {"held_out": fit.held_out()}
+    known = job.known(check)
+    if known is not None:
+        found["nominal"] = {**NOTHING, "check": job.nominal_error(known, align=False)}
+        found["fit"] |= {"check": fit.check(*known)}
+        if whole is not None:
+            found["with_excluded"]["fit"] |= {"check": whole.check(*known)}
+        if align:
+            found["fit"] |= {"aligned": fit.check(*known, align=True)}
+            if whole is not None:
+                found["with_excluded"]["fit"] |= {"aligned": whole.check(*known, align=True)}
+            found["nominal"] |= {"aligned": job.nominal_error(known, align=True)}
+    judged = found["fit"]["p_value"]
+    verdict = None if judged is None else "adequate" if judged >= ALPHA else "unexplained"
+    if found["fit"]["dof"] < 1.0:
+        count = len(found["parameters"])
+        text = f"{count} parameters from {job.count} poses leave nothing to check them with"
+        found["unobservable"] = [f"{text}; record more poses", *found["unobservable"]]
+    if found["unobservable"] or not found["converged"]:
+        verdict = "undetermined"
+    found |= {
+        "verdict": found.get("verdict", verdict),
+        "method": method or Calibration.method,
+        "after_residuals": job.by_pose(fit.residuals()),
+    }
+    return measured(job, Calibration.from_dict(job.result(Calibration, found, session)))

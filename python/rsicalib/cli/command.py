@@ -1,0 +1,71 @@
+"""Running the command: parse, run the verb, turn errors into exit codes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from rsicalib.cli.parser import make_parser
+from rsicalib.cli.verbs import Args
+from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.io.files import forget_parts
+from rsicalib.records import to_json
+
+__all__ = ["main"]
+
+
+def main(argv: Sequence[str] | None = None) -> NoReturn:
+    """Run the command and leave.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments; those of the process where not given.
+    """
+    words = sys.argv[1:] if argv is None else list(argv)
+    code = 0
+    try:
+        code = _run(words)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read has seen enough; the interpreter must not complain on the way out.
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except KeyboardInterrupt:
+        forget_parts()
+        with contextlib.suppress(OSError):
+            print("interrupted", file=sys.stderr, flush=True)
+        os._exit(130)  # a job of the core may still be computing: nobody waits for it
+    sys.exit(code)
+
+
+def _run(words: list[str]) -> int:
+    as_json = "--json" in words
+    try:
+        args = make_parser().parse_args(words)
+        run: Callable[[Args], int] = args.run
+        return run(args)
+    except InputError as error:
+        return _fail(2, "rsicalib.error/1", error.message, as_json, where=error.where)
+    except UndeterminedError as error:
+        return _fail(3, "rsicalib.error/1", error.message, as_json, where=None)
+    except (KeyboardInterrupt, SystemExit, BrokenPipeError):
+        raise
+    except BaseException:  # a panic of the core is no Exception
+        traceback.print_exc()
+        print(
+            "This is a defect of rsicalib; please report it with the lines above.", file=sys.stderr
+        )
+        return 1
+
+
+def _fail(code: int, form: str, message: str, as_json: bool, **more: Any) -> int:
+    if as_json:
+        sys.stdout.write(to_json({"format": form, "message": message, **more}))
+    else:
+        print(f"error: {message}", file=sys.stderr)
+    return code

@@ -1,0 +1,186 @@
+"""The parser: verbs, arguments and options."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+from rsicalib import _core
+from rsicalib.cli.verbs import (
+    Args,
+    calibrate,
+    demo,
+    fixture,
+    forward,
+    mechanism,
+    paper,
+    plan,
+    simulate,
+    terms,
+    trace,
+)
+from rsicalib.errors import InputError
+from rsicalib.planning import CRITERIA
+
+__all__ = ["make_parser"]
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}. See `{self.prog} --help`.")
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _noise(text: str) -> float | dict[str, float]:
+    try:
+        if "=" not in text:
+            return float(text)
+        pairs = (item.split("=", 1) for item in _names(text))
+        return {name.strip(): float(value) for name, value in pairs}
+    except ValueError:
+        expected = "a number, or a11=1.2,a12=1.1,…"
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected {expected}") from None
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Make the parser; a parsed verb stands in `run`."""
+    parser = _Parser(
+        prog="rsicalib",
+        description="Calibration of closed kinematic chains from their own joint readings.",
+        epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
+        "3 not determined by the data, 4 the residual is significant, 130 interrupted",
+    )
+    parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+
+    def verb(run: Callable[[Args], int], **more: Any) -> argparse.ArgumentParser:
+        words = (run.__doc__ or "").strip().splitlines()[0]
+        name = run.__name__
+        sub = verbs.add_parser(name, help=words, description=words, **more)
+        sub.set_defaults(run=run)
+        sub.add_argument(
+            "--json",
+            action="store_true",
+            help="the result on standard output, and nothing else there",
+        )
+        sub.add_argument("--quiet", action="store_true", help="no summary, progress or warnings")
+        return sub
+
+    sub = verb(demo)
+    _add_out(sub)
+
+    for run in (calibrate, trace):
+        sub = verb(run)
+        sub.add_argument(
+            "readings", metavar="READINGS", nargs="+", help="CSV or Parquet; several are sessions"
+        )
+        _add_mechanism(sub)
+        sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
+        _add_check(sub)
+        sub.add_argument("--calibration", metavar="FILE", help="start from an earlier result")
+        sub.add_argument(
+            "--terms",
+            metavar="TERM,…",
+            type=_names,
+            help="terms to identify: offset, curvature@a22",
+        )
+        if run is trace:
+            sub.add_argument(
+                "--without", metavar="TERM,…", type=_names, help="terms that are no candidates"
+            )
+        sub.add_argument(
+            "--noise",
+            metavar="COUNTS|a11=1.2,…",
+            type=_noise,
+            help="standard deviation of one sample, quantisation included",
+        )
+        if run is calibrate:
+            sub.add_argument(
+                "--method",
+                choices=("implicit_loop", "algebraic"),
+                help="noise in the readings, or the paper's least squares",
+            )
+        sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
+        sub.add_argument("--fit-groups", metavar="NAME,…", type=_names, help="only these groups")
+        sub.add_argument(
+            "--hold-out-groups", metavar="NAME,…", type=_names, help="not these groups"
+        )
+        sub.add_argument("--seed", type=int, help="of every random draw")
+        _add_skip(sub)
+        _add_out(sub)
+
+    sub = verb(fixture)
+    sub.add_argument("readings", metavar="READINGS", help="with the columns x y z rx ry rz")
+    _add_mechanism(sub)
+    _add_check(sub)
+    _add_skip(sub)
+    _add_out(sub)
+
+    sub = verb(forward)
+    sub.add_argument("readings", metavar="READINGS", help="CSV or Parquet")
+    _add_mechanism(sub)
+    sub.add_argument("--calibration", metavar="FILE", help="an earlier result; else as declared")
+    _add_skip(sub)
+
+    sub = verb(simulate)
+    sub.add_argument("out", metavar="OUT", type=Path, help="folder for the files")
+    _add_mechanism(sub)
+    sub.add_argument("--poses", type=int, default=48, help="held poses (48)")
+    sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
+    sub.add_argument("--noise", type=float, default=1.0, help="of one sample, in readings (1)")
+    sub.add_argument("--check-poses", type=int, default=20, help="other poses, known (20)")
+    sub.add_argument("--seed", type=int, default=0, help="same seed, same files (0)")
+
+    sub = verb(plan)
+    _add_mechanism(sub)
+    sub.add_argument("--poses", type=int, default=12, help="how many to visit (12)")
+    sub.add_argument("--beside", metavar="READINGS", help="poses that are visited already")
+    sub.add_argument("--noise", type=float, default=1.0, help="of one reading, for the bound (1)")
+    sub.add_argument(
+        "--criterion", choices=CRITERIA, default=CRITERIA[0], help="what is made small"
+    )
+    sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
+    sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")
+    sub.add_argument("--out", metavar="FILE", type=Path, help="write the poses as CSV")
+
+    sub = verb(paper)
+    words = "of every simulated cell (1000)"
+    sub.add_argument("--trials", type=int, default=1000, help=words)
+    sub.add_argument("--seed", type=int, default=1995, help="same seed, same figures (1995)")
+    sub.add_argument("--workers", type=int, help="threads; all cores where not given")
+    sub.add_argument("--out", metavar="DIR", type=Path, help="write paper.json and paper.txt there")
+
+    sub = verb(terms)
+    sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")
+    _add_mechanism(sub)
+
+    sub = verb(mechanism)
+    sub.add_argument(
+        "name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given"
+    )
+    return parser
+
+
+def _add_mechanism(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--mechanism", metavar="NAME|FILE", default="rsi", help="default: rsi")
+
+
+def _add_check(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--check", metavar="READINGS", help="known poses, never used in a fit")
+    words = "error on the check poses also after a rigid motion of the instrument"
+    sub.add_argument("--align", action="store_true", help=words)
+
+
+def _add_skip(sub: argparse.ArgumentParser) -> None:
+    words = "drop rows that cannot be used, and list them in the result"
+    sub.add_argument("--skip-bad-rows", action="store_true", help=words)
+
+
+def _add_out(sub: argparse.ArgumentParser) -> None:
+    words = "write result.json, the calibrated mechanism and the reports there"
+    sub.add_argument("--out", metavar="DIR", type=Path, help=words)

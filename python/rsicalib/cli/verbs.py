@@ -1,0 +1,207 @@
+"""The verbs: each takes the parsed arguments, and returns the exit code."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rsicalib import _core, api
+from rsicalib.cli.interruption import interruptible
+from rsicalib.cli.output import progress_line, show, warn, write_files
+from rsicalib.errors import InputError
+from rsicalib.identifiability import COMPLETE, identifiable
+from rsicalib.places import places, readings_for
+from rsicalib.planning import plan as plan_poses
+from rsicalib.records import to_json
+from rsicalib.reproduction.paper import paper as compute_paper
+from rsicalib.simulation import simulate as simulate_device
+from rsicalib.work.arguments import earlier_result
+
+__all__ = [
+    "Args",
+    "calibrate",
+    "demo",
+    "fixture",
+    "forward",
+    "mechanism",
+    "paper",
+    "plan",
+    "simulate",
+    "terms",
+    "trace",
+]
+
+Args: TypeAlias = argparse.Namespace
+
+
+def calibrate(args: Args) -> int:
+    """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
+    options = {**_session(args), "method": args.method}
+    return show(args, interruptible(lambda: api.calibrate(args.readings, **options)))
+
+
+def trace(args: Args) -> int:
+    """Close the loop: residual, missing term, error before and after."""
+    options = {**_session(args), "without": args.without, "seed": args.seed}
+    return show(args, interruptible(lambda: api.trace(args.readings, **options)))
+
+
+def fixture(args: Args) -> int:
+    """Open loop, from known poses in the readings."""
+    found = api.fixture(
+        args.readings,
+        args.mechanism,
+        check=args.check,
+        align=args.align,
+        skip_bad_rows=args.skip_bad_rows,
+    )
+    return show(args, found)
+
+
+def demo(args: Args) -> int:
+    """The main job on data that come with the package; writes a report, prints its path."""
+    if args.out is None:
+        args.out = Path("rsicalib-demo")
+    return show(args, interruptible(api.demo))
+
+
+def forward(args: Args) -> int:
+    """Readings to platform poses under a calibration, CSV on standard output."""
+    mechanism = api.load_mechanism(args.mechanism)
+    readings = readings_for(args.readings, mechanism, args.skip_bad_rows)
+    warn(args, readings.warnings)
+    result = None
+    if args.calibration is not None:
+        result = earlier_result(args.calibration, mechanism)
+    found = places(readings, mechanism, result)
+    labels: dict[str, Any] = {"pose": readings.pose.tolist()}
+    if readings.sample is not None:
+        labels["sample"] = readings.sample.tolist()
+    if readings.time_s is not None:
+        labels["time_s"] = readings.time_s.tolist()
+    names, values = list(found.names), found.values
+    if found.sd is not None:
+        names += [f"sd_{name}" for name in found.names]
+        values = np.hstack([values, found.sd])
+    if args.json:
+        columns = {**labels, **dict(zip(names, values.T, strict=True))}
+        document = {"format": "rsicalib.poses/1", "version": _core.__version__}
+        document |= {"mechanism": mechanism.name, "length_unit": mechanism.length_unit}
+        sys.stdout.write(to_json({**document, "columns": columns}))
+        return 0
+    digits = [12] * len(found.names) + [3] * (len(names) - len(found.names))
+    lines = [",".join([*labels, *names])]
+    for head, row in zip(zip(*labels.values(), strict=True), values.tolist(), strict=True):
+        cells = (f"{v:.{d}g}" for v, d in zip(row, digits, strict=True))
+        lines.append(",".join([*map(str, head), *cells]))
+    sys.stdout.write("\n".join(lines) + "\n")
+    return 0
+
+
+def simulate(args: Args) -> int:
+    """A device with a known truth: readings, rest and check poses, truth."""
+    made = simulate_device(
+        args.out,
+        args.mechanism,
+        poses=args.poses,
+        samples=args.samples,
+        noise=args.noise,
+        check=args.check_poses,
+        seed=args.seed,
+    )
+    if args.json:
+        sys.stdout.write(to_json(made.truth))
+    elif not args.quiet:
+        print("\n".join(sorted(str(path) for path in args.out.iterdir())))
+    return 0
+
+
+def plan(args: Args) -> int:
+    """Which poses to visit."""
+    found = plan_poses(
+        args.mechanism,
+        args.poses,
+        beside=args.beside,
+        noise=args.noise,
+        criterion=args.criterion,
+        calibration=args.calibration,
+        seed=args.seed,
+    )
+    if args.out is not None:
+        found.save(args.out)
+    if args.json:
+        head = {"format": "rsicalib.plan/1", "version": _core.__version__}
+        sys.stdout.write(to_json({**head, **found.to_dict()}))
+    elif not args.quiet:
+        sys.stdout.write(found.text())
+    return 0
+
+
+def paper(args: Args) -> int:
+    """Every table of the paper computed again, beside the printed one."""
+    shown = None if args.quiet or not sys.stderr.isatty() else progress_line
+    found = compute_paper(args.trials, seed=args.seed, progress=shown, workers=args.workers)
+    if args.out is not None:
+        write_files(args.out, {"paper.json": to_json(found.to_dict()), "paper.txt": found.text()})
+    if args.json:
+        sys.stdout.write(to_json(found.to_dict()))
+    elif not args.quiet:
+        sys.stdout.write(found.text())
+    return 0
+
+
+def terms(args: Args) -> int:
+    """What can be identified."""
+    known = {term["id"]: term for term in api.terms(args.mechanism)}
+    if args.id is not None and args.id not in known:
+        raise InputError(f"found no term {args.id!r}, expected one of {', '.join(known)}")
+    if args.json:
+        chosen = list(known.values()) if args.id is None else [known[args.id]]
+        document = {"format": "rsicalib.terms/1", "version": _core.__version__, "terms": chosen}
+        sys.stdout.write(to_json(document))
+    elif args.id is None:
+        for term in known.values():
+            first = term["doc"].split("\n\n")[0].replace("\n", " ")
+            print(f"{term['id']:24} {term['class']:12} {first}")
+    else:
+        term = known[args.id]
+        print(f"{term['id']} ({term['class']})\n\n{term['doc'].strip()}\n")
+        for parameter in term["parameters"]:
+            line = (
+                f"  {parameter['name']:8} {parameter['unit']:12} typically {parameter['typical']:g}"
+            )
+            print(line)
+        print(
+            f"\n  needs    {term['needs']}\n  targets  {', '.join(term['targets']) or 'none here'}"
+        )
+    return 0
+
+
+def mechanism(args: Args) -> int:
+    """Show a built-in mechanism, or check a file: what it says, and what can be identified."""
+    loaded = api.load_mechanism(args.name)
+    counts = []
+    try:
+        for terms in () if args.quiet else (None, COMPLETE):
+            counts.append(identifiable(loaded, terms))
+    except InputError as error:
+        warn(args, [f"what can be identified is not counted: {error.message}"])
+    if args.json:
+        counted = {"identifiable": [c.to_dict() for c in counts]} if counts else {}
+        sys.stdout.write(to_json({**loaded.to_dict(), **counted}))
+        return 0
+    sys.stdout.write(loaded.to_toml())
+    for count in counts:
+        sys.stdout.write("\n" + "".join(f"# {line}\n" for line in count.text().splitlines()))
+    return 0
+
+
+def _session(args: Args) -> dict[str, Any]:
+    """Options that `calibrate` and `trace` share, by the names they have in Python."""
+    names = """mechanism rest check terms closures noise calibration align fit_groups
+        hold_out_groups skip_bad_rows"""
+    return {name: getattr(args, name) for name in names.split()}

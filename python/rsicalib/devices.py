@@ -1,0 +1,263 @@
+"""Devices whose offsets and gains are known, and poses that they can take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+
+__all__ = [
+    "MARGIN",
+    "WITHIN",
+    "Device",
+    "Within",
+    "draw_poses",
+    "nominal",
+    "nominal_device",
+    "readings_of",
+    "workspace",
+]
+
+Within = Sequence[tuple[float, float]]
+"""Lowest and highest x, y, z [length unit], rx, ry, rz [rad]."""
+
+ANGLE = float(np.pi / 6)
+WITHIN: dict[str, Within] = {
+    "rsi": (
+        (-3.0, 3.0),
+        (-3.0, 3.0),
+        (-5.7, -0.3),
+        (-ANGLE, ANGLE),
+        (-ANGLE, ANGLE),
+        (-ANGLE, ANGLE),
+    )
+}
+"""The workspace of the mechanisms that come along."""
+
+MARGIN = 20.0
+"""Readings that a pose keeps from the ends of the range: offsets are not known beforehand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """A mechanism whose offsets and gains are known.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        Geometry, ranges and limits.
+    offsets : ndarray, shape (C,)
+        Joint coordinate at reading zero, `θ_off` of eq. (9) [rad].
+    gains : ndarray, shape (C,)
+        Joint coordinate per reading, `k` of eq. (9) [rad/reading].
+    """
+
+    mechanism: Mechanism
+    offsets: FloatArray
+    gains: FloatArray
+
+    @classmethod
+    def drawn(
+        cls,
+        mechanism: Mechanism,
+        rng: np.random.Generator,
+        *,
+        gain: float = 0.02,
+        clamp: float = 20.0,
+    ) -> Device:
+        """Draw a device as an assembler would make it.
+
+        Gains differ from nominal as potentiometers do, and each sensor is clamped at the rest
+        pose to its nominal reading as well as a hand can; without a rest pose, at mid-range.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+            With nominal offsets and gains.
+        rng : numpy.random.Generator
+            Source of the random draws.
+        gain : float
+            Standard deviation of the gains, as a fraction.
+        clamp : float
+            Standard deviation of the clamping, in readings.
+
+        Returns
+        -------
+        Device
+            Close to nominal, but not nominal.
+        """
+        offsets, gains = nominal(mechanism)
+        anchor = np.array(
+            [sum(c.range) / 2 if c.range is not None else 0.0 for c in mechanism.channels]
+        )
+        rest = mechanism.to_dict().get("rest")
+        if rest is not None:
+            anchor = (np.array(mechanism.inverse(rest["pose"])) - offsets) / gains
+        angles = offsets + gains * anchor
+        true = gains * (1 + gain * rng.standard_normal(len(gains)))
+        read = anchor + clamp * rng.standard_normal(len(gains))
+        return cls(mechanism, angles - true * read, true)
+
+    def readings(self, poses: npt.ArrayLike, margin: float = 0.0) -> FloatArray:
+        """Find the exact readings that hold the platform at poses.
+
+        Parameters
+        ----------
+        poses : array_like, shape (n, 6)
+            `x y z` [length unit], `rx ry rz` [rad].
+        margin : float
+            Readings to keep from the ends of the range.
+
+        Returns
+        -------
+        ndarray, shape (n, C)
+            Real numbers, neither noisy nor rounded; NaN where a pose is out of reach, beyond a
+            joint limit or out of range.
+        """
+        poses = np.ascontiguousarray(poses, dtype=np.float64).reshape(-1, 6)
+        found: FloatArray = _core.readings_at(
+            self.mechanism, poses, self.offsets, self.gains, margin
+        )
+        return found
+
+    def sample(
+        self,
+        exact: FloatArray,
+        rng: np.random.Generator,
+        *,
+        noise: float = 1.0,
+        samples: int = 1,
+    ) -> FloatArray:
+        """Read exact readings as the electronics do: noise, rounding to counts, end of range.
+
+        Parameters
+        ----------
+        exact : ndarray, shape (n, C)
+            From `readings`.
+        rng : numpy.random.Generator
+            Source of the noise.
+        noise : float
+            Standard deviation of one sample, in readings, before it is rounded.
+        samples : int
+            Number of samples of each pose.
+
+        Returns
+        -------
+        ndarray, shape (n, samples, C)
+            Whole numbers where the channel counts.
+        """
+        shape = (len(exact), samples, exact.shape[1])
+        read = np.broadcast_to(exact[:, None], shape)
+        if noise > 0:
+            read = read + noise * rng.standard_normal(shape)
+        counted = np.array([c.unit == "count" for c in self.mechanism.channels])
+        read = np.where(counted, np.round(read), read)
+        return np.clip(read, *_ranges(self.mechanism))
+
+    def truth(self) -> dict[str, Any]:
+        """Offsets and gains by channel, as `truth.json` has them."""
+        names = [c.name for c in self.mechanism.channels]
+        return {
+            "off": dict(zip(names, self.offsets.tolist(), strict=True)),
+            "gain": dict(zip(names, self.gains.tolist(), strict=True)),
+        }
+
+
+def nominal(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Offsets and gains as the mechanism declares them, each of shape (C,)."""
+    channels = mechanism.channels
+    return np.array([c.offset for c in channels]), np.array([c.gain for c in channels])
+
+
+def workspace(mechanism: Mechanism, within: Within | None) -> FloatArray:
+    """The bounds of a workspace, given or known: shape (6, 2)."""
+    if within is None:
+        if mechanism.name not in WITHIN:
+            raise InputError(
+                f"found no workspace of {mechanism.name!r}, expected `within`: "
+                "lowest and highest x, y, z, rx, ry, rz"
+            )
+        within = WITHIN[mechanism.name]
+    bounds = np.array(within, dtype=np.float64)
+    if bounds.shape != (6, 2) or not np.all(bounds[:, 0] <= bounds[:, 1]):
+        found = f"{bounds.tolist()}"
+        raise InputError(f"within: found {found}, expected six pairs, the lower end first")
+    return bounds
+
+
+def nominal_device(mechanism: Mechanism) -> Device:
+    """The device that is exactly as the mechanism declares it."""
+    return Device(mechanism, *nominal(mechanism))
+
+
+def readings_of(device: Device, poses: FloatArray) -> FloatArray:
+    """Exact readings of poses, by the closed forms (6)-(8) for the hand controller."""
+    if device.mechanism.name != "rsi":
+        return device.readings(poses)
+    exact = (_core.rsi_angles(np.ascontiguousarray(poses)) - device.offsets) / device.gains
+    found: FloatArray = np.where((exact >= 0) & (exact <= 4095), exact, np.nan)
+    return found
+
+
+def draw_poses(
+    device: Device,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    within: Within | None = None,
+    margin: float = MARGIN,
+) -> tuple[FloatArray, FloatArray]:
+    """Draw poses that the device can take, uniformly from a box.
+
+    Parameters
+    ----------
+    device : Device
+        Device whose reach, joint limits and ranges the poses must keep.
+    count : int
+        Number of poses.
+    rng : numpy.random.Generator
+        Source of the random draws.
+    within : six pairs, optional
+        The box; for the hand controller ±3 in, z -5.7 to -0.3, ±30°.
+    margin : float
+        Readings to keep from the ends of the range.
+
+    Returns
+    -------
+    poses : ndarray, shape (count, 6)
+        `x y z` [length unit], `rx ry rz` [rad].
+    exact : ndarray, shape (count, C)
+        Their readings.
+
+    Raises
+    ------
+    InputError
+        Hardly a pose of the box can be taken.
+    """
+    low, high = workspace(device.mechanism, within).T
+    poses, exact = np.empty((0, 6)), np.empty((0, len(device.gains)))
+    tried = 0
+    while len(poses) < count:
+        more = rng.uniform(low, high, (2 * (count - len(poses)) + 8, 6))
+        tried += len(more)
+        read = device.readings(more, margin)
+        can = np.isfinite(read).all(axis=1)
+        poses, exact = np.vstack([poses, more[can]]), np.vstack([exact, read[can]])
+        if tried > 100 * (len(poses) + 10):
+            found = f"{len(poses)} of {tried} poses within reach, joint limits and ranges"
+            raise InputError(f"within: found {found}, expected a box that the mechanism can reach")
+    return poses[:count], exact[:count]
+
+
+def _ranges(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    ends = [c.range if c.range is not None else (-np.inf, np.inf) for c in mechanism.channels]
+    low, high = np.array(ends, dtype=np.float64).T
+    return low, high

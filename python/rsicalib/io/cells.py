@@ -1,0 +1,212 @@
+"""What the header and the cells of a table of readings must be.
+
+Nothing is raised for a cell: faults are collected by row, and the caller refuses or skips.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
+
+__all__ = [
+    "POSE",
+    "TEXTS",
+    "ChannelLike",
+    "Fault",
+    "MechanismLike",
+    "needed_columns",
+    "read_cells",
+    "read_header",
+]
+
+POSE = ("x", "y", "z", "rx", "ry", "rz")
+TEXTS = ("group", "at")
+EXACT = 2.0**53
+"""Beyond this not every integer is a float64, and two labels could become one."""
+
+
+class ChannelLike(Protocol):
+    """What is asked of a channel."""
+
+    @property
+    def name(self) -> str:
+        """Column of the readings."""
+
+    @property
+    def unit(self) -> str:
+        """`count` for the codes of a converter, else a physical unit."""
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Least and greatest reading there can be, both included."""
+
+    @property
+    def gain(self) -> float:
+        """Joint coordinate per unit of reading."""
+
+
+class MechanismLike(Protocol):
+    """What is asked of a mechanism."""
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+
+    @property
+    def channels(self) -> Sequence[ChannelLike]:
+        """In the order of `Readings.values`."""
+
+    @property
+    def key_columns(self) -> Sequence[str]:
+        """Text columns that its unknown points need."""
+
+    @property
+    def value_columns(self) -> Sequence[str]:
+        """Columns that its closures take their distance from."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A cell that cannot be used."""
+
+    column: str
+    found: str
+    expected: str
+
+
+def needed_columns(mechanism: MechanismLike) -> list[str]:
+    """Names of the columns without which a mechanism cannot use a table."""
+    channels = [channel.name for channel in mechanism.channels]
+    return [*channels, *mechanism.key_columns, *mechanism.value_columns]
+
+
+def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int], list[str]]:
+    """Which column is where, and warnings about those that are none of ours.
+
+    Raises
+    ------
+    InputError
+        A column that is needed is missing, or one that is used is doubled.
+    """
+    needed = needed_columns(mechanism)
+    optional = ("pose", "sample", "time_s", "temperature_c", *TEXTS, *POSE)
+    used = dict.fromkeys([*needed, *optional])
+    line = 1 if table.line_word == "line" else None
+
+    def refuse(column: str, found: str, expected: str, hint: str = "") -> InputError:
+        return InputError.at(
+            table.source, line=line, column=column, found=found, expected=expected, hint=hint
+        )
+
+    index: dict[str, int] = {}
+    for position, name in enumerate(table.names):
+        if name in index and name in used:
+            found = f"it twice, as columns {index[name] + 1} and {position + 1}"
+            raise refuse(name, found, "one column of this name")
+        index.setdefault(name, position)
+    for name in needed:
+        if name not in index:
+            expected = f"a column '{name}' ({_role(name, mechanism)})"
+            raise refuse(name, "no such column", expected, _header_hint(name, table.names))
+    poses = [name for name in POSE if name in index and name not in needed]
+    missing = [name for name in POSE if name not in index]
+    if poses and missing and not set(POSE) & set(needed):
+        found = f"'{poses[0]}' without '{missing[0]}'"
+        expected = f"all six columns {' '.join(POSE)}, or none"
+        raise refuse(missing[0], found, expected)
+    if len(poses) < len(POSE):  # the mechanism uses one of these names for something else
+        used = {name: None for name in used if name in needed or name not in POSE}
+    extra = [name or "(no name)" for name in table.names if name not in used]
+    listed = ", ".join(dict.fromkeys(extra))
+    warnings = [f"{table.source}: ignored columns: {listed}"] if extra else []
+    return {name: position for name, position in index.items() if name in used}, warnings
+
+
+def _role(name: str, mechanism: MechanismLike) -> str:
+    if name in mechanism.key_columns:
+        return f"text that the unknown points of '{mechanism.name}' need"
+    if name in mechanism.value_columns:
+        return f"a distance that the closures of '{mechanism.name}' need"
+    return f"a channel of '{mechanism.name}'"
+
+
+def _header_hint(name: str, names: list[str]) -> str:
+    """Advice on what may be wrong with the header."""
+    for other in names:
+        if other.lower() == name.lower():
+            return f"There is '{other}'; names must agree in case."
+    if len(names) == 1 and name in names[0]:
+        return "The header has one column only; separate columns by commas."
+    if names and np.isfinite(numbers(names)).all():
+        return "The first line holds numbers; put a header line above it."
+    return f"The columns are: {', '.join(names)[:200]}."
+
+
+def read_cells(
+    table: Table, mechanism: MechanismLike, index: dict[str, int]
+) -> tuple[dict[str, FloatArray], dict[int, Fault]]:
+    """Numeric columns, shape (n,) each, and the first fault of every row that has one."""
+    ranges = {channel.name: channel for channel in mechanism.channels}
+    faults = {i: Fault(r.column, r.found, r.expected) for i, r in table.ragged.items()}
+    cells: dict[str, FloatArray] = {}
+    poses = [name for name in POSE if name in index and name not in needed_columns(mechanism)]
+    for name, position in sorted(index.items(), key=lambda item: item[1]):
+        raw = table.columns[position]
+        if name in ranges:
+            cells[name], bad, expected = _channel(raw, ranges[name])
+        elif name in mechanism.key_columns or name in TEXTS:
+            bad = np.array([name in mechanism.key_columns and not text(cell) for cell in raw])
+            expected = "text"
+        else:
+            cells[name] = numbers(raw)
+            bad, expected = _unusable(name, cells[name], mechanism)
+            if name in poses:
+                bad &= ~_unknown(raw, table)
+        for i in np.flatnonzero(bad).tolist():
+            faults.setdefault(i, Fault(name, quoted(raw[i]), expected))
+    if len(poses) == len(POSE):
+        known = np.column_stack([np.isfinite(cells[name]) for name in POSE])
+        for i in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)).tolist():
+            name = POSE[int(np.argmin(known[i]))]
+            found = quoted(table.columns[index[name]][i])
+            expected = f"a finite number, or all six of {' '.join(POSE)} empty"
+            faults.setdefault(i, Fault(name, found, expected))
+    return cells, faults
+
+
+def _channel(
+    raw: Sequence[Any] | npt.NDArray[Any], channel: ChannelLike
+) -> tuple[FloatArray, npt.NDArray[np.bool_], str]:
+    values = numbers(raw)
+    if channel.range is None:
+        return values, ~np.isfinite(values), f"a finite number ({channel.unit})"
+    low, high = channel.range
+    expected = f"a number from {low:.10g} to {high:.10g} ({channel.unit})"
+    return values, ~((values >= low) & (values <= high)) | ~np.isfinite(values), expected
+
+
+def _unusable(
+    name: str, values: FloatArray, mechanism: MechanismLike
+) -> tuple[npt.NDArray[np.bool_], str]:
+    if name in mechanism.value_columns:
+        return ~(np.isfinite(values) & (values > 0.0)), "a distance above zero"
+    if name in ("pose", "sample"):
+        return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
+    return ~np.isfinite(values), "a finite number"
+
+
+def _unknown(raw: Sequence[Any] | npt.NDArray[Any], table: Table) -> npt.NDArray[np.bool_]:
+    """Cells of a pose that is not known: empty in a CSV file, NaN too elsewhere."""
+    if isinstance(raw, np.ndarray):
+        return np.isnan(raw.astype(np.float64))
+    nan = table.line_word == "row"
+    return np.array([is_blank(c) or (nan and isinstance(c, float) and math.isnan(c)) for c in raw])

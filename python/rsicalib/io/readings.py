@@ -1,0 +1,312 @@
+"""Readings of a device: loaded, checked once on the way in, never repaired.
+
+A file that cannot be used is refused whole, with the place of the first fault.
+What is suspicious but usable becomes a warning (`rsicalib.io.suspicions`).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TextIO
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib.errors import InputError
+from rsicalib.io.cells import (
+    POSE,
+    TEXTS,
+    Fault,
+    MechanismLike,
+    needed_columns,
+    read_cells,
+    read_header,
+)
+from rsicalib.io.files import whole_file
+from rsicalib.io.order import check_poses_are_together, time_goes_back
+from rsicalib.io.samples import Samples, Skipped, frozen, picked
+from rsicalib.io.suspicions import suspicions
+from rsicalib.io.tables import Table, read_table, table_of_arrays, text
+
+__all__ = ["Readings", "load_readings"]
+
+
+@dataclass(frozen=True, eq=False)
+class Readings(Samples):
+    """Samples of all channels, one row each: `n` samples of `C` channels.
+
+    All arrays are read-only. Make one with `load_readings` or `from_arrays`.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Names, in the mechanism's order.
+    values : ndarray, shape (n, C)
+        Readings, each in its channel's unit; finite and within its range.
+    pose : ndarray of int, shape (n,)
+        Label of the pose each sample belongs to; rows of a pose are neighbours.
+    held : bool
+        Whether poses were given. If not, this is a recording: every row is a
+        pose of its own, numbered by its row from 1.
+    sample : ndarray of int, shape (n,), or None
+        Number of the sample, as given.
+    time_s, temperature_c : ndarray, shape (n,), or None
+        Time [s] and temperature [°C].
+    poses : ndarray, shape (n, 6), or None
+        Known poses `x y z` [length unit] `rx ry rz` [rad]; NaN where unknown.
+    keys : dict of str to tuple of str
+        Text columns (`group`, `at`, …), n entries each.
+    columns : dict of str to ndarray, shape (n,)
+        Distances that vary by row [length unit].
+    lines : ndarray of int, shape (n,)
+        Line of the file, or row from 1 where there are no lines.
+    source, sha256 : str
+        Where the readings are from, and the digest of its bytes.
+    warnings : tuple of str
+        Suspicious but usable.
+    skipped : tuple of Skipped
+        Rows that were dropped because the caller asked for it.
+    line_word : {"line", "row"}
+        What `lines` counts.
+    """
+
+    @classmethod
+    def from_arrays(
+        cls,
+        mechanism: MechanismLike,
+        values: npt.ArrayLike,
+        *,
+        pose: npt.ArrayLike | None = None,
+        sample: npt.ArrayLike | None = None,
+        time_s: npt.ArrayLike | None = None,
+        temperature_c: npt.ArrayLike | None = None,
+        poses: npt.ArrayLike | None = None,
+        keys: Mapping[str, Sequence[str]] | None = None,
+        columns: Mapping[str, npt.ArrayLike] | None = None,
+        source: str = "arrays",
+        skip_bad_rows: bool = False,
+    ) -> Readings:
+        """Readings from memory, checked just as a file is.
+
+        Parameters
+        ----------
+        mechanism : MechanismLike
+            Names, units and ranges of its `C` channels.
+        values : array_like, shape (n, C)
+            Readings, in the order of the mechanism's channels and their units.
+        pose, sample : array_like of int, shape (n,), optional
+            Labels; without `pose` every row is a pose of its own.
+        time_s, temperature_c : array_like, shape (n,), optional
+            In s and °C.
+        poses : array_like, shape (n, 6), optional
+            Known poses [length unit, rad]; rows of NaN where unknown.
+        keys : mapping of str to n strings, optional
+            Text columns that unknown points need.
+        columns : mapping of str to array_like, shape (n,), optional
+            Distances that closures need [length unit].
+        source : str, optional
+            What messages call these data.
+        skip_bad_rows : bool, optional
+            Drop rows that cannot be used and list them in `skipped`.
+
+        Returns
+        -------
+        Readings
+            With copies of the arrays.
+
+        Raises
+        ------
+        InputError
+            Something cannot be used; the message names row (from 1) and column.
+        """
+        names = [channel.name for channel in mechanism.channels]
+        blocks: list[tuple[Sequence[str], object]] = [(names, values)]
+        single = {"pose": pose, "sample": sample, "time_s": time_s, "temperature_c": temperature_c}
+        given = {**single, **(columns or {}), **(keys or {})}
+        blocks += [([name], cells) for name, cells in given.items() if cells is not None]
+        if poses is not None:
+            blocks.append((POSE, poses))
+        return _readings(table_of_arrays(blocks, source), mechanism, skip_bad_rows)
+
+    def select(self, mask: npt.ArrayLike) -> Readings:
+        """The rows where `mask` is true.
+
+        Labels, lines, warnings and `sha256` stay those of the whole.
+
+        Parameters
+        ----------
+        mask : array_like of bool, shape (n,)
+            One truth value per row.
+
+        Raises
+        ------
+        InputError
+            The mask is not one truth value per row.
+        """
+        keep = np.asarray(mask)
+        if keep.dtype != np.bool_ or keep.shape != (len(self),):
+            found = f"a mask of shape {keep.shape} and type {keep.dtype}"
+            raise InputError.at(self.source, found=found, expected=f"{len(self)} truth values")
+
+        def rows(array: Any) -> Any:
+            return None if array is None else frozen(array[keep])
+
+        return replace(
+            self,
+            values=rows(self.values),
+            pose=rows(self.pose),
+            sample=rows(self.sample),
+            time_s=rows(self.time_s),
+            temperature_c=rows(self.temperature_c),
+            poses=rows(self.poses),
+            keys={name: picked(cells, keep) for name, cells in self.keys.items()},
+            columns={name: rows(column) for name, column in self.columns.items()},
+            lines=rows(self.lines),
+        )
+
+    def to_csv(self, path_or_file: str | os.PathLike[str] | TextIO) -> None:
+        """Write the readings as a file that `load_readings` reads back unchanged.
+
+        The file takes its place when everything is written.
+
+        Parameters
+        ----------
+        path_or_file : path or text file
+            Path of the file, or an open file, which is left open.
+        """
+        if not isinstance(path_or_file, str | os.PathLike):
+            return self._write(path_or_file)
+        with whole_file(path_or_file) as file:
+            self._write(file)
+
+    def _write(self, file: TextIO) -> None:
+        table: dict[str, Iterable[str]] = {}
+        single = {"sample": self.sample, "time_s": self.time_s, "temperature_c": self.temperature_c}
+        if self.held:
+            table["pose"] = _written(self.pose)
+        table |= {name: _written(cells) for name, cells in single.items() if cells is not None}
+        table |= self.keys
+        table |= {name: _written(column) for name, column in self.columns.items()}
+        if self.poses is not None:
+            table |= {name: _written(self.poses[:, k]) for k, name in enumerate(POSE)}
+        table |= {name: _written(self.values[:, k]) for k, name in enumerate(self.channels)}
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*table.values(), strict=True))
+
+
+def load_readings(
+    path: str | os.PathLike[str], mechanism: MechanismLike, *, skip_bad_rows: bool = False
+) -> Readings:
+    """Load a file of readings: one row per sample, one column per channel.
+
+    Columns are found by name: the mechanism's channels, and where present
+    `pose`, `sample`, `time_s`, `temperature_c`, the known pose `x y z rx ry rz`,
+    and the columns its points and closures need. Others are ignored, with a warning.
+
+    Parameters
+    ----------
+    path : path
+        Parquet if it ends in `.parquet` or `.pq`, else CSV in UTF-8 with a header line.
+    mechanism : MechanismLike
+        Names, units and ranges of its channels.
+    skip_bad_rows : bool, optional
+        Drop rows that cannot be used and list them in `skipped`, instead of refusing the file.
+
+    Returns
+    -------
+    Readings
+        Values exactly as they stand in the file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be used; `where` says file, line, column, what was found and
+        what was expected.
+    """
+    return _readings(read_table(path), mechanism, skip_bad_rows)
+
+
+def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Readings:
+    """The one way in: checks the header, then every cell, then the order of the rows."""
+    index, ignored = read_header(table, mechanism)
+    if not len(table.lines):
+        found, expected = "no readings", "at least one row below the header"
+        raise InputError.at(table.source, found=found, expected=expected)
+    cells, faults = read_cells(table, mechanism, index)
+    skipped = _skipped(table, faults, skip_bad_rows)
+    keep = np.ones(len(table.lines), dtype=np.bool_)
+    keep[[*faults]] = False
+
+    ours = {name: frozen(column[keep]) for name, column in cells.items()}
+    free = ours.keys() - needed_columns(mechanism)  # a channel may be called as it likes
+
+    def optional(name: str) -> Any:
+        return ours[name] if name in free else None
+
+    def whole(name: str) -> Any:
+        return frozen(ours[name].astype(np.int64)) if name in free else None
+
+    names = tuple(channel.name for channel in mechanism.channels)
+    rows = np.arange(1, len(keep) + 1, dtype=np.int64)
+    held = "pose" in free
+    known = free.issuperset(POSE)
+    readings = Readings(
+        channels=names,
+        values=frozen(np.column_stack([ours[name] for name in names])),
+        pose=whole("pose") if held else frozen(rows[keep]),
+        held=held,
+        sample=whole("sample"),
+        time_s=optional("time_s"),
+        temperature_c=optional("temperature_c"),
+        poses=frozen(np.column_stack([ours[name] for name in POSE])) if known else None,
+        keys={
+            name: picked(map(text, table.columns[index[name]]), keep)
+            for name in index
+            if name in {*mechanism.key_columns, *TEXTS} and name not in cells
+        },
+        columns={name: ours[name] for name in mechanism.value_columns},
+        lines=frozen(table.lines[keep]),
+        source=table.source,
+        sha256=table.sha256,
+        skipped=skipped,
+        line_word=table.line_word,
+    )
+    check_poses_are_together(readings)
+    warnings = [*ignored, *time_goes_back(readings), *suspicions(readings, mechanism)]
+    return replace(readings, warnings=tuple(warnings))
+
+
+def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tuple[Skipped, ...]:
+    """The bad rows, in order; refuses the file unless they may be skipped."""
+    if not faults:
+        return ()
+    first = min(faults)
+    if not skip_bad_rows or len(faults) == len(table.lines):
+        fault, more = faults[first], len(faults) - 1
+        others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
+        advice = "Correct the file, or drop such rows with skip_bad_rows (--skip-bad-rows)."
+        raise InputError.at(
+            table.source,
+            line=int(table.lines[first]),
+            column=fault.column,
+            found=fault.found,
+            expected=fault.expected,
+            hint=others + advice if len(faults) < len(table.lines) else "No row can be used.",
+            line_word=table.line_word,
+        )
+    return tuple(
+        Skipped(
+            int(table.lines[i]), fault.column, f"found {fault.found}, expected {fault.expected}"
+        )
+        for i, fault in sorted(faults.items())
+    )
+
+
+def _written(array: npt.NDArray[Any]) -> list[str]:
+    """Shortest text that is read back as the same number; empty for NaN."""
+    return ["" if math.isnan(v) else repr(v).removesuffix(".0") for v in array.tolist()]

@@ -1,0 +1,68 @@
+"""Samples of all channels as read-only arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib.arrays import FloatArray, IntArray
+
+__all__ = ["Samples", "Skipped", "frozen", "picked"]
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A row that was dropped: where, and its first fault."""
+
+    line: int
+    column: str | None
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of all channels, one row each: `n` samples of `C` channels.
+
+    The docstring of `Readings` says what each field holds.
+    """
+
+    channels: tuple[str, ...]
+    values: FloatArray
+    pose: IntArray
+    held: bool
+    sample: IntArray | None
+    time_s: FloatArray | None
+    temperature_c: FloatArray | None
+    poses: FloatArray | None
+    keys: dict[str, tuple[str, ...]]
+    columns: dict[str, FloatArray]
+    lines: IntArray
+    source: str
+    sha256: str
+    warnings: tuple[str, ...] = ()
+    skipped: tuple[Skipped, ...] = ()
+    line_word: str = "line"
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def n_poses(self) -> int:
+        """Number of different poses."""
+        return len(np.unique(self.pose))
+
+
+def frozen(array: npt.NDArray[Any]) -> Any:
+    """Return the array in one block of memory, read-only."""
+    array = np.ascontiguousarray(array)
+    array.flags.writeable = False
+    return array
+
+
+def picked(cells: Iterable[str], keep: npt.NDArray[np.bool_]) -> tuple[str, ...]:
+    """Return the cells of the rows to keep."""
+    return tuple(cell for cell, kept in zip(cells, keep, strict=True) if kept)

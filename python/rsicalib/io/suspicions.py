@@ -1,0 +1,216 @@
+"""Readings that can be used but look wrong, as far as the readings alone can tell.
+
+Each rule asks for evidence that clean data would give less than once in a million
+files, so that a warning means something. What needs the closed loop to be seen
+(exchanged channels, reversed signs, single bad readings) is left to the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.io.cells import MechanismLike
+from rsicalib.io.samples import Samples
+
+__all__ = ["suspicions"]
+
+RARE = 1e-6
+"""How often a rule may speak up in clean data, per file."""
+LISTED = 5
+"""Places a message names before it only counts."""
+
+
+def suspicions(readings: Samples, mechanism: MechanismLike) -> list[str]:
+    """Warnings about suspicious but usable readings.
+
+    Looks for a channel that never changes, a bit of a converter that never toggles,
+    codes at an end of the range, a pose that moved while it was sampled, samples and
+    poses that are copies of others.
+
+    Parameters
+    ----------
+    readings : Samples
+        `n` samples of `C` channels.
+    mechanism : MechanismLike
+        Units and ranges of the channels.
+
+    Returns
+    -------
+    list of str
+        One sentence each: where, what, and what to do. Empty for clean data.
+    """
+    return [
+        *_constant_channels(readings),
+        *_faults(readings, mechanism),
+        *_saturated_codes(readings, mechanism),
+        *_moved_poses(readings, mechanism),
+        *_stale_rows(readings),
+        *_copied_poses(readings),
+    ]
+
+
+def _constant_channels(readings: Samples) -> Iterator[str]:
+    """Channels that stand still while another one clearly does not."""
+    values, poses = readings.values, readings.n_poses
+    if poses < 5:  # one rest pose may well hold a channel still
+        return
+    span = np.ptp(values, axis=0)
+    if max(len(np.unique(column)) for column in values.T) < min(20, poses):
+        return  # nothing moves: not a session of different poses
+    for k in np.flatnonzero(span == 0.0):
+        yield (
+            f"{readings.channels[k]}: reads {values[0, k]:.10g} in all {len(values)} rows while "
+            "other channels move; check its wiring, it cannot be calibrated like this"
+        )
+
+
+def _faults(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+    """Bits that keep one value, alike channels in one message, and codes as at a wall."""
+    counts = [channel.unit == "count" for channel in mechanism.channels]
+    starts, lengths = _runs(readings.pose)
+    pose = np.repeat(np.arange(len(starts)), lengths)
+    alike: dict[tuple[tuple[int, bool], ...], list[str]] = {}
+    for k, bits, clipped in _core.faults(readings.values, counts, pose.tolist(), readings.held):
+        if bits:
+            alike.setdefault(tuple(bits), []).append(readings.channels[k])
+        if clipped:
+            at, poses = clipped
+            yield (
+                f"{readings.channels[k]}: reads exactly {at:.10g} in {len(poses)} poses and never "
+                f"beyond ({_places(readings, starts[poses])}); it is clipped there: check its "
+                "amplifier, and keep the joint within range"
+            )
+    for stuck, names in alike.items():
+        listed = ", ".join(
+            f"bit {bit} (worth {1 << bit}) is always {int(state)}" for bit, state in stuck
+        )
+        yield (
+            f"{', '.join(names)}: {listed}, while higher bits change; check the converter, "
+            f"and count at least {1 << stuck[-1][0]} counts of error into the noise"
+        )
+
+
+def _saturated_codes(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+    """Readings at the very ends of a channel's range, where the truth may lie beyond."""
+    for k, channel in enumerate(mechanism.channels):
+        for end in channel.range or ():
+            rows = np.flatnonzero(readings.values[:, k] == end)
+            if len(rows):
+                yield (
+                    f"{channel.name}: {len(rows)} reading{'s' * (len(rows) > 1)} at the end of its "
+                    f"range, {end:.10g} ({_places(readings, rows)}); the joint may have been "
+                    "further out: leave those rows out, or keep the joint within range"
+                )
+
+
+def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+    """Held poses that scatter far beyond what is typical of the others."""
+    starts, counts = _runs(readings.pose)
+    several = counts > 1
+    if several.sum() < 8:  # too few to know what is typical
+        return
+    values = readings.values
+    means = np.add.reduceat(values, starts) / counts[:, None]
+    squares = np.add.reduceat((values - np.repeat(means, counts, axis=0)) ** 2, starts)
+    dof = (counts - 1)[several]
+    scatter = np.sqrt(squares[several] / dof[:, None])
+    typical = np.maximum(np.median(scatter, axis=0), _resolution(values, mechanism))
+    # A trembling hand moves some joints more than others, by pose: hence the factor of two.
+    limit = 2.0 * np.sqrt(_chi2(dof, 5.5) / _chi2(dof, 0.0))
+    excess = scatter / typical / limit[:, None]
+    moved = np.flatnonzero(excess.max(axis=1) > 1.0)
+    for i in moved[np.argsort(-excess[moved].max(axis=1), kind="stable")][:LISTED]:
+        k = int(np.argmax(excess[i]))
+        others = int((excess[i] > 1.0).sum()) - 1
+        first = starts[several][i]
+        unit = mechanism.channels[k].unit
+        yield (
+            f"pose {readings.pose[first]} ({readings.line_word} {readings.lines[first]}): "
+            f"{readings.channels[k]} scatters by {scatter[i, k]:.3g} while it was sampled, other "
+            f"poses by {typical[k]:.2g} ({unit})"
+            + (f", and so do{'es' * (others == 1)} {others} more" if others else "")
+            + "; it moved, or a reading is bad: take it again or leave it out"
+        )
+    if len(moved) > LISTED:
+        yield f"{len(moved) - LISTED} more poses scatter far beyond the typical"
+
+
+def _resolution(values: FloatArray, mechanism: MechanismLike) -> FloatArray:
+    """Scatter that rounding alone gives, shape (C,); a millionth of the span where unknown."""
+    whole = (values == np.rint(values)).all(axis=0)
+    counts = np.array([channel.unit == "count" for channel in mechanism.channels])
+    rounding = math.sqrt(1.0 / 12.0)
+    span = np.maximum(np.ptp(values, axis=0), np.finfo(np.float64).tiny)
+    return np.asarray(np.where(whole & counts, rounding, 1e-6 * span))
+
+
+def _chi2(dof: IntArray, z: float) -> FloatArray:
+    """Quantile of χ² per degree of freedom, `z` normal deviations out (Wilson and Hilferty)."""
+    h = 2.0 / (9.0 * dof)
+    return np.asarray((1.0 - h + z * np.sqrt(h)) ** 3)
+
+
+def _stale_rows(readings: Samples) -> Iterator[str]:
+    """Rows that repeat the one before in every channel, amid rows that do not."""
+    values = readings.values
+    pair = np.ones(len(values) - 1, dtype=np.bool_)
+    if readings.held:
+        pair = readings.pose[1:] == readings.pose[:-1]
+    same = values[1:] == values[:-1]
+    stale = pair & same.all(axis=1)
+    fresh = pair & ~stale
+    busy = fresh & (same.mean(axis=1) <= 0.5)
+    if not stale.any() or fresh.sum() < 20 or 2 * busy.sum() < fresh.sum():
+        return  # nothing repeats, or repeating is nothing unusual here
+    # Channels that repeat by chance do so independently: as many whole rows as this would.
+    expected = pair.sum() * np.prod(same[fresh].mean(axis=0))
+    starts, counts = _runs(stale)
+    bounds = np.r_[True, busy | ~pair, True]  # what lies before and after each pair
+    calm = stale[starts] & bounds[starts] & bounds[starts + counts + 1]
+    rows = np.flatnonzero(np.repeat(calm, counts)) + 1
+    m = len(rows)
+    if m and m * math.log(max(expected, 1e-300)) - math.lgamma(m + 1) < math.log(RARE):
+        yield (
+            f"{m} row{'s repeat' if m > 1 else ' repeats'} the row before in every channel "
+            f"({_places(readings, rows)}); the logger may have written old samples again: "
+            "they are no new information, drop them"
+        )
+
+
+def _copied_poses(readings: Samples) -> Iterator[str]:
+    """Held poses whose samples are, one by one, those of another pose."""
+    if not readings.held:
+        return
+    seen: dict[bytes, int] = {}
+    starts, counts = _runs(readings.pose)
+    for start, count in zip(starts, counts, strict=True):
+        block = readings.values[start : start + count]
+        if (block == block[0]).all():
+            continue  # without noise, a pose visited twice does read the same
+        first = seen.setdefault(block.tobytes(), int(start))
+        if first != start:
+            yield (
+                f"pose {readings.pose[start]} ({readings.line_word} {readings.lines[start]}) "
+                f"repeats pose {readings.pose[first]} ({readings.line_word} "
+                f"{readings.lines[first]}) reading by reading; it looks like a copy: drop one"
+            )
+
+
+def _runs(labels: npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+    """Where each run of equal labels starts, and how long it is."""
+    starts = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
+    return starts, np.diff(np.r_[starts, len(labels)])
+
+
+def _places(readings: Samples, rows: Iterable[np.int64] | IntArray) -> str:
+    """The first few lines of a list, and how many more there are."""
+    lines = [str(readings.lines[i]) for i in rows]
+    more = f" and {len(lines) - LISTED} more" if len(lines) > LISTED else ""
+    word = readings.line_word + "s" * (len(lines) > 1)
+    return f"{word} {', '.join(lines[:LISTED])}{more}"

@@ -1,0 +1,299 @@
+"""Tables as they stand in a file: names, cells and line numbers, nothing interpreted.
+
+`rsicalib.io.readings` decides what the cells mean and which of them cannot be used.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import importlib
+import io
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.errors import InputError
+
+__all__ = [
+    "Ragged",
+    "Table",
+    "is_blank",
+    "numbers",
+    "quoted",
+    "read_table",
+    "table_of_arrays",
+    "text",
+]
+
+PARQUET = {".parquet", ".pq"}
+
+
+@dataclass(frozen=True)
+class Ragged:
+    """A row with too few or too many cells."""
+
+    column: str
+    found: str
+    expected: str
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table of `n` rows, column by column.
+
+    Attributes
+    ----------
+    names : list of str
+        The header, without surrounding spaces; names may be doubled.
+    columns : list of sequences, each of length n
+        Raw cells: text from a CSV file, numbers or objects from elsewhere
+        (None where a cell is empty).
+    lines : ndarray, shape (n,)
+        Where each row stands, from 1.
+    line_word : {"line", "row"}
+        What `lines` counts.
+    source, sha256 : str
+        Path as given, and the digest of its bytes.
+    ragged : dict of int to Ragged
+        Rows whose cells do not fit the header; they are padded or cut in `columns`.
+    """
+
+    names: list[str]
+    columns: list[Sequence[Any] | npt.NDArray[Any]]
+    lines: IntArray
+    line_word: str
+    source: str
+    sha256: str
+    ragged: dict[int, Ragged] = field(default_factory=dict)
+
+
+def read_table(path: str | os.PathLike[str]) -> Table:
+    """Read a file: Parquet if its name ends so, else CSV.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no such table.
+    """
+    source = os.fsdecode(path)
+    try:
+        with open(source, "rb") as file:
+            data = file.read()
+    except FileNotFoundError:
+        raise InputError.at(source, found="no such file", expected="a file of readings") from None
+    except IsADirectoryError:
+        raise InputError.at(source, found="a directory", expected="a file of readings") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        expected = "a file that can be read"
+        raise InputError.at(source, found=reason, expected=expected) from error
+    read = _read_parquet if PurePath(source).suffix.lower() in PARQUET else _read_csv
+    return read(data, source, hashlib.sha256(data).hexdigest())
+
+
+def _read_csv(data: bytes, source: str, sha256: str) -> Table:
+    rows, lines = _rows(_decoded(data, source), source)
+    while rows and not rows[-1]:  # empty lines at the end say nothing, and editors leave them
+        rows.pop()
+    if not rows:
+        found, expected = "an empty file", "a header line, then one line per sample"
+        raise InputError.at(source, line=1, found=found, expected=expected)
+    names = [name.strip() for name in rows.pop(0)]
+    ragged = {i: _misfit(row, names) for i, row in enumerate(rows) if len(row) != len(names)}
+    for i in ragged:
+        rows[i] = (rows[i] + [""] * len(names))[: len(names)]
+    columns: list[Sequence[Any] | npt.NDArray[Any]] = list(zip(*rows, strict=True))
+    return Table(
+        names=names,
+        columns=columns or [() for _ in names],
+        lines=np.array(lines[1 : len(rows) + 1], dtype=np.int64),
+        line_word="line",
+        source=source,
+        sha256=sha256,
+        ragged=ragged,
+    )
+
+
+def _decoded(data: bytes, source: str) -> str:
+    """Text of UTF-8 bytes.
+
+    A byte order mark is dropped without a word: spreadsheets write it, it is
+    legal UTF-8 and carries nothing; kept, it would hide in the first name.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
+        hint = "Save the file as CSV in UTF-8."
+        expected = "text in UTF-8"
+        raise InputError.at(source, line=line, found=found, expected=expected, hint=hint) from None
+
+
+def _rows(content: str, source: str) -> tuple[list[list[str]], list[int]]:
+    """Cells of every row, and the line where each row begins."""
+    reader = csv.reader(io.StringIO(content, newline=""), strict=True)
+    rows: list[list[str]] = []
+    lines = [1]
+    try:
+        for row in reader:
+            rows.append(row)
+            lines.append(reader.line_num + 1)  # where the next one begins
+    except csv.Error as error:
+        expected = "comma-separated values, quotes in pairs"
+        raise InputError.at(source, line=lines[-1], found=str(error), expected=expected) from None
+    return rows, lines
+
+
+def _misfit(row: list[str], names: list[str]) -> Ragged:
+    column = names[len(row)] if len(row) < len(names) else f"{len(names) + 1} (beyond the last)"
+    found = "an empty line" if not row else f"{len(row)} cell{'s' * (len(row) != 1)}"
+    return Ragged(column, found, f"{len(names)} cells, as in the header")
+
+
+def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
+    try:
+        # By name: an optional dependency, and its typing differs between versions.
+        pyarrow: Any = importlib.import_module("pyarrow")
+        parquet: Any = importlib.import_module("pyarrow.parquet")
+    except ImportError:
+        hint = "Install it with: pip install rsicalib[parquet]"
+        found = "a Parquet file, and no pyarrow to read it"
+        raise InputError.at(source, found=found, expected="pyarrow", hint=hint) from None
+    try:
+        table = parquet.ParquetFile(io.BytesIO(data)).read()
+        columns = [_parquet_cells(column, pyarrow.types) for column in table.columns]
+    except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
+        found = f"what pyarrow cannot read ({_first_line(error)})"
+        raise InputError.at(source, found=found, expected="a Parquet file") from error
+    return Table(
+        names=[name.strip() for name in table.column_names],
+        columns=columns,
+        lines=np.arange(1, table.num_rows + 1, dtype=np.int64),
+        line_word="row",
+        source=source,
+        sha256=sha256,
+    )
+
+
+def _parquet_cells(column: Any, types: Any) -> Sequence[Any] | npt.NDArray[Any]:
+    plain = types.is_integer(column.type) or types.is_floating(column.type)
+    cells: Sequence[Any] | npt.NDArray[Any]
+    cells = column.to_numpy() if plain and not column.null_count else column.to_pylist()
+    return cells
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> Table:
+    """Arrays as a table of `n` rows.
+
+    Parameters
+    ----------
+    blocks : list of (names, array_like)
+        Names of the columns of one array: shape (n, len(names)), or (n,) for one name.
+        The first array says what `n` is.
+    source : str
+        What messages call them.
+
+    Returns
+    -------
+    Table
+        `sha256` is the digest of names and arrays in the order given.
+    """
+    digest = hashlib.sha256()
+    names: list[str] = []
+    columns: list[Sequence[Any] | npt.NDArray[Any]] = []
+    rows = -1
+    for group, given in blocks:
+        array = _array(given, group[0] if len(group) == 1 else None, source)
+        rows = rows if rows >= 0 or not array.ndim else len(array)
+        shape = (rows,) if len(group) == 1 and array.ndim == 1 else (rows, len(group))
+        if array.shape != shape:
+            name = group[0] if len(group) == 1 else None
+            found = f"shape {array.shape}"
+            expected = f"shape ({max(rows, 0)}, {len(group)})" if name is None else f"{rows} values"
+            raise InputError.at(source, column=name, found=found, expected=expected)
+        for name, cells in zip(group, array.reshape(rows, len(group)).T, strict=True):
+            names.append(name)
+            columns.append(cells if array.dtype.kind in "iuf" else cells.tolist())
+            digest.update(name.encode() + b"\0")
+            plain = array.dtype.kind in "iuf"
+            digest.update(cells.tobytes() if plain else repr(cells.tolist()).encode())
+    lines = np.arange(1, rows + 1, dtype=np.int64)
+    return Table(names, columns, lines, "row", source, digest.hexdigest())
+
+
+def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
+    """An array of numbers, text or objects; masked entries become None, so they count as blank."""
+    if isinstance(given, np.ma.MaskedArray):
+        cells = given.data.astype(object)
+        cells[np.ma.getmaskarray(given)] = None
+        given = cells
+    try:
+        array = np.asarray(given)
+    except ValueError as error:
+        raise InputError.at(source, column=column, found=str(error), expected="an array") from None
+    if array.dtype.kind not in "iufUO":
+        found = f"type {array.dtype}"
+        raise InputError.at(source, column=column, found=found, expected="numbers")
+    return array
+
+
+def numbers(cells: Sequence[Any] | npt.NDArray[Any]) -> FloatArray:
+    """Cells as numbers, shape (n,); NaN where a cell is none.
+
+    What `float` accepts, but no underscores: `1_5` is more likely a slip than
+    fifteen. Spaces around a number are no part of it.
+    """
+    if isinstance(cells, np.ndarray):
+        return cells.astype(np.float64)
+    try:
+        if "_" not in "".join(cells):
+            return np.fromiter(map(float, cells), np.float64, len(cells))
+    except (TypeError, ValueError):
+        pass  # some cell is no number: go one by one
+    return np.fromiter(map(_number, cells), np.float64, len(cells))
+
+
+def _number(cell: Any) -> float:
+    if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):
+        return math.nan
+    try:
+        return float(cell)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def text(cell: Any) -> str:
+    """A cell as text, without surrounding spaces; empty where there is nothing."""
+    empty = is_blank(cell) or (isinstance(cell, float) and math.isnan(cell))
+    return "" if empty else str(cell).strip()
+
+
+def is_blank(cell: Any) -> bool:
+    """Whether nothing stands in a cell."""
+    return cell is None or (isinstance(cell, str) and not cell.strip())
+
+
+def quoted(cell: Any) -> str:
+    """A cell as a message shows it: `blank`, `NaN`, a bare number, or text in quotes."""
+    if is_blank(cell):
+        return "blank"
+    value = _number(cell)
+    if math.isfinite(value):
+        return str(value) if isinstance(cell, np.floating | float) else str(cell).strip()
+    if isinstance(cell, np.floating | float):
+        return "NaN" if math.isnan(value) else str(value)
+    shown = str(cell).strip()
+    return repr(shown if len(shown) <= 40 else f"{shown[:37]}...")

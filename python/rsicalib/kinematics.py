@@ -1,0 +1,143 @@
+"""Poses from readings, and joint coordinates from poses: the verbs `forward` and `inverse`."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+from rsicalib.places import Places, places, readings_for
+from rsicalib.work.arguments import (
+    CalibrationArg,
+    MechanismArg,
+    ReadingsArg,
+    earlier_result,
+    open_mechanism,
+)
+
+__all__ = ["forward", "forward_sd", "inverse"]
+
+
+def forward(
+    readings: ReadingsArg,
+    mechanism: MechanismArg = "rsi",
+    calibration: CalibrationArg | None = None,
+    *,
+    skip_bad_rows: bool = False,
+) -> FloatArray:
+    """Find the platform's pose for every reading, or the points that the chains carry.
+
+    Parameters
+    ----------
+    readings : path or Readings
+        `n` samples.
+    mechanism : str, path or Mechanism
+        With a platform, or with points on its chains.
+    calibration : path, Calibration or Trace, optional
+        An earlier result; without it the mechanism as it is declared. Terms that
+        are bound to the time of their own session are left out.
+    skip_bad_rows : bool, optional
+        As in `calibrate`.
+
+    Returns
+    -------
+    ndarray, shape (n, 6)
+        `x y z` [length unit] and `rx ry rz` [rad], eq. (1). Of a mechanism without
+        a platform, `x y z` of each point that a chain carries, shape (n, 3 points).
+
+    Raises
+    ------
+    InputError
+        The mechanism has neither, or the result is not of this mechanism.
+
+    See Also
+    --------
+    forward_sd : how well they are known.
+
+    Examples
+    --------
+    >>> from rsicalib import DEMO
+    >>> forward(DEMO / "rest.csv").shape[1]
+    6
+    """
+    return _placed(readings, mechanism, calibration, skip_bad_rows, sd=False).values
+
+
+def forward_sd(
+    readings: ReadingsArg,
+    mechanism: MechanismArg,
+    calibration: CalibrationArg,
+    *,
+    skip_bad_rows: bool = False,
+) -> FloatArray:
+    """Find how well a calibration knows what `forward` gives.
+
+    Parameters
+    ----------
+    readings, mechanism, calibration, skip_bad_rows
+        As for `forward`.
+
+    Returns
+    -------
+    ndarray
+        Standard deviations, in the shape of `forward`: of the calibration alone, the
+        noise of the reading not counted. NaN where nothing is known of them.
+    """
+    found = _placed(readings, mechanism, calibration, skip_bad_rows, sd=True)
+    return np.full_like(found.values, np.nan) if found.sd is None else found.sd
+
+
+def _placed(
+    readings: ReadingsArg,
+    mechanism: MechanismArg,
+    calibration: CalibrationArg | None,
+    skip_bad_rows: bool,
+    *,
+    sd: bool,
+) -> Places:
+    loaded = open_mechanism(mechanism)
+    one = readings_for(readings, loaded, skip_bad_rows)
+    result = None if calibration is None else earlier_result(calibration, loaded)
+    return places(one, loaded, result, sd=sd)
+
+
+def inverse(poses: npt.ArrayLike, mechanism: MechanismArg = "rsi") -> FloatArray:
+    """Find the joint coordinates that hold the platform in given poses.
+
+    Parameters
+    ----------
+    poses : array_like, shape (n, 6) or (6,)
+        `x y z` [length unit] and `rx ry rz` [rad].
+    mechanism : str, path or Mechanism
+        With a platform; for `"rsi"` by the closed forms (6)-(8), within the joint limits.
+
+    Returns
+    -------
+    ndarray, shape (n, C) or (C,)
+        One joint coordinate per channel [rad].
+
+    Raises
+    ------
+    InputError
+        A pose is out of reach; the message says which arm and by how much.
+
+    Examples
+    --------
+    >>> inverse([0, 0, -2.666, 0, 0, 0]).round(2)
+    array([ 0.42, -1.97,  0.  ,  0.42, -1.97,  0.  ,  0.42, -1.97,  0.  ])
+    """
+    array = np.asarray(poses, dtype=np.float64)
+    if array.shape[-1:] != (6,) or array.ndim > 2:
+        raise InputError(f"found poses of shape {array.shape}, expected (n, 6) or (6,)")
+    closed = isinstance(mechanism, str) and mechanism == "rsi"
+    loaded = open_mechanism(mechanism)
+    found = []
+    for number, pose in enumerate(np.atleast_2d(array)):
+        try:
+            row = _core.rsi_inverse(list(pose)) if closed else loaded.inverse(list(pose))
+        except InputError as error:
+            raise InputError(error.message.replace("pose 0 ", f"pose {number} ", 1)) from None
+        found.append(np.ravel(row))
+    return np.array(found).reshape(*array.shape[:-1], -1)

@@ -1,0 +1,217 @@
+"""What a set of poses can and cannot tell about offsets and gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import nominal
+from rsicalib.errors import InputError
+from rsicalib.io.readings import Readings
+from rsicalib.records import Record
+from rsicalib.work.arguments import (
+    CalibrationArg,
+    MechanismArg,
+    ReadingsArg,
+    earlier_result,
+    load,
+    open_mechanism,
+)
+
+__all__ = ["SCALINGS", "Measures", "Observability", "observability"]
+
+SCALINGS = ("none", "unit_columns", "wrist_position")
+"""Scalings of the Jacobian's columns, by name."""
+
+MEANING = {
+    "none": "columns as they are: rad beside rad/count",
+    "unit_columns": "every column of length one",
+    "wrist_position": "each column by how far its parameter moves the points of the closures (rms)",
+}
+
+
+@dataclass(frozen=True)
+class Measures(Record):
+    """Measures of the singular values `s` of the Jacobian (12) under one scaling.
+
+    Attributes
+    ----------
+    scaling : str
+        Name of the scaling.
+    o1 : float
+        Geometric mean of `s` over √rows (Borm & Menq 1991).
+    o2 : float
+        Smallest over largest (Driels & Pathre 1990): the inverse condition number.
+    o3 : float
+        Smallest (Nahvi, Hollerbach & Hayward 1994).
+    o4 : float
+        Smallest squared over largest (Nahvi & Hollerbach 1996).
+    o5 : float
+        `1 / Σ 1/s²` (Sun & Hollerbach 2008).
+    condition : float
+        Largest over smallest.
+    singular_values : tuple of float
+        Largest first.
+    """
+
+    scaling: str
+    o1: float
+    o2: float
+    o3: float
+    o4: float
+    o5: float
+    condition: float
+    singular_values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Observability(Record):
+    """What poses can tell of the paper's parameters.
+
+    Attributes
+    ----------
+    samples : int
+        Rows of readings that took part.
+    scalings : tuple of Measures
+        One for each scaling.
+    offset_sd, gain_sd : ndarray, shape (C,)
+        Cramér-Rao bound for one unit of noise per reading: rad, rad/reading; NaN where these
+        poses cannot tell.
+    unobservable : tuple of str
+        Directions in the space of parameters that the poses cannot determine, in words.
+    weak : tuple of str
+        Directions that the poses determine badly, for one unit of noise per reading.
+    """
+
+    samples: int
+    scalings: tuple[Measures, ...]
+    offset_sd: FloatArray
+    gain_sd: FloatArray
+    unobservable: tuple[str, ...]
+    weak: tuple[str, ...]
+
+    def __getitem__(self, scaling: str) -> Measures:
+        """The measures under one scaling."""
+        for measures in self.scalings:
+            if measures.scaling == scaling:
+                return measures
+        known = ", ".join(m.scaling for m in self.scalings)
+        raise KeyError(f"no scaling {scaling!r}; there are {known}")
+
+    def text(self) -> str:
+        """A table of the measures, and the directions in words."""
+        lines = [f"{self.samples} samples", ""]
+        lines.append(
+            f"{'scaling':15s} {'O1':>10s} {'O2':>10s} {'O3':>10s} {'O4':>10s} {'O5':>10s} "
+            f"{'condition':>10s}"
+        )
+        for m in self.scalings:
+            numbers = (m.o1, m.o2, m.o3, m.o4, m.o5, m.condition)
+            lines.append(f"{m.scaling:15s} " + " ".join(f"{v:10.3g}" for v in numbers))
+        lines += ["", *(f"{name}: {MEANING[name]}" for name in (m.scaling for m in self.scalings))]
+        lines += ["", "cannot be told:" if self.unobservable else "everything can be told"]
+        lines += [f"  {words}" for words in self.unobservable]
+        if self.weak:
+            lines += ["hardly told, for one unit of noise per reading:"]
+            lines += [f"  {words}" for words in self.weak]
+        return "\n".join(lines) + "\n"
+
+
+def observability(
+    readings: ReadingsArg | npt.ArrayLike,
+    mechanism: MechanismArg = "rsi",
+    *,
+    calibration: CalibrationArg | None = None,
+    scalings: Sequence[str] = SCALINGS,
+    closures: Sequence[str] | None = None,
+    skip_bad_rows: bool = False,
+) -> Observability:
+    """Measure what poses can tell about offsets and gains by eq. (10), all closures alike.
+
+    Parameters
+    ----------
+    readings : path, Readings or array_like of shape (n, C)
+        Where the Jacobian (12) is taken.
+    mechanism : str, path or Mechanism
+        Distances, or touches of fixed points.
+    calibration : path, Calibration or Trace, optional
+        Result that gives the offsets and gains; the mechanism's own by default.
+    scalings : sequence of {"none", "unit_columns", "wrist_position"}
+        Scalings of the columns: singular values of rad beside rad/count mean nothing.
+    closures : sequence of str, optional
+        Only these.
+    skip_bad_rows : bool, optional
+        Drop rows that cannot be used.
+
+    Returns
+    -------
+    Observability
+        Measures, bounds, and directions in words.
+
+    Raises
+    ------
+    InputError
+        The readings cannot be used, or the mechanism has unknown points.
+
+    See Also
+    --------
+    rsicalib.plan : poses that tell more.
+    """
+    opened = open_mechanism(mechanism)
+    values = counts_of(readings, opened, skip_bad_rows)
+    offsets, gains = parameters_of(calibration, opened)
+    names = None if closures is None else list(closures)
+    measures = []
+    found = {}
+    for scaling in scalings:
+        found = _core.observability(opened, values, offsets, gains, scaling, closures=names)
+        singular = tuple(found["singular_values"])
+        measures.append(Measures(scaling, **found["measures"], singular_values=singular))
+    if not measures:
+        raise InputError(f"scalings: found none, expected some of {', '.join(SCALINGS)}")
+    sigma = np.array([c.noise or 1.0 for c in opened.channels])
+    bound = _core.bound(opened, values, offsets, gains, sigma, closures=names)
+    return Observability(
+        len(values),
+        tuple(measures),
+        known_sd(bound["offset_sd"]),
+        known_sd(bound["gain_sd"]),
+        tuple(found["unobservable"]),
+        tuple(found["weak"]),
+    )
+
+
+def counts_of(
+    readings: ReadingsArg | npt.ArrayLike, mechanism: Mechanism, skip_bad_rows: bool = False
+) -> FloatArray:
+    """Readings from a file, an object or an array: shape (n, C)."""
+    if isinstance(readings, np.ndarray | list | tuple):
+        readings = Readings.from_arrays(mechanism, readings)
+    loaded = load(readings, mechanism, skip_bad_rows)  # type: ignore[arg-type]
+    return np.ascontiguousarray(loaded.values)
+
+
+def parameters_of(
+    calibration: CalibrationArg | None, mechanism: Mechanism
+) -> tuple[FloatArray, FloatArray]:
+    """Offsets and gains of a calibration, or as the mechanism declares them."""
+    offsets, gains = nominal(mechanism)
+    if calibration is not None:
+        result = earlier_result(calibration, mechanism)
+        where = {c.name: k for k, c in enumerate(mechanism.channels)}
+        for p in result.parameters:
+            if p.term in ("offset", "gain") and p.target in where and p.value is not None:
+                (offsets if p.term == "offset" else gains)[where[p.target]] = p.value
+    return offsets, gains
+
+
+def known_sd(values: Sequence[float]) -> FloatArray:
+    """Standard deviations, NaN where they are infinite."""
+    array = np.array(values, dtype=np.float64)
+    return np.where(np.isfinite(array), array, np.nan)

@@ -1,0 +1,94 @@
+"""Calibration from known poses: the verb `fixture`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib.errors import UndeterminedError
+from rsicalib.results import Calibration
+from rsicalib.shapes import Parameter
+from rsicalib.work.applying import posed
+from rsicalib.work.arguments import MechanismArg, ReadingsArg
+from rsicalib.work.job import Work
+from rsicalib.work.outcome import NOTHING
+
+__all__ = ["fixture"]
+
+
+def fixture(
+    readings: ReadingsArg,
+    mechanism: MechanismArg = "rsi",
+    *,
+    check: ReadingsArg | None = None,
+    align: bool = False,
+    skip_bad_rows: bool = False,
+) -> Calibration:
+    """Calibrate open loop, from known poses: a straight line for each channel, eq. (13).
+
+    Parameters
+    ----------
+    readings : path or Readings
+        With the columns `x y z rx ry rz`; rows without a pose are not used.
+    mechanism : str, path or Mechanism
+        What is read.
+    check : path or Readings, optional
+        Other known poses, for the error of the platform.
+    align : bool, optional
+        As in `calibrate`.
+    skip_bad_rows : bool, optional
+        As in `calibrate`.
+
+    Returns
+    -------
+    Calibration
+        Whose noise is the scatter of the joint coordinates about the lines:
+        lack of fit cannot be judged.
+
+    Raises
+    ------
+    InputError
+        A pose is out of reach, or there are none.
+    """
+    job = Work(mechanism, skip_bad_rows, None)
+    job.take(readings, None, None, known_poses=True)
+    table, poses = posed(job.readings[0], job.mechanism)
+    try:
+        lines, count = _core.fixture(job.mechanism, table, poses)
+    except UndeterminedError as error:
+        nothing = {"method": "fixture", "fit": NOTHING}
+        return Calibration.from_dict(job.too_few(Calibration, error, None) | nothing)
+    parameters, blocks, sigma = [], [], {}
+    for channel, line in zip(job.mechanism.channels, lines, strict=True):
+        block = np.full((2, 2), np.nan) if line["covariance"] is None else line["covariance"]
+        blocks.append(np.array(block))
+        sigma[channel.name] = line["residual"] / abs(line["gain"])
+        for k, (name, unit) in enumerate((("offset", "rad"), ("gain", f"rad/{channel.unit}"))):
+            sd = None if line["covariance"] is None else line["covariance"][k][k] ** 0.5
+            parameters.append(Parameter(name, channel.name, name, line[name], sd, unit))
+    covariance = np.zeros((2 * len(blocks), 2 * len(blocks)))
+    for k, block in enumerate(blocks):
+        covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = block
+    found: dict[str, Any] = {
+        "method": "fixture",
+        "noise": {"source": "scatter about the lines", "sigma": sigma, "correlation": None}
+        | {"dof": float(count - 2)},
+        "verdict": None if count > 2 else "undetermined",
+        "fit": {**NOTHING},
+        "parameters": parameters,
+        "covariance": covariance,
+        "termination": "one linear step",
+    }
+    result = Calibration.from_dict(job.result(Calibration, found, None))
+    known = job.known(check)
+    if known is None:
+        return result
+    fit = {"check": job.error(known, result, False), "aligned": None}
+    nominal = {"check": job.nominal_error(known, align=False), "aligned": None}
+    if align:
+        fit["aligned"] = job.error(known, result, True)
+        nominal["aligned"] = job.nominal_error(known, align=True)
+    again = {**result.to_dict(), "fit": NOTHING | fit, "nominal": NOTHING | nominal}
+    return Calibration.from_dict(again)

@@ -1,0 +1,165 @@
+"""The summary of a result for a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from rsicalib.report.words import (
+    advice,
+    comparison,
+    excluded_words,
+    name_of,
+    noise_words,
+    number,
+    plus_minus,
+    sentence,
+    size_words,
+)
+from rsicalib.shapes import Parameter, ResultShape, TraceShape
+
+__all__ = ["summary"]
+
+LINES = 23
+"""With a blank one and the path of a report they are 25."""
+WIDTH = 100
+
+
+def summary(result: ResultShape) -> str:
+    """Write what was found in a few lines for a terminal.
+
+    Parameters
+    ----------
+    result : Calibration or Trace
+        What was found.
+
+    Returns
+    -------
+    str
+        Lines without a line feed at the end.
+    """
+    head = textwrap.wrap(sentence(result), WIDTH)[:4]
+    data = result.readings
+    head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
+    head += [f"  {'noise':10}{noise_words(result)}"]
+    head += _listed("warning", result.warnings, 1)
+    middle = _errors(result)
+    if isinstance(result, TraceShape):
+        middle = [*_found(result), *_left_out(result), *middle, *_left(result)]
+    else:
+        middle = [*_left_out(result), *middle]
+    tail = [line for text in advice(result)[:3] for line in _next(text)][:5]
+    if tail:
+        tail = ["", *tail]
+    room = LINES - len(head) - len(tail) - 1
+    if not isinstance(result, TraceShape):
+        middle += ["", *_parameters(result.parameters, room - len(middle) - 1)]
+    if len(middle) > room:
+        middle = [*middle[: room - 1], f"  … {len(middle) - room + 1} more lines in the report"]
+    return "\n".join([*head, "", *middle, *tail][:LINES])
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 2].rstrip()} …"
+
+
+def _listed(label: str, texts: Sequence[str], most: int) -> list[str]:
+    """A line for each of the first texts, and how many more there are."""
+    more = len(texts) - most
+    lines = [_cut(f"  {label:10}{text}") for text in texts[:most]]
+    return [*lines, f"  {'':10}and {more} more"] if more > 0 else lines
+
+
+def _next(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="→ ", subsequent_indent="  ")
+
+
+def _errors(result: ResultShape) -> list[str]:
+    heads, rows = comparison(result)
+    rows = [row for row in rows if row[0] != "p-value"]  # it stands in the first line
+    # What has the least to say comes last, where lines are short.
+    rows.sort(key=lambda row: row[0].startswith(("held-out", "misclosure")))
+    if not rows:
+        return []
+    wide = max(len(row[0]) for row in rows) + 2
+    if all(old == "–" for _, old, _ in rows):
+        return [f"  {name:{wide}}{new:>14}" for name, _, new in rows]
+    lines = [f"  {'':{wide}}{heads[0]:>14}{heads[1]:>14}"]
+    return lines + [f"  {name:{wide}}{old:>14}{new:>14}" for name, old, new in rows]
+
+
+def _found(result: TraceShape) -> list[str]:
+    lines = []
+    for step in result.steps[:4]:
+        line = f"  found     {name_of(step.term)} of {step.target}: {size_words(step)}"
+        if step.platform_rms is not None:
+            rms = step.platform_rms
+            cost = f"{number(rms.position, 2)} {result.length_unit}"
+            extra = f"; platform {cost}, {number(rms.orientation, 2)} rad"
+            line += extra if len(line) + len(extra) <= WIDTH else ""
+        lines.append(_cut(line))
+        if step.also_fits:
+            names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
+            more = "" if len(names) < 4 else f" and {len(names) - 3} more"
+            lines.append(_cut(f"            fits as well: {', '.join(names[:3])}{more}"))
+    return lines if not lines or result.excluded else [*lines, ""]
+
+
+def _left_out(result: ResultShape) -> list[str]:
+    lines = _listed("left out", [excluded_words(e) for e in result.excluded], 3)
+    return [*lines, ""] if lines else []
+
+
+def _left(result: TraceShape) -> list[str]:
+    lines = []
+    # Where something is, it stands whole among what to do next.
+    if result.unexplained is not None and result.unexplained.target is None:
+        lines.append(_cut(f"  left over {result.unexplained.text}"))
+    for hidden in result.could_hide[:1]:
+        rms = hidden.platform_rms
+        cost = (
+            ""
+            if rms is None
+            else f", {number(rms.position, 2)} {result.length_unit} at the platform"
+        )
+        size = number(hidden.detectable, 2) + (f" {hidden.unit}" if hidden.unit != "1" else "")
+        name = f"{name_of(hidden.term)} of {hidden.target}"
+        lines.append(_cut(f"  may hide  {name} up to {size}{cost}"))
+    return ["", *lines] if lines else []
+
+
+def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
+    """Offsets and gains side by side, by channel; then the others."""
+    sensors: dict[str, dict[str, Parameter]] = {}
+    others = []
+    for p in parameters:
+        if p.term in ("offset", "gain"):
+            sensors.setdefault(p.target, {})[p.term] = p
+        else:
+            others.append(p)
+    lines = []
+    if sensors:
+        first = next(iter(sensors.values()))
+        units = [f"{t} [{_unit(first[t])}]" if t in first else "" for t in ("offset", "gain")]
+        lines.append(f"  {'± 95 %':10}{units[0]:>24}{units[1]:>28}")
+    for target, pair in sensors.items():
+        cells = [_estimate(pair[t]) if t in pair else "" for t in ("offset", "gain")]
+        lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>28}")
+    for p in others:
+        name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
+        lines.append(_cut(f"  {p.target:10}{name} = {_estimate(p)} {p.unit}"))
+    if len(lines) > room:
+        lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
+    return lines
+
+
+def _unit(parameter: Parameter) -> str:
+    """Gains of a converter are small: they are shown in thousandths."""
+    return f"m{parameter.unit}" if parameter.unit == "rad/count" else parameter.unit
+
+
+def _estimate(parameter: Parameter) -> str:
+    scale = 1e3 if parameter.unit == "rad/count" else 1.0
+    value = None if parameter.value is None else scale * parameter.value
+    half = None if parameter.sd is None else 1.96 * scale * parameter.sd
+    return " ± ".join(plus_minus(value, half))

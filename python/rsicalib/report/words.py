@@ -1,0 +1,328 @@
+"""What a result says, in words: the same in the terminal and in the report."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+from rsicalib import _core
+from rsicalib.shapes import (
+    CalibrationShape,
+    Excluded,
+    FitQuality,
+    Name,
+    ResultShape,
+    Step,
+    TraceShape,
+)
+from rsicalib.verdicts import ALPHA
+
+__all__ = [
+    "advice",
+    "comparison",
+    "excluded_words",
+    "name_of",
+    "noise_words",
+    "number",
+    "plus_minus",
+    "quality",
+    "sentence",
+    "size_words",
+    "subject",
+    "target_words",
+]
+
+WORDS = {
+    "sensor": "sensor {target}",
+    "electronics": "the electronics",
+    "closure": "closure {target}",
+}
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number in a few digits; a dash where it is not known."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 10.0**digits and abs(value) < 1e6:
+        return f"{value:.0f}"
+    if 1e-3 <= abs(value) < 1e6:
+        return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def plus_minus(value: float | None, half: float | None) -> tuple[str, str]:
+    """A value and its half width, both to two digits of the half width."""
+    if value is None:
+        return "–", "–"
+    if half is None or not math.isfinite(half) or half <= 0.0:
+        return number(value, 6), "–"
+    places = 1 - math.floor(math.log10(half))
+    if places > 7 or max(abs(value), half) >= 1e6:
+        return f"{value:.6e}", f"{half:.1e}"
+    return f"{value:.{max(places, 0)}f}", f"{half:.{max(places, 0)}f}"
+
+
+def name_of(term: str) -> str:
+    """A term's id as people read it."""
+    return term.replace("_", " ")
+
+
+def target_words(klass: str, target: str) -> str:
+    """Where a fault lies."""
+    return WORDS.get(klass, "{target}").format(target=target)
+
+
+def subject(step: Step | Name) -> str:
+    """A missing effect: `curvature of sensor a22`."""
+    at = f" (at {step.place})" if step.place else ""
+    return f"{name_of(step.term)} of {target_words(step.klass, step.target)}{at}"
+
+
+def _and(items: Sequence[str]) -> str:
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
+
+
+def _at(result: TraceShape) -> str:
+    """Where something is left: ` at a33`."""
+    target = None if result.unexplained is None else result.unexplained.target
+    return "" if target in (None, "all") else f" at {target}"
+
+
+def _judged(fit: FitQuality) -> str:
+    if fit.p_value is None:
+        return "lack of fit cannot be judged"
+    p = p_is(fit.p_value)
+    return f"χ² {number(fit.chi2)} for {number(fit.dof)} degrees of freedom, {p}"
+
+
+def probability(p: float | None) -> str:
+    """A p-value: below what a double can hold it is not zero."""
+    return "< 1e-99" if p is not None and p < 1e-99 else number(p, 2)
+
+
+def p_is(p: float | None) -> str:
+    """`p = 0.03`, `p < 1e-99`."""
+    words = probability(p)
+    return f"p {words}" if words.startswith("<") else f"p = {words}"
+
+
+def quality(result: ResultShape) -> FitQuality:
+    """How well the final model fits."""
+    if isinstance(result, TraceShape):
+        return result.after
+    if isinstance(result, CalibrationShape):
+        return result.fit
+    raise TypeError(f"found {type(result).__name__}, expected a calibration or a trace")
+
+
+def sentence(result: ResultShape) -> str:
+    """The verdict."""
+    fit = quality(result)
+    judged = _judged(fit)
+    if result.verdict == "undetermined":
+        why = next(iter(result.unobservable), result.termination)
+        return f"Undetermined: these readings cannot determine what was asked ({why})."
+    if isinstance(result, TraceShape) and result.steps:
+        missing = _and([subject(step) for step in result.steps])
+        were = "was" if len(result.steps) == 1 else "were"
+        if result.verdict == "explained":
+            return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
+        left = result.unexplained
+        if left and (left.p_value is None or left.p_value > _core.LEFT):
+            return (
+                f"Partly explained: {missing} leave no more than noise ({judged}), but may stand "
+                "for an effect that no term has."
+            )
+        where = f"something is left{_at(result)}"
+        return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
+    if isinstance(result, TraceShape) and result.excluded and result.verdict == "explained":
+        count = len(result.excluded)
+        bad = "a bad reading" if count == 1 else f"{count} bad readings"
+        return f"Explained: {bad} left out; what is left is noise ({judged})."
+    if result.verdict == "unexplained":
+        if isinstance(result, TraceShape):
+            return f"Unexplained: no known effect explains what is left{_at(result)} ({judged})."
+        return f"The residual is significant ({judged}): the model lacks something."
+    if result.verdict == "adequate":
+        return f"Adequate: what is left is the noise of the readings ({judged})."
+    if isinstance(result, CalibrationShape) and result.method == "fixture":
+        return "Calibrated open loop, from known poses: a straight line for each channel."
+    return "Calibrated, but lack of fit cannot be judged: only the fit itself gives the noise."
+
+
+def noise_words(result: ResultShape) -> str:
+    """How large the noise is, and where from."""
+    if result.noise is None:
+        return "not known"
+    sigma = result.noise.sigma
+    usual, times = Counter(sigma.values()).most_common(1)[0]
+    apart = [f"{name} {number(value)}" for name, value in sigma.items() if value != usual]
+    low, high = number(min(sigma.values())), number(max(sigma.values()))
+    size, others = low if low == high else f"{low} … {high}", ""
+    if apart and 2 * times > len(sigma):
+        size, others = number(usual), f", {_and(apart)}"
+    dof = "" if result.noise.dof is None else f", {result.noise.dof:.0f} degrees of freedom"
+    units = {p.unit.partition("/")[2] for p in result.parameters if p.term == "gain"}
+    unit = f"{units.pop()} " if len(units) == 1 else ""
+    return f"{size} {unit}per sample{others} ({result.noise.source}{dof})"
+
+
+def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, str, str]]]:
+    """The error before and after: two headings, and rows of name, before, after."""
+    if isinstance(result, TraceShape):
+        before, after, heads = result.before, result.after, ("before", "after")
+    elif result.with_excluded is not None:
+        before, after, heads = (
+            result.with_excluded.fit,
+            quality(result),
+            ("all readings", "left out"),
+        )
+    else:
+        nothing = FitQuality(None, None, None, None)
+        before, after, heads = (
+            result.nominal or nothing,
+            quality(result),
+            ("as declared", "calibrated"),
+        )
+    unit = result.length_unit
+
+    def ratio(fit: FitQuality) -> str:
+        return "–" if fit.chi2 is None else f"{number(fit.chi2)} / {number(fit.dof)}"
+
+    rows = [
+        ("χ² / degrees of freedom", ratio(before), ratio(after)),
+        ("p-value", probability(before.p_value), probability(after.p_value)),
+        (f"misclosure, rms [{unit}]", number(before.rms_misclosure), number(after.rms_misclosure)),
+    ]
+    held = [fit.held_out.chi2_per_dof if fit.held_out else None for fit in (before, after)]
+    rows.append(("held-out χ² per degree of freedom", number(held[0]), number(held[1])))
+    for key, words in (("check", ""), ("aligned", ", aligned")):
+        old, new = getattr(before, key), getattr(after, key)
+        if new is None:
+            continue
+        poses = f"{new.poses} check poses{words}"
+        at = [number(c.position_rms) if c else "–" for c in (old, new)]
+        turn = [number(c.orientation_rms) if c else "–" for c in (old, new)]
+        rows.append((f"position, {poses} [{unit}]", at[0], at[1]))
+        rows.append((f"orientation, {poses} [rad]", turn[0], turn[1]))
+    rows += _touched(result)
+    return heads, [row for row in rows if row[1:] != ("–", "–")]
+
+
+def _touched(result: ResultShape) -> list[tuple[str, str, str]]:
+    """How far carried points are from where they touch, in groups that were fitted, and others."""
+    groups = result.groups
+    if groups is None or (
+        isinstance(result, CalibrationShape) and result.with_excluded is not None
+    ):
+        return []
+    traced = isinstance(result, TraceShape)
+    old = (groups.before_fitted, groups.before_others) if traced else None
+    old = old or (groups.nominal_fitted, groups.nominal_others)
+    names = (f"at what it touches, {which} [{groups.unit}]" for which in ("fitted", "other groups"))
+    return [
+        (name, number(before), number(after))
+        for name, before, after in zip(names, old, (groups.fitted, groups.others), strict=True)
+    ]
+
+
+def curve_unit(step: Step) -> str:
+    """Unit of a thousandth of a correction: of an angle, or of all readings."""
+    return "‰" if step.klass == "electronics" else "mrad"
+
+
+def size_words(step: Step) -> str:
+    """How large an effect is, with 95 %."""
+    if len(step.parameters) > 3 and step.curve:
+        largest = max(abs(row[1]) for row in step.curve)
+        return f"a curve of up to {number(1e3 * largest, 2)} {curve_unit(step)}"
+    parts = []
+    for p in step.parameters:
+        value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
+        parts.append(f"{p.name} = {value} ± {half} {p.unit}")
+    return ", ".join(parts)
+
+
+def excluded_words(entry: Excluded) -> str:
+    """Which reading was left out, and why."""
+    places = [("pose", entry.pose), ("sample", entry.sample), ("group", entry.group)]
+    places += [("", entry.chain), ("", entry.channel)]
+    where = " ".join(f"{word} {place}".strip() for word, place in places if place is not None)
+    return f"{where}: {entry.reason}"
+
+
+def advice(result: ResultShape) -> list[str]:
+    """What to do, or to measure, next."""
+    out = []
+    fit = quality(result)
+    if result.verdict == "undetermined":
+        out.append(
+            "Record more poses, and more different ones, or declare what is known: "
+            "--rest, fewer --terms, `sd` in the mechanism."
+        )
+    if result.verdict == "unexplained" and isinstance(result, CalibrationShape):
+        out.append("Find what is missing: rsicalib trace, with the same files.")
+    if fit.p_value is None and result.method != "fixture" and result.verdict != "undetermined":
+        out.append(
+            "To judge the fit, hold each pose for a few samples (the same number in column "
+            "`pose`), or declare the noise with --noise."
+        )
+    if isinstance(result, TraceShape):
+        out += [*_elsewhere(result), *_next_measurement(result)]
+    if fit.check is None:
+        out.append(
+            "Closure is not accuracy: give poses known from elsewhere with --check to see the "
+            "error of the platform."
+        )
+    if fit.p_value is not None and fit.p_value >= ALPHA and fit.check is not None:
+        out.append("Use it: rsicalib forward READINGS --calibration result.json.")
+    return out
+
+
+WORSE = 1.05
+"""Groups that were not fitted must not close worse than this many times what they did."""
+
+
+def _elsewhere(result: TraceShape) -> list[str]:
+    groups = result.groups
+    if groups is None or groups.others is None or groups.before_others is None:
+        return []
+    if not result.steps or groups.others <= WORSE * groups.before_others:
+        return []
+    return [
+        "What was found does not hold elsewhere: groups that were not fitted close to "
+        f"{number(groups.others)} {groups.unit}, and to {number(groups.before_others)} without "
+        "it. Fit more groups together."
+    ]
+
+
+def _next_measurement(result: TraceShape) -> list[str]:
+    out = []
+    for step in result.steps:
+        if not step.also_fits:
+            continue
+        others = [
+            subject(n) if n.target != step.target else name_of(n.term) for n in step.also_fits
+        ]
+        how = {
+            "sensor": "move {target} over more of its range",
+            "electronics": "visit the same poses again later, and in another order",
+        }.get(step.klass, "visit poses that differ more at {target}")
+        out.append(
+            f"To tell {name_of(step.term)} of {step.target} from {_and(others[:3])}: "
+            f"{how.format(target=step.target)}."
+        )
+    if result.verdict in ("unexplained", "partly_explained") and result.unexplained is not None:
+        out.append(f"What is left: {result.unexplained.text}")
+    costs = [(h.platform_rms.position or 0.0, h) for h in result.could_hide if h.platform_rms]
+    if costs:
+        cost, worst = max(costs, key=lambda pair: pair[0])
+        out.append(
+            f"What could still hide costs up to {number(cost, 2)} {result.length_unit} "
+            f"({name_of(worst.term)} of {worst.target}): poses at the edges of the workspace show "
+            "it best."
+        )
+    return out

@@ -1,0 +1,1 @@
+"""The paper's tables and misprints, computed again beside what is printed."""

@@ -1,0 +1,162 @@
+"""The document of a reproduction: tables with their cells, misprints, and their text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsicalib.records import Record
+
+__all__ = ["Cell", "Misprint", "Paper", "Row", "Table"]
+
+
+@dataclass(frozen=True)
+class Cell(Record):
+    """One figure of a table.
+
+    Attributes
+    ----------
+    computed : float or None
+        Our figure; None where the paper gives nothing to compute it from.
+    printed : float or None
+        Figure of the paper, misprints corrected; None where it has no such figure.
+    sd : float or None
+        Standard error of `computed`, where it is a mean over trials.
+    """
+
+    computed: float | None = None
+    printed: float | None = None
+    sd: float | None = None
+
+
+@dataclass(frozen=True)
+class Row(Record):
+    """A line of a table."""
+
+    label: str
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Table(Record):
+    """A table of the paper, or a set of figures from its text.
+
+    Attributes
+    ----------
+    id : str
+        `I` to `IX`, `convergence`, `calibrations`, `bound`.
+    title : str
+        What it shows.
+    columns : tuple of str
+        Heads of the cells, with units.
+    rows : tuple of Row
+        The figures.
+    verdict : str
+        `reproduced`, `partly reproduced`, `order only`, `simulated`, `as printed` or `ours`.
+    notes : tuple of str
+        What differs, and why.
+    """
+
+    id: str
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+    verdict: str
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, label: str) -> Row:
+        """The row of a label."""
+        for row in self.rows:
+            if row.label == label:
+                return row
+        raise KeyError(f"no row {label!r} in Table {self.id}; there are {self._labels()}")
+
+    def _labels(self) -> str:
+        return ", ".join(row.label for row in self.rows)
+
+    def text(self) -> str:
+        """The table for people: computed figures, printed ones in parentheses."""
+        head = ["", *self.columns]
+        body = [[row.label, *(_figure(cell) for cell in row.cells)] for row in self.rows]
+        body = [line + [""] * (len(head) - len(line)) for line in body]
+        widths = [max(len(line[k]) for line in [head, *body]) for k in range(len(head))]
+        name = f"Table {self.id}" if self.id.isupper() else self.id.capitalize()
+        out = [f"{name}: {self.title} [{self.verdict}]"]
+        for line in [head, *body]:
+            first = line[0].ljust(widths[0])
+            rest = (cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True))
+            out.append("  ".join([first, *rest]).rstrip())
+        out += [f"- {note}" for note in self.notes]
+        return "\n".join(out) + "\n"
+
+
+@dataclass(frozen=True)
+class Misprint(Record):
+    """A place where the paper cannot mean what it prints.
+
+    Attributes
+    ----------
+    where, printed, right : str
+        The place, what stands there, and what should.
+    why : str
+        The calculation, with its numbers.
+    evidence : dict of str to float
+        The numbers alone.
+    """
+
+    where: str
+    printed: str
+    right: str
+    why: str
+    evidence: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Paper(Record):
+    """Everything that the paper prints, computed again.
+
+    Attributes
+    ----------
+    format, version : str
+        Format of the JSON, and version of rsicalib.
+    trials, seed : int
+        Number of trials of the simulations, and their seed.
+    tables : tuple of Table
+        In the paper's order, then convergence, calibrations and the bound.
+    misprints : tuple of Misprint
+        Each settled by a calculation.
+    """
+
+    format: str
+    version: str
+    trials: int
+    seed: int
+    tables: tuple[Table, ...]
+    misprints: tuple[Misprint, ...]
+
+    def __getitem__(self, table: str) -> Table:
+        """A table by its id."""
+        for one in self.tables:
+            if one.id == table:
+                return one
+        raise KeyError(f"no table {table!r}; there are {', '.join(t.id for t in self.tables)}")
+
+    def text(self) -> str:
+        """Every table and every misprint for people."""
+        out = [
+            "The tables of Hollerbach and Lokhorst, computed again.",
+            "Computed figures ± standard error (printed figures); inches and radians.",
+            f"{self.trials} trials in a simulated cell, seed {self.seed}.",
+            "",
+        ]
+        out += [table.text() for table in self.tables]
+        out.append("Misprints and gaps, each settled by a calculation:")
+        for m in self.misprints:
+            out += ["", f"{m.where}: {m.printed}  ->  {m.right}", f"  {m.why}"]
+        return "\n".join(out) + "\n"
+
+
+def _figure(cell: Cell) -> str:
+    out = "-" if cell.computed is None else f"{cell.computed:.4g}"
+    if cell.sd is not None:
+        out += f" ± {cell.sd:.1g}"
+    return out if cell.printed is None else f"{out} ({cell.printed:.4g})"

@@ -1,0 +1,200 @@
+"""What noise and averaging do to the paper's method: the cells of Table IX, simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import Device
+from rsicalib.records import Record
+from rsicalib.reproduction.placing import exact_readings, placed
+from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, rms, run
+
+__all__ = ["NoiseCell", "closed_loop_noise", "fixture_lines", "open_loop_noise"]
+
+
+@dataclass(frozen=True)
+class NoiseCell(Record):
+    """Errors of offsets and gains over trials, as in Table IX.
+
+    Attributes
+    ----------
+    offset, gain : Estimate
+        Root mean square over the channels of one trial, mean over trials: rad, rad/reading.
+    offset_median, gain_median : float
+        The same with the median over trials, which a few bad sets of poses do not move.
+    failed : int
+        Trials that did not converge near the truth, left out.
+    """
+
+    offset: Estimate
+    gain: Estimate
+    offset_median: float
+    gain_median: float
+    failed: int
+
+
+def _cell(errors: Sequence[FloatArray]) -> NoiseCell:
+    every = np.concatenate(errors)
+    good = np.isfinite(every).all(axis=1)
+    kept = every[good]
+    return NoiseCell(
+        Estimate.of(kept[:, 0]),
+        Estimate.of(kept[:, 1]),
+        float(np.median(kept[:, 0])) if len(kept) else float("nan"),
+        float(np.median(kept[:, 1])) if len(kept) else float("nan"),
+        int((~good).sum()),
+    )
+
+
+def closed_loop_noise(
+    device: Device,
+    poses: npt.ArrayLike,
+    *,
+    noise: float,
+    average: int,
+    placement: tuple[float, float] = (0.25, 0.25),
+    round_average: bool = True,
+    trials: int = 1000,
+    seed: int = 0,
+    progress: Progress | None = None,
+    workers: int | None = None,
+) -> NoiseCell:
+    """Errors of the closed-loop method under noise: a cell of Table IX.
+
+    Parameters
+    ----------
+    device : Device
+        The truth, from which the search also starts.
+    poses : array_like, shape (n, 6)
+        Poses that the hand aims at.
+    noise : float
+        Standard deviation of one sample, in readings, before it is rounded; 0 for truncation.
+    average : int
+        Number of samples of each pose.
+    placement : (float, float)
+        Standard deviation of where the hand puts the handle: length unit, rad.
+    round_average : bool
+        Round the average again, as an integer routine does; without it only samples are rounded.
+    trials, seed : int
+        Same seed, same placements, whatever the noise.
+    progress, workers
+        As in `run`.
+
+    Returns
+    -------
+    NoiseCell
+        Means with their standard errors.
+    """
+    aim = np.asarray(poses, dtype=np.float64)
+
+    def job(rng: np.random.Generator, size: int) -> FloatArray:
+        exact = placed(device, aim, placement, rng, size)
+        read = _averaged(device, exact, rng, noise, average, round_average)
+        errors = np.full((size, 2), np.nan)
+        for k in range(size):
+            offsets, gains, *_ = _core.minimize(
+                device.mechanism, read[k], device.offsets, device.gains, max_iterations=ITERATIONS
+            )
+            if np.all(np.abs(gains / device.gains - 1) < 0.5):
+                errors[k] = rms(offsets - device.offsets), rms(gains - device.gains)
+        return errors
+
+    return _cell(run(job, trials, seed, progress=progress, workers=workers))
+
+
+def open_loop_noise(
+    device: Device,
+    poses: npt.ArrayLike,
+    *,
+    noise: float,
+    average: int,
+    angle_noise: float = 0.005,
+    average_angles: bool = True,
+    trials: int = 1000,
+    seed: int = 0,
+    progress: Progress | None = None,
+    workers: int | None = None,
+) -> NoiseCell:
+    """Errors of the open-loop method (13) under noise: a cell of Table IX.
+
+    Parameters
+    ----------
+    device : Device
+        The truth.
+    poses : array_like, shape (n, 6)
+        Poses of the fixture.
+    noise, average, trials, seed, progress, workers
+        As in `closed_loop_noise`.
+    angle_noise : float
+        Standard deviation of the presumed joint coordinates [rad].
+    average_angles : bool
+        A new error of the coordinates with every sample; else one for each pose.
+
+    Returns
+    -------
+    NoiseCell
+        Means with their standard errors.
+    """
+    exact = exact_readings(device, poses)
+    angles = device.offsets + device.gains * exact
+
+    def job(rng: np.random.Generator, size: int) -> FloatArray:
+        every = np.broadcast_to(exact, (size, *exact.shape))
+        read = _averaged(device, every, rng, noise, average, True)
+        scatter = angle_noise / (np.sqrt(average) if average_angles else 1.0)
+        presumed = angles + scatter * rng.standard_normal(read.shape)
+        errors = np.empty((size, 2))
+        for k in range(size):
+            offsets, gains = fixture_lines(read[k], presumed[k])
+            errors[k] = rms(offsets - device.offsets), rms(gains - device.gains)
+        return errors
+
+    return _cell(run(job, trials, seed, progress=progress, workers=workers))
+
+
+def fixture_lines(readings: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The straight line of every channel by ordinary least squares, eq. (13).
+
+    Parameters
+    ----------
+    readings, angles : ndarray, shape (n, C)
+        Readings, and the joint coordinates they should give.
+
+    Returns
+    -------
+    offsets, gains : ndarray, shape (C,)
+        Joint coordinate at reading zero, and per reading.
+    """
+    middle, level = readings.mean(axis=0), angles.mean(axis=0)
+    off = readings - middle
+    gains: FloatArray = (off * (angles - level)).sum(axis=0) / (off**2).sum(axis=0)
+    offsets: FloatArray = level - gains * middle
+    return offsets, gains
+
+
+def _averaged(
+    device: Device,
+    exact: FloatArray,
+    rng: np.random.Generator,
+    noise: float,
+    average: int,
+    round_average: bool,
+) -> FloatArray:
+    """Averages of samples of many sets of poses: shape (trials, n, C)."""
+    trials, poses, channels = exact.shape
+    read = device.sample(
+        exact.reshape(trials * poses, channels),
+        rng,
+        noise=noise,
+        samples=average if noise > 0 else 1,
+    ).mean(axis=1)
+    if round_average:
+        read = np.round(read)
+    averaged: FloatArray = read.reshape(exact.shape)
+    return averaged

@@ -1,0 +1,195 @@
+"""Sessions of a device with a known truth: joint readings with noise, averaging and rounding.
+
+For the experiments of the paper and for a first try. A simulated device is exactly the model
+`[offset, gain]`: with it a fit can only agree with itself, so effects that a model lacks are
+simulated elsewhere, by code that shares nothing with this package (`tests/blind`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import Device, Within, draw_poses
+from rsicalib.errors import InputError
+from rsicalib.io.files import write_text
+from rsicalib.io.readings import Readings
+from rsicalib.records import to_json
+from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
+
+__all__ = ["Simulated", "simulate"]
+
+POSE_S, SAMPLE_S = 15.0, 0.02
+"""Between two held poses, and between two samples of one [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A session of a simulated device.
+
+    Attributes
+    ----------
+    device : Device
+        The truth.
+    readings : Readings
+        Held poses in the order in which they were visited; true poses are not among the columns.
+    rest : Readings or None
+        Samples of the rest pose, for a mechanism that has one.
+    check : Readings
+        Other poses, with the true pose of the platform.
+    truth : dict
+        What `truth.json` holds.
+    """
+
+    device: Device
+    readings: Readings
+    rest: Readings | None
+    check: Readings
+    truth: dict[str, Any]
+
+    def save(self, folder: PathLike) -> list[Path]:
+        """Write readings.csv, rest.csv, check.csv, truth.json and mechanism.toml.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        InputError
+            One cannot write there.
+        """
+        folder = Path(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            found = f"'{folder}', which cannot be a folder ({error.strerror})"
+            raise InputError(f"found {found}, expected a place for files") from None
+        files = []
+        for name in ("readings", "rest", "check"):
+            table: Readings | None = getattr(self, name)
+            if table is not None:
+                table.to_csv(folder / f"{name}.csv")
+                files.append(folder / f"{name}.csv")
+        files.append(write_text(folder / "truth.json", to_json(self.truth)))
+        files.append(write_text(folder / "mechanism.toml", self.device.mechanism.to_toml()))
+        return files
+
+
+def simulate(
+    out: PathLike | None = None,
+    mechanism: MechanismArg = "rsi",
+    *,
+    poses: int = 48,
+    samples: int = 8,
+    noise: float = 1.0,
+    check: int = 20,
+    within: Within | None = None,
+    device: Device | None = None,
+    seed: int = 0,
+) -> Simulated:
+    """Simulate a session of a device with a known truth.
+
+    Parameters
+    ----------
+    out : path, optional
+        Folder to write readings.csv, rest.csv, check.csv, truth.json and mechanism.toml to.
+    mechanism : str, path or Mechanism
+        With a platform, so that its poses can be drawn.
+    poses, check : int
+        Held poses, and other poses to check against.
+    samples : int
+        Number of samples of each pose.
+    noise : float
+        Standard deviation of one sample, in readings, before it is rounded.
+    within : six pairs, optional
+        Box that poses are drawn from; the hand controller's own workspace by default.
+    device : Device, optional
+        The truth; drawn from the seed by default.
+    seed : int
+        Same seed, same files.
+
+    Returns
+    -------
+    Simulated
+        Device, readings, rest, check and truth.
+
+    Raises
+    ------
+    InputError
+        A number cannot be used, or the box cannot be reached.
+
+    Examples
+    --------
+    >>> made = simulate(poses=30, seed=1)
+    >>> made.readings.n_poses, len(made.readings)
+    (30, 240)
+    """
+    for name, value, least in (("poses", poses, 1), ("samples", samples, 1), ("check", check, 1)):
+        if value < least:
+            raise InputError(f"{name}: found {value}, expected at least {least}")
+    if not (np.isfinite(noise) and noise >= 0):
+        raise InputError(f"noise: found {noise}, expected a number of readings, 0 or more")
+    rng = np.random.default_rng(seed)
+    device = device or Device.drawn(open_mechanism(mechanism), rng)
+    _, exact = draw_poses(device, poses, rng, within=within)
+    elsewhere, exact_check = draw_poses(device, check, rng, within=within)
+    rest = None
+    declared = device.mechanism.to_dict().get("rest")
+    if declared is not None:
+        at_rest = device.readings([declared["pose"]])
+        rest = _session(device, at_rest, rng, noise, samples, source="rest", start=-60.0)
+    readings = _session(device, exact, rng, noise, samples, source="readings")
+    checked = _session(
+        device, exact_check, rng, noise, samples, source="check", known=elsewhere,
+        start=60.0 + POSE_S * poses,
+    )  # fmt: skip
+    truth = {
+        "simulator": f"rsicalib {_core.__version__}",
+        "mechanism": device.mechanism.name,
+        "seed": seed,
+        "noise": noise,
+        "effect": None,
+        **device.truth(),
+    }
+    made = Simulated(device, readings, rest, checked, truth)
+    if out is not None:
+        made.save(out)
+    return made
+
+
+def _session(
+    device: Device,
+    exact: FloatArray,
+    rng: np.random.Generator,
+    noise: float,
+    samples: int,
+    *,
+    source: str,
+    known: FloatArray | None = None,
+    start: float = 0.0,
+) -> Readings:
+    """Held poses as a table of readings."""
+    count = len(exact)
+    read = device.sample(exact, rng, noise=noise, samples=samples)
+    pose, sample = np.divmod(np.arange(count * samples), samples)
+    return Readings.from_arrays(
+        device.mechanism,
+        read.reshape(count * samples, -1),
+        pose=pose + 1,
+        sample=sample + 1,
+        time_s=np.round(start + POSE_S * pose + SAMPLE_S * sample, 3),
+        poses=None if known is None else np.repeat(known, samples, axis=0),
+        source=source,
+    )

@@ -1,0 +1,97 @@
+"""The effect that explains a residual: the verb `trace`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rsicalib.errors import UndeterminedError
+from rsicalib.groups import measured
+from rsicalib.results import Trace
+from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
+from rsicalib.work.job import Work
+from rsicalib.work.outcome import NOTHING
+
+__all__ = ["trace"]
+
+
+def trace(
+    readings: SessionsArg,
+    mechanism: MechanismArg = "rsi",
+    *,
+    rest: ReadingsArg | None = None,
+    check: ReadingsArg | None = None,
+    terms: Sequence[str] | None = None,
+    without: Sequence[str] | None = None,
+    closures: Sequence[str] | None = None,
+    noise: float | Mapping[str, float] | None = None,
+    calibration: CalibrationArg | None = None,
+    align: bool = False,
+    fit_groups: Sequence[str] | None = None,
+    hold_out_groups: Sequence[str] | None = None,
+    skip_bad_rows: bool = False,
+    alpha: float | None = None,
+    seed: int | None = None,
+    starts: int | None = None,
+    max_iterations: int | None = None,
+    xtol: float | None = None,
+) -> Trace:
+    """Trace the residual of a calibration to the effect that the model lacks.
+
+    Fits, scores every term that the mechanism and the columns allow, refits
+    with the best, and stops when what is left is noise.
+
+    Parameters
+    ----------
+    readings : path, Readings, or a sequence of them
+        As in `calibrate`; so are all options that are not described here.
+    mechanism : str, path or Mechanism
+        What is read.
+    rest, check, terms, closures, noise, calibration : optional
+        As in `calibrate`; `terms` are those to begin with.
+    without : sequence of str, optional
+        Terms that are not candidates.
+    align, fit_groups, hold_out_groups, skip_bad_rows : optional
+        As in `calibrate`.
+    alpha : float, optional
+        Probability of naming anything where nothing is missing.
+    seed : int, optional
+        Nothing is drawn at random here: the same readings give the same result.
+    starts, max_iterations, xtol : optional
+        As in `calibrate`.
+
+    Returns
+    -------
+    Trace
+        What was missing, the error before and after, what is left and what
+        could hide.
+
+    Raises
+    ------
+    InputError
+        As in `calibrate`.
+
+    Examples
+    --------
+    >>> from rsicalib import DEMO
+    >>> found = trace(DEMO / "readings.csv", rest=DEMO / "rest.csv", check=DEMO / "check.csv")
+    >>> [(step.klass, step.target) for step in found.steps]
+    [('sensor', 'a22')]
+    """
+    job = Work(mechanism, skip_bad_rows, calibration)
+    job.take(readings, fit_groups, hold_out_groups)
+    options = {
+        "closures": listed(closures),
+        "noise": job.noise(noise),
+        "starts": starts,
+        "max_iterations": max_iterations,
+        "xtol": xtol,
+    }
+    session = job.session(rest, job.terms(terms), options)
+    known = job.known(check)
+    try:
+        report = session.trace(check=known, align=align, without=listed(without), alpha=alpha)
+    except UndeterminedError as error:
+        nothing = {"before": NOTHING, "after": NOTHING}
+        return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
+    lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
+    return measured(job, Trace.from_dict(job.result(Trace, report, session) | lacking), session)

@@ -1,0 +1,113 @@
+"""Readings and results as the core takes them, to apply a result to other readings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+from rsicalib.io.readings import Readings
+from rsicalib.results import Result
+from rsicalib.shapes import Parameter
+
+__all__ = [
+    "Known",
+    "as_applied",
+    "as_table",
+    "lasting_parameters",
+    "posed",
+    "sensors_of",
+    "terms_by_id",
+]
+
+Known: TypeAlias = tuple[dict[str, Any], FloatArray]
+"""Table of readings and the poses they were taken in, shape (n, 6)."""
+
+TIME_BOUND = {"data", "order in time"}
+"""A class, and a need, of terms that belong to one session alone."""
+
+
+def as_table(
+    readings: Sequence[Readings], mechanism: Mechanism, *, bare: bool = False
+) -> dict[str, Any]:
+    """Sessions one after the other, as the core takes them; `bare`: the channels alone."""
+    if len({r.held for r in readings}) > 1:
+        held = next(r.source for r in readings if r.held)
+        moving = next(r.source for r in readings if not r.held)
+        raise InputError(
+            f"found held poses in {held} and a recording in {moving}, expected sessions of one kind"
+        )
+
+    def together(columns: list[Any]) -> Any:
+        return None if any(c is None for c in columns) else np.concatenate(columns)
+
+    several = len(readings) > 1
+    sizes = [len(r) for r in readings]
+    keys, columns = ([], []) if bare else (mechanism.key_columns, mechanism.value_columns)
+    return {
+        "values": np.concatenate([r.values for r in readings]),
+        "pose": np.concatenate([r.pose for r in readings]) if readings[0].held else None,
+        "time": together([r.time_s for r in readings]),
+        "temperature": together([r.temperature_c for r in readings]),
+        "session": np.repeat(range(len(readings)), sizes).tolist() if several else None,
+        "keys": [[t for r in readings for t in r.keys[name]] for name in keys],
+        "columns": [
+            np.concatenate([r.columns[name] for r in readings]).tolist() for name in columns
+        ],
+    }
+
+
+def posed(readings: Readings, mechanism: Mechanism) -> Known:
+    """Readings with known poses, as the core takes them."""
+    if readings.poses is None or not np.isfinite(readings.poses).any():
+        found = "no known pose" if readings.poses is not None else "no columns x y z rx ry rz"
+        expected = "known poses: x y z [length unit] and rx ry rz [rad]"
+        raise InputError.at(readings.source, found=found, expected=expected)
+    return as_table([readings], mechanism), np.ascontiguousarray(readings.poses)
+
+
+def as_applied(result: Result | None, mechanism: Mechanism) -> dict[str, Any]:
+    """A result as the core applies it to other readings; None: the mechanism as declared."""
+    channels = mechanism.channels
+    zero = [0.0] * len(channels)
+    if result is None:
+        # Nothing refers to the readings where nothing was found with them.
+        reference: Mapping[str, Any] = {"centre": zero, "span": [zero[:2]] * len(channels)}
+        guess = [1.0 if c.unit == "count" else 1e-5 / abs(c.gain) for c in channels]
+        own = [c.noise for c in channels]
+        sigma = [g if n is None else n for g, n in zip(guess, own, strict=True)]
+        return {**reference, "temperature": None, "sigma": sigma, "parameters": []}
+    if result.reference is None or result.noise is None:
+        raise InputError("found a result without 'reference' and 'noise', expected both")
+    known = [p for p in lasting_parameters(result, mechanism) if p.value is not None]
+    return {
+        **result.reference.to_dict(),
+        "sigma": [result.noise.sigma[c.name] for c in channels],
+        "parameters": [(p.spec, p.name, p.value) for p in known],
+    }
+
+
+def terms_by_id(mechanism: Mechanism) -> dict[str, Mapping[str, Any]]:
+    """What the core says of each term, by the term's id."""
+    return {term["id"]: term for term in _core.terms(mechanism)}
+
+
+def lasting_parameters(result: Result, mechanism: Mechanism) -> list[Parameter]:
+    """Parameters that hold beyond the session they were found in."""
+    info = terms_by_id(mechanism)
+    bound = {i for i, t in info.items() if {t["class"], t["needs"]} & TIME_BOUND}
+    return [p for p in result.parameters if p.term in info and p.term not in bound]
+
+
+def sensors_of(result: Result, mechanism: Mechanism) -> dict[str, tuple[float, float]]:
+    """Gain and offset of every channel under an earlier result."""
+    sensors = {c.name: [c.gain, c.offset] for c in mechanism.channels}
+    for p in result.parameters:
+        if p.term in ("gain", "offset") and p.target in sensors and p.value is not None:
+            sensors[p.target][p.term == "offset"] = p.value
+    return {name: (gain, offset) for name, (gain, offset) in sensors.items()}

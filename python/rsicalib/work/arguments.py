@@ -1,0 +1,136 @@
+"""Arguments of a verb: what a caller may give, and what becomes of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rsicalib._core import Mechanism
+from rsicalib.errors import InputError, Where
+from rsicalib.io.mechanisms import load_mechanism_text
+from rsicalib.io.readings import Readings, load_readings
+from rsicalib.results import Result, load_calibration
+
+__all__ = [
+    "Bare",
+    "CalibrationArg",
+    "MechanismArg",
+    "PathLike",
+    "ReadingsArg",
+    "SessionsArg",
+    "earlier_result",
+    "grouped",
+    "listed",
+    "load",
+    "noise_of_channels",
+    "open_mechanism",
+]
+
+PathLike: TypeAlias = str | os.PathLike[str]
+MechanismArg: TypeAlias = PathLike | Mechanism
+ReadingsArg: TypeAlias = PathLike | Readings
+SessionsArg: TypeAlias = ReadingsArg | Sequence[ReadingsArg]
+CalibrationArg: TypeAlias = PathLike | Result
+
+
+def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
+    """A mechanism by name, from a file, or as it is."""
+    if isinstance(name_or_path, Mechanism):
+        return name_or_path
+    text = load_mechanism_text(name_or_path)
+    if text is None:
+        return Mechanism.rsi()
+    try:
+        return Mechanism.from_toml(text)
+    except InputError as error:
+        file = os.fspath(name_or_path)
+        where = Where(file=file, line=None, column=None, found=None, expected=None)
+        raise InputError(f"{file}: {error.message}", where) from None
+
+
+def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:
+    """A result as it is, or from its file; refused if it is of another mechanism."""
+    result = calibration if isinstance(calibration, Result) else load_calibration(calibration)
+    if result.mechanism != mechanism.name:
+        found = f"a calibration of {result.mechanism!r}"
+        raise InputError(f"found {found}, expected one of {mechanism.name!r}")
+    return result
+
+
+def listed(names: Sequence[str] | None) -> list[str] | None:
+    """Names as a list; a single text is refused, as its letters would pass for names."""
+    if isinstance(names, str):
+        raise InputError(f"found {names!r}, expected a sequence of names such as [{names!r}]")
+    return None if names is None else list(names)
+
+
+class Bare:
+    """A mechanism of which only the channels count: to read a rest pose, or to apply a result."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.name = mechanism.name
+        self.channels = mechanism.channels
+        self.key_columns: list[str] = []
+        self.value_columns: list[str] = []
+
+
+def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
+    """Readings as they are, or from their file; refused if the channels are not the mechanism's."""
+    if not isinstance(readings, Readings):
+        return load_readings(readings, mechanism, skip_bad_rows=skip)
+    names = tuple(channel.name for channel in mechanism.channels)
+    if readings.channels != names:
+        found, expected = ", ".join(readings.channels), ", ".join(names)
+        raise InputError.at(readings.source, found=f"channels {found}", expected=expected)
+    return readings
+
+
+def grouped(
+    readings: list[Readings], keep: list[str] | None, leave: list[str] | None
+) -> list[Readings]:
+    """The rows of the groups to use; a session without any is left out."""
+    if keep is None and leave is None:
+        return list(readings)
+    for one in readings:
+        if "group" not in one.keys:
+            expected = "a column 'group' to choose from (--fit-groups, --hold-out-groups)"
+            found = "no such column"
+            raise InputError.at(one.source, column="group", found=found, expected=expected)
+    known = list(dict.fromkeys(g for one in readings for g in one.keys["group"]))
+    source = ", ".join(one.source for one in readings)
+    for name in [*(keep or []), *(leave or [])]:
+        if name not in known:
+            found, expected = f"no group {name!r}", f"one of {', '.join(known)}"
+            raise InputError.at(source, column="group", found=found, expected=expected)
+    used = {g for g in known if (keep is None or g in keep) and (leave is None or g not in leave)}
+    masks = [np.array([g in used for g in one.keys["group"]]) for one in readings]
+    kept = [one.select(mask) for one, mask in zip(readings, masks, strict=True) if mask.any()]
+    if not kept:
+        raise InputError.at(source, column="group", found="no row left", expected="some")
+    return kept
+
+
+def noise_of_channels(
+    noise: float | Mapping[str, float] | None, mechanism: Mechanism
+) -> list[float] | None:
+    """Standard deviation of one sample of each channel; None where nothing is declared."""
+    if noise is None:
+        return None
+    names = [channel.name for channel in mechanism.channels]
+    if isinstance(noise, Mapping):
+        unknown = [name for name in noise if name not in names]
+        own = {c.name: c.noise for c in mechanism.channels if c.noise is not None}
+        sigma = {**own, **noise}
+        missing = [name for name in names if name not in sigma]
+        if unknown or missing:
+            what = f"no channel {unknown[0]!r}" if unknown else f"none for {missing[0]!r}"
+            raise InputError(f"noise: found {what}, expected one for each of {', '.join(names)}")
+    else:
+        sigma = dict.fromkeys(names, noise)
+    for name, value in sigma.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"noise of {name}: found {value}, expected a number above zero")
+    return [float(sigma[name]) for name in names]

@@ -1,0 +1,185 @@
+"""One call of a verb: its readings on the way to the core, its result on the way back."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.io.readings import Readings
+from rsicalib.results import Result
+from rsicalib.shapes import Parameter
+from rsicalib.work.applying import (
+    Known,
+    as_applied,
+    as_table,
+    lasting_parameters,
+    posed,
+    sensors_of,
+    terms_by_id,
+)
+from rsicalib.work.arguments import (
+    Bare,
+    CalibrationArg,
+    MechanismArg,
+    ReadingsArg,
+    SessionsArg,
+    earlier_result,
+    grouped,
+    listed,
+    load,
+    noise_of_channels,
+    open_mechanism,
+)
+from rsicalib.work.outcome import described, moved_parameters, reference_of
+from rsicalib.work.signs import mark_unphysical
+
+__all__ = ["Work"]
+
+
+class Work:
+    """One call of a verb."""
+
+    def __init__(
+        self, mechanism: MechanismArg, skip: bool, calibration: CalibrationArg | None
+    ) -> None:
+        self.mechanism = open_mechanism(mechanism)
+        self.skip = skip
+        self.earlier = None if calibration is None else earlier_result(calibration, self.mechanism)
+        self.readings: list[Readings] = []
+        """What is used, one for each session."""
+        self.whole: list[Readings] = []
+        """The same with the groups that are held out."""
+        self.selected: tuple[list[str] | None, list[str] | None] | None = None
+        """Groups to use, and to leave out."""
+        self.warnings: list[str] = []
+
+    def take(
+        self,
+        readings: SessionsArg,
+        fit_groups: Sequence[str] | None,
+        hold_out_groups: Sequence[str] | None,
+        known_poses: bool = False,
+    ) -> None:
+        """Load the sessions, and keep the groups that are asked for."""
+        keep, leave = listed(fit_groups), listed(hold_out_groups)
+        self.selected = None if keep is None and leave is None else (keep, leave)
+        single = isinstance(readings, str | os.PathLike | Readings)
+        several: Iterable[ReadingsArg] = [readings] if single else readings  # type: ignore[list-item, assignment]
+        for one in several:
+            loaded = load(one, self.mechanism, self.skip)
+            self.warnings += loaded.warnings
+            if loaded.poses is not None and not known_poses:
+                self.warnings.append(
+                    f"{loaded.source}: known poses are not used here; "
+                    "give them to `fixture`, or as check (--check)"
+                )
+            self.whole.append(loaded)
+        self.readings = grouped(self.whole, keep, leave)
+        if not self.readings:
+            raise InputError("found no readings, expected at least one file")
+
+    @property
+    def count(self) -> int:
+        """Number of poses."""
+        return sum(r.n_poses for r in self.readings)
+
+    def terms(self, terms: Sequence[str] | None) -> list[str] | None:
+        """As asked for; else those of the earlier result that hold beyond its session."""
+        if terms is not None or self.earlier is None:
+            return listed(terms)
+        lasting = lasting_parameters(self.earlier, self.mechanism)
+        return list(dict.fromkeys(p.spec for p in lasting))
+
+    def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:
+        """Standard deviation of one sample of each channel."""
+        return noise_of_channels(noise, self.mechanism)
+
+    def session(
+        self, rest: ReadingsArg | None, terms: list[str] | None, options: dict[str, Any]
+    ) -> _core.Session:
+        """The core's session."""
+        mechanism = self.mechanism
+        if self.earlier is not None:
+            mechanism = mechanism.with_sensors(sensors_of(self.earlier, mechanism))
+        values = None
+        if rest is not None:
+            loaded = load(rest, Bare(self.mechanism), self.skip)
+            self.warnings += loaded.warnings
+            values = loaded.values
+        table = as_table(self.readings, self.mechanism)
+        return _core.Session(mechanism, table, rest=values, terms=terms, **options)
+
+    def known(self, check: ReadingsArg | None) -> Known | None:
+        """Check poses, as the core takes them."""
+        if check is None:
+            return None
+        loaded = load(check, self.mechanism, self.skip)
+        self.warnings += loaded.warnings
+        return posed(loaded, self.mechanism)
+
+    def error(self, known: Known, result: Result | None, align: bool) -> dict[str, Any]:
+        """Error of a result on check poses."""
+        applied = as_applied(result, self.mechanism)
+        error: dict[str, Any] = _core.check(self.mechanism, applied, *known, align=align)
+        return error
+
+    def nominal_error(self, known: Known, *, align: bool) -> dict[str, Any]:
+        """Error of the mechanism as it is declared."""
+        return self.error(known, None, align)
+
+    def by_pose(self, whitened: FloatArray) -> FloatArray:
+        """Residuals of poses from those of samples, in units of noise: (poses, equations)."""
+        first = [_first_rows(r.pose, len(r)) for r in self.readings]
+        ends = np.cumsum([0] + [len(r) for r in self.readings])
+        starts = np.concatenate([f + end for f, end in zip(first, ends, strict=False)])
+        sizes = np.diff(np.append(starts, len(whitened)))
+        sums: FloatArray = np.add.reduceat(whitened, starts, axis=0)
+        out: FloatArray = sums / np.sqrt(sizes)[:, None]
+        return out
+
+    def result(
+        self, kind: type[Result], found: dict[str, Any], session: _core.Session | None
+    ) -> dict[str, Any]:
+        """What the core found, with what only we know."""
+        readings = self.readings
+        reference = reference_of(readings) if session is None else session.reference()
+        out = {
+            "format": kind.FORMAT,
+            "version": _core.__version__,
+            "mechanism": self.mechanism.name,
+            "length_unit": self.mechanism.length_unit,
+            "readings": described(readings),
+            **found,
+            "warnings": [*self.warnings, *found.get("warnings", [])],
+            "reference": reference,
+        }
+        out["warnings"] += mark_unphysical(out, terms_by_id(self.mechanism))
+        if self.earlier is not None:
+            new = [
+                p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
+            ]
+            known = terms_by_id(self.mechanism)
+            out["moved"] = moved_parameters(self.earlier, [p for p in new if p.term in known])
+        return out
+
+    def too_few(
+        self, kind: type[Result], error: UndeterminedError, session: _core.Session | None
+    ) -> dict[str, Any]:
+        """A result that only says why there is none."""
+        found = {"verdict": "undetermined", "unobservable": [error.message], "noise": None}
+        found |= {"parameters": [], "covariance": [], "termination": "not begun"}
+        return self.result(kind, found, session)
+
+
+def _first_rows(pose: npt.NDArray[Any] | None, n: int) -> npt.NDArray[np.intp]:
+    """First row of each pose; every row where there are none."""
+    if pose is None:
+        return np.arange(n)
+    return np.flatnonzero(np.r_[True, pose[1:] != pose[:-1]])
