@@ -218,7 +218,9 @@ class Device:
         """Where the carried points really are."""
         build = built(self.build, effects)
         found = linkage.points(build, self.closed(scene, effects), self.where(scene))
-        return {p["name"]: found[p["name"]] for p in self.drawing.mechanism["point"] if "chain" in p}
+        return {
+            p["name"]: found[p["name"]] for p in self.drawing.mechanism["point"] if "chain" in p
+        }
 
 
 def stage(device: Device, rng: Rng, poses: int | None = None, samples: int | None = None) -> Scene:
@@ -256,7 +258,13 @@ def one_place(device: Device, rng: Rng, count: int, key: tuple[str, str]) -> Arr
         n = len(q)
         nothing = np.zeros(n)
         key_of_rows = Scene(
-            q, np.arange(1, n + 1), np.arange(-1, n - 1), nothing, nothing, (key[0],) * n, (key[1],) * n
+            q,
+            np.arange(1, n + 1),
+            np.arange(-1, n - 1),
+            nothing,
+            nothing,
+            (key[0],) * n,
+            (key[1],) * n,
         )
         if device.measured is None:
             where = device.where(key_of_rows)

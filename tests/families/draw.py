@@ -186,7 +186,7 @@ def ballbar(rng: Rng) -> Drawing:
         ],
         "model": {"terms": ["offset"]},
     }
-    return Drawing(mechanism, 150, 1, np.full(6, noise), np.full(6, 0.01), play=play, held=False)
+    return Drawing(mechanism, 150, 1, np.full(6, noise), np.full(6, 0.01), play=play)
 
 
 def gantry(rng: Rng) -> Drawing:
@@ -347,7 +347,7 @@ def drawwire(rng: Rng) -> Drawing:
     }
     sigma = np.array([slide, turn, turn, turn])
     scatter = np.array([0.1, 0.01, 0.01, 0.01])
-    return Drawing(mechanism, 150, 1, sigma, scatter, play=wire, held=False)
+    return Drawing(mechanism, 150, 1, sigma, scatter, play=wire)
 
 
 FAMILIES: dict[str, Callable[[Rng], Drawing]] = {

@@ -97,9 +97,7 @@ def harmonic(term: str, order: int, typical: float) -> Make:
 def hysteresis(device: Device, rng: Rng, target: str) -> Effect:
     """Half the width of the loop between shaft and sensor."""
     i, mid = device.names.index(target), middle(device)[0]
-    return sensor(
-        device, "hysteresis", target, 1e-3, lambda q, scene: scene.direction(mid)[:, i]
-    )
+    return sensor(device, "hysteresis", target, 1e-3, lambda q, scene: scene.direction(mid)[:, i])
 
 
 def drift(device: Device, rng: Rng, target: str) -> Effect:
@@ -302,7 +300,8 @@ def coupling(device: Device, rng: Rng, target: str) -> Effect:
     mates = [
         name
         for name in device.names
-        if name != target and linkage.chain_of(mechanism, name) == linkage.chain_of(mechanism, target)
+        if name != target
+        and linkage.chain_of(mechanism, name) == linkage.chain_of(mechanism, target)
     ]
     other = str(rng.choice(mates))
     i, j = device.names.index(target), device.names.index(other)
@@ -432,6 +431,8 @@ def targets(device: Device, term: str) -> list[str]:
         return [name for name in device.names if not slides[name]]
     if term.startswith("temperature"):
         return device.names if drawing.warm else []
+    if term == "hysteresis" and not drawing.held:  # nobody knows where such rows came from
+        return []
     if term == "crosstalk":
         return [name for name in device.names if units[name] == "count"]
     if term in ("link_length", "link_offset", "joint_tilt"):

@@ -82,7 +82,7 @@ def targets(result: Result) -> set[str]:
 
 
 def is_found(truth: Truth, result: Result) -> bool:
-    """Whether an effect was named; of a bad reading: all its poses left out; outside: its target."""
+    """Whether an effect was named; bad readings: all poses left out; outside: its target."""
     if truth.poses:
         return truth.poses <= left_out(result)
     if truth.outside:

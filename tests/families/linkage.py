@@ -112,7 +112,7 @@ def body(row: Mapping[str, Any]) -> Array:
 def posture(
     build: Build, chain: str, q: Array
 ) -> tuple[Array, list[Lever], list[tuple[int, float, Array]]]:
-    """The end of a chain, (n, 4, 4), its levers, and its masses: levers before it, weight, place."""
+    """The end of a chain, (n, 4, 4), levers, and masses (levers before it, weight, place)."""
     channels = names(build.mechanism)
     rows = next(c["dh"] for c in build.mechanism["chain"] if c["name"] == chain)
     frame = np.broadcast_to(build.after.get((chain, -1), np.eye(4)), (len(q), 4, 4))
@@ -238,7 +238,7 @@ def close(function: Callable[[Array], Array], q: Array, steps: Array, tol: float
     `steps`, (channels,), are small changes of each coordinate, and how the coordinates compare.
     """
     q = q.copy()
-    for _ in range(60):
+    for _ in range(25):
         f = function(q)
         if np.nanmax(np.abs(f), initial=0.0) < 1e-3 * tol:
             break
