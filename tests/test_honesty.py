@@ -120,6 +120,24 @@ def test_what_nothing_judges_is_unjudged(verb: Any) -> None:
     assert "--noise" in said(found) and "hold each pose" in said(found)
 
 
+@not_yet
+def test_rows_that_are_no_motion_do_not_give_the_noise() -> None:
+    """Touches without the column `pose`: neighbours are apart, and scatter by the effect as well.
+
+    `trace` finds the curve; the noise that `calibrate` judges by must not have it in it.
+    """
+    device, scene, rng = machine("ballbar", 0)
+    mechanism = deepcopy(device.drawing.mechanism)
+    for entry in (*mechanism["channel"], *mechanism["closure"]):
+        entry.pop("noise", None)
+    loaded = Mechanism.from_toml(mechanism_toml(mechanism))
+    curve = as_strong(device, scene, CATALOGUE["curvature"](device, rng, "q3"), 3000.0)
+    session = replace(observe(device, scene, rng, [curve]), held=False)
+    readings = readings_of(loaded, session)
+    assert rsicalib.trace(readings, loaded).steps
+    assert rsicalib.calibrate(readings, loaded).verdict != "adequate"
+
+
 # ------------------------------------------------------------------ c: degrees
 
 
