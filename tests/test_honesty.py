@@ -24,7 +24,7 @@ from rsicalib.words import advice
 from tests import oracle, simulated
 from tests.families.device import Device, Effect, Scene, Session, observe, stage
 from tests.families.draw import Rng
-from tests.families.effects import CATALOGUE
+from tests.families.effects import CATALOGUE, bad
 from tests.families.power import Linear
 from tests.families.trials import readings_of, toml
 
@@ -517,3 +517,31 @@ def test_a_slip_does_not_keep_a_calibration_from_other_readings() -> None:
     assert [step.term for step in found.steps] == ["slip"]
     few = readings.select(readings.pose <= 5)
     assert rsicalib.forward(few, mechanism, found).shape == (len(few), 6)
+
+
+def with_a_bad_pose(seed: int) -> tuple[Readings, Mechanism, int]:
+    """One equation a pose, and one channel that is wrong in one of the poses."""
+    device, scene, rng = machine("ballbar", seed)
+    wrong = as_strong(device, scene, bad(device, rng, scene, "pose"), 150.0)
+    return *given(device, scene, rng, wrong), int(scene.label[wrong.rows[0]])
+
+
+@not_yet
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_bad_reading_leaves_the_rest_determined(seed: int) -> None:
+    """With one equation a pose what is left out takes the equation with it."""
+    readings, mechanism, pose = with_a_bad_pose(seed)
+    found = rsicalib.calibrate(readings, mechanism)
+    assert [entry.pose for entry in found.excluded] == [pose]
+    assert not found.unobservable
+    assert found.exit_code == 0
+
+
+@not_yet
+@both
+def test_a_pose_that_is_left_out_costs_its_equations_and_no_more(verb: Any) -> None:
+    readings, mechanism, pose = with_a_bad_pose(0)
+    found = verb(readings, mechanism)
+    assert [entry.pose for entry in found.excluded] == [pose]
+    good = rsicalib.calibrate(readings.select(readings.pose != pose), mechanism)
+    assert found.quality.dof == pytest.approx(good.fit.dof)

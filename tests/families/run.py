@@ -54,6 +54,9 @@ def rates(suite: str, rows: Sequence[Row]) -> list[tuple[str, list[bool]]]:
         out.append(("refused", [row.error is not None and not row.crashed for row in rows]))
     if suite in ("single", "pair", "wrong_readings", "outside"):
         out.append(("error grew", [g.worse for g in grades if g.worse is not None]))
+    codes = [row.calibrated for row in rows if row.calibrated is not None]
+    if codes and suite != "wrong_noise":
+        out.append(("calibrate: exit code 0", [code == USABLE for code in codes]))
     if any(row.crashed for row in rows):
         out.append(("crashed", [row.crashed for row in rows]))
     return out

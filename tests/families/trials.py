@@ -71,6 +71,8 @@ class Row:
     """The message of a refusal, or of a defect."""
     crashed: bool = False
     noise_said: bool = False
+    calibrated: int | None = None
+    """The exit code of `calibrate`, where it is looked at."""
 
 
 def generator(family: str, suite: str, number: int, seed: int) -> Rng:
@@ -340,6 +342,14 @@ def compared(case: Case, mechanism: Any, readings: Any, result: Any) -> Errors:
     return Errors(*found)
 
 
+def by_calibrate(readings: Any, mechanism: Any) -> int:
+    """The exit code of the other verb; 2 where it refuses."""
+    try:
+        return calibrate(readings, mechanism).exit_code
+    except InputError:
+        return 2
+
+
 def run(family: str, suite: str, number: int, seed: int) -> Row:
     """Makes, examines and grades one case."""
     case = make(family, suite, number, seed)
@@ -368,6 +378,8 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
         seconds = perf_counter() - start
         return replace(row, error=f"{type(error).__name__}: {error}", crashed=True, seconds=seconds)
     seconds = perf_counter() - start
+    fitted = suite in ("single", "pair", "outside")
+    code = None if fitted else by_calibrate(readings, mechanism)
     errors = Errors()
     timed = any(e.bound and e.outside for e in case.effects)  # no check pose says when it is
     if suite in ("single", "pair", "outside", "wrong_readings") and not timed:
@@ -380,4 +392,5 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
         errors=errors,
         seconds=seconds,
         noise_said=speaks_of_noise(texts),
+        calibrated=code,
     )
