@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ CALIBRATED = pytest.mark.parametrize(
 )
 
 
+@cache
 def clean(family: str, seed: int = 0) -> tuple[Device, Any, Any, Any]:
     """A device without effects, its scene, and a session as the library takes it."""
     rng = np.random.default_rng([12, seed])
@@ -42,8 +44,7 @@ def clean(family: str, seed: int = 0) -> tuple[Device, Any, Any, Any]:
 def test_every_loop_closes(family: str) -> None:
     """To 1e-10 of the size of the machine, also where something is built otherwise."""
     rng = np.random.default_rng(1)
-    device = Device.random(family, rng)
-    scene = stage(device, rng)
+    device, scene, _, _ = clean(family)
     present, _ = drawn(device, scene, rng, effects.STRUCTURE, 0, 1)
     for built in ((), present):
         readings, columns = device.ideal(scene, built)
@@ -54,8 +55,7 @@ def test_every_loop_closes(family: str) -> None:
 @EVERY
 def test_every_effect_has_the_noncentrality_that_was_asked_for(family: str) -> None:
     rng = np.random.default_rng(2)
-    device = Device.random(family, rng)
-    scene = stage(device, rng)
+    device, scene, _, _ = clean(family)
     linear = Linear(device, scene)
     effect = linear.scaled(effects.CATALOGUE["curvature"](device, rng, device.names[-1]), 100.0)
     assert linear.noncentrality(effect) == pytest.approx(100.0, rel=0.03)
@@ -121,7 +121,8 @@ def test_the_core_evaluates_the_mechanism_alike(family: str) -> None:
 def nominal(device: Device) -> tuple[Any, Any]:
     """Offsets and gains as the drawing has them."""
     channels = device.drawing.mechanism["channel"]
-    return tuple(np.array([c[key] for c in channels], dtype=float) for key in ("offset", "gain"))
+    offset, gain = (np.array([c[k] for c in channels], dtype=float) for k in ("offset", "gain"))
+    return offset, gain
 
 
 def test_the_platform_is_where_its_points_are() -> None:

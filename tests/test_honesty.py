@@ -9,6 +9,7 @@ from __future__ import annotations
 import tomllib
 from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +36,18 @@ not_yet = pytest.mark.xfail(strict=True, reason="issue")
 both = pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.trace])
 
 
-def machine(family: str, seed: int, *, samples: int | None = None) -> tuple[Device, Scene, Rng]:
-    """A device of a family, and poses of a session."""
+@cache
+def drawn(family: str, seed: int, samples: int | None) -> tuple[Device, Scene, Rng]:
+    """A device and its scene, drawn once."""
     rng = np.random.default_rng([7, seed])
     device = Device.random(family, rng)
     return device, stage(device, rng, samples=samples), rng
+
+
+def machine(family: str, seed: int, *, samples: int | None = None) -> tuple[Device, Scene, Rng]:
+    """A device of a family, poses of a session, and a generator of its own."""
+    device, scene, rng = drawn(family, seed, samples)
+    return device, scene, deepcopy(rng)
 
 
 def given(
