@@ -41,8 +41,9 @@ fn agrees(poses: usize) {
     let device = hand_controller(poses);
     let (offsets, gains) = device.nominal();
     let paper = Paper::new(&device.mechanism, &device.counts).unwrap();
-    let ours =
-        paper.minimize(&offsets, &gains, &SolverOptions { xtol: 1e-12, ..SolverOptions::default() }).unwrap();
+    let ours = paper
+        .minimize(&offsets, &gains, &SolverOptions { xtol: 1e-12, ..SolverOptions::default() })
+        .unwrap();
     let (rival, _) = LevenbergMarquardt::new().with_xtol(1e-12).minimize(Rival::new(&device));
     for (a, b) in ours.offsets.iter().chain(&ours.gains).zip(rival.x.iter()) {
         assert!((a - b).abs() <= 1e-8 * a.abs(), "{a} {b}");

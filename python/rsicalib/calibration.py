@@ -7,16 +7,11 @@ from collections.abc import Mapping, Sequence
 from rsicalib.errors import UndeterminedError
 from rsicalib.groups import measured
 from rsicalib.results import Calibration
-from rsicalib.verdicts import ALPHA
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import NOTHING
 
 __all__ = ["calibrate"]
-
-
-MOST_HELD_OUT = 5000
-"""A calibration from more poses is not fitted again without some of them: `trace` does that."""
 
 
 def calibrate(
@@ -116,37 +111,14 @@ def calibrate(
         "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
+    known = job.known(check)
     try:
-        fit, whole, out = session.calibrate()
+        report, _, _ = session.calibrate(check=known, align=align)
     except UndeterminedError as error:
         return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
-    found = dict(fit.to_dict()) | {"excluded": out}
-    if whole is not None:
-        found["with_excluded"] = {k: whole.to_dict()[k] for k in ("fit", "parameters")}
-    if found["converged"] and found["fit"]["dof"] >= 1.0 and job.count <= MOST_HELD_OUT:
-        found["fit"] |= {"held_out": fit.held_out()}
-    known = job.known(check)
+    found = {**report, "method": method or Calibration.method}
     if known is not None:
         found["nominal"] = {**NOTHING, "check": job.nominal_error(known, align=False)}
-        found["fit"] |= {"check": fit.check(*known)}
-        if whole is not None:
-            found["with_excluded"]["fit"] |= {"check": whole.check(*known)}
         if align:
-            found["fit"] |= {"aligned": fit.check(*known, align=True)}
-            if whole is not None:
-                found["with_excluded"]["fit"] |= {"aligned": whole.check(*known, align=True)}
             found["nominal"] |= {"aligned": job.nominal_error(known, align=True)}
-    judged = found["fit"]["p_value"]
-    verdict = None if judged is None else "adequate" if judged >= ALPHA else "unexplained"
-    if found["fit"]["dof"] < 1.0:
-        count = len(found["parameters"])
-        text = f"{count} parameters from {job.count} poses leave nothing to check them with"
-        found["unobservable"] = [f"{text}; record more poses", *found["unobservable"]]
-    if found["unobservable"] or not found["converged"]:
-        verdict = "undetermined"
-    found |= {
-        "verdict": found.get("verdict", verdict),
-        "method": method or Calibration.method,
-        "after_residuals": job.by_pose(fit.residuals()),
-    }
     return measured(job, Calibration.from_dict(job.result(Calibration, found, session)))

@@ -75,7 +75,7 @@ def fixture(
         "method": "fixture",
         "noise": {"source": "scatter about the lines", "sigma": sigma, "correlation": None}
         | {"dof": float(count - 2)},
-        "verdict": None if count > 2 else "undetermined",
+        "verdict": "unjudged" if count > 2 else "undetermined",
         "fit": {**NOTHING},
         "parameters": parameters,
         "covariance": covariance,

@@ -11,6 +11,7 @@ from functools import cache
 from typing import Any, Self, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+import numpy.typing as npt
 
 __all__ = ["IF_KNOWN", "NOT_WRITTEN", "OMIT", "Record", "plain", "to_json"]
 
@@ -123,7 +124,7 @@ def _read(kind: Any, value: Any) -> Any:
         return value if isinstance(value, kind) else kind.from_dict(value)
     if get_origin(kind) is tuple:
         return tuple(_read(get_args(kind)[0], v) for v in value)
-    if get_origin(kind) is np.ndarray:
+    if get_origin(kind) in (np.ndarray, npt.NDArray):  # an alias from numpy 2.5 on
         array = np.array(value, dtype=np.float64)  # None becomes NaN
         array.flags.writeable = False
         return array

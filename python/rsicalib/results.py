@@ -17,7 +17,7 @@ from rsicalib.records import to_json
 from rsicalib.report import html, summary
 from rsicalib.report.words import quality
 from rsicalib.shapes import CalibrationShape, FitQuality, Groups, Parameter, ResultShape, TraceShape
-from rsicalib.verdicts import exit_code
+from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["Calibration", "Result", "Trace", "load_calibration"]
 
@@ -50,8 +50,8 @@ class Result(ResultShape):
 
     @property
     def exit_code(self) -> int:
-        """What the command returns: 0 usable, 3 undetermined, 4 residual left."""
-        return exit_code(self.verdict)
+        """What the command returns: 0 usable, 3 undetermined, 4 a residual is left or absurd."""
+        return EXIT_CODES[self.verdict]
 
     def to_json(self) -> str:
         """The result as JSON text, as `--json` prints it."""

@@ -284,7 +284,9 @@ class ResultShape(Record):
     excluded: tuple[Excluded, ...] = ()
     with_excluded: WithExcluded | None = field(default=None, metadata=IF_KNOWN)
     """What the calibration would be with the readings in `excluded`."""
-    verdict: str | None
+    verdict: str
+    implausible: tuple[str, ...] = field(default=(), metadata=OMIT)
+    """What is absurd beside the size of the mechanism."""
     parameters: tuple[Parameter, ...]
     covariance: FloatArray
     """Covariance of the parameters, in their order and units."""

@@ -1,15 +1,16 @@
-"""Significance of a residual, and what a command returns for a verdict."""
+"""Verdicts, and what a command returns for each: as the core states them."""
 
 from __future__ import annotations
 
-__all__ = ["ALPHA", "exit_code"]
+from rsicalib import _core
 
-ALPHA = 0.01
+__all__ = ["ALPHA", "EXIT_CODES", "RESIDUAL_LEVEL"]
+
+EXIT_CODES: dict[str, int] = dict(_core.VERDICTS)
+"""By verdict: 0 usable, 3 undetermined, 4 a residual is left, or something is absurd."""
+
+RESIDUAL_LEVEL: float = _core.RESIDUAL_LEVEL
 """A residual that chance would exceed less often than this is significant."""
 
-
-def exit_code(verdict: str | None) -> int:
-    """What the command returns: 0 usable, 3 undetermined, 4 residual left."""
-    if verdict == "undetermined":
-        return 3
-    return 4 if verdict in ("unexplained", "partly_explained") else 0
+ALPHA = 0.01
+"""Chance makes one of all parameters of two results differ so often."""

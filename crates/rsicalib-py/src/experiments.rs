@@ -8,11 +8,14 @@ use pyo3::types::PyAny;
 use pythonize::pythonize;
 use rsicalib::design::exchange::Criterion;
 use rsicalib::design::information::Candidates;
-use rsicalib::design::observability::Scaling;
+use rsicalib::design::observability::{Measures, Scaling};
 use rsicalib::design::reach;
+use rsicalib::estimate::directions::Direction;
 use rsicalib::estimate::paper::Paper;
 use rsicalib::mechanism::Mechanism;
 use rsicalib::numerics::lm;
+use rsicalib::report::words;
+use serde::Serialize;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
@@ -79,7 +82,7 @@ pub fn minimize<'py>(
         PyArray1::from_vec(py, found.gains),
         found.cost,
         found.iterations,
-        found.termination.message().into(),
+        words::termination(found.termination).into(),
     ))
 }
 
@@ -117,6 +120,14 @@ pub fn jacobian<'py>(
     PyArray1::from_vec(py, j).reshape([paper.equations(), 2 * offsets.len()])
 }
 
+#[derive(Serialize)]
+struct ObservabilityView<'a> {
+    singular_values: &'a [f64],
+    measures: Measures,
+    unobservable: Vec<String>,
+    weak: Vec<String>,
+}
+
 /// What poses can tell of offsets and gains, under a named scaling of the columns.
 #[pyfunction]
 #[pyo3(signature = (mechanism, counts, offsets, gains, scaling, *, closures=None))]
@@ -139,7 +150,14 @@ pub fn observability<'py>(
             )
         })
         .map_err(PyError::from)?;
-    Ok(pythonize(py, &found)?)
+    let words = |all: &[Direction]| all.iter().map(words::direction).collect();
+    let view = ObservabilityView {
+        singular_values: &found.singular_values,
+        measures: found.measures,
+        unobservable: words(&found.unobservable),
+        weak: words(&found.weak),
+    };
+    Ok(pythonize(py, &view)?)
 }
 
 /// Readings of shape (n, channels) that hold the platform at poses of shape (n, 6).

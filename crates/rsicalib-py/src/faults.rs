@@ -2,7 +2,8 @@
 
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
-use rsicalib::screening::converter::{Kind, of_codes};
+use rsicalib::screening::converter::of_codes;
+use rsicalib::screening::fault::FaultKind;
 
 /// Stuck bits `[(bit, value)]`, and the code at which it is clipped, with its poses.
 type PyFault = (usize, Vec<(u32, bool)>, Option<(f64, Vec<usize>)>);
@@ -22,8 +23,8 @@ pub fn faults(
     let found = of_codes(&values, &counts, &pose, held).into_iter();
     found
         .map(|fault| match fault.kind {
-            Kind::StuckBits(bits) => (fault.channel, bits, None),
-            Kind::Clipped { at, poses } => (fault.channel, Vec::new(), Some((at, poses))),
+            FaultKind::StuckBits(bits) => (fault.channel, bits, None),
+            FaultKind::Clipped { at, poses } => (fault.channel, Vec::new(), Some((at, poses))),
         })
         .collect()
 }

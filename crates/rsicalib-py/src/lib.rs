@@ -9,12 +9,15 @@ mod mechanism;
 mod observations;
 
 use pyo3::prelude::*;
+use rsicalib::diagnosis::verdict::Verdict;
 
 /// The compiled core of rsicalib.
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("RESIDUAL_LEVEL", rsicalib::diagnosis::options::RESIDUAL_LEVEL)?;
+    let verdicts: Vec<(&str, u8)> = Verdict::ALL.iter().map(|v| (v.id(), v.exit_code())).collect();
+    module.add("VERDICTS", verdicts)?;
     module.add_class::<mechanism::PyMechanism>()?;
     module.add_class::<mechanism::PyChannel>()?;
     module.add_class::<observations::PyObservations>()?;

@@ -8,10 +8,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
 use rsicalib::diagnosis::options::SearchOptions;
-use rsicalib::estimate::{Fit, Method, FitOptions, Observations};
+use rsicalib::estimate::directions::directions;
+use rsicalib::estimate::{Fit, FitOptions, Method, Observations};
 use rsicalib::readings::Table;
-use rsicalib::report::result::{FitReport, estimates};
-use rsicalib::report::traced::{ExcludedReport, Known};
+use rsicalib::report::calibrated;
+use rsicalib::report::result::{self, Estimates, FitReport, Known, estimates};
 use rsicalib::terms::ALL;
 use rsicalib::terms::targets::provided;
 use rsicalib::terms::term::Term;
@@ -27,7 +28,7 @@ pub struct PyObservations(pub Arc<Observations>);
 /// A fitted model.
 #[pyclass(frozen, skip_from_py_object, name = "Fit", module = "rsicalib._core")]
 pub struct PyFit {
-    pub session: Arc<Observations>,
+    pub observations: Arc<Observations>,
     pub fit: Fit,
 }
 
@@ -72,16 +73,15 @@ pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
     poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
 }
 
-#[derive(Serialize)]
-struct FitView {
-    fit: FitReport,
-    warnings: Vec<String>,
-    #[serde(flatten)]
-    estimates: rsicalib::report::result::Estimates,
-}
+/// A calibration in the shape of the JSON, the fit, and the fit with what was left out.
+type Calibration<'py> = (Bound<'py, PyAny>, PyFit, Option<PyFit>);
 
-/// A fit, the fit with what was left out, and what that is.
-type Calibration<'py> = (PyFit, Option<PyFit>, Bound<'py, PyAny>);
+/// Known poses as Python gives them: a table and the poses, row by row.
+type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>);
+
+fn known(check: Option<PyKnown<'_>>, align: bool) -> Option<Known> {
+    check.map(|(table, poses)| Known { table: table.table(), poses: poses_of(&poses), align })
+}
 
 #[pymethods]
 impl PyObservations {
@@ -139,16 +139,12 @@ impl PyObservations {
     fn trace<'py>(
         &self,
         py: Python<'py>,
-        check: Option<(PyTable<'_>, PyReadonlyArray2<'_, f64>)>,
+        check: Option<PyKnown<'_>>,
         align: bool,
         without: Option<Vec<String>>,
         alpha: Option<f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let known = check.map(|(table, poses)| Known {
-            table: table.table(),
-            poses: poses_of(&poses),
-            align,
-        });
+        let known = known(check, align);
         let default = SearchOptions::default();
         let search = SearchOptions {
             alpha: alpha.unwrap_or(default.alpha),
@@ -162,21 +158,24 @@ impl PyObservations {
         Ok(pythonize(py, &report)?)
     }
 
-    /// Fits the terms that the options ask for, without readings that are wrong: the fit,
-    /// that of all readings where any was left out, and what was left out.
-    fn calibrate<'py>(&self, py: Python<'py>) -> PyResult<Calibration<'py>> {
-        let session = Arc::clone(&self.0);
-        let found = py
-            .detach(|| rsicalib::diagnosis::calibrate::calibrate(&session))
+    /// Fits the terms that the options ask for, without readings that are wrong.
+    ///
+    /// Returns the calibration, the fit, and the fit of all readings where any was left out.
+    #[pyo3(signature = (check=None, align=false))]
+    fn calibrate<'py>(
+        &self,
+        py: Python<'py>,
+        check: Option<PyKnown<'_>>,
+        align: bool,
+    ) -> PyResult<Calibration<'py>> {
+        let observations = Arc::clone(&self.0);
+        let known = known(check, align);
+        let (report, calibrated) = py
+            .detach(|| calibrated::report(&observations, known.as_ref()))
             .map_err(PyError::from)?;
-        let out: Vec<ExcludedReport> = found
-            .excluded
-            .iter()
-            .map(|e| rsicalib::report::traced::excluded(&found.observations, e))
-            .collect();
-        let with = found.with.map(|fit| PyFit { session, fit });
-        let fit = PyFit { session: Arc::new(found.observations), fit: found.fit };
-        Ok((fit, with, pythonize(py, &out)?))
+        let with = calibrated.with.map(|fit| PyFit { observations, fit });
+        let fit = PyFit { observations: Arc::new(calibrated.observations), fit: calibrated.fit };
+        Ok((pythonize(py, &report)?, fit, with))
     }
 
     /// Fits the terms that the options ask for.
@@ -185,54 +184,32 @@ impl PyObservations {
         let fit = py
             .detach(|| session.instances().and_then(|i| rsicalib::fit(&session, i, None)))
             .map_err(PyError::from)?;
-        Ok(PyFit { session, fit })
+        Ok(PyFit { observations: session, fit })
     }
 }
 
 /// Poses, and the standard deviation of each component.
 type Uncertain = (Vec<[f64; 6]>, Vec<[f64; 6]>);
 
+#[derive(Serialize)]
+struct FitView {
+    fit: FitReport,
+    warnings: Vec<String>,
+    #[serde(flatten)]
+    estimates: Estimates,
+}
+
 #[pymethods]
 impl PyFit {
     /// The fit in the shape of the JSON.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let directions = directions(&self.observations, &self.fit);
         let view = FitView {
             fit: FitReport::of(&self.fit),
-            warnings: self.fit.warnings.clone(),
-            estimates: estimates(&self.session, &self.fit),
+            warnings: result::warnings(&self.observations, &self.fit),
+            estimates: estimates(&self.observations, &self.fit, &directions),
         };
         Ok(pythonize(py, &view)?)
-    }
-
-    /// What looks wrong with the wiring, where no start led to a good fit.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.fit.warnings.clone()
-    }
-
-    /// Error on known poses: `(poses, position rms, orientation rms)`.
-    #[pyo3(signature = (table, poses, align=false))]
-    fn check<'py>(
-        &self,
-        py: Python<'py>,
-        table: PyTable<'_>,
-        poses: PyReadonlyArray2<'_, f64>,
-        align: bool,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let known = poses_of(&poses);
-        let check =
-            rsicalib::apply::check::check(&self.session, &self.fit, &table.table(), &known, align)
-                .map_err(PyError::from)?;
-        Ok(pythonize(py, &check)?)
-    }
-
-    /// Error on whole poses left out in blocks of time, everything refitted without them.
-    fn held_out<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let held_out = py
-            .detach(|| rsicalib::diagnosis::held_out::averaged(&self.session, &self.fit))
-            .map(|(session, fit)| rsicalib::diagnosis::held_out::held_out(&session, &fit))
-            .map_err(PyError::from)?;
-        Ok(pythonize(py, &held_out)?)
     }
 
     /// Platform pose of every row of a table: shape (n, 6).
@@ -242,7 +219,7 @@ impl PyFit {
         table: PyTable<'_>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let poses = rsicalib::apply::poses::platform_poses(
-            &self.session,
+            &self.observations,
             &self.fit,
             &self.fit.beta,
             table.table(),
@@ -254,12 +231,12 @@ impl PyFit {
 
     /// Platform pose of every row and its standard deviations: shapes (n, 6).
     fn forward_with_sd(&self, table: PyTable<'_>) -> Result<Uncertain, PyError> {
-        Ok(rsicalib::apply::poses::poses_with_sd(&self.session, &self.fit, table.table())?)
+        Ok(rsicalib::apply::poses::poses_with_sd(&self.observations, &self.fit, table.table())?)
     }
 
     /// Where the chains carry their points: shape (points, n, 3).
     fn carried_points(&self, table: PyTable<'_>) -> Result<Vec<Vec<[f64; 3]>>, PyError> {
-        Ok(rsicalib::apply::poses::carried_points(&self.session, &self.fit, table.table())?)
+        Ok(rsicalib::apply::poses::carried_points(&self.observations, &self.fit, table.table())?)
     }
 
     /// Whitened residuals: shape (samples, equations), standard normal if the model is right.

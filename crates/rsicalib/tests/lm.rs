@@ -10,7 +10,13 @@ mod nist;
 
 /// Tight enough for six digits of the slowest problem (Bennett5).
 fn tight() -> SolverOptions {
-    SolverOptions { gtol: 1e-12, xtol: 1e-12, ftol: 1e-15, max_iterations: 2000, ..SolverOptions::default() }
+    SolverOptions {
+        gtol: 1e-12,
+        xtol: 1e-12,
+        ftol: 1e-15,
+        max_iterations: 2000,
+        ..SolverOptions::default()
+    }
 }
 
 // --- NIST StRD -----------------------------------------------------------

@@ -24,7 +24,7 @@ from rsicalib.report.words import (
     subject,
 )
 from rsicalib.shapes import ResultShape, Step, TraceShape
-from rsicalib.verdicts import exit_code
+from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["html", "residual_figure"]
 
@@ -78,7 +78,7 @@ def html(result: ResultShape) -> str:
     str
         The document.
     """
-    good = "good" if exit_code(result.verdict) == 0 else "bad"
+    good = "good" if EXIT_CODES[result.verdict] == 0 else "bad"
     parts = [
         f"<h1>Calibration of {escape(result.mechanism)}</h1>",
         f'<p class="verdict {good}">{escape(sentence(result))}</p>',

@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from rsicalib import _core
 from rsicalib.shapes import (
     CalibrationShape,
     Excluded,
@@ -16,7 +15,7 @@ from rsicalib.shapes import (
     Step,
     TraceShape,
 )
-from rsicalib.verdicts import ALPHA
+from rsicalib.verdicts import RESIDUAL_LEVEL
 
 __all__ = [
     "advice",
@@ -125,32 +124,40 @@ def sentence(result: ResultShape) -> str:
     if result.verdict == "undetermined":
         why = next(iter(result.unobservable), result.termination)
         return f"Undetermined: these readings cannot determine what was asked ({why})."
+    if result.verdict == "implausible":
+        why = next(iter(result.implausible), "something is out of all proportion")
+        return f"Implausible: {why}."
+    if isinstance(result, CalibrationShape) and result.method == "fixture":
+        return "Calibrated open loop, from known poses: a straight line for each channel."
+    if result.verdict == "unjudged":
+        found = _found(result)
+        return f"Unjudged: a calibration{found}, and nothing to judge it by: {judged}."
     if isinstance(result, TraceShape) and result.steps:
         missing = _and([subject(step) for step in result.steps])
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
             return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
         left = result.unexplained
-        if left and (left.p_value is None or left.p_value > _core.LEFT):
+        if left and left.p_value is not None and left.p_value > RESIDUAL_LEVEL:
             return (
                 f"Partly explained: {missing} leave no more than noise ({judged}), but may stand "
                 "for an effect that no term has."
             )
         where = f"something is left{_at(result)}"
         return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
-    if isinstance(result, TraceShape) and result.excluded and result.verdict == "explained":
-        count = len(result.excluded)
-        bad = "a bad reading" if count == 1 else f"{count} bad readings"
-        return f"Explained: {bad} left out; what is left is noise ({judged})."
     if result.verdict == "unexplained":
         if isinstance(result, TraceShape):
             return f"Unexplained: no known effect explains what is left{_at(result)} ({judged})."
         return f"The residual is significant ({judged}): the model lacks something."
-    if result.verdict == "adequate":
-        return f"Adequate: what is left is the noise of the readings ({judged})."
-    if isinstance(result, CalibrationShape) and result.method == "fixture":
-        return "Calibrated open loop, from known poses: a straight line for each channel."
-    return "Calibrated, but lack of fit cannot be judged: only the fit itself gives the noise."
+    count = len(result.excluded)
+    out = "" if not count else f" without {count} bad reading{'s' * (count > 1)}"
+    return f"Adequate: what is left{out} is the noise of the readings ({judged})."
+
+
+def _found(result: ResultShape) -> str:
+    """What a trace found, where nothing judges it: ` with curvature of sensor a22`."""
+    steps = result.steps if isinstance(result, TraceShape) else ()
+    return f" with {_and([subject(step) for step in steps])}" if steps else ""
 
 
 def noise_words(result: ResultShape) -> str:
@@ -265,7 +272,7 @@ def advice(result: ResultShape) -> list[str]:
         )
     if result.verdict == "unexplained" and isinstance(result, CalibrationShape):
         out.append("Find what is missing: rsicalib trace, with the same files.")
-    if fit.p_value is None and result.method != "fixture" and result.verdict != "undetermined":
+    if result.verdict == "unjudged" and result.method != "fixture":
         out.append(
             "To judge the fit, hold each pose for a few samples (the same number in column "
             "`pose`), or declare the noise with --noise."
@@ -277,7 +284,7 @@ def advice(result: ResultShape) -> list[str]:
             "Closure is not accuracy: give poses known from elsewhere with --check to see the "
             "error of the platform."
         )
-    if fit.p_value is not None and fit.p_value >= ALPHA and fit.check is not None:
+    if result.verdict in ("adequate", "explained") and fit.check is not None:
         out.append("Use it: rsicalib forward READINGS --calibration result.json.")
     return out
 

@@ -45,7 +45,11 @@ pub type PosesAndSd = (Vec<[f64; 6]>, Vec<[f64; 6]>);
 /// # Errors
 ///
 /// As [`platform_poses`].
-pub fn poses_with_sd(observations: &Observations, fit: &Fit, table: Table) -> Result<PosesAndSd, Error> {
+pub fn poses_with_sd(
+    observations: &Observations,
+    fit: &Fit,
+    table: Table,
+) -> Result<PosesAndSd, Error> {
     let at = |beta: &[f64], table: Table| platform_poses(observations, fit, beta, table);
     let poses = at(&fit.beta, table.clone())?;
     let n = fit.beta.len();

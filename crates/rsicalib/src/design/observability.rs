@@ -4,7 +4,7 @@ use faer::Mat;
 
 use crate::Error;
 use crate::design::information::Candidates;
-use crate::estimate::directions::{Directions, Label, describe};
+use crate::estimate::directions::{Direction, Directions, Label, describe};
 use crate::estimate::paper::Paper;
 use crate::mechanism::Mechanism;
 
@@ -88,16 +88,15 @@ impl Scaling {
 
 /// What the poses of a session can tell of the paper's offsets and gains.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Observability {
     /// Singular values of the scaled Jacobian (12), largest first.
     pub singular_values: Vec<f64>,
     /// The measures.
     pub measures: Measures,
-    /// Directions that the poses cannot tell, in words.
-    pub unobservable: Vec<String>,
-    /// Directions that they hardly tell, in words.
-    pub weak: Vec<String>,
+    /// Directions that the poses cannot tell.
+    pub unobservable: Vec<Direction>,
+    /// Directions that they hardly tell.
+    pub weak: Vec<Direction>,
 }
 
 /// Observability of offsets and gains by eq. (10), all closures alike.

@@ -65,7 +65,8 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let platform_rms = match (&here, visible) {
             (Some(here), true) => {
-                let with = with_effect(observations, last, instance, &direction, &candidate.absorbed)?;
+                let with =
+                    with_effect(observations, last, instance, &direction, &candidate.absorbed)?;
                 platform(observations, &with.0, &with.1, &noise)
                     .map(|there| difference(observations, here, &there))
             }
@@ -96,7 +97,12 @@ fn with_effect(
 ) -> Result<(Model, Vec<f64>), Error> {
     let mut instances = fit.model.instances.clone();
     instances.push(*instance);
-    let model = Model::about(&observations.mechanism, &observations.readings, instances, &observations.centre)?;
+    let model = Model::about(
+        &observations.mechanism,
+        &observations.readings,
+        instances,
+        &observations.centre,
+    )?;
     let base = fit.model.term_parameters;
     let mut beta = model.nominal();
     for (i, value) in fit.beta.iter().enumerate() {

@@ -8,37 +8,60 @@ use crate::terms::term::Acts;
 /// An effect beside others that χ² would not rise by this much without is faint.
 const FAINT: f64 = 40.0;
 
-/// What is doubtful of the effects found, by how much χ² would rise without each: its
-/// target, and why.
+/// An effect that is in doubt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Doubted {
+    /// The effect.
+    pub instance: Instance,
+    /// Why.
+    pub doubt: Doubt,
+}
+
+/// Why an effect is in doubt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Doubt {
+    /// χ² would rise by little without the effect.
+    Faint {
+        /// By how much.
+        rise: f64,
+    },
+    /// The same kind of fault was found again in one chain.
+    AgainInChain(usize),
+    /// The same kind of fault was found in so many chains.
+    InChains(usize),
+}
+
+impl Doubted {
+    /// What the doubt is about; all of a mechanism where several chains are concerned.
+    #[must_use]
+    pub fn target(&self) -> Target {
+        match self.doubt {
+            Doubt::Faint { .. } => self.instance.target,
+            Doubt::AgainInChain(chain) => Target::Chain(chain),
+            Doubt::InChains(_) => Target::All,
+        }
+    }
+}
+
+/// What is doubtful of the effects found, by how much χ² would rise without each.
 #[must_use]
-pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option<(String, String)> {
+pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option<Doubted> {
     if found.len() < 2 {
         return None;
     }
-    let (target, what) =
-        faintest(mechanism, found, rises).or_else(|| repeated(mechanism, found))?;
-    let text = format!(
-        "{what}: together they may stand for one effect that the catalogue lacks. \
-         Record more poses, and see whether all of them are found again."
-    );
-    Some((target, text))
+    faintest(found, rises).or_else(|| repeated(mechanism, found))
 }
 
 /// The last of several terms that make up an effect is faint.
-fn faintest(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option<(String, String)> {
+fn faintest(found: &[Instance], rises: &[f64]) -> Option<Doubted> {
     let (instance, rise) = found.iter().zip(rises).min_by(|a, b| a.1.total_cmp(b.1))?;
-    let (term, target) = (instance.term.info().id, instance.target.name(mechanism));
-    (*rise < FAINT).then(|| {
-        let what = format!(
-            "{term} of {target} is faint beside the others (χ² would rise by {rise:.0} without it)"
-        );
-        (target, what)
-    })
+    let doubt = Doubt::Faint { rise: *rise };
+    (*rise < FAINT).then_some(Doubted { instance: *instance, doubt })
 }
 
 /// Faults are of many kinds: the same one twice in a chain, or in three chains, has a
 /// cause behind it. But joints all give, under the weight of what they carry.
-fn repeated(mechanism: &Mechanism, found: &[Instance]) -> Option<(String, String)> {
+fn repeated(mechanism: &Mechanism, found: &[Instance]) -> Option<Doubted> {
     let chain_of = |instance: &Instance| match instance.target {
         _ if matches!(instance.term.acts(), Acts::Load(_)) => None,
         Target::Channel(channel) => mechanism.chain_of(channel),
@@ -49,12 +72,14 @@ fn repeated(mechanism: &Mechanism, found: &[Instance]) -> Option<(String, String
         let (id, chain) = (instance.term.info().id, chain_of(instance)?);
         let again: Vec<Option<usize>> =
             found[..k].iter().filter(|i| i.term.info().id == id).map(chain_of).collect();
-        let name = &mechanism.chains[chain].name;
+        let doubted = |doubt| Some(Doubted { instance: *instance, doubt });
         if again.contains(&Some(chain)) {
-            return Some((name.clone(), format!("{id} is named more than once in {name}")));
+            return doubted(Doubt::AgainInChain(chain));
         }
-        (again.iter().flatten().count() > 1)
-            .then(|| ("all".into(), format!("{id} is named in {} chains", again.len() + 1)))
+        if again.iter().flatten().count() > 1 {
+            return doubted(Doubt::InChains(again.len() + 1));
+        }
+        None
     })
 }
 
@@ -68,7 +93,8 @@ mod tests {
             |id: &str, target| Instance { term: find(id).expect("a term"), target, place: 0 };
         let instances: Vec<Instance> = found.iter().map(|(id, t, _)| instance(id, *t)).collect();
         let rises: Vec<f64> = found.iter().map(|f| f.2).collect();
-        doubt(&Mechanism::rsi(), &instances, &rises).map(|(target, _)| target)
+        let mechanism = Mechanism::rsi();
+        doubt(&mechanism, &instances, &rises).map(|d| d.target().name(&mechanism))
     }
 
     #[test]

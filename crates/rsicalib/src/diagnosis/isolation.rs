@@ -118,7 +118,11 @@ struct Released<'a> {
 
 impl<'a> Released<'a> {
     /// None where without it there is nothing to judge by.
-    fn of(observations: &Observations, start: &'a Fit, target: Target) -> Result<Option<Self>, Error> {
+    fn of(
+        observations: &Observations,
+        start: &'a Fit,
+        target: Target,
+    ) -> Result<Option<Self>, Error> {
         let released = released(observations, start, target);
         let (equations, lost) = equations(&released, start, target);
         if equations - lost < LEAST_DOF {

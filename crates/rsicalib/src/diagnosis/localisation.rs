@@ -1,88 +1,94 @@
 //! What is left of the residual: whether it is noise, and where it is if it is not.
 
-use crate::diagnosis::isolation::{Isolated, taken_up};
+use crate::diagnosis::doubt::{Doubted, doubt};
+use crate::diagnosis::isolation::taken_up;
 use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::Traced;
-use crate::diagnosis::whereabouts::whereabouts;
+use crate::diagnosis::whereabouts::{Whereabouts, whereabouts};
 use crate::mechanism::Target;
 use crate::model::Instance;
 
-pub use crate::diagnosis::doubt::doubt;
-
-/// What is left.
+/// What is left of the residual.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct Unexplained {
-    /// Probability of the residual by chance.
-    pub p_value: Option<f64>,
-    /// Where the structure is.
-    pub target: Option<String>,
-    /// In words.
-    pub text: String,
+#[non_exhaustive]
+pub enum Residual {
+    /// No more than noise.
+    Noise {
+        /// The effect that came nearest to being named, and the probability that chance makes
+        /// such a one; where that is less than half.
+        nearest: Option<(Instance, f64)>,
+    },
+    /// Nothing but the fit gives the noise.
+    Unjudged,
+    /// No more than noise, but the effects found may stand for another.
+    Doubtful(Doubted),
+    /// One channel, closure or chain is at fault alone, by a law that no term has.
+    Isolated {
+        /// What is at fault.
+        target: Target,
+        /// Where its errors lie.
+        whereabouts: Whereabouts,
+        /// Probability that all else leaves so much by chance.
+        p_value: f64,
+    },
+    /// More than noise.
+    Structure(Structure),
+}
+
+/// Structure that no effect of the catalogue explains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Structure {
+    /// Whose errors would take it up.
+    pub share: Share,
+    /// How much of it, in per cent.
+    pub percent: f64,
+    /// Where those errors would lie.
+    pub whereabouts: Whereabouts,
+}
+
+/// Whose errors would take up what is left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Share {
+    /// Those of one channel.
+    Channel(usize),
+    /// Those of several channels of a chain, or of its tip.
+    Chain(usize),
 }
 
 /// Whether what is left is noise, and if not, where it is; `rises` is by how much χ² would
 /// rise without each effect found.
 #[must_use]
-pub fn unexplained(traced: &Traced, rises: &[f64]) -> Unexplained {
+pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     let p_value = traced.judge.lack_of_fit(&traced.last);
     if p_value.is_some_and(|p| p <= RESIDUAL_LEVEL) {
-        let (target, text) =
-            traced.isolated.as_ref().map_or_else(|| locate(traced), |it| at_fault(traced, it));
-        return Unexplained { p_value, target: Some(target), text };
+        return match &traced.isolated {
+            Some(isolated) => {
+                let whereabouts = match isolated.target {
+                    Target::Channel(channel) => whereabouts(traced, channel),
+                    _ => Whereabouts::default(),
+                };
+                let (target, p_value) = (isolated.target, isolated.p_value);
+                Residual::Isolated { target, whereabouts, p_value }
+            }
+            None => Residual::Structure(locate(traced)),
+        };
     }
     let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
-    if let Some((target, text)) = doubt(&traced.small.mechanism, &found, rises) {
-        let target =
-            traced.isolated.as_ref().map_or(target, |it| it.target.name(&traced.small.mechanism));
-        let text = format!("nothing left above the noise, but {text}");
-        return Unexplained { p_value, target: Some(target), text };
+    if let Some(doubted) = doubt(&traced.small.mechanism, &found, rises) {
+        return Residual::Doubtful(doubted);
     }
-    let text = match p_value {
-        Some(_) => format!("nothing left above the noise{}", nearest(traced)),
-        None => {
-            "lack of fit cannot be judged: record each pose several times, or declare the noise"
-                .into()
-        }
-    };
-    Unexplained { p_value, target: None, text }
+    match p_value {
+        Some(_) => Residual::Noise { nearest: nearest(traced) },
+        None => Residual::Unjudged,
+    }
 }
 
 /// The effect that came nearest to being named, where chance makes such a one in less
 /// than half of all sessions.
-fn nearest(traced: &Traced) -> String {
+fn nearest(traced: &Traced) -> Option<(Instance, f64)> {
     let near = traced.left.filter(|s| s.corrected < 0.5 && !scored::is_data(&s.instance));
-    near.map_or(String::new(), |s| {
-        let (id, target) = (s.instance.term.info().id, s.instance.target);
-        let target = target.name(&traced.observations.mechanism);
-        format!(
-            "; nearest to it is {id} of {target}, as chance makes one with p = {:.2}",
-            s.corrected
-        )
-    })
-}
-
-/// What is at fault alone, by a law that no effect of the catalogue has.
-fn at_fault(traced: &Traced, alone: &Isolated) -> (String, String) {
-    let name = alone.target.name(&traced.small.mechanism);
-    let places = match alone.target {
-        Target::Channel(channel) => whereabouts(traced, channel),
-        _ => String::new(),
-    };
-    let places = if places.is_empty() { places } else { format!(" ({places})") };
-    let next = match alone.target {
-        Target::Closure(_) => "Look for play or bending there, and record more poses.".into(),
-        _ => format!(
-            "Record more poses that move {name} through its range, alone, slowly, in both directions."
-        ),
-    };
-    let text = format!(
-        "errors of {name} alone explain what is left{places}: without it all else closes within its \
-         noise (p = {:.2}). But no effect of the catalogue has their law. {next}",
-        alone.p_value
-    );
-    (name, text)
+    near.map(|s| (s.instance, s.corrected))
 }
 
 /// Share of what a chain takes up that one of its channels must take up alone to
@@ -95,7 +101,7 @@ const ALONE_BESIDE: f64 = 0.85;
 
 /// The channel, or the chain, whose readings could best take up what is left, pose
 /// by pose: what it takes up beyond what it would take up of noise.
-fn locate(traced: &Traced) -> (String, String) {
+fn locate(traced: &Traced) -> Structure {
     let mechanism = &traced.small.mechanism;
     let excess = |channels: &[usize]| {
         let (taken, dimensions) = taken_up(&traced.small, &traced.last, channels);
@@ -114,21 +120,16 @@ fn locate(traced: &Traced) -> (String, String) {
     });
     let needed = if beside { ALONE_BESIDE } else { ALONE };
     let alone = channels.get(channel).is_some_and(|e| *e >= needed * chains[chain]);
-    let (name, what) = if alone {
-        let name = &mechanism.channels[of_chain[chain][channel]].name;
-        (name.clone(), format!("errors of {name}"))
-    } else {
-        let name = &mechanism.chains[chain].name;
-        (name.clone(), format!("errors of several joints of {name}, or of its tip,"))
-    };
     let everything: Vec<usize> = (0..mechanism.channels.len()).collect();
-    let share = 100.0 * if alone { channels[channel] } else { chains[chain] } / excess(&everything);
-    let places = of_chain[chain].get(channel).map(|&c| whereabouts(traced, c)).unwrap_or_default();
-    let places = if places.is_empty() { places } else { format!(" ({places})") };
-    let text = format!(
-        "structure is left that no effect of the catalogue explains; {what} would take up {:.0} % of it{places}. \
-         Record more poses that move {name} through its range, alone, slowly, in both directions.",
-        share.clamp(0.0, 100.0)
-    );
-    (name, text)
+    let taken = if alone { channels[channel] } else { chains[chain] };
+    let percent = (100.0 * taken / excess(&everything)).clamp(0.0, 100.0);
+    let own = of_chain[chain].get(channel).copied();
+    Structure {
+        share: match own {
+            Some(own) if alone => Share::Channel(own),
+            _ => Share::Chain(chain),
+        },
+        percent,
+        whereabouts: own.map(|c| whereabouts(traced, c)).unwrap_or_default(),
+    }
 }

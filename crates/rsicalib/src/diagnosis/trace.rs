@@ -99,14 +99,16 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
             observations.weights[row] = 0.0;
         }
     }
-    let after = if current.model.instances.len() == clean.model.instances.len()
-        && excluded.is_empty()
-    {
-        clean.clone()
-    } else {
-        let from = expand(&clean, &current);
-        converter::seen_by(&before, fit(&observations, current.model.instances.clone(), Some(&from))?)
-    };
+    let after =
+        if current.model.instances.len() == clean.model.instances.len() && excluded.is_empty() {
+            clean.clone()
+        } else {
+            let from = expand(&clean, &current);
+            converter::seen_by(
+                &before,
+                fit(&observations, current.model.instances.clone(), Some(&from))?,
+            )
+        };
     let judge = stepwise.judge(&current);
     let small = stepwise.small;
     let found = steps;

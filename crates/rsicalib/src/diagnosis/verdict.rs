@@ -1,19 +1,109 @@
 //! The verdict: one function for a calibration and for a trace.
 
-use crate::diagnosis::localisation::Unexplained;
 use crate::diagnosis::options::RESIDUAL_LEVEL;
-use crate::diagnosis::trace::Traced;
+use crate::diagnosis::plausibility::Absurdity;
+use crate::estimate::Fit;
+use crate::estimate::directions::Directions;
 
-pub(crate) fn verdict(traced: &Traced, left: &Unexplained) -> &'static str {
-    let after = &traced.after;
-    if !after.termination.converged() || !after.plausible {
-        return "undetermined";
+/// What is said of a calibration, in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Verdict {
+    /// Nothing is missing: what is left is noise.
+    Adequate,
+    /// Something was missing and is found: what is left is noise.
+    Explained,
+    /// Something was missing and is found, and something is left or in doubt.
+    PartlyExplained,
+    /// Something is left that nothing explains.
+    Unexplained,
+    /// The data cannot determine what was asked.
+    Undetermined,
+    /// A calibration, and nothing to judge it by.
+    Unjudged,
+    /// A calibration that is absurd beside the size of the mechanism.
+    Implausible,
+}
+
+impl Verdict {
+    /// Every verdict.
+    pub const ALL: [Self; 7] = [
+        Self::Adequate,
+        Self::Explained,
+        Self::PartlyExplained,
+        Self::Unexplained,
+        Self::Undetermined,
+        Self::Unjudged,
+        Self::Implausible,
+    ];
+
+    /// What scripts call the verdict.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Adequate => "adequate",
+            Self::Explained => "explained",
+            Self::PartlyExplained => "partly_explained",
+            Self::Unexplained => "unexplained",
+            Self::Undetermined => "undetermined",
+            Self::Unjudged => "unjudged",
+            Self::Implausible => "implausible",
+        }
     }
-    let quiet = left.p_value.is_none_or(|p| p > RESIDUAL_LEVEL) && left.target.is_none();
-    match (traced.found.is_empty(), quiet) {
-        (true, true) => "adequate",
-        (false, true) => "explained",
-        (false, false) => "partly_explained",
-        (true, false) => "unexplained",
+
+    /// What the command exits with: 0 usable, 3 undetermined, 4 a residual is left or absurd.
+    #[must_use]
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Self::Adequate | Self::Explained | Self::Unjudged => 0,
+            Self::Undetermined => 3,
+            Self::PartlyExplained | Self::Unexplained | Self::Implausible => 4,
+        }
     }
+}
+
+/// What a verdict rests on.
+#[derive(Debug, Clone, Copy)]
+pub struct Evidence<'a> {
+    /// The final fit.
+    pub fit: &'a Fit,
+    /// Directions that the data cannot tell.
+    pub directions: &'a Directions,
+    /// What is absurd beside the size of the mechanism.
+    pub absurd: &'a [Absurdity],
+    /// Probability of the residual by chance; none where nothing judges it.
+    pub p_value: Option<f64>,
+    /// True where effects were found.
+    pub found: bool,
+    /// True where the effects found may stand for another, or do not hold elsewhere.
+    pub doubtful: bool,
+}
+
+/// The verdict on a calibration or a trace.
+///
+/// Undetermined comes first, then implausible, then unjudged, then the rest.
+#[must_use]
+pub fn verdict(evidence: &Evidence) -> Verdict {
+    let Evidence { fit, directions, absurd, p_value, found, doubtful } = *evidence;
+    if !determined(fit, directions) {
+        return Verdict::Undetermined;
+    }
+    if !absurd.is_empty() {
+        return Verdict::Implausible;
+    }
+    let Some(p_value) = p_value else { return Verdict::Unjudged };
+    match (found, p_value > RESIDUAL_LEVEL, doubtful) {
+        (false, true, _) => Verdict::Adequate,
+        (true, true, false) => Verdict::Explained,
+        (true, ..) => Verdict::PartlyExplained,
+        (false, false, _) => Verdict::Unexplained,
+    }
+}
+
+/// True where data determine what a fit was asked for.
+#[must_use]
+pub fn determined(fit: &Fit, directions: &Directions) -> bool {
+    let converged = fit.termination.converged() && fit.plausible;
+    converged && fit.dof >= 1.0 && directions.unobservable.is_empty()
 }

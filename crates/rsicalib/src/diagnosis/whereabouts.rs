@@ -32,43 +32,47 @@ impl Wrong {
     }
 }
 
-/// Where errors of a channel would lie that made what is left, in words; empty where
-/// they would lie anywhere.
+/// Where errors of a channel would lie that made what is left; nothing is known where they
+/// would lie anywhere.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Whereabouts {
+    /// The channel.
+    pub channel: Option<usize>,
+    /// True where the labels are of held poses, not of rows of a recording.
+    pub held: bool,
+    /// First and last label of a part of the session that has so many per cent.
+    pub labels: Option<([i64; 2], f64)>,
+    /// Lowest and highest reading of a part of the range that has so many per cent.
+    pub readings: Option<([f64; 2], f64)>,
+    /// True where the sign is that of the direction of approach.
+    pub sided: bool,
+}
+
+/// Where errors of a channel would lie that made what is left.
 #[must_use]
-pub fn whereabouts(traced: &Traced, channel: usize) -> String {
+pub fn whereabouts(traced: &Traced, channel: usize) -> Whereabouts {
     let errors = errors_of(traced, channel);
-    let name = &traced.small.mechanism.channels[channel].name;
-    let mut words = Vec::new();
-    if let Some((first, last, share)) = dense(&errors) {
-        let unit = if traced.small.readings.held { "poses" } else { "rows" };
-        words.push(format!(
-            "{share:.0} % of it in {unit} {} to {}",
-            errors[first].label, errors[last].label
-        ));
-    }
+    let labels = dense(&errors).map(|(first, last, share)| {
+        let labels = [errors[first].label, errors[last].label];
+        (labels, share)
+    });
     let mut by_reading: Vec<&Wrong> = errors.iter().collect();
     by_reading.sort_by(|a, b| a.reading.total_cmp(&b.reading));
-    if let Some((first, last, share)) = dense_of(&by_reading) {
-        let (low, high) = (by_reading[first].reading, by_reading[last].reading);
-        let unit = &traced.small.mechanism.channels[channel].unit;
-        let digits = if unit == "count" { 0 } else { 3 };
-        words.push(format!(
-            "{share:.0} % of it where {name} reads {low:.digits$} to {high:.digits$} {unit}"
-        ));
-    }
+    let readings = dense_of(&by_reading)
+        .map(|(first, last, share)| ([by_reading[first].reading, by_reading[last].reading], share));
     let pull: f64 = errors.iter().map(|e| e.side * e.pull).sum();
     let weight: f64 = errors.iter().map(|e| e.side * e.side * e.weight).sum();
     // Judged against what is left, which is more than noise.
     let spread = errors.iter().map(|e| e.excess() + 1.0).sum::<f64>() / errors.len().max(1) as f64;
-    if weight > 0.0 && pull.abs() > SIDES * (weight * spread.max(1.0)).sqrt() {
-        words.push(format!("its sign is that of the direction in which {name} came"));
-    }
-    words.join(", ")
+    let sided = weight > 0.0 && pull.abs() > SIDES * (weight * spread.max(1.0)).sqrt();
+    let held = traced.small.readings.held;
+    Whereabouts { channel: Some(channel), held, labels, readings, sided }
 }
 
 fn errors_of(traced: &Traced, channel: usize) -> Vec<Wrong> {
     let (observations, residuals) = (&traced.small, &traced.last.residuals);
-    let (readings, k, c) = (&observations.readings, residuals.equations, observations.readings.channels);
+    let (readings, k, c) =
+        (&observations.readings, residuals.equations, observations.readings.channels);
     let mut side = vec![0.0; readings.samples];
     for (block, meta) in readings.blocks().iter().enumerate() {
         for (row, lane) in meta.rows.iter().zip(0..meta.live) {

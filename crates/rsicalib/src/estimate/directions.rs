@@ -7,13 +7,48 @@ use crate::estimate::observations::Observations;
 use crate::model::{Instance, place_name};
 use crate::terms::term::Placed;
 
-/// Directions in the space of parameters, in words.
+/// Directions in the space of parameters that data cannot, or hardly, tell.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Directions {
     /// Those along which the data change nothing.
-    pub unobservable: Vec<String>,
+    pub unobservable: Vec<Direction>,
     /// Those that are known a hundred times worse than the best.
-    pub weak: Vec<String>,
+    pub weak: Vec<Direction>,
+}
+
+/// A direction in the space of parameters.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Direction {
+    /// One parameter, on which the readings do not depend.
+    Absent(Label),
+    /// Several parameters that change together without a change of the readings.
+    Together(Vec<Moves>),
+    /// The same, with hardly a change of the readings.
+    Weak {
+        /// The parameters, the one that moves most first.
+        moves: Vec<Moves>,
+        /// How far the first may be off: two standard deviations, in its unit.
+        off: f64,
+    },
+}
+
+/// How a parameter takes part in a direction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moves {
+    /// The parameter.
+    pub label: Label,
+    /// By how much it moves, in its unit, where the first moves by one of its own.
+    pub by: f64,
+}
+
+/// What a parameter is called, and its unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Label {
+    /// Term and target.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
 }
 
 /// Names the directions that these poses cannot, or hardly, tell.
@@ -29,65 +64,41 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     describe(&fit.gram, &names)
 }
 
-/// What a parameter is called, and its unit.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Label {
-    pub(crate) name: String,
-    pub(crate) unit: String,
-}
+/// Relative eigenvalues below this are zero, and below this are small: unit columns.
+const NOTHING: f64 = 1e-11;
+const HARDLY: f64 = 1e-4;
+/// Parameters that take part by less than this share of the largest are not listed.
+const LISTED: f64 = 0.2;
 
 /// The same of a Gram matrix whose parameters have these names.
 pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
     let n = gram.nrows();
     let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
-    let unit = unit_gram(gram, &norms);
     let mut out = Directions::default();
-    for (k, norm) in norms.iter().enumerate() {
-        if *norm == 0.0 {
-            let name = &names[k].name;
-            out.unobservable.push(format!("{name}: the readings do not depend on it"));
-        }
-    }
-    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return out };
+    let absent = norms.iter().zip(names).filter(|(norm, _)| **norm == 0.0);
+    out.unobservable.extend(absent.map(|(_, label)| Direction::Absent(label.clone())));
+    let Ok(eigen) = unit_gram(gram, &norms).self_adjoint_eigen(Side::Lower) else { return out };
     let (values, vectors) = (eigen.S().column_vector(), eigen.U());
     for k in 0..n {
         let relative = values[k] / values[n - 1];
-        if relative > 1e-4 {
+        if relative > HARDLY {
             break;
         }
         // Per unit of data: how far each parameter moves along this direction.
-        let mut moves: Vec<(usize, f64)> =
-            (0..n).filter(|&i| norms[i] > 0.0).map(|i| (i, vectors[(i, k)])).collect();
-        moves.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        if moves.is_empty() {
-            break; // nothing depends on anything: said above
-        }
-        let largest = moves.first().map_or(1.0, |m| m.1.abs());
-        let shares: Vec<String> = moves
-            .iter()
-            .filter(|(_, v)| v.abs() > 0.2 * largest)
+        let live = (0..n).filter(|&i| norms[i] > 0.0);
+        let mut along: Vec<(usize, f64)> = live.map(|i| (i, vectors[(i, k)])).collect();
+        along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let Some(&(first, largest)) = along.first() else { break };
+        let unit = largest / norms[first];
+        let taking_part = along.iter().filter(|(_, v)| v.abs() > LISTED * largest.abs());
+        let moves = taking_part
             .take(6)
-            .map(|&(i, v)| {
-                let by = v / norms[i] / (moves[0].1 / norms[moves[0].0]);
-                let p = &names[i];
-                let by = match by.abs() {
-                    0.01..1e4 => format!("{by:+.3}"),
-                    _ => format!("{by:+.2e}"),
-                };
-                format!("{by} {} {}", p.unit, p.name)
-            })
+            .map(|&(i, v)| Moves { label: names[i].clone(), by: v / norms[i] / unit })
             .collect();
-        let words = shares.join(", ");
-        if relative < 1e-11 {
-            out.unobservable.push(format!("together: {words}"));
+        if relative < NOTHING {
+            out.unobservable.push(Direction::Together(moves));
         } else {
-            let i = moves[0].0;
-            let far = 2.0 * (moves[0].1 / norms[i]).abs() / values[k].sqrt();
-            let p = &names[i];
-            out.weak.push(format!(
-                "{words}: {} may be off by {:.2e} {} (2 sd) and the rest with it",
-                p.name, far, p.unit
-            ));
+            out.weak.push(Direction::Weak { moves, off: 2.0 * unit.abs() / values[k].sqrt() });
         }
     }
     out.weak.truncate(5);
@@ -207,8 +218,9 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
 #[must_use]
 pub fn place(observations: &Observations, instance: &Instance) -> Option<String> {
     let bound = observations.readings.sessions > 1 && crate::model::bound_to_session(instance.term);
-    (bound || instance.term.placed() != Placed::Once)
-        .then(|| place_name(instance.term, &observations.mechanism, &observations.readings, instance.place))
+    (bound || instance.term.placed() != Placed::Once).then(|| {
+        place_name(instance.term, &observations.mechanism, &observations.readings, instance.place)
+    })
 }
 
 /// A unit with the mechanism's and the channel's own put in.

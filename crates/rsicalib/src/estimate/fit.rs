@@ -12,8 +12,9 @@ use crate::estimate::noise::source::{
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
-use crate::estimate::search::{self, Start, Try};
-use crate::estimate::start;
+use crate::estimate::suspicion::Suspicion;
+use crate::estimate::tried::{Start, Try};
+use crate::estimate::{search, start};
 use crate::model::{Instance, Model, Prior};
 use crate::numerics::distributions;
 use crate::numerics::linearization::Problem;
@@ -64,7 +65,7 @@ pub struct Fit {
     /// True where every joint still moves.
     pub plausible: bool,
     /// What looks wrong with the wiring.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Suspicion>,
 }
 
 /// Fits these instances, from a start of their own or from an earlier fit.
@@ -77,7 +78,12 @@ pub fn fit(
     instances: Vec<Instance>,
     from: Option<&Fit>,
 ) -> Result<Fit, Error> {
-    let model = Model::about(&observations.mechanism, &observations.readings, instances, &observations.centre)?;
+    let model = Model::about(
+        &observations.mechanism,
+        &observations.readings,
+        instances,
+        &observations.centre,
+    )?;
     let priors = model.priors();
     let equations = model.equations() * observations.weights.iter().filter(|w| **w > 0.0).count();
     if equations + priors.len() < model.parameters {
@@ -148,7 +154,11 @@ fn solve(
         Some((mechanism, readings)) => Some((Model::like(&model, mechanism, readings)?, readings)),
         None => None,
     };
-    let part = Part { model: &model, readings: &observations.readings, weights: Some(&observations.weights) };
+    let part = Part {
+        model: &model,
+        readings: &observations.readings,
+        weights: Some(&observations.weights),
+    };
     let mut beta = start.beta.clone();
     let groups = Groups::of(&observations.readings, &observations.weights);
     let declared = observations.options.noise.is_some()
@@ -179,7 +189,8 @@ fn solve(
                 continue;
             }
         }
-        let estimate = estimate_noise(observations, &groups, &residuals, &noise, declared, beta.len());
+        let estimate =
+            estimate_noise(observations, &groups, &residuals, &noise, declared, beta.len());
         let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
         let scale = estimate.sigma[0] / noise.sigma[0];
         let adjusted = problem.adjusted();
@@ -193,7 +204,18 @@ fn solve(
     let Some((outcome, residuals, noise, scale, adjusted)) = answer else {
         return Err(Error::Empty("no fit".into()));
     };
-    Ok(conclude(observations, model, priors, outcome, residuals, noise, scale, adjusted, start, &groups))
+    Ok(conclude(
+        observations,
+        model,
+        priors,
+        outcome,
+        residuals,
+        noise,
+        scale,
+        adjusted,
+        start,
+        &groups,
+    ))
 }
 
 #[expect(clippy::too_many_arguments, reason = "the last step gathers what the others made")]

@@ -12,11 +12,13 @@ pub mod paper;
 pub mod search;
 mod settle;
 pub mod start;
+pub mod suspicion;
+pub mod tried;
 mod wiring;
 
 pub use algebraic::Algebraic;
 pub use fit::{Fit, carry_over, fit, free_parameters};
 pub use implicit::{Implicit, Residuals};
 pub use objective::{Noise, Part};
-pub use observations::{Anchor, Observations};
+pub use observations::{Anchor, AnchorKind, Observations};
 pub use options::{FitOptions, Method};

@@ -28,11 +28,24 @@ pub struct Observations {
     pub held: Option<(Mechanism, Readings)>,
 }
 
+/// What an anchor rests on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnchorKind {
+    /// A reading of the rest pose.
+    Rest,
+    /// The rest pose where the nominal sensors have it, or the mean reading.
+    Nominal,
+    /// The nominal offsets, at reading zero.
+    NominalOffsets,
+    /// The rest pose at the middle of every range.
+    RestAtHalfRange,
+}
+
 /// A reading of each channel at which its joint coordinate is known, more or less.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
-    /// What it rests on, in words.
-    pub name: &'static str,
+    /// What the anchor rests on.
+    pub kind: AnchorKind,
     /// Reading and joint coordinate, one pair per channel.
     pub at: Vec<(f64, f64)>,
     /// True where it was read, not presumed.
@@ -107,16 +120,20 @@ impl Observations {
         let channels = &self.mechanism.channels;
         let all = |f: &dyn Fn(usize) -> (f64, f64)| (0..channels.len()).map(f).collect();
         if let (Some(rest), Some(angles)) = (&self.rest, &self.rest_angles) {
-            return vec![Anchor { name: "rest", at: all(&|c| (rest[c], angles[c])), known: true }];
+            return vec![Anchor {
+                kind: AnchorKind::Rest,
+                at: all(&|c| (rest[c], angles[c])),
+                known: true,
+            }];
         }
         let nominal = |c: usize| match &self.rest_angles {
             Some(angles) => ((angles[c] - channels[c].offset) / channels[c].gain, angles[c]),
             None => (self.readings.mean[c], channels[c].angle(self.readings.mean[c])),
         };
         let mut anchors = vec![
-            Anchor { name: "nominal", at: all(&nominal), known: false },
+            Anchor { kind: AnchorKind::Nominal, at: all(&nominal), known: false },
             Anchor {
-                name: "nominal offsets",
+                kind: AnchorKind::NominalOffsets,
                 at: all(&|c| (0.0, channels[c].offset)),
                 known: false,
             },
@@ -125,7 +142,7 @@ impl Observations {
             && channels.iter().all(|c| c.range.is_some())
         {
             let at = all(&|c| (channels[c].middle(), angles[c]));
-            anchors.push(Anchor { name: "rest at half range", at, known: false });
+            anchors.push(Anchor { kind: AnchorKind::RestAtHalfRange, at, known: false });
         }
         anchors
     }

@@ -22,28 +22,6 @@ use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::readings::{Readings, rows_of};
 
-/// A start that was tried.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Try {
-    /// Where it began, in words.
-    pub from: String,
-    /// `fᵀf` where it ended.
-    pub cost: f64,
-    /// True where a gain collapsed to zero.
-    pub collapsed: bool,
-}
-
-/// Where to start, and how that was found.
-#[derive(Debug, Clone, Default)]
-pub struct Start {
-    /// The parameters.
-    pub beta: Vec<f64>,
-    /// The starts that were tried.
-    pub tries: Vec<Try>,
-    /// What looks wrong with the wiring.
-    pub warnings: Vec<String>,
-}
-
 /// Fraction of its nominal gain below which a channel has collapsed.
 const COLLAPSED: f64 = 0.05;
 
@@ -124,7 +102,8 @@ impl Tied {
     fn new(observations: &Observations, model: &Model, anchor: &Anchor) -> Option<Self> {
         let (at, angles): (Vec<f64>, Vec<f64>) = anchor.at.iter().copied().unzip();
         let instances = model.instances.clone();
-        let model = Model::about(&observations.mechanism, &observations.readings, instances, &at).ok()?;
+        let model =
+            Model::about(&observations.mechanism, &observations.readings, instances, &at).ok()?;
         let mut priors = model.priors();
         for (c, scale) in model.scales.iter().enumerate() {
             if let Some(column) = model.column("offset", c) {
@@ -184,7 +163,8 @@ impl<'a> StartSearch<'a> {
         let all = &observations.readings;
         let rows = spread(&all.rows_of_poses(), SAMPLES);
         let few = || {
-            Readings::beside(&observations.mechanism, rows_of(&all.table, all.channels, &rows), all).ok()
+            Readings::beside(&observations.mechanism, rows_of(&all.table, all.channels, &rows), all)
+                .ok()
         };
         let (readings, weights) = match (rows.len() < all.samples).then(few).flatten() {
             Some(few) => (few, rows.iter().map(|&r| observations.weights[r]).collect()),

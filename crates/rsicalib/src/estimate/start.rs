@@ -2,7 +2,9 @@
 
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
-use crate::estimate::search::{End, Start, StartSearch, Try, anchored};
+use crate::estimate::search::{End, StartSearch, anchored};
+use crate::estimate::suspicion::Suspicion;
+use crate::estimate::tried::{Gains, Origin, Start, Try};
 use crate::estimate::wiring;
 use crate::model::Model;
 
@@ -23,11 +25,11 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     let mut best: Option<End> = None;
     let mut agreeing = 0;
     // What is near needs no care: the first start is the anchor as it is.
-    let near = (None, search.anchors[0].0.name.to_owned(), vec![1.0; channels]);
+    let near = (None, Origin::Anchor(search.anchors[0].0.kind), vec![1.0; channels]);
     let anchors = &search.anchors;
-    let tied = starts(channels, anchors.len(), options.starts).into_iter().map(|(at, name, f)| {
-        (Some(&anchors[at]), format!("{}, offsets tied, {name}", anchors[at].0.name), f)
-    });
+    let tied = starts(channels, anchors.len(), options.starts)
+        .into_iter()
+        .map(|(at, name, f)| (Some(&anchors[at]), Origin::Tied(anchors[at].0.kind, name), f));
     for (at, name, factors) in std::iter::once(near).chain(tied).take(options.starts.max(1)) {
         let start = match at {
             None => anchored(observations, model, &factors),
@@ -57,26 +59,22 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
         && options.starts > 1
         && let Some(found) = wiring::suspect(&search, score)
     {
-        warnings.push(found.sentence);
+        warnings.push(found.suspicion);
         best = found.end.or(best);
     }
     if best.is_none() && warnings.is_empty() {
-        warnings.push(format!(
-            "none of {} starts led to a fit in which every joint moves: check the wiring, the \
-             rest reading and the nominal gains, or record poses that differ more",
-            tries.len()
-        ));
+        warnings.push(Suspicion::NoStart { tried: tries.len() });
     }
     let beta = best.map_or_else(|| anchored(observations, model, &vec![1.0; channels]), |b| b.beta);
     Start { beta, tries, warnings }
 }
 
 /// Anchor, name and gain factors of so many starts, nearest first, anchors in turn.
-fn starts(channels: usize, anchors: usize, count: usize) -> Vec<(usize, String, Vec<f64>)> {
+fn starts(channels: usize, anchors: usize, count: usize) -> Vec<(usize, Gains, Vec<f64>)> {
     let mut starts: Vec<_> = FACTORS
         .iter()
         .flat_map(|f| (0..anchors).map(move |at| (at, f)))
-        .map(|(at, f)| (at, format!("gains × {f}"), vec![*f; channels]))
+        .map(|(at, f)| (at, Gains::Times(*f), vec![*f; channels]))
         .collect();
     // Low-discrepancy factors between 0.3 and 3: the additive recurrence of Roberts.
     let root = generalised_golden(channels);
@@ -85,7 +83,7 @@ fn starts(channels: usize, anchors: usize, count: usize) -> Vec<(usize, String, 
             let alpha = root.powi(-(c as i32 + 1));
             0.3 * 10.0_f64.powf((0.5 + alpha * n as f64).fract())
         });
-        starts.push((n % anchors, format!("gains scattered #{n}"), factors.collect()));
+        starts.push((n % anchors, Gains::Scattered(n), factors.collect()));
     }
     starts
 }

@@ -5,14 +5,16 @@
 //! closes with it and with no other, it is named.
 
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
+use crate::estimate::suspicion::{Closes, Shown, Suspicion};
 use crate::readings::{Readings, Table};
 
-/// What looks wrong.
+/// A suspicion, and the fit that takes the mistake into account where that needs no other
+/// readings.
 #[derive(Debug, Clone)]
-pub struct Suspicion {
-    /// In words, with what to do.
-    pub sentence: String,
-    /// The fit that takes it into account, where that needs no other readings.
+pub struct Suspected {
+    /// What looks wrong.
+    pub suspicion: Suspicion,
+    /// The fit.
     pub end: Option<End>,
 }
 
@@ -30,74 +32,34 @@ const FACTORS: [f64; 3] = [1.0, 0.7, 1.4];
 
 /// The mistake that explains why no start led to a χ² per equation below `best`.
 #[must_use]
-pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspicion> {
+pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
     let limit = search.observations.options.good_start.min(best / DECISIVE);
-    let mut found: Option<(f64, Suspicion)> = None;
-    let mut consider = |end: End, sentence: &dyn Fn(f64) -> String, keep: bool| {
+    let mut found: Option<(f64, Suspected)> = None;
+    let mut consider = |end: End, keep: bool, suspicion: &dyn Fn(Closes) -> Suspicion| {
         if end.score < found.as_ref().map_or(limit, |f| f.0) {
-            let (score, sentence) = (end.score, sentence(end.score));
-            found = Some((score, Suspicion { sentence, end: keep.then_some(end) }));
+            let suspicion = suspicion(Closes { with: end.score, declared: best });
+            found = Some((end.score, Suspected { suspicion, end: keep.then_some(end) }));
         }
     };
     let channels = search.model.scales.len();
-    let name = |c: usize| search.observations.mechanism.channels[c].name.as_str();
-    let closes = |score: f64| {
-        if best.is_finite() {
-            format!("the loop closes (χ² per equation {score:.1}, as declared {best:.0})")
-        } else {
-            format!("the loop closes (χ² per equation {score:.1}; as declared, no start does)")
-        }
-    };
     let mut turned: Vec<End> = (0..channels).map(|c| reversed(search, |i| i == c)).collect();
     turned.push(reversed(search, |_| true));
     for end in turned {
         // A start may find another channel than the one that it reversed.
-        let wrong: Vec<&str> = ratios(search.model, &end.beta)
-            .enumerate()
-            .filter(|(_, ratio)| *ratio < 0.0)
-            .map(|(c, _)| name(c))
-            .collect();
-        let sentence = |score: f64| {
-            format!(
-                "{} read{} the wrong way round: with {} reversed {}; exchange the outer wires of \
-                 the potentiometer{}, or reverse the gain{} in the mechanism",
-                wrong.join(", "),
-                if wrong.len() > 1 { "" } else { "s" },
-                if wrong.len() > 1 { "their gains" } else { "its gain" },
-                closes(score),
-                if wrong.len() > 1 { "s" } else { "" },
-                if wrong.len() > 1 { "s" } else { "" },
-            )
-        };
-        consider(end.clone(), &sentence, true);
+        let ratios = ratios(search.model, &end.beta).enumerate();
+        let wrong: Vec<usize> = ratios.filter(|(_, ratio)| *ratio < 0.0).map(|(c, _)| c).collect();
+        consider(end, true, &|closes| Suspicion::Reversed { channels: wrong.clone(), closes });
     }
     for (a, b) in (0..channels).flat_map(|a| (a + 1..channels).map(move |b| (a, b))) {
-        let sentence = |score: f64| {
-            format!(
-                "{} and {} look exchanged: with their readings swapped {}; check the wiring, or \
-                 the names of the columns",
-                name(a),
-                name(b),
-                closes(score)
-            )
-        };
         if let Some(end) = exchanged(search, a, b) {
-            consider(end, &sentence, false);
+            consider(end, false, &|closes| Suspicion::Exchanged { channels: [a, b], closes });
         }
     }
-    for c in 0..channels {
-        let Some(gap) = Gap::of(search, c) else { continue };
+    for channel in 0..channels {
+        let Some(gap) = Gap::of(search, channel) else { continue };
         let Some(end) = gap.without(search) else { continue };
-        let sentence = |score: f64| {
-            let (name, count, what) = (name(c), gap.rows.len(), &gap.what);
-            format!(
-                "{name} {what}: without such rows ({count} of {} looked at) {}; the gap of its \
-                 track lies within the range of motion, turn it on its shaft",
-                search.readings.samples,
-                closes(score)
-            )
-        };
-        consider(end, &sentence, false);
+        let (shown, rows, of) = (gap.shown, gap.rows.len(), search.readings.samples);
+        consider(end, false, &|closes| Suspicion::Gap { channel, shown, rows, of, closes });
     }
     found.map(|f| f.1)
 }
@@ -144,7 +106,7 @@ fn exchanged(search: &StartSearch<'_>, a: usize, b: usize) -> Option<End> {
 /// Rows in which a potentiometer may have been on the gap of its track, or beyond.
 struct Gap {
     rows: Vec<usize>,
-    what: String,
+    shown: Shown,
 }
 
 impl Gap {
@@ -157,7 +119,7 @@ impl Gap {
         let at_end: Vec<usize> =
             rows().filter(|&r| read(r) <= low + edge || read(r) >= high - edge).collect();
         if !at_end.is_empty() {
-            return Some(Self { rows: at_end, what: "reads an end of its range".into() });
+            return Some(Self { rows: at_end, shown: Shown::AtEnd });
         }
         let mut sorted: Vec<f64> = rows().map(read).collect();
         sorted.sort_by(f64::total_cmp);
@@ -167,8 +129,8 @@ impl Gap {
             return None;
         }
         let (lower, upper): (Vec<usize>, Vec<usize>) = rows().partition(|&r| read(r) <= below);
-        let what = format!("jumps between {below:.0} and {above:.0} with nothing in between");
-        Some(Self { rows: if lower.len() < upper.len() { lower } else { upper }, what })
+        let shown = Shown::Jump { below, above };
+        Some(Self { rows: if lower.len() < upper.len() { lower } else { upper }, shown })
     }
 
     /// The fit without these rows, if enough are left.

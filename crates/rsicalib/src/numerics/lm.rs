@@ -68,21 +68,6 @@ impl Termination {
     pub fn converged(self) -> bool {
         !matches!(self, Self::MaxIterations | Self::NotFinite)
     }
-
-    /// What happened, and what to do next.
-    #[must_use]
-    pub fn message(self) -> &'static str {
-        match self {
-            Self::Gradient => "converged: the gradient vanishes",
-            Self::Step => "converged: the parameters stand still",
-            Self::Cost => "converged: the cost no longer decreases",
-            Self::Stalled => "converged to rounding: no step decreases the cost",
-            Self::MaxIterations => {
-                "the iterations ran out: start nearer, or record poses that determine more"
-            }
-            Self::NotFinite => "the residual is not a number at the start: check the start",
-        }
-    }
 }
 
 /// Where the search ended.

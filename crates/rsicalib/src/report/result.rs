@@ -1,9 +1,14 @@
 //! Results as users hold them: plain structs in the shape of the JSON.
 
-use crate::apply::check::Check;
+use crate::Error;
+use crate::apply::check::{Check, check};
 use crate::diagnosis::held_out::HeldOut;
-use crate::estimate::directions::{ParameterReport, parameter_names, reported};
+use crate::diagnosis::plausibility::Absurdity;
+use crate::estimate::directions::{Directions, ParameterReport, parameter_names, reported};
 use crate::estimate::{Fit, Observations};
+use crate::readings::Table;
+use crate::report::words;
+use crate::screening::excluded::Excluded;
 
 /// Name and number, in the order of the mechanism.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -107,41 +112,149 @@ pub struct Estimates {
     pub iterations: usize,
 }
 
-/// The same in words and numbers.
+/// Every parameter with its value and its standard deviation.
 #[must_use]
-pub fn estimates(observations: &Observations, fit: &Fit) -> Estimates {
+pub fn parameters(observations: &Observations, fit: &Fit) -> Vec<ParameterReport> {
     let (values, covariance) = reported(fit);
-    let mechanism = &observations.mechanism;
-    let n = values.len();
-    let sigma =
-        mechanism.channels.iter().map(|c| c.name.clone()).zip(fit.noise.sigma.iter().copied());
-    let names = parameter_names(observations, fit);
-    let parameters = names.into_iter().enumerate().map(|(k, mut p)| {
+    let mut parameters = parameter_names(observations, fit);
+    for (k, p) in parameters.iter_mut().enumerate() {
         p.value = values[k];
         p.sd = (!fit.unknowable[k]).then(|| covariance[(k, k)].max(0.0).sqrt());
-        p
-    });
-    let directions = crate::estimate::directions::directions(observations, fit);
+    }
+    parameters
+}
+
+/// The same in words and numbers.
+#[must_use]
+pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions) -> Estimates {
+    let (_, covariance) = reported(fit);
+    let mechanism = &observations.mechanism;
+    let n = covariance.nrows();
+    let sigma =
+        mechanism.channels.iter().map(|c| c.name.clone()).zip(fit.noise.sigma.iter().copied());
     Estimates {
         noise: NoiseReport {
-            source: fit.noise.words(),
+            source: words::noise(&fit.noise),
             sigma: Named(sigma.collect()),
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
             correlation: fit.noise.correlation,
         },
-        parameters: parameters.collect(),
+        parameters: parameters(observations, fit),
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
-        unobservable: directions.unobservable,
-        weak: directions.weak,
+        unobservable: directions.unobservable.iter().map(words::direction).collect(),
+        weak: directions.weak.iter().map(words::direction).collect(),
         condition: fit.condition,
         condition_uncentred: crate::estimate::directions::uncentred_condition(fit),
         starts: fit
             .starts
             .iter()
-            .map(|t| StartReport { from: t.from.clone(), cost: t.cost, collapsed: t.collapsed })
+            .map(|t| StartReport {
+                from: words::origin(t.from),
+                cost: t.cost,
+                collapsed: t.collapsed,
+            })
             .collect(),
-        termination: fit.termination.message().into(),
+        termination: words::termination(fit.termination).into(),
         converged: fit.termination.converged() && fit.plausible,
         iterations: fit.iterations,
     }
+}
+
+/// Known poses, for the error before and after.
+#[derive(Debug, Clone)]
+pub struct Known {
+    /// Readings in them.
+    pub table: Table,
+    /// The poses, row by row.
+    pub poses: Vec<[f64; 6]>,
+    /// True where they are known up to a rigid motion of the instrument.
+    pub align: bool,
+}
+
+/// A reading that was left out.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct ExcludedReport {
+    /// Label of the pose; none for a whole placement.
+    pub pose: Option<i64>,
+    /// Sample of the pose, counted from 1; none: all of them.
+    pub sample: Option<i64>,
+    /// Keys of its unknown points.
+    pub group: Option<String>,
+    /// The chain at fault.
+    pub chain: Option<String>,
+    /// The channel at fault.
+    pub channel: Option<String>,
+    /// How many samples that are.
+    pub samples: usize,
+    /// Why.
+    pub reason: String,
+}
+
+/// The calibration with the readings that were left out.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct WithExcluded {
+    /// How well it fits.
+    pub fit: FitReport,
+    /// Its parameters.
+    pub parameters: Vec<ParameterReport>,
+}
+
+/// A reading that was left out, as users call it.
+#[must_use]
+pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedReport {
+    let Observations { readings, mechanism, .. } = observations;
+    let rows = readings.rows_of_poses();
+    let first = excluded.pose.map(|p| rows[p][0]).or(excluded.placement);
+    let keys =
+        first.map(|row| readings.table.keys.iter().map(|k| k[row].as_str()).collect::<Vec<_>>());
+    let sample = |pose: usize| {
+        excluded.row.and_then(|row| rows[pose].iter().position(|r| *r == row)).map(|s| s as i64 + 1)
+    };
+    ExcludedReport {
+        pose: excluded.pose.map(|p| readings.labels[p]),
+        sample: excluded.pose.and_then(sample),
+        // A whole placement is named by its first key, a sample by all of them.
+        group: keys
+            .filter(|k| !k.is_empty())
+            .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
+        chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
+        channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
+        samples: excluded.samples,
+        reason: words::cause(mechanism, &excluded.cause, excluded.samples),
+    }
+}
+
+impl Known {
+    /// Error of a fit on these poses: as measured, and after the best rigid motion of the
+    /// instrument where that is asked for.
+    ///
+    /// # Errors
+    ///
+    /// As [`check`].
+    pub fn judge(
+        &self,
+        observations: &Observations,
+        fit: &Fit,
+        report: &mut FitReport,
+    ) -> Result<(), Error> {
+        report.check = Some(check(observations, fit, &self.table, &self.poses, false)?);
+        if self.align {
+            report.aligned = Some(check(observations, fit, &self.table, &self.poses, true)?);
+        }
+        Ok(())
+    }
+}
+
+/// Suspicions about the wiring in words.
+#[must_use]
+pub fn warnings(observations: &Observations, fit: &Fit) -> Vec<String> {
+    fit.warnings.iter().map(|s| words::suspicion(&observations.mechanism, s)).collect()
+}
+
+/// Absurdities in words.
+#[must_use]
+pub fn implausible(observations: &Observations, absurd: &[Absurdity]) -> Vec<String> {
+    absurd.iter().map(|a| words::absurdity(observations, a)).collect()
 }

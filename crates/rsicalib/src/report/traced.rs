@@ -2,34 +2,24 @@
 
 use crate::Error;
 use crate::apply::change::{PlatformRms, platform_difference};
-use crate::apply::check::check;
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::detectability::{Detectability, could_hide};
 use crate::diagnosis::held_out::{HeldOut, held_out};
-use crate::diagnosis::localisation::{Unexplained, unexplained};
+use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::stepwise::stepwise::cost;
 use crate::diagnosis::trace::{Found, Traced, trace};
-use crate::diagnosis::verdict::verdict;
-use crate::estimate::directions::{ParameterReport, place, reported, unit};
+use crate::diagnosis::verdict::{Evidence, Verdict, verdict};
+use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
-use crate::readings::Table;
-use crate::report::result::{Estimates, FitReport, estimates};
-use crate::screening::excluded::Excluded;
+use crate::report::result::{
+    self, Estimates, ExcludedReport, FitReport, Known, WithExcluded, estimates, excluded,
+};
+use crate::report::words;
 use crate::terms::term::{Class, Over};
-
-/// Known poses, for the error before and after.
-#[derive(Debug, Clone)]
-pub struct Known {
-    /// Readings in them.
-    pub table: Table,
-    /// The poses, row by row.
-    pub poses: Vec<[f64; 6]>,
-    /// True where they are known up to a rigid motion of the instrument.
-    pub align: bool,
-}
 
 /// A term at a target.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,42 +63,27 @@ pub struct StepReport {
     pub held_out: Option<HeldOut>,
 }
 
-/// A reading that was left out.
+/// What is left.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct ExcludedReport {
-    /// Label of the pose; none for a whole placement.
-    pub pose: Option<i64>,
-    /// Sample of the pose, counted from 1; none: all of them.
-    pub sample: Option<i64>,
-    /// Keys of its unknown points.
-    pub group: Option<String>,
-    /// The chain at fault.
-    pub chain: Option<String>,
-    /// The channel at fault.
-    pub channel: Option<String>,
-    /// How many samples that are.
-    pub samples: usize,
-    /// Why.
-    pub reason: String,
-}
-
-/// The calibration with the readings that were left out.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct WithExcluded {
-    /// How well it fits.
-    pub fit: FitReport,
-    /// Its parameters.
-    pub parameters: Vec<ParameterReport>,
+pub struct Unexplained {
+    /// Probability of the residual by chance.
+    pub p_value: Option<f64>,
+    /// Where the structure is.
+    pub target: Option<String>,
+    /// In words.
+    pub text: String,
 }
 
 /// The result of a trace.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct TraceReport {
-    /// `adequate`, `explained`, `partly_explained`, `unexplained` or `undetermined`.
-    pub verdict: &'static str,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// What is absurd beside the size of the mechanism, in words.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub implausible: Vec<String>,
     /// Suspicious things.
     pub warnings: Vec<String>,
     /// Readings left out.
@@ -150,15 +125,8 @@ pub fn report(
     let mut before = FitReport::of(&traced.before);
     let mut after = FitReport::of(&traced.after);
     if let Some(known) = known {
-        before.check = Some(check(observations, &traced.before, &known.table, &known.poses, false)?);
-        after.check =
-            Some(check(&traced.observations, &traced.after, &known.table, &known.poses, false)?);
-        if known.align {
-            before.aligned =
-                Some(check(observations, &traced.before, &known.table, &known.poses, true)?);
-            after.aligned =
-                Some(check(&traced.observations, &traced.after, &known.table, &known.poses, true)?);
-        }
+        known.judge(observations, &traced.before, &mut before)?;
+        known.judge(&traced.observations, &traced.after, &mut after)?;
     }
     before.held_out = held_out(&traced.small, &small_before);
     let steps = traced
@@ -172,24 +140,42 @@ pub fn report(
         None => held_out(&traced.small, &traced.last),
     };
     let rises: Vec<f64> = steps.iter().map(|step| step.chi2_rise).collect();
-    let unexplained = unexplained(&traced, &rises);
-    let verdict = verdict(&traced, &unexplained);
+    let residual = residual(&traced, &rises);
+    let found: Vec<Instance> = traced.found.iter().map(|f| f.instance).collect();
+    let absurd = absurdities(&traced.observations, &traced.after, &found);
+    let directions = directions(&traced.observations, &traced.after);
+    let p_value = traced.judge.lack_of_fit(&traced.last);
+    let verdict = verdict(&Evidence {
+        fit: &traced.after,
+        directions: &directions,
+        absurd: &absurd,
+        p_value,
+        found: !traced.found.is_empty(),
+        doubtful: matches!(residual, Residual::Doubtful(_)),
+    });
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),
-        parameters: estimates(observations, &traced.before).parameters,
+        parameters: result::parameters(observations, &traced.before),
     });
-    let estimates = estimates(&traced.observations, &traced.after);
+    let (target, text) = words::residual(&observations.mechanism, &residual);
+    let target = match (&residual, &traced.isolated) {
+        (Residual::Doubtful(_), Some(isolated)) => {
+            Some(isolated.target.name(&observations.mechanism))
+        }
+        _ => target,
+    };
     Ok(TraceReport {
         verdict,
-        warnings: traced.before.warnings.clone(),
+        implausible: result::implausible(&traced.observations, &absurd),
+        warnings: result::warnings(observations, &traced.before),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
         with_excluded,
         before,
         steps,
         after,
-        unexplained,
+        unexplained: Unexplained { p_value, target, text },
         could_hide: could_hide(&traced, search)?,
-        estimates,
+        estimates: estimates(&traced.observations, &traced.after, &directions),
         before_residuals: by_pose(&traced.small, &small_before),
         after_residuals: by_pose(&traced.small, &traced.last),
     })
@@ -259,29 +245,4 @@ fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let k = fit.residuals.equations;
     let rows = observations.readings.rows_of_poses();
     rows.iter().map(|r| fit.residuals.whitened[r[0] * k..(r[0] + 1) * k].to_vec()).collect()
-}
-
-/// A reading that was left out, as users call it.
-#[must_use]
-pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedReport {
-    let Observations { readings, mechanism, .. } = observations;
-    let rows = readings.rows_of_poses();
-    let first = excluded.pose.map(|p| rows[p][0]).or(excluded.placement);
-    let keys =
-        first.map(|row| readings.table.keys.iter().map(|k| k[row].as_str()).collect::<Vec<_>>());
-    let sample = |pose: usize| {
-        excluded.row.and_then(|row| rows[pose].iter().position(|r| *r == row)).map(|s| s as i64 + 1)
-    };
-    ExcludedReport {
-        pose: excluded.pose.map(|p| readings.labels[p]),
-        sample: excluded.pose.and_then(sample),
-        // A whole placement is named by its first key, a sample by all of them.
-        group: keys
-            .filter(|k| !k.is_empty())
-            .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
-        chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
-        channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
-        samples: excluded.samples,
-        reason: excluded.reason.clone(),
-    }
 }

@@ -13,8 +13,8 @@ pub struct Blame {
     pub channel: Option<usize>,
     /// The likeliest chain.
     pub chain: Option<usize>,
-    /// In words, with the probability of what is not sure.
-    pub reason: String,
+    /// Channels that may be wrong, with their probabilities, where that is not sure.
+    pub likely: Vec<(usize, f64)>,
 }
 
 impl Blame {
@@ -34,12 +34,11 @@ impl Blame {
     pub fn of(rivals: &[(f64, usize)], mechanism: &Mechanism) -> Self {
         let channels = probabilities(rivals);
         let Some(&(first, sure)) = channels.first() else {
-            let reason = "a channel reads wrong; these equations cannot tell which".into();
-            return Self { channel: None, chain: None, reason };
+            return Self { channel: None, chain: None, likely: Vec::new() };
         };
         if sure >= SURE {
-            let reason = format!("channel {} reads wrong", mechanism.channels[first].name);
-            return Self { channel: Some(first), chain: mechanism.chain_of(first), reason };
+            let chain = mechanism.chain_of(first);
+            return Self { channel: Some(first), chain, likely: Vec::new() };
         }
         let total = |chain: Option<usize>| {
             let of_chain = channels.iter().filter(|c| mechanism.chain_of(c.0) == chain);
@@ -47,16 +46,8 @@ impl Blame {
         };
         let chains = channels.iter().map(|c| mechanism.chain_of(c.0));
         let chain = chains.max_by(|a, b| total(*a).total_cmp(&total(*b))).flatten();
-        let likely: Vec<String> = channels
-            .iter()
-            .filter(|c| c.1 >= WORTH_NAMING)
-            .map(|&(c, p)| format!("{} ({:.0} %)", mechanism.channels[c].name, 100.0 * p))
-            .collect();
-        let reason = format!(
-            "one channel reads wrong, and these equations hardly tell which: {}",
-            likely.join(", ")
-        );
-        Self { channel: None, chain, reason }
+        let likely = channels.iter().filter(|c| c.1 >= WORTH_NAMING).copied().collect();
+        Self { channel: None, chain, likely }
     }
 }
 
@@ -77,7 +68,10 @@ mod tests {
         // a11 is the likeliest channel, arm2 the likeliest chain.
         let unsure = Blame::of(&[(times(4.0), 0), (times(3.0), 4), (times(3.0), 5)], &mechanism);
         assert_eq!((unsure.channel, unsure.chain), (None, Some(1)));
-        assert!(unsure.reason.contains("a11 (40 %), a22 (30 %), a23 (30 %)"), "{}", unsure.reason);
+        assert_eq!(unsure.likely.iter().map(|l| l.0).collect::<Vec<_>>(), [0, 4, 5]);
+        // Likelihood ratios of 4 to 3 to 3.
+        let wanted = [0.4, 0.3, 0.3];
+        assert!(unsure.likely.iter().zip(wanted).all(|(l, w)| (l.1 - w).abs() < 1e-12));
         let nobody = Blame::of(&[], &mechanism);
         assert_eq!((nobody.channel, nobody.chain), (None, None));
     }

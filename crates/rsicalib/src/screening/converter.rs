@@ -11,24 +11,12 @@ use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
 use crate::numerics::distributions;
 use crate::readings::Readings;
-use crate::screening::excluded::Excluded;
+use crate::screening::excluded::{Cause, Excluded};
+
+pub use crate::screening::fault::FaultKind;
 
 /// How often a rule may speak up in sound data, per file.
 const RARE: f64 = 1e-6;
-
-/// What is wrong with the codes of a channel.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Kind {
-    /// Bits that keep one value while higher ones change, lowest first.
-    StuckBits(Vec<(u32, bool)>),
-    /// Poses, from 0, that all read the same extreme code.
-    Clipped {
-        /// The code.
-        at: f64,
-        /// The poses.
-        poses: Vec<usize>,
-    },
-}
 
 /// A fault of one channel.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,36 +24,19 @@ pub struct Fault {
     /// The channel.
     pub channel: usize,
     /// What is wrong.
-    pub kind: Kind,
+    pub kind: FaultKind,
 }
 
 impl Fault {
-    /// What was seen, in words, without the channel's name.
-    #[must_use]
-    pub fn text(&self) -> String {
-        match &self.kind {
-            Kind::StuckBits(bits) => {
-                let one = |(bit, high): &(u32, bool)| {
-                    format!("bit {bit} (worth {}) is always {}", 1_u64 << bit, u8::from(*high))
-                };
-                let listed: Vec<String> = bits.iter().map(one).collect();
-                format!("{}, while higher bits change", listed.join(", "))
-            }
-            Kind::Clipped { at, poses } => {
-                format!("{} poses read exactly {at}, and none beyond: clipped", poses.len())
-            }
-        }
-    }
-
     /// Standard deviation of the error that stuck bits make, the same in all samples
     /// of a pose: each is off by nothing or by its worth.
     #[must_use]
     pub fn lasting(&self) -> f64 {
         match &self.kind {
-            Kind::StuckBits(bits) => {
+            FaultKind::StuckBits(bits) => {
                 bits.iter().map(|(bit, _)| 0.25 * 4_f64.powi(*bit as i32)).sum::<f64>().sqrt()
             }
-            Kind::Clipped { .. } => 0.0,
+            FaultKind::Clipped { .. } => 0.0,
         }
     }
 }
@@ -91,11 +62,11 @@ pub fn of_codes(values: &[f64], counts: &[bool], pose: &[usize], held: bool) -> 
         let codes: Vec<i64> = column.map(|v| *v as i64).collect();
         let bits = constant_bits(&codes, pose, channels);
         if !bits.is_empty() {
-            found.push(Fault { channel, kind: Kind::StuckBits(bits) });
+            found.push(Fault { channel, kind: FaultKind::StuckBits(bits) });
         }
         for sign in [1, -1] {
             if let Some((at, poses)) = clipped(&codes, pose, held, sign, channels) {
-                found.push(Fault { channel, kind: Kind::Clipped { at, poses } });
+                found.push(Fault { channel, kind: FaultKind::Clipped { at, poses } });
             }
         }
     }
@@ -189,36 +160,35 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
     for fault in faults {
         let channel = Some(fault.channel);
         let chain = observations.mechanism.chain_of(fault.channel);
-        let entry = |pose, samples, reason| Excluded {
+        let entry = |pose, samples, cause| Excluded {
             channel,
             chain,
-            ..Excluded::of(pose, samples, reason)
+            ..Excluded::of(pose, samples, cause)
         };
         match &fault.kind {
-            Kind::StuckBits(_) => {
+            FaultKind::StuckBits(_) => {
                 let usual = observations.readings.samples as f64 / rows.len().max(1) as f64;
                 let lasting = fault.lasting();
                 sigma[fault.channel] = sigma[fault.channel].hypot(lasting * usual.sqrt());
-                excluded.push(entry(
-                    None,
-                    0,
-                    format!("{}; {lasting:.1} counts of error taken into its noise", fault.text()),
-                ));
+                let cause = Cause::StuckBits { kind: fault.kind.clone(), error: lasting };
+                excluded.push(entry(None, 0, cause));
             }
-            Kind::Clipped { poses, .. } if enough(observations, fit, poses) => {
+            FaultKind::Clipped { poses, .. } if enough(observations, fit, poses) => {
                 let clipped = poses.iter().flat_map(|&pose| &rows[pose]);
                 clipped.for_each(|&r| observations.weights[r] = 0.0);
                 let count = |p: &usize| rows[*p].len();
                 if observations.readings.held {
-                    let own = |p: &usize| entry(Some(*p), count(p), fault.text());
+                    let cause = Cause::Clipped { kind: fault.kind.clone(), whole: false };
+                    let own = |p: &usize| entry(Some(*p), count(p), cause.clone());
                     excluded.extend(poses.iter().map(own));
                 } else {
                     let all = poses.iter().map(count).sum();
-                    excluded.push(entry(None, all, format!("{}; left out", fault.text())));
+                    let cause = Cause::Clipped { kind: fault.kind.clone(), whole: true };
+                    excluded.push(entry(None, all, cause));
                 }
             }
             // Without them there would be too little left: it is said, and that is all.
-            Kind::Clipped { .. } => {}
+            FaultKind::Clipped { .. } => {}
         }
     }
     if sigma != fit.noise.sigma {

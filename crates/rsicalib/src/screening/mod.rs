@@ -3,6 +3,7 @@
 pub mod blame;
 pub mod converter;
 pub mod excluded;
+pub mod fault;
 pub mod outliers;
 pub mod placements;
 pub mod sound;

@@ -12,7 +12,7 @@
 use crate::estimate::{Fit, Observations};
 use crate::numerics::distributions;
 use crate::screening::blame::Blame;
-use crate::screening::excluded::Excluded;
+use crate::screening::excluded::{Cause, Excluded};
 
 /// Probability of accusing any sample of a clean session.
 const ALPHA: f64 = 0.0015;
@@ -57,12 +57,11 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
         let blame = culprit(observations, fit, row, &apart(fit, row, &groups[pose]), typical);
         observations.weights[row] = 0.0;
         let far = (far / typical).sqrt();
-        let reason = format!("{far:.0} σ off the other samples of its pose: {}", blame.reason);
         excluded.push(Excluded {
             row: Some(row),
             channel: blame.channel,
             chain: blame.chain,
-            ..Excluded::of(Some(pose), 1, reason)
+            ..Excluded::of(Some(pose), 1, Cause::Outlier { sigmas: far, blame })
         });
     }
 }

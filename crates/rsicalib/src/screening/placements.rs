@@ -20,7 +20,7 @@ use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
 use crate::mechanism::Target;
 use crate::model::Model;
 use crate::numerics::{distributions, symmetric};
-use crate::screening::excluded::Excluded;
+use crate::screening::excluded::{Cause, Excluded};
 use crate::terms::term::{Acts, Spot};
 
 /// Probability of accusing anything in a clean session.
@@ -50,7 +50,9 @@ const MOST: f64 = 0.2;
 ///
 /// As [`crate::estimate::fit`].
 pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>, Error> {
-    let Some(placements) = fit.model.placements(&observations.readings) else { return Ok(Vec::new()) };
+    let Some(placements) = fit.model.placements(&observations.readings) else {
+        return Ok(Vec::new());
+    };
     let mut current = fit.clone();
     let mut excluded = Vec::new();
     let all = observations.weights.iter().filter(|w| **w > 0.0).count() as f64;
@@ -62,7 +64,8 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>,
         }
         rows.iter().for_each(|&r| observations.weights[r] = 0.0);
         excluded.push(found);
-        current = crate::estimate::fit(observations, current.model.instances.clone(), Some(&current))?;
+        current =
+            crate::estimate::fit(observations, current.model.instances.clone(), Some(&current))?;
     }
     Ok(excluded)
 }
@@ -89,7 +92,8 @@ struct Displacement {
     score: f64,
     /// How far, in length units.
     by: f64,
-    what: &'static str,
+    /// True for the tool.
+    tool: bool,
 }
 
 impl<'a> Looking<'a> {
@@ -216,7 +220,7 @@ impl<'a> Looking<'a> {
     fn moved_in(&self, run: usize) -> Option<Displacement> {
         let rows = &self.runs[run];
         let mut best: Option<Displacement> = None;
-        for (what, columns) in self.movable(rows[0]) {
+        for (tool, columns) in self.movable(rows[0]) {
             let mut sums = StepSums::new(self.model.parameters);
             for (at, &row) in rows.iter().enumerate().rev() {
                 sums.add(self.x(row), self.whitened(row), &columns);
@@ -226,7 +230,7 @@ impl<'a> Looking<'a> {
                 let Some((score, by)) = sums.score(&self.inverse) else { continue };
                 let score = score / self.typical;
                 if best.as_ref().is_none_or(|b| score > b.score) {
-                    best = Some(Displacement { run, at, score, by, what });
+                    best = Some(Displacement { run, at, score, by, tool });
                 }
             }
         }
@@ -235,11 +239,11 @@ impl<'a> Looking<'a> {
 
     /// What may move half-way, with the columns that do it: the point, and the tool
     /// where its place is a term of the model.
-    fn movable(&self, row: usize) -> Vec<(&'static str, [usize; 3])> {
+    fn movable(&self, row: usize) -> Vec<(bool, [usize; 3])> {
         let group = self.observations.readings.blocks().iter().find(|b| b.rows.contains(&row));
         let columns = group.map_or(&[][..], |b| &self.model.columns()[b.group]);
         let points = columns.get(self.model.term_parameters..).unwrap_or_default();
-        let points = points.chunks_exact(3).map(|c| ("the point it touches", [c[0], c[1], c[2]]));
+        let points = points.chunks_exact(3).map(|c| (false, [c[0], c[1], c[2]]));
         let tip = |acts: Acts| match acts {
             Acts::Geometry(freedoms) => {
                 freedoms.iter().all(|f| f.0 == Spot::Tip) && freedoms.len() == 3
@@ -252,7 +256,7 @@ impl<'a> Looking<'a> {
             .iter()
             .zip(&self.model.first)
             .filter(|(i, _)| matches!(i.target, Target::Chain(_)) && tip(i.term.acts()));
-        points.chain(tools.map(|(_, f)| ("its tool", [*f, f + 1, f + 2]))).collect()
+        points.chain(tools.map(|(_, f)| (true, [*f, f + 1, f + 2]))).collect()
     }
 
     /// True where both sides of a move, each about its own mean, are as usual.
@@ -278,44 +282,29 @@ impl<'a> Looking<'a> {
         let rows: Vec<usize> = (0..self.placements.len())
             .filter(|&r| self.placements[r] == placement && self.observations.weights[r] > 0.0)
             .collect();
-        let reason = format!(
-            "the placement does not fit its siblings: its residual is {times:.1} times theirs; {} samples left out",
-            rows.len()
-        );
+        let cause = Cause::Placement { times };
         let placement = rows.first().copied();
-        (Excluded { placement, ..Excluded::of(None, rows.len(), reason) }, rows)
+        (Excluded { placement, ..Excluded::of(None, rows.len(), cause) }, rows)
     }
 
     fn all_from_there_on(&self, m: &Displacement) -> (Excluded, Vec<usize>) {
         let rows = &self.runs[m.run];
         let out = &rows[m.at..];
-        let unit = &self.observations.mechanism.length_unit;
-        let reason = format!(
-            "{} moved by {:.2e} {unit} between its samples {} and {} (counted from 0): left out from there on, {} samples",
-            m.what,
-            m.by,
-            self.place(rows[m.at - 1]),
-            self.place(rows[m.at]),
-            out.len()
-        );
+        let between = [self.place(rows[m.at - 1]), self.place(rows[m.at])];
+        let cause = Cause::Moved { tool: m.tool, by: m.by, between };
         let pose = Some(self.observations.readings.pose[out[0]]);
-        (Excluded::of(pose, out.len(), reason), out.to_vec())
+        (Excluded::of(pose, out.len(), cause), out.to_vec())
     }
 
     fn one_row(&self, row: usize) -> (Excluded, Vec<usize>) {
         let lengths = &self.residuals.lengths;
         let k = self.residuals.equations;
         let off = lengths[row * k..(row + 1) * k].iter().map(|l| l * l).sum::<f64>().sqrt();
-        let reason = format!(
-            "sample {} of its run (counted from 0) stands {:.2e} {} off, {:.1} σ",
-            self.place(row),
-            off,
-            self.observations.mechanism.length_unit,
-            (self.single[row] / self.typical).sqrt()
-        );
+        let sigmas = (self.single[row] / self.typical).sqrt();
+        let cause = Cause::Sample { number: self.place(row), off, sigmas };
         let pose = Some(self.observations.readings.pose[row]);
         let row_of_pose = self.observations.readings.held.then_some(row);
-        (Excluded { row: row_of_pose, ..Excluded::of(pose, 1, reason) }, vec![row])
+        (Excluded { row: row_of_pose, ..Excluded::of(pose, 1, cause) }, vec![row])
     }
 
     /// Which of the samples that touch the same points a row is, those left out included.

@@ -91,7 +91,8 @@ pub fn score(
     inverse: &Mat<f64>,
     without: &[String],
 ) -> Result<Vec<Scored>, Error> {
-    let (readings, n, c) = (&observations.readings, fit.model.parameters, observations.readings.channels);
+    let (readings, n, c) =
+        (&observations.readings, fit.model.parameters, observations.readings.channels);
     let part = Part { model: &fit.model, readings, weights: Some(&observations.weights) };
     let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
     let k = residuals.equations;
@@ -99,8 +100,9 @@ pub fn score(
     let (slip, bad) = (find("slip")?, find("bad_reading")?);
     let has = |instance: &Instance| fit.model.instances.contains(instance);
     let rows = readings.rows_of_poses();
-    let live: Vec<usize> =
-        (0..rows.len()).filter(|&p| rows[p].iter().any(|&r| observations.weights[r] > 0.0)).collect();
+    let live: Vec<usize> = (0..rows.len())
+        .filter(|&p| rows[p].iter().any(|&r| observations.weights[r] > 0.0))
+        .collect();
     let mut scored = Vec::new();
     let flat: Vec<f64> = (0..n * n).map(|i| inverse[(i / n, i % n)]).collect();
     let mut keep = |instance: Instance, family, places: f64, score: Option<f64>| {

@@ -113,7 +113,12 @@ pub fn project_blocks(
     let mut instances = fit.model.instances.clone();
     let base = fit.model.term_parameters;
     instances.extend_from_slice(named);
-    let model = Model::about(&observations.mechanism, &observations.readings, instances, &observations.centre)?;
+    let model = Model::about(
+        &observations.mechanism,
+        &observations.readings,
+        instances,
+        &observations.centre,
+    )?;
     let extra: usize = blocks.iter().sum();
     let nuisance = model.parameters - model.term_parameters;
     let n = base + nuisance;
@@ -121,7 +126,11 @@ pub fn project_blocks(
     beta[..base].copy_from_slice(&fit.beta[..base]);
     beta[base + extra..].copy_from_slice(&fit.beta[base..]);
 
-    let part = Part { model: &model, readings: &observations.readings, weights: Some(&observations.weights) };
+    let part = Part {
+        model: &model,
+        readings: &observations.readings,
+        weights: Some(&observations.weights),
+    };
     let problem = Implicit::new(vec![(part, fit.assumed())], &[]);
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || ScoreSums {

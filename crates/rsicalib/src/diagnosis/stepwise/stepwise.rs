@@ -15,7 +15,7 @@ use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::lm;
 use crate::screening::blame::Blame;
-use crate::screening::excluded::Excluded;
+use crate::screening::excluded::{Cause, Excluded};
 use crate::terms::term::Acts;
 
 /// To this fraction of its χ² a fit of the search need be at its minimum: decisions
@@ -77,7 +77,8 @@ impl<'a> Stepwise<'a> {
             small.readings = readings;
             sigma.iter_mut().for_each(|s| *s *= (fit.noise.inflation / usual).sqrt());
         }
-        let lm = lm::SolverOptions { ftol: ENOUGH, xtol: ENOUGH, ..observations.options.lm.clone() };
+        let lm =
+            lm::SolverOptions { ftol: ENOUGH, xtol: ENOUGH, ..observations.options.lm.clone() };
         let (noise, play) = (Some(sigma), fit.noise.play);
         small.options = FitOptions { noise, play, lm, ..observations.options.clone() };
         let counts = small.weights.clone();
@@ -281,17 +282,15 @@ impl<'a> Stepwise<'a> {
     /// A bad reading, with the channel where it can be told, else the likeliest chain.
     pub fn bad_reading(&self, instance: &Instance, blame: Blame) -> Excluded {
         let samples = self.samples[instance.place];
-        let Blame { channel, chain, reason } = blame;
-        Excluded { channel, chain, ..Excluded::of(Some(instance.place), samples, reason) }
+        let (channel, chain) = (blame.channel, blame.chain);
+        let pose = Some(instance.place);
+        Excluded { channel, chain, ..Excluded::of(pose, samples, Cause::Reading(blame)) }
     }
 
     pub fn excluded(&self, step: &Scored) -> Excluded {
         let pose = step.instance.place;
-        let reason = format!(
-            "no single channel explains it (p {:.1e}): it moved while sampled, or several readings are wrong",
-            step.p_value
-        );
-        Excluded::of(Some(pose), self.samples[pose], reason)
+        let cause = Cause::Pose { p_value: step.p_value };
+        Excluded::of(Some(pose), self.samples[pose], cause)
     }
 }
 

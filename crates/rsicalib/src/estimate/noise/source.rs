@@ -23,18 +23,6 @@ pub enum Source {
 }
 
 impl Source {
-    /// In words.
-    #[must_use]
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::Declared => "declared",
-            Self::Repeats => "misclosure of repeats",
-            Self::Neighbours => "misclosure of neighbouring rows",
-            Self::Quantisation => "quantisation",
-            Self::Fit => "the fit itself",
-        }
-    }
-
     /// True where lack of fit can be judged against it.
     #[must_use]
     pub fn independent(self) -> bool {
@@ -61,15 +49,6 @@ pub struct NoiseEstimate {
     pub slow: f64,
     /// Channels whose noise was told from that of the others.
     pub apart: usize,
-}
-
-impl NoiseEstimate {
-    /// Where it is from, in words.
-    #[must_use]
-    pub fn words(&self) -> String {
-        let by_channel = if self.apart > 0 { ", by channel" } else { "" };
-        format!("{}{by_channel}", self.source.words())
-    }
 }
 
 /// Fewer degrees of freedom than this give no noise.

@@ -1,0 +1,112 @@
+//! What a calibration says, in the shape of the JSON.
+
+use crate::Error;
+use crate::diagnosis::calibrate::{Calibrated, calibrate};
+use crate::diagnosis::held_out::{averaged, held_out};
+use crate::diagnosis::plausibility::absurdities;
+use crate::diagnosis::verdict::{Evidence, Verdict, verdict};
+use crate::estimate::Observations;
+use crate::estimate::directions::directions;
+use crate::report::result::{
+    self, Estimates, ExcludedReport, FitReport, Known, WithExcluded, estimates, excluded,
+};
+use crate::report::words;
+
+/// The result of a calibration.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
+pub struct CalibrationReport {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// What is absurd beside the size of the mechanism, in words.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub implausible: Vec<String>,
+    /// Suspicious things.
+    pub warnings: Vec<String>,
+    /// Readings left out.
+    pub excluded: Vec<ExcludedReport>,
+    /// The calibration with them.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub with_excluded: Option<WithExcluded>,
+    /// How well the model fits.
+    pub fit: FitReport,
+    /// Noise, parameters, covariance and the rest.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub estimates: Estimates,
+    /// Residual of each pose in units of its noise, equation by equation.
+    pub after_residuals: Vec<Vec<f64>>,
+}
+
+/// A calibration from more poses is not fitted again without some of them.
+const MOST_HELD_OUT: usize = 5000;
+
+/// Calibrates and reports; the calibration stands beside the report.
+///
+/// # Errors
+///
+/// As [`calibrate`] and [`crate::apply::check::check`].
+pub fn report(
+    observations: &Observations,
+    known: Option<&Known>,
+) -> Result<(CalibrationReport, Calibrated), Error> {
+    let calibrated = calibrate(observations)?;
+    let Calibrated { observations: used, fit, excluded: out, with } = &calibrated;
+    let directions = directions(used, fit);
+    let absurd = absurdities(used, fit, &[]);
+    let verdict = verdict(&Evidence {
+        fit,
+        directions: &directions,
+        absurd: &absurd,
+        p_value: fit.p_value,
+        found: false,
+        doubtful: false,
+    });
+    let mut report = FitReport::of(fit);
+    let poses = used.readings.poses();
+    if fit.termination.converged() && fit.plausible && fit.dof >= 1.0 && poses <= MOST_HELD_OUT {
+        let (small, fitted) = averaged(used, fit)?;
+        report.held_out = held_out(&small, &fitted);
+    }
+    if let Some(known) = known {
+        known.judge(used, fit, &mut report)?;
+    }
+    let with_excluded = match with {
+        Some(whole) => {
+            let mut report = FitReport::of(whole);
+            if let Some(known) = known {
+                known.judge(observations, whole, &mut report)?;
+            }
+            let parameters = result::parameters(observations, whole);
+            Some(WithExcluded { fit: report, parameters })
+        }
+        None => None,
+    };
+    let mut estimates = estimates(used, fit, &directions);
+    if fit.dof < 1.0 {
+        estimates.unobservable.insert(0, words::nothing_left(fit.beta.len(), poses));
+    }
+    let report = CalibrationReport {
+        verdict,
+        implausible: result::implausible(used, &absurd),
+        warnings: result::warnings(used, fit),
+        excluded: out.iter().map(|e| excluded(used, e)).collect(),
+        with_excluded,
+        fit: report,
+        estimates,
+        after_residuals: by_pose(&calibrated),
+    };
+    Ok((report, calibrated))
+}
+
+/// Residuals of poses from those of samples: their sum over the root of how many there are.
+fn by_pose(calibrated: &Calibrated) -> Vec<Vec<f64>> {
+    let (readings, residuals) = (&calibrated.observations.readings, &calibrated.fit.residuals);
+    let k = residuals.equations;
+    let of_pose = |rows: &Vec<usize>| {
+        let size = (rows.len() as f64).sqrt();
+        let sum = |e: usize| rows.iter().map(|r| residuals.whitened[r * k + e]).sum::<f64>();
+        (0..k).map(|e| sum(e) / size).collect()
+    };
+    readings.rows_of_poses().iter().map(of_pose).collect()
+}

@@ -1,0 +1,371 @@
+//! Causes in words: the one place where what the core found becomes sentences.
+
+use crate::diagnosis::doubt::{Doubt, Doubted};
+use crate::diagnosis::localisation::{Residual, Share, Structure};
+use crate::diagnosis::plausibility::Absurdity;
+use crate::diagnosis::whereabouts::Whereabouts;
+use crate::estimate::directions::{Direction, Moves};
+use crate::estimate::noise::source::{NoiseEstimate, Source};
+use crate::estimate::suspicion::{Closes, Shown, Suspicion};
+use crate::estimate::tried::{Gains, Origin};
+use crate::estimate::{AnchorKind, Observations};
+use crate::mechanism::{Mechanism, Target};
+use crate::numerics::lm::Termination;
+use crate::screening::blame::Blame;
+use crate::screening::excluded::Cause;
+use crate::screening::fault::FaultKind;
+
+/// Where the noise is from.
+#[must_use]
+pub fn noise(estimate: &NoiseEstimate) -> String {
+    let source = match estimate.source {
+        Source::Declared => "declared",
+        Source::Repeats => "misclosure of repeats",
+        Source::Neighbours => "misclosure of neighbouring rows",
+        Source::Quantisation => "quantisation",
+        Source::Fit => "the fit itself",
+    };
+    format!("{source}{}", if estimate.apart > 0 { ", by channel" } else { "" })
+}
+
+/// Why a search of the solver ended, and what to do next.
+#[must_use]
+pub fn termination(termination: Termination) -> &'static str {
+    match termination {
+        Termination::Gradient => "converged: the gradient vanishes",
+        Termination::Step => "converged: the parameters stand still",
+        Termination::Cost => "converged: the cost no longer decreases",
+        Termination::Stalled => "converged to rounding: no step decreases the cost",
+        Termination::MaxIterations => {
+            "the iterations ran out: start nearer, or record poses that determine more"
+        }
+        Termination::NotFinite => "the residual is not a number at the start: check the start",
+    }
+}
+
+/// Where a start began.
+#[must_use]
+pub fn origin(origin: Origin) -> String {
+    let anchor = |kind| match kind {
+        AnchorKind::Rest => "rest",
+        AnchorKind::Nominal => "nominal",
+        AnchorKind::NominalOffsets => "nominal offsets",
+        AnchorKind::RestAtHalfRange => "rest at half range",
+    };
+    match origin {
+        Origin::Anchor(kind) => anchor(kind).into(),
+        Origin::Tied(kind, Gains::Times(factor)) => {
+            format!("{}, offsets tied, gains × {factor}", anchor(kind))
+        }
+        Origin::Tied(kind, Gains::Scattered(n)) => {
+            format!("{}, offsets tied, gains scattered #{n}", anchor(kind))
+        }
+    }
+}
+
+/// What looks wrong with the wiring, and what to do.
+#[must_use]
+pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
+    let name = |c: usize| mechanism.channels[c].name.as_str();
+    match suspicion {
+        Suspicion::Reversed { channels, closes } => {
+            let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
+            let several = names.len() > 1;
+            let (verb, gains) =
+                if several { ("read", "their gains") } else { ("reads", "its gain") };
+            let s = if several { "s" } else { "" };
+            format!(
+                "{} {verb} the wrong way round: with {gains} reversed {}; exchange the outer wires \
+                 of the potentiometer{s}, or reverse the gain{s} in the mechanism",
+                names.join(", "),
+                loop_closes(*closes),
+            )
+        }
+        Suspicion::Exchanged { channels: [a, b], closes } => format!(
+            "{} and {} look exchanged: with their readings swapped {}; check the wiring, or the \
+             names of the columns",
+            name(*a),
+            name(*b),
+            loop_closes(*closes)
+        ),
+        Suspicion::Gap { channel, shown, rows, of, closes } => {
+            let shown = match shown {
+                Shown::AtEnd => "reads an end of its range".into(),
+                Shown::Jump { below, above } => {
+                    format!("jumps between {below:.0} and {above:.0} with nothing in between")
+                }
+            };
+            format!(
+                "{} {shown}: without such rows ({rows} of {of} looked at) {}; the gap of its track \
+                 lies within the range of motion, turn it on its shaft",
+                name(*channel),
+                loop_closes(*closes)
+            )
+        }
+        Suspicion::NoStart { tried } => format!(
+            "none of {tried} starts led to a fit in which every joint moves: check the wiring, the \
+             rest reading and the nominal gains, or record poses that differ more"
+        ),
+    }
+}
+
+fn loop_closes(Closes { with, declared }: Closes) -> String {
+    if declared.is_finite() {
+        format!("the loop closes (χ² per equation {with:.1}, as declared {declared:.0})")
+    } else {
+        format!("the loop closes (χ² per equation {with:.1}; as declared, no start does)")
+    }
+}
+
+/// Whose reading is wrong.
+#[must_use]
+pub fn blame(mechanism: &Mechanism, blame: &Blame) -> String {
+    let name = |c: usize| &mechanism.channels[c].name;
+    if let Some(channel) = blame.channel {
+        return format!("channel {} reads wrong", name(channel));
+    }
+    if blame.likely.is_empty() {
+        return "a channel reads wrong; these equations cannot tell which".into();
+    }
+    let likely = blame.likely.iter().map(|&(c, p)| format!("{} ({:.0} %)", name(c), 100.0 * p));
+    let likely: Vec<String> = likely.collect();
+    format!("one channel reads wrong, and these equations hardly tell which: {}", likely.join(", "))
+}
+
+/// A fault of a converter, without the name of its channel.
+#[must_use]
+pub fn fault(kind: &FaultKind) -> String {
+    match kind {
+        FaultKind::StuckBits(bits) => {
+            let one = |(bit, high): &(u32, bool)| {
+                format!("bit {bit} (worth {}) is always {}", 1_u64 << bit, u8::from(*high))
+            };
+            let listed: Vec<String> = bits.iter().map(one).collect();
+            format!("{}, while higher bits change", listed.join(", "))
+        }
+        FaultKind::Clipped { at, poses } => {
+            format!("{} poses read exactly {at}, and none beyond: clipped", poses.len())
+        }
+    }
+}
+
+/// Why readings were left out.
+#[must_use]
+pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize) -> String {
+    let unit = &mechanism.length_unit;
+    match cause {
+        Cause::StuckBits { kind, error } => {
+            format!("{}; {error:.1} counts of error taken into its noise", fault(kind))
+        }
+        Cause::Clipped { kind, whole } => {
+            format!("{}{}", fault(kind), if *whole { "; left out" } else { "" })
+        }
+        Cause::Outlier { sigmas, blame: by } => {
+            format!("{sigmas:.0} σ off the other samples of its pose: {}", blame(mechanism, by))
+        }
+        Cause::Reading(by) => blame(mechanism, by),
+        Cause::Pose { p_value } => format!(
+            "no single channel explains it (p {p_value:.1e}): it moved while sampled, or several \
+             readings are wrong"
+        ),
+        Cause::Placement { times } => format!(
+            "the placement does not fit its siblings: its residual is {times:.1} times theirs; \
+             {samples} samples left out"
+        ),
+        Cause::Moved { tool, by, between: [before, after] } => format!(
+            "{} moved by {by:.2e} {unit} between its samples {before} and {after} (counted from \
+             0): left out from there on, {samples} samples",
+            if *tool { "its tool" } else { "the point it touches" },
+        ),
+        Cause::Sample { number, off, sigmas } => format!(
+            "sample {number} of its run (counted from 0) stands {off:.2e} {unit} off, {sigmas:.1} σ"
+        ),
+    }
+}
+
+/// A direction that the data cannot, or hardly, tell.
+#[must_use]
+pub fn direction(direction: &Direction) -> String {
+    let together = |moves: &[Moves]| {
+        let one = |m: &Moves| {
+            let by = match m.by.abs() {
+                0.01..1e4 => format!("{:+.3}", m.by),
+                _ => format!("{:+.2e}", m.by),
+            };
+            format!("{by} {} {}", m.label.unit, m.label.name)
+        };
+        moves.iter().map(one).collect::<Vec<_>>().join(", ")
+    };
+    match direction {
+        Direction::Absent(label) => format!("{}: the readings do not depend on it", label.name),
+        Direction::Together(moves) => format!("together: {}", together(moves)),
+        Direction::Weak { moves, off } => {
+            let label = &moves[0].label;
+            format!(
+                "{}: {} may be off by {off:.2e} {} (2 sd) and the rest with it",
+                together(moves),
+                label.name,
+                label.unit
+            )
+        }
+    }
+}
+
+/// What is left of the residual: the target, where there is one, and a sentence.
+#[must_use]
+pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, String) {
+    match residual {
+        Residual::Noise { nearest: None } => (None, "nothing left above the noise".into()),
+        Residual::Noise { nearest: Some((instance, p)) } => {
+            let (id, target) = (instance.term.info().id, instance.target.name(mechanism));
+            let text = format!(
+                "nothing left above the noise; nearest to it is {id} of {target}, as chance makes \
+                 one with p = {p:.2}"
+            );
+            (None, text)
+        }
+        Residual::Unjudged => {
+            let text = "lack of fit cannot be judged: record each pose several times, or declare \
+                        the noise";
+            (None, text.into())
+        }
+        Residual::Doubtful(doubted) => {
+            let (target, text) = self::doubted(mechanism, doubted);
+            (Some(target), format!("nothing left above the noise, but {text}"))
+        }
+        Residual::Isolated { target, whereabouts: at, p_value } => {
+            let name = target.name(mechanism);
+            let next = match target {
+                Target::Closure(_) => {
+                    "Look for play or bending there, and record more poses.".to_owned()
+                }
+                _ => range_sentence(&name),
+            };
+            let text = format!(
+                "errors of {name} alone explain what is left{}: without it all else closes within \
+                 its noise (p = {p_value:.2}). But no effect of the catalogue has their law. {next}",
+                in_brackets(mechanism, at)
+            );
+            (Some(name), text)
+        }
+        Residual::Structure(Structure { share, percent, whereabouts: at }) => {
+            let (name, what) = match *share {
+                Share::Channel(c) => {
+                    let name = mechanism.channels[c].name.clone();
+                    (name.clone(), format!("errors of {name}"))
+                }
+                Share::Chain(c) => {
+                    let name = mechanism.chains[c].name.clone();
+                    (name.clone(), format!("errors of several joints of {name}, or of its tip,"))
+                }
+            };
+            let text = format!(
+                "structure is left that no effect of the catalogue explains; {what} would take up \
+                 {percent:.0} % of it{}. {}",
+                in_brackets(mechanism, at),
+                range_sentence(&name)
+            );
+            (Some(name), text)
+        }
+    }
+}
+
+fn range_sentence(name: &str) -> String {
+    format!(
+        "Record more poses that move {name} through its range, alone, slowly, in both directions."
+    )
+}
+
+fn in_brackets(mechanism: &Mechanism, at: &Whereabouts) -> String {
+    let words = whereabouts(mechanism, at);
+    if words.is_empty() { words } else { format!(" ({words})") }
+}
+
+/// Where errors of a channel would lie; empty where they would lie anywhere.
+#[must_use]
+pub fn whereabouts(mechanism: &Mechanism, at: &Whereabouts) -> String {
+    let Some(channel) = at.channel else { return String::new() };
+    let (name, unit) = (&mechanism.channels[channel].name, &mechanism.channels[channel].unit);
+    let mut words = Vec::new();
+    if let Some(([first, last], share)) = at.labels {
+        let what = if at.held { "poses" } else { "rows" };
+        words.push(format!("{share:.0} % of it in {what} {first} to {last}"));
+    }
+    if let Some(([low, high], share)) = at.readings {
+        let digits = if unit == "count" { 0 } else { 3 };
+        words.push(format!(
+            "{share:.0} % of it where {name} reads {low:.digits$} to {high:.digits$} {unit}"
+        ));
+    }
+    if at.sided {
+        words.push(format!("its sign is that of the direction in which {name} came"));
+    }
+    words.join(", ")
+}
+
+/// What is doubtful of the effects found: a target, and why.
+fn doubted(mechanism: &Mechanism, doubted: &Doubted) -> (String, String) {
+    let id = doubted.instance.term.info().id;
+    let (target, what) = match doubted.doubt {
+        Doubt::Faint { rise } => {
+            let target = doubted.instance.target.name(mechanism);
+            let what = format!(
+                "{id} of {target} is faint beside the others (χ² would rise by {rise:.0} without it)"
+            );
+            (target, what)
+        }
+        Doubt::AgainInChain(chain) => {
+            let name = mechanism.chains[chain].name.clone();
+            (name.clone(), format!("{id} is named more than once in {name}"))
+        }
+        Doubt::InChains(count) => ("all".to_owned(), format!("{id} is named in {count} chains")),
+    };
+    let text = format!(
+        "{what}: together they may stand for one effect that the catalogue lacks. Record more \
+         poses, and see whether all of them are found again."
+    );
+    (target, text)
+}
+
+/// Data that leave nothing to check a fit with.
+#[must_use]
+pub fn nothing_left(parameters: usize, poses: usize) -> String {
+    format!(
+        "{parameters} parameters from {poses} poses leave nothing to check them with; record more \
+         poses"
+    )
+}
+
+/// What is absurd beside the size of the mechanism.
+#[must_use]
+pub fn absurdity(observations: &Observations, absurdity: &Absurdity) -> String {
+    let mechanism = &observations.mechanism;
+    let unit = &mechanism.length_unit;
+    match *absurdity {
+        Absurdity::Noise { channel, sigma, span } => {
+            let channel = &mechanism.channels[channel];
+            format!(
+                "noise of {:.3} {} in {}, whose joint can move by {span:.4}: these readings are \
+                 not of this mechanism, or not in its units",
+                sigma, channel.unit, channel.name
+            )
+        }
+        Absurdity::Misclosure { rms, length } => format!(
+            "a misclosure of {rms:.3} {unit} where the smallest length of the loop is \
+             {length:.3} {unit}: these readings are not of this mechanism, or not in its units"
+        ),
+        Absurdity::Effect { instance, parameter, value, typical } => {
+            let info = instance.term.info();
+            let of = &info.parameters[parameter];
+            format!(
+                "{} of {}: {} = {value:.3} {}, {:.0} times what occurs in practice: the effect \
+                 stands for something else",
+                info.id,
+                instance.target.name(mechanism),
+                of.name,
+                crate::estimate::directions::unit(observations, &instance, of.unit),
+                value.abs() / typical
+            )
+        }
+    }
+}
