@@ -20,8 +20,8 @@ from scipy import stats
 
 import rsicalib
 from rsicalib import InputError, Mechanism, Readings
-from rsicalib.mechanisms import mechanism_toml
-from rsicalib.words import advice
+from rsicalib.io.mechanisms import mechanism_toml
+from rsicalib.report.words import advice
 from tests import oracle, simulated
 from tests.families.device import Device, Effect, Scene, Session, observe, stage
 from tests.families.draw import Rng

@@ -12,7 +12,7 @@ import numpy as np
 
 from rsicalib import Mechanism, Readings, calibrate, forward, trace
 from rsicalib.errors import InputError
-from rsicalib.mechanisms import mechanism_toml
+from rsicalib.io.mechanisms import mechanism_toml
 from tests.families import effects as catalogue
 from tests.families import linkage
 from tests.families.device import (
