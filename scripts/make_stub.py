@@ -83,8 +83,11 @@ RETURNS = {
     "Mechanism.to_toml": "str",
     "Mechanism.value_columns": "list[str]",
     "Mechanism.with_sensors": "Mechanism",
-    "Session.calibrate": "tuple[Fit, Fit | None, list[dict[str, Any]]]",
+    "Session.calibrate": "tuple[dict[str, Any], Fit, Fit | None]",
     "Session.fit": "Fit",
+    "read_result": "dict[str, Any]",
+    "schemas": "Sequence[tuple[str, str]]",
+    "written_keys": "Sequence[tuple[str, Sequence[str]]]",
     "Session.lacking": "dict[str, str]",
     "Session.reference": "dict[str, Any]",
     "Session.trace": "dict[str, Any]",
@@ -122,8 +125,10 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 __version__: str
-LEFT: float
-"""A residual that chance would exceed less often than this is not explained."""
+RESIDUAL_LEVEL: float
+"""A residual that chance would exceed less often than this is significant."""
+VERDICTS: Sequence[tuple[str, int]]
+"""Every verdict, and what the command exits with."""
 '''
 
 

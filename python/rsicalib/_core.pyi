@@ -11,8 +11,10 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 __version__: str
-LEFT: float
-"""A residual that chance would exceed less often than this is not explained."""
+RESIDUAL_LEVEL: float
+"""A residual that chance would exceed less often than this is significant."""
+VERDICTS: Sequence[tuple[str, int]]
+"""Every verdict, and what the command exits with."""
 
 @final
 class Channel:
@@ -53,27 +55,17 @@ class Fit:
     def carried_points(self, table: Mapping[str, Any]) -> Any:
         """Where the chains carry their points: shape (points, n, 3)."""
 
-    def check(self, table: Mapping[str, Any], poses: Array, align: bool = False) -> dict[str, Any]:
-        """Error on known poses: `(poses, position rms, orientation rms)`."""
-
     def forward(self, table: Mapping[str, Any]) -> Array:
         """Platform pose of every row of a table: shape (n, 6)."""
 
     def forward_with_sd(self, table: Mapping[str, Any]) -> Any:
         """Platform pose of every row and its standard deviations: shapes (n, 6)."""
 
-    def held_out(self) -> dict[str, Any] | None:
-        """Error on whole poses left out in blocks of time, everything refitted without them."""
-
     def residuals(self) -> Array:
         """Whitened residuals: shape (samples, equations), standard normal if the model is right."""
 
     def to_dict(self) -> dict[str, Any]:
         """The fit in the shape of the JSON."""
-
-    @property
-    def warnings(self) -> Any:
-        """What looks wrong with the wiring, where no start led to a good fit."""
 
 @final
 class Mechanism:
@@ -137,9 +129,12 @@ class Session:
         max_iterations: int | None = None,
         xtol: float | None = None,
     ) -> Session: ...
-    def calibrate(self) -> tuple[Fit, Fit | None, list[dict[str, Any]]]:
-        """Fits the terms that the options ask for, without readings that are wrong: the fit,
-        that of all readings where any was left out, and what was left out.
+    def calibrate(
+        self, check: tuple[Mapping[str, Any], Array] | None = None, align: bool = False
+    ) -> tuple[dict[str, Any], Fit, Fit | None]:
+        """Fits the terms that the options ask for, without readings that are wrong.
+
+        Returns the calibration, the fit, and the fit of all readings where any was left out.
         """
 
     def fit(self) -> Fit:
@@ -279,6 +274,9 @@ def points(
 ) -> list[list[list[float]]]:
     """Where the chains carry their points under a result: shape (points, n, 3)."""
 
+def read_result(text: str) -> dict[str, Any]:
+    """A result from its JSON text, as plain values: checked against the types that made it."""
+
 def readings_at(
     mechanism: Mechanism, poses: Array, offsets: Array, gains: Array, margin: float
 ) -> Array:
@@ -299,5 +297,11 @@ def rsi_inverse(pose: Sequence[float]) -> list[list[float]]:
 def rsi_poses(angles: Array) -> Array:
     """Handle poses of the hand controller for angles of shape (n, 9), eqs. (2)-(5): (n, 6)."""
 
+def schemas() -> Sequence[tuple[str, str]]:
+    """JSON Schema of each format of results, as text: what can be read."""
+
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
+
+def written_keys() -> Sequence[tuple[str, Sequence[str]]]:
+    """Keys of each type of a result that are always written."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-__all__ = ["InputError", "RsicalibError", "UndeterminedError", "Where"]
+__all__ = ["InputError", "ResultError", "RsicalibError", "UndeterminedError", "Where"]
 
 
 class Where(TypedDict):
@@ -68,6 +68,7 @@ class InputError(RsicalibError, ValueError):
         column: str | None = None,
         hint: str = "",
         line_word: str = "line",
+        column_word: str = "column",
     ) -> InputError:
         """Write the message from the place, what was found and what was expected.
 
@@ -85,6 +86,8 @@ class InputError(RsicalibError, ValueError):
             A sentence on what to do.
         line_word : {"line", "row"}
             How the message calls `line`.
+        column_word : str
+            How the message calls `column`; empty for the path of an entry.
 
         Returns
         -------
@@ -95,10 +98,20 @@ class InputError(RsicalibError, ValueError):
         if line is not None:
             place.append(f"{line_word} {line}")
         if column is not None:
-            place.append(f"column {column}")
+            place.append(f"{column_word} {column}".strip())
         message = f"{', '.join(place)}: found {found}, expected {expected}"
         where = Where(file=file, line=line, column=column, found=found, expected=expected)
         return cls(f"{message}. {hint}" if hint else message, where)
+
+
+class ResultError(RsicalibError, ValueError):
+    """A text is not a result: where, what was found, what was expected."""
+
+    def __init__(self, place: str, found: str, expected: str) -> None:
+        super().__init__(f"{place}: found {found}, expected {expected}")
+        self.place = place
+        self.found = found
+        self.expected = expected
 
 
 class UndeterminedError(RsicalibError):

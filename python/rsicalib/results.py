@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,8 +9,9 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError
+from rsicalib.errors import InputError, ResultError
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
 from rsicalib.report import html, summary
@@ -135,23 +135,17 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
         The file is not such a result.
     """
     name = os.fspath(path)
-
-    def refuse(found: str, hint: str = "") -> InputError:
-        expected = "a result of `rsicalib calibrate --json` or `rsicalib trace --json`"
-        return InputError.at(name, found=found, expected=expected, hint=hint)
-
     try:
         with open(path, encoding="utf-8") as file:
-            data = json.load(file)
+            data = _core.read_result(file.read())
     except OSError as error:
-        raise refuse(error.strerror or str(error)) from None
-    except ValueError as error:
-        raise refuse(f"text that is not JSON ({error})") from None
-    form = data.get("format") if isinstance(data, dict) else None
-    for kind in (Calibration, Trace):
-        if form == kind.FORMAT:
-            try:
-                return kind.from_dict(data)
-            except (KeyError, TypeError, ValueError, AttributeError) as error:
-                raise refuse(f"{form} that cannot be read ({error!r})") from None
-    raise refuse(f"format {form!r}")
+        expected = "a result of `rsicalib calibrate --json` or `rsicalib trace --json`"
+        raise InputError.at(name, found=error.strerror or str(error), expected=expected) from None
+    except UnicodeDecodeError:
+        raise InputError.at(name, found="text that is not UTF-8", expected="JSON") from None
+    except ResultError as error:
+        raise InputError.at(
+            name, column=error.place, found=error.found, expected=error.expected, column_word=""
+        ) from None
+    kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
+    return kinds[data["format"]].from_dict(data)

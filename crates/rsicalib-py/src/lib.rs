@@ -1,6 +1,7 @@
 //! Python bindings: conversions only.
 
 mod apply;
+mod documents;
 mod error;
 mod experiments;
 mod faults;
@@ -22,6 +23,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<mechanism::PyChannel>()?;
     module.add_class::<observations::PyObservations>()?;
     module.add_class::<observations::PyFit>()?;
+    module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
+    module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
+    module.add_function(wrap_pyfunction!(documents::written_keys, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::terms, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_inverse, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_forward, module)?)?;

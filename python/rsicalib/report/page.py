@@ -226,7 +226,7 @@ def _cost(step: Step, unit: str) -> str:
 
 
 def _excluded(result: ResultShape) -> str:
-    skipped = [f"line {s['line']}, {s['column']}: {s['reason']}" for s in result.readings.skipped]
+    skipped = [f"line {s.line}, {s.column}: {s.reason}" for s in result.readings.skipped]
     return _section("Readings left out", _list([*map(excluded_words, result.excluded), *skipped]))
 
 

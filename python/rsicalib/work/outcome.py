@@ -13,7 +13,7 @@ import numpy as np
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Result
-from rsicalib.shapes import Data, Moved, Parameter
+from rsicalib.shapes import Data, Moved, Parameter, Skipped
 from rsicalib.verdicts import ALPHA
 
 __all__ = ["NOTHING", "described", "moved_parameters", "reference_of"]
@@ -28,7 +28,7 @@ def described(readings: Sequence[Readings]) -> Data:
     if len(readings) > 1:
         digest = hashlib.sha256("".join(r.sha256 for r in readings).encode()).hexdigest()
     skipped = [
-        {"file": r.source, "line": s.line, "column": s.column, "reason": s.reason}
+        Skipped(file=r.source, line=s.line, column=s.column, reason=s.reason)
         for r in readings
         for s in r.skipped
     ]

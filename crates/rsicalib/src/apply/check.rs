@@ -10,7 +10,8 @@ use crate::readings::{Table, average};
 
 /// Error of the platform pose: root mean square over components, as in Table VI.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Check {
     /// Poses compared.
     pub poses: usize,

@@ -14,7 +14,8 @@ use crate::{Error, terms};
 /// `span`, and temperatures count from `temperature`: all of the readings that
 /// the result was found with.
 #[derive(Debug, Clone, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Reference {
     /// Mean reading of each channel.
     pub centre: Vec<f64>,

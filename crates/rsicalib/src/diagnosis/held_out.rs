@@ -49,7 +49,8 @@ pub fn held_out(observations: &Observations, full: &Fit) -> Option<HeldOut> {
 
 /// Error on poses that were left out, the terms refitted without them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct HeldOut {
     /// χ² of the poses left out, per equation.
     pub chi2_per_dof: f64,

@@ -57,11 +57,18 @@ pub struct Label {
 /// parameters that take part, in the proportions of their own units.
 #[must_use]
 pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
-    let names: Vec<Label> = parameter_names(observations, fit)
-        .into_iter()
-        .map(|p| Label { name: format!("{} {}", p.term, p.target), unit: p.unit })
-        .collect();
-    describe(&fit.gram, &names)
+    let untouched = fit.model.untouched(&observations.readings, &observations.weights);
+    // No sample in use touches these points: what was left out is not to be known.
+    let out = |i: usize| untouched.iter().any(|&first| (first..first + 3).contains(&i));
+    let kept: Vec<usize> = (0..fit.gram.nrows()).filter(|&i| !out(i)).collect();
+    let names = parameter_names(observations, fit);
+    let label = |&i: &usize| {
+        let p = &names[i];
+        Label { name: format!("{} {}", p.term, p.target), unit: p.unit.clone() }
+    };
+    let names: Vec<Label> = kept.iter().map(label).collect();
+    let gram = Mat::from_fn(kept.len(), kept.len(), |i, j| fit.gram[(kept[i], kept[j])]);
+    describe(&gram, &names)
 }
 
 /// Relative eigenvalues below this are zero, and below this are small: unit columns.
