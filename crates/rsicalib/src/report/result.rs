@@ -87,6 +87,8 @@ pub struct Estimates {
     pub noise: NoiseReport,
     /// Parameters.
     pub parameters: Vec<ParameterReport>,
+    /// What must be noted of them, in sentences.
+    pub remarks: Vec<String>,
     /// Their covariance, row by row.
     pub covariance: Vec<Vec<f64>>,
     /// What these poses cannot tell apart, in words.
@@ -119,8 +121,9 @@ pub fn estimates(observations: &Observations, fit: &Fit) -> Estimates {
     let parameters = names.into_iter().enumerate().map(|(k, mut p)| {
         p.value = values[k];
         p.sd = (!fit.unknowable[k]).then(|| covariance[(k, k)].max(0.0).sqrt());
-        p
+        p.noted()
     });
+    let parameters: Vec<ParameterReport> = parameters.collect();
     let directions = crate::estimate::directions::directions(observations, fit);
     Estimates {
         noise: NoiseReport {
@@ -129,7 +132,8 @@ pub fn estimates(observations: &Observations, fit: &Fit) -> Estimates {
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
             correlation: fit.noise.correlation,
         },
-        parameters: parameters.collect(),
+        remarks: parameters.iter().filter_map(ParameterReport::remark).collect(),
+        parameters,
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
         unobservable: directions.unobservable,
         weak: directions.weak,
