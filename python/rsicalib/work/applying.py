@@ -72,7 +72,12 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
         guess = [1.0 if c.unit == "count" else 1e-5 / abs(c.gain) for c in channels]
         declared = [c.noise for c in channels]
         sigma = [g if n is None else n for g, n in zip(guess, declared, strict=True)]
-        nothing = {"temperature": None, "parameters": [], "declared": False, "own": own}
+        nothing: dict[str, Any] = {
+            "temperature": None,
+            "parameters": [],
+            "declared": False,
+            "own": own,
+        }
         return {**reference, "sigma": sigma, **nothing}
     if result.reference is None or result.noise is None:
         raise InputError("found a result without 'reference' and 'noise', expected both")

@@ -151,6 +151,20 @@ impl ParameterReport {
         let Self { term, target, place, .. } = self.clone();
         Spec { term, target: Some(target), place }
     }
+
+    /// The same parameter with what must be noted of it.
+    #[must_use]
+    pub fn noted(mut self) -> Self {
+        self.note = Note::of(&self.term, self.value, self.sd);
+        self
+    }
+
+    /// The note as a sentence about this parameter, for a list of warnings.
+    #[must_use]
+    pub fn remark(&self) -> Option<String> {
+        let name = format!("{} {}", self.term, self.target);
+        Some(self.note?.sentence(&name, self.value, self.sd?, &self.unit))
+    }
 }
 
 /// Values and covariance as they are reported: offsets at reading zero, gains

@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use crate::estimate::directions::ParameterReport;
 use crate::terms;
 use crate::terms::term::Class;
 
@@ -34,28 +33,25 @@ impl serde::Serialize for Note {
     }
 }
 
-impl ParameterReport {
-    /// The same parameter with what must be noted of it.
+impl Note {
+    /// What must be noted of an estimate of a term.
     #[must_use]
-    pub fn noted(mut self) -> Self {
-        let load = terms::find(&self.term).is_ok_and(|t| t.info().class == Class::Load);
-        let below = |sd: f64| sd > 0.0 && self.value < -CERTAIN * sd;
-        self.note = (load && self.sd.is_some_and(below)).then_some(Note::UnphysicalSign);
-        self
+    pub fn of(term: &str, value: f64, sd: Option<f64>) -> Option<Self> {
+        let load = terms::find(term).is_ok_and(|t| t.info().class == Class::Load);
+        let below = |sd: f64| sd > 0.0 && value < -CERTAIN * sd;
+        (load && sd.is_some_and(below)).then_some(Self::UnphysicalSign)
     }
 
-    /// The note as a sentence about this parameter, for a list of warnings.
+    /// The note as a sentence about one estimate, `value ± sd unit` of `name`.
     #[must_use]
-    pub fn remark(&self) -> Option<String> {
-        let Self { term, target, value, unit, .. } = self;
-        let sd = self.sd?;
-        self.note.map(|note| match note {
-            Note::UnphysicalSign => format!(
-                "{term} {target}: the coefficient is negative, {value:.1e} ± {sd:.0e} {unit}; a \
-                 joint cannot give against its load, so it stands for something else here and is \
-                 no stiffness"
+    pub fn sentence(self, name: &str, value: f64, sd: f64, unit: &str) -> String {
+        match self {
+            Self::UnphysicalSign => format!(
+                "{name}: the coefficient is negative, {value:.1e} ± {sd:.0e} {unit}; a joint \
+                 cannot give against its load, so it stands for something else here and is no \
+                 stiffness"
             ),
-        })
+        }
     }
 }
 
@@ -63,32 +59,17 @@ impl ParameterReport {
 mod tests {
     use super::*;
 
-    fn parameter(term: &str, value: f64, sd: Option<f64>) -> ParameterReport {
-        ParameterReport {
-            term: term.into(),
-            target: "arm1".into(),
-            place: None,
-            name: "c".into(),
-            value,
-            sd,
-            unit: "rad".into(),
-            note: None,
-        }
-    }
-
     #[test]
     fn only_a_load_that_is_surely_negative_is_noted() {
-        let noted = |term, value, sd| parameter(term, value, sd).noted();
-        let found = noted("sag", -3.0, Some(1.0));
-        assert_eq!(found.note, Some(Note::UnphysicalSign));
-        assert!(found.remark().is_some_and(|text| text.starts_with("sag arm1: the coefficient")));
-        for sound in [
-            noted("sag", -1.0, Some(1.0)),
-            noted("sag", 3.0, Some(1.0)),
-            noted("sag", -3.0, None),
-            noted("offset", -3.0, Some(1.0)),
+        let found = Note::of("sag", -3.0, Some(1.0));
+        assert_eq!(found, Some(Note::UnphysicalSign));
+        for (term, value, sd) in [
+            ("sag", -1.0, Some(1.0)),
+            ("sag", 3.0, Some(1.0)),
+            ("sag", -3.0, None),
+            ("offset", -3.0, Some(1.0)),
         ] {
-            assert_eq!((sound.note, sound.remark()), (None, None));
+            assert_eq!(Note::of(term, value, sd), None);
         }
     }
 }
