@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rsicalib
-from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import read_mechanism
 from tests import oracle, simulated
 
 Array = NDArray[Any]
@@ -90,7 +90,7 @@ def session(seed: int, damage: Damage) -> tuple[rsicalib.Mechanism, rsicalib.Rea
         angles.append(start)
     values = simulated.read(arm, np.concatenate(angles), rng.normal(0.0, 0.002, 6), rng)
     own = {k: arm[k] for k in ("name", "length_unit", "channel", "chain")}
-    mechanism = rsicalib.Mechanism.from_toml(mechanism_toml({**own, **MECHANISM}))
+    mechanism = rsicalib.Mechanism.from_dict({**own, **MECHANISM})
     keys = {
         "group": [g for g, _ in RUNS for _ in range(ROWS)],
         "at": [a for _, a in RUNS for _ in range(ROWS)],

@@ -7,6 +7,7 @@ truth, all of them together as far as chi-square allows: by chance that fails on
 from __future__ import annotations
 
 import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 import rsicalib
 from rsicalib import Calibration
-from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import read_mechanism
 from tests import oracle, simulated
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -179,8 +180,7 @@ def sockets(
     values = simulated.read(arm, np.concatenate(angles), offsets, rng)
     channels = [{**c, "name": words.get(c["name"], c["name"])} for c in arm["channel"]]
     rows = [{**r, "channel": words.get(r["channel"], r["channel"])} for r in arm["chain"][0]["dh"]]
-    own = mechanism_toml({"channel": channels, "chain": [{"name": "arm", "dh": rows}]})
-    text = SOCKETS.replace("[[point]]", own + "\n[[point]]", 1)
+    text = SOCKETS
     for old in ("ball-socket", "ball", "socket", "pair", "A", "B", "q2", "q3", "q4", "q5", "q6"):
         if old in words:
             if old in "AB":
@@ -194,7 +194,8 @@ def sockets(
                 text = text.replace(f'"{old}"', f'"{words[old]}"')
     if "arm" in words:
         text = text.replace('"arm"', f'"{words["arm"]}"')
-    loaded = rsicalib.Mechanism.from_toml(text)
+    own = {"channel": channels, "chain": [{"name": words.get("arm", "arm"), "dh": rows}]}
+    loaded = rsicalib.Mechanism.from_dict({**tomllib.loads(text), **own})
     keys = {
         "group": [words.get(g, g) for g, _ in groups for _ in range(25)],
         "at": [words.get(a, a) for _, a in groups for _ in range(25)],

@@ -15,7 +15,8 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Calibration, export
-from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import read_mechanism
+from rsicalib.work.job import Work
 from tests import oracle
 
 READINGS, REST = DEMO / "readings.csv", DEMO / "rest.csv"
@@ -160,11 +161,11 @@ def test_the_urdf_gives_the_same_points(
 def test_the_rows_agree_with_plain_matrix_products(bent: tuple[Path, Path]) -> None:
     """Geometry of Denavit and Hartenberg stays such, and the oracle reads it."""
     mechanism = read_mechanism(Path(__file__).parents[1] / "examples" / "ball_bar.toml")
-    loaded = rsicalib.Mechanism.from_toml(mechanism_toml(mechanism))
+    loaded = rsicalib.Mechanism.from_dict(mechanism)
     made = invented(loaded, ["offset", "link_length", "link_offset"])
     angles = np.random.default_rng(0).uniform(-1, 1, (10, 6))
     readings = rsicalib.Readings.from_arrays(loaded, angles)
-    found = export.calibrated(loaded, made).mechanism
+    found = export.calibrated(loaded, made).mechanism.to_dict()
     true = oracle.point(found, "ball", oracle.angles_of(*oracle.nominal(found), angles))
     np.testing.assert_allclose(rsicalib.forward(readings, loaded, made), true, atol=1e-9)
 
@@ -182,6 +183,68 @@ def test_what_a_mechanism_has_no_words_for_is_named() -> None:
     made = rsicalib.calibrate(READINGS, rest=REST, terms=["offset", "gain", "curvature@a22"])
     text = rsicalib.export_toml("rsi", made)
     assert "# curvature@a22 has no place" in text
+
+
+def with_parameters(
+    made: Calibration, *more: tuple[str, str, str | None, str, float]
+) -> Calibration:
+    """The same result with parameters of these terms, targets, places, names and values."""
+    plain = made.to_dict()
+    for term, target, place, name, value in more:
+        entry = {"term": term, "target": target, "name": name, "value": value, "sd": 1e-4}
+        plain["parameters"].append({**entry, "place": place, "unit": "rad"})
+    plain["covariance"] = (1e-8 * np.eye(len(plain["parameters"]))).tolist()
+    return Calibration.from_dict(plain)
+
+
+OF_A_SESSION = (
+    ("drift", "a22", None, "rate", 0.05),
+    ("wander", "a13", None, "w1", 0.05),
+    ("reference_drift", "all", None, "rate", 0.01),
+    ("reference_wander", "all", None, "r1", 0.01),
+    ("bad_reading", "a21", "17", "error", 100.0),
+    ("unknown_point", "socket[at=1]", None, "x", 3.0),
+)
+"""Parameters that say nothing of any readings but those that they were found with."""
+
+
+@pytest.mark.parametrize("more", OF_A_SESSION, ids=lambda m: m[0])
+def test_what_belongs_to_its_session_is_not_applied_to_another(more: Any) -> None:
+    made = rsicalib.calibrate(READINGS, rest=REST, terms=["offset", "gain"])
+    told = with_parameters(made, more)
+    for readings in (DEMO / "check.csv", REST):  # the latter without any time
+        wanted = rsicalib.forward(readings, "rsi", made)
+        np.testing.assert_array_equal(rsicalib.forward(readings, "rsi", told), wanted)
+    plain = with_parameters(made)
+    sd = rsicalib.forward_sd(REST, "rsi", plain)
+    np.testing.assert_allclose(rsicalib.forward_sd(REST, "rsi", told), sd, rtol=1e-9)
+    assert not any(more[0] in line for line in rsicalib.export_toml("rsi", made).splitlines())
+
+
+def test_a_slip_that_happened_has_happened_to_all_other_readings() -> None:
+    made = rsicalib.calibrate(READINGS, rest=REST, terms=["offset", "gain"])
+    slipped = ("slip", "a22", "17", "step", 0.03), ("slip", "a22", "30", "step", 0.01)
+    told = with_parameters(made, *slipped)
+    plain = made.to_dict()
+    entry = next(p for p in plain["parameters"] if (p["term"], p["target"]) == ("offset", "a22"))
+    entry["value"] += 0.04
+    shifted = Calibration.from_dict(plain)
+    for readings in (DEMO / "check.csv", REST):
+        wanted = rsicalib.forward(readings, "rsi", shifted)
+        found = rsicalib.forward(readings, "rsi", told)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=SAME)
+    exported = export.calibrated("rsi", told).mechanism
+    assert exported == export.calibrated("rsi", shifted).mechanism
+
+
+def test_the_next_calibration_takes_the_terms_that_outlast_their_session() -> None:
+    made = rsicalib.calibrate(READINGS, rest=REST, terms=["offset", "gain", "crosstalk@a22:a21"])
+    slip = ("slip", "a22", "17", "step", 0.03)
+    told = with_parameters(made, *OF_A_SESSION, slip)
+    job = Work("rsi", False, told)
+    assert job.terms(None) == Work("rsi", False, made).terms(None)
+    assert "crosstalk@a22:a21" in (job.terms(None) or [])
+    assert job.terms(["drift"]) == ["drift"]
 
 
 def run(*words: str | Path, cwd: Path | None = None) -> str:

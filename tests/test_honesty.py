@@ -20,7 +20,6 @@ from scipy import stats
 
 import rsicalib
 from rsicalib import InputError, Mechanism, Readings
-from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.report.words import advice
 from tests import oracle, simulated
 from tests.families.device import Device, Effect, Scene, Session, observe, stage
@@ -138,7 +137,7 @@ def test_rows_that_are_no_motion_do_not_give_the_noise() -> None:
     mechanism = deepcopy(device.drawing.mechanism)
     for entry in (*mechanism["channel"], *mechanism["closure"]):
         entry.pop("noise", None)
-    loaded = Mechanism.from_toml(mechanism_toml(mechanism))
+    loaded = Mechanism.from_dict(mechanism)
     curve = as_strong(device, scene, CATALOGUE["curvature"](device, rng, "q3"), 3000.0)
     session = replace(observe(device, scene, rng, [curve]), held=False)
     readings = readings_of(loaded, session)
@@ -216,7 +215,7 @@ def test_trace_is_undetermined_where_calibrate_is() -> None:
 
     rng = np.random.default_rng(3)
     values = simulated.read(mechanism, simulated.closed(mechanism, off, 40, rng), np.zeros(12), rng)
-    loaded = Mechanism.from_toml(mechanism_toml(mechanism))
+    loaded = Mechanism.from_dict(mechanism)
     readings = Readings.from_arrays(loaded, values)
     assert rsicalib.calibrate(readings, loaded).verdict == "undetermined"
     found = rsicalib.trace(readings, loaded)
@@ -317,7 +316,7 @@ def planar(play: float | None) -> tuple[Device, Readings, Mechanism]:
     # The play is in the plane, as the machine is.
     q = device.closed(scene)
     values = (q - device.offsets) / device.gains + device.noise * rng.standard_normal(q.shape)
-    loaded = Mechanism.from_toml(mechanism_toml(mechanism))
+    loaded = Mechanism.from_dict(mechanism)
     readings = readings_of(loaded, Session(scene, values, {}, True, True))
     return device, readings, loaded
 

@@ -8,7 +8,7 @@ import pytest
 
 import rsicalib
 from rsicalib.identifiability import COMPLETE, identifiable
-from rsicalib.io.mechanisms import mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import read_mechanism
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -57,7 +57,7 @@ def test_examples_with_complete_geometry(name: str, minimal: int, known: int) ->
 def test_a_joint_that_turns_about_the_ball_is_not_seen() -> None:
     mechanism = read_mechanism(EXAMPLES / "ball_bar.toml")
     mechanism["point"][0]["at"] = [0.0, 0.0, 120.0]  # on the last axis
-    loaded = rsicalib.Mechanism.from_toml(mechanism_toml(mechanism))
+    loaded = rsicalib.Mechanism.from_dict(mechanism)
     found = identifiable(loaded, ["offset"])
     assert (found.parameters, found.known) == (6, 5)
 
@@ -65,6 +65,6 @@ def test_a_joint_that_turns_about_the_ball_is_not_seen() -> None:
 def test_loops_that_cannot_be_closed_are_refused() -> None:
     mechanism = read_mechanism(EXAMPLES / "ball_bar.toml")
     mechanism["closure"][0]["value"] = 6000.0
-    loaded = rsicalib.Mechanism.from_toml(mechanism_toml(mechanism))
+    loaded = rsicalib.Mechanism.from_dict(mechanism)
     with pytest.raises(rsicalib.InputError, match="configurations"):
         identifiable(loaded)

@@ -1,23 +1,20 @@
-"""Mechanism files: what is expanded, what is filled in, and that the text says the same."""
+"""Mechanism files: what is expanded, what is filled in, and that values say the same."""
 
 from __future__ import annotations
 
-import math
+import copy
+import pickle
 import shutil
-import tomllib
-from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 import rsicalib
 from rsicalib.errors import InputError
-from rsicalib.io.mechanisms import load_mechanism_text, mechanism_toml, read_mechanism
+from rsicalib.io.mechanisms import expansion_notes, load_mechanism, read_mechanism
 from tests import oracle
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -71,14 +68,6 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def core_takes(text: str) -> None:
-    """The core reads the text, where it is built and knows how."""
-    core = pytest.importorskip(
-        "rsicalib._core", reason="the core is not built", exc_type=ImportError
-    )
-    core.Mechanism.from_toml(text)
-
-
 # ------------------------------------------------------------------ expansion
 
 
@@ -106,8 +95,19 @@ def test_masses_from_a_file_replace_those_of_the_urdf(folder: Path) -> None:
 def test_declared_channels_win_and_are_completed(folder: Path) -> None:
     count = {"name": "q1", "unit": "count", "gain": 1e-3, "offset": 0.2, "range": [0, 4095]}
     noisy = {"name": "q2", "noise": 1e-5, "limits": [0, 1]}
-    text = mechanism_toml({"name": "m", "length_unit": "m", "channel": [noisy, count]})
-    channels = read_mechanism(written(folder, text + CHAIN + REST))["channel"]
+    declared = """
+[[channel]]
+name = "q2"
+noise = 1e-5
+limits = [0, 1]
+[[channel]]
+name = "q1"
+unit = "count"
+gain = 1e-3
+offset = 0.2
+range = [0, 4095]
+"""
+    channels = read_mechanism(written(folder, HEAD + declared + CHAIN + REST))["channel"]
     scale = {"unit": "m", "gain": 1.0, "offset": 0.0}
     assert channels == [{**noisy, **scale}, {**count, "limits": [-1.0, 2.0]}]
 
@@ -119,23 +119,30 @@ def test_channels_not_declared_take_their_place_in_the_chain(folder: Path) -> No
     assert [c.get("noise") for c in channels] == [None, 1e-5]
 
 
-def test_the_text_is_the_expanded_mechanism_with_notes(folder: Path) -> None:
+def test_the_core_takes_the_expanded_mechanism_and_notes_say_what_is_left_out(folder: Path) -> None:
     path = written(folder, HEAD + CHAIN + REST)
-    text = load_mechanism_text(path)
-    assert text is not None
-    assert tomllib.loads(text) == read_mechanism(path)
-    note = '# robots/r.urdf: joint "grip" moves beside the path: the mass of finger is left out\n'
-    assert text.startswith(note)
-    core_takes(text)
+    loaded = load_mechanism(path)
+    assert loaded == rsicalib.Mechanism.from_dict(read_mechanism(path))
+    note = 'robots/r.urdf: joint "grip" moves beside the path: the mass of finger is left out'
+    assert expansion_notes(path) == [note]
 
 
-def test_a_file_without_urdf_is_passed_on_as_it_is(folder: Path) -> None:
-    text = "# mine\n" + HEAD + "nonsense = 1\n"
-    assert load_mechanism_text(written(folder, text)) == text
+def test_a_file_without_urdf_is_refused_by_line_and_column(folder: Path) -> None:
+    path = written(folder, "# mine\n" + HEAD + "nonsense = 1\n")
+    with pytest.raises(InputError, match=r"m\.toml: mechanism: .*line 4, column 1(.|\n)*nonsense"):
+        load_mechanism(path)
 
 
-def test_the_builtin_mechanism_has_no_text() -> None:
-    assert load_mechanism_text("rsi") is None
+def test_an_expanded_file_is_refused_by_its_entry(folder: Path) -> None:
+    path = written(folder, HEAD + CHAIN + REST.replace("at = [1, 0, 0]", "at = [1, 0]"))
+    with pytest.raises(InputError, match=r"m\.toml: mechanism, point\[1\]\.at: ") as caught:
+        load_mechanism(path)
+    assert caught.value.where is not None and str(caught.value.where["file"]).endswith("m.toml")
+
+
+def test_the_builtin_mechanism_has_no_file() -> None:
+    assert load_mechanism("rsi") == rsicalib.Mechanism.rsi()
+    assert expansion_notes("rsi") == []
 
 
 REFUSED = {
@@ -178,50 +185,57 @@ REFUSED = {
 def test_refuses(case: str, folder: Path) -> None:
     text, message = REFUSED[case]
     with pytest.raises(InputError, match=message) as caught:
-        load_mechanism_text(written(folder, text))
+        load_mechanism(written(folder, text))
     assert caught.value.where is not None
     assert caught.value.where["file"]
 
 
 def test_a_name_that_is_nothing_names_the_builtin_ones() -> None:
     with pytest.raises(InputError, match=r"rsx, mechanism: found no such file.*built-in.*: rsi$"):
-        load_mechanism_text("rsx")
+        load_mechanism("rsx")
 
 
-# ------------------------------------------------------------------ TOML
+# ------------------------------------------------------------------ as values
 
 
-SCALARS = st.one_of(
-    st.text(st.characters(exclude_categories=["Cs"])),
-    st.booleans(),
-    st.integers(-(2**63), 2**63 - 1),
-    st.floats(allow_nan=False),
-    st.dates(),
+def test_a_mechanism_is_its_dictionary() -> None:
+    mechanism = rsicalib.Mechanism.rsi()
+    values = mechanism.to_dict()
+    assert rsicalib.Mechanism.from_dict(values) == mechanism
+    assert rsicalib.Mechanism.from_toml(mechanism.to_toml()) == mechanism
+    assert rsicalib.Mechanism.from_dict({**values, "name": "other"}) != mechanism
+    assert mechanism != "rsi"
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    values = rsicalib.Mechanism.rsi().to_dict()
+    values["chain"][0]["dh"][1]["a"] = np.float64(3.25)
+    values["closure"][0]["value"] = np.float64(2.5)
+    made = rsicalib.Mechanism.from_dict(values).to_dict()
+    assert (made["chain"][0]["dh"][1]["a"], made["closure"][0]["value"]) == (3.25, 2.5)
+
+
+def test_it_is_pickled_and_copied() -> None:
+    mechanism = rsicalib.Mechanism.rsi()
+    assert pickle.loads(pickle.dumps(mechanism)) == mechanism
+    assert copy.deepcopy(mechanism) == mechanism
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        (lambda m: m["chain"][1]["dh"][2].update(alpha="x"), r"chain\[1\]\.dh\[2\]\.alpha: "),
+        (lambda m: m["chain"][1]["dh"][2].update(aplha=0.0), r"chain\[1\]\.dh\[2\].*`aplha`"),
+        (lambda m: m.update(channel=3), "channel: "),
+        (lambda m: m.pop("name"), "`name`"),
+        (lambda m: m["channel"][0].update(gain=0.0), 'channel "a11": found gain 0'),
+    ],
 )
-KEYS = st.text(st.characters(exclude_categories=["Cs"]))
-INLINE = st.recursive(
-    SCALARS, lambda v: st.lists(v, max_size=3) | st.dictionaries(KEYS, v, max_size=3), max_leaves=8
-)
-TABLE = st.dictionaries(KEYS, INLINE, max_size=4)
-
-
-@given(st.dictionaries(KEYS, INLINE | TABLE | st.lists(TABLE, min_size=1, max_size=3), max_size=5))
-def test_toml_reads_back_the_same(mechanism: dict[str, Any]) -> None:
-    assert tomllib.loads(mechanism_toml(mechanism)) == mechanism
-
-
-def test_toml_keeps_every_digit() -> None:
-    values = {
-        "a": 0.1 + 0.2,
-        "b": 5e-324,
-        "c": 1e23,
-        "d": -0.0,
-        "e": math.inf,
-        "f": date(1995, 5, 1),
-    }
-    assert tomllib.loads(mechanism_toml(values)) == values
-    with pytest.raises(TypeError, match="TOML has no NoneType"):
-        mechanism_toml({"a": None})
+def test_an_entry_that_cannot_be_used_is_named(change: Any, place: str) -> None:
+    values = rsicalib.Mechanism.rsi().to_dict()
+    change(values)
+    with pytest.raises(InputError, match=rf"^mechanism, .*{place}"):
+        rsicalib.Mechanism.from_dict(values)
 
 
 # ------------------------------------------------------------------ examples
@@ -238,9 +252,7 @@ def test_an_example_is_short_and_taken_by_the_core(path: Path, tmp_path: Path) -
         path = Path(shutil.copy(path, tmp_path))
         (chain,) = read_mechanism(path)["chain"]
         assert all("mass" in row for row in chain["dh"] if "channel" in row)
-    text = load_mechanism_text(path)
-    assert text is not None
-    core_takes(text)
+    assert load_mechanism(path).channels
 
 
 @pytest.mark.parametrize("name", ["ball_bar", "draw_wire", "two_arms"])
@@ -267,11 +279,6 @@ def test_an_example_can_be_assembled(name: str) -> None:
 
     # Not from every start: arms that grip from the same side are singular.
     assert any(regular() for _ in range(10))
-
-
-def test_numbers_of_numpy_are_numbers_in_toml() -> None:
-    text = mechanism_toml({"a": np.float64(0.1), "b": np.int64(3), "c": [np.float64(1e-9)]})
-    assert tomllib.loads(text) == {"a": 0.1, "b": 3, "c": [1e-9]}
 
 
 @pytest.mark.parametrize("model", ['terms = ["offset", "gian@a11"]', "sd = {gian = 1.0}"])

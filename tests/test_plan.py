@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rsicalib import InputError, _core
-from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.planning import CRITERIA, Plan, bound, plan
 from rsicalib.records import plain
 from rsicalib.reproduction.printed import printed_numbers
@@ -89,7 +88,7 @@ def plan_readings() -> Array:
 
 def test_other_mechanisms_need_a_workspace() -> None:
     machine = oracle.rsi() | {"name": "another"}
-    mechanism = _core.Mechanism.from_toml(mechanism_toml(plain(machine)))
+    mechanism = _core.Mechanism.from_dict(plain(machine))
     with pytest.raises(InputError, match="workspace of 'another'"):
         plan(mechanism)
     box = ((-2, 2), (-2, 2), (-4, -1), (-0.4, 0.4), (-0.4, 0.4), (-0.4, 0.4))

@@ -17,7 +17,6 @@ import rsicalib
 from benches.speed import Rival
 from rsicalib import InputError, _core
 from rsicalib.devices import Device, draw_poses, nominal_device
-from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.records import plain
 from rsicalib.reproduction.convergence import (
     convergence_equal,
@@ -118,7 +117,7 @@ def test_any_mechanism_with_a_platform_can_be_simulated() -> None:
         channel |= {"unit": "rad", "gain": 1.0, "offset": 0.0, "noise": 1e-4}
         del channel["range"]
     plan["name"] = "encoders"
-    mechanism = _core.Mechanism.from_toml(mechanism_toml(plain(plan)))
+    mechanism = _core.Mechanism.from_dict(plain(plan))
     box = ((-1, 1), (-1, 1), (-4, -2), (-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3))
     made = simulate(None, mechanism, poses=20, samples=1, noise=0.0, within=box, seed=1)
     assert not np.array_equal(made.readings.values, np.round(made.readings.values))

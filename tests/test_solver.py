@@ -14,7 +14,6 @@ from scipy.optimize import least_squares
 
 from benches.speed import Rival, session
 from rsicalib import InputError, _core
-from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.records import plain
 from tests import oracle
 from tests.oracle import Array
@@ -28,7 +27,7 @@ def machine(chains: int, seed: int, poses: int = 16) -> tuple[dict[str, Any], Ar
 
 
 def compiled(mechanism: dict[str, Any]) -> _core.Mechanism:
-    return _core.Mechanism.from_toml(mechanism_toml(plain(mechanism)))
+    return _core.Mechanism.from_dict(plain(mechanism))
 
 
 def assert_derivatives_agree(

@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Spec = tuple[str, str | None, str | None]
+Estimate = tuple[Spec, str, float | None, float | None]
 
 __version__: str
 RESIDUAL_LEVEL: float
@@ -74,6 +76,10 @@ class Mechanism:
     @property
     def channels(self) -> list[Channel]:
         """Its sensors, in the order of the columns of readings."""
+
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> Mechanism:
+        """Takes a mechanism from plain values, keys as in the TOML."""
 
     @staticmethod
     def from_toml(text: str) -> Mechanism:
@@ -166,6 +172,9 @@ def bound(
 ) -> dict[str, Any]:
     """The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel."""
 
+def calibrated_sensors(mechanism: Mechanism, applied: Mapping[str, Any]) -> Mechanism:
+    """The mechanism with the gains and offsets that a result has found."""
+
 def check(
     mechanism: Mechanism,
     applied: Mapping[str, Any],
@@ -190,6 +199,13 @@ def exchange(
     Also returns what was made small.
     """
 
+def exported(
+    mechanism: Mechanism, applied: Mapping[str, Any]
+) -> tuple[Mechanism, dict[str, dict[str, Any]], list[str]]:
+    """The mechanism with the parameters of a result in it, the same motions of the ends of its
+    chains as rows `{chain: row}`, and what could not be put in.
+    """
+
 def faults(
     values: Array, counts: Sequence[bool], pose: Sequence[int], held: bool
 ) -> list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]:
@@ -204,9 +220,6 @@ def fixture(
 ) -> tuple[list[dict[str, Any]], int]:
     """Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`."""
 
-def forward(mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]) -> Array:
-    """Platform pose of every row of a table under a result: shape (n, 6)."""
-
 def jacobian(
     mechanism: Mechanism,
     counts: Array,
@@ -216,6 +229,9 @@ def jacobian(
     closures: Sequence[str] | None = None,
 ) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
+
+def lasting(specs: Sequence[Spec]) -> list[str]:
+    """The terms of a result that a later session is identified with: `curvature@a22`, each once."""
 
 def linearize(
     mechanism: Mechanism,
@@ -258,6 +274,13 @@ def misclosure(
 ) -> Array:
     """Misclosure `f` of readings of shape (n, channels), eq. (10): shape (n, equations)."""
 
+def moved(
+    earlier: Sequence[Estimate], now: Sequence[Estimate]
+) -> list[tuple[int, float, float, float]]:
+    """Parameters that differ from an earlier result: number among the new ones, before, after,
+    standard deviation of the difference.
+    """
+
 def observability(
     mechanism: Mechanism,
     counts: Array,
@@ -269,10 +292,17 @@ def observability(
 ) -> dict[str, Any]:
     """What poses can tell of offsets and gains, under a named scaling of the columns."""
 
-def points(
-    mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]
-) -> list[list[list[float]]]:
-    """Where the chains carry their points under a result: shape (points, n, 3)."""
+def places(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    table: Mapping[str, Any],
+    covariance: Array | None = None,
+) -> tuple[list[str], Array, Array | None]:
+    """Platform poses under a result, or the points that the chains carry, row by row of a table.
+
+    Names of the columns, values of shape (n, k), and with the covariance of the parameters their
+    standard deviations; None where nothing is known of those.
+    """
 
 def read_result(text: str) -> dict[str, Any]:
     """A result from its JSON text, as plain values: checked against the types that made it."""
@@ -299,6 +329,20 @@ def rsi_poses(angles: Array) -> Array:
 
 def schemas() -> Sequence[tuple[str, str]]:
     """JSON Schema of each format of results, as text: what can be read."""
+
+def spec(term: str, target: str | None = None, place: str | None = None) -> str:
+    """A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`."""
+
+def spread(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    table: Mapping[str, Any],
+    groups: Sequence[str] | None = None,
+) -> list[tuple[str, float]]:
+    """Mean distance of carried points from their own means at what they touch, group by group.
+
+    `groups` names the group of each row; None: the first column that tells unknown points apart.
+    """
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from rsicalib import _core
+
 __all__ = ["Estimate"]
 
 
@@ -22,6 +24,11 @@ class Estimate:
         return self.value - 1.96 * self.sd, self.value + 1.96 * self.sd
 
     @property
+    def at(self) -> tuple[str, str, str | None]:
+        """The term, its target and its place, as the core takes them."""
+        return self.term, self.target, self.place
+
+    @property
     def spec(self) -> str:
         """The term at its place, as `terms=[…]` takes it: `curvature@a22`."""
-        return f"{self.term}@{self.target}" + (f":{self.place}" if self.place else "")
+        return _core.spec(*self.at)

@@ -26,7 +26,6 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.io.mechanisms import mechanism_toml
 from rsicalib.records import Record
 from rsicalib.work.arguments import MechanismArg, open_mechanism
 
@@ -157,7 +156,7 @@ def _complete(mechanism: Mechanism, declared: dict[str, Any]) -> list[str]:
                 continue
             if term == "distance" and not _between_places(declared, target, fixed):
                 continue
-            specs.append(f"{term}@{target}")
+            specs.append(_core.spec(term, target))
     return specs
 
 
@@ -185,8 +184,8 @@ class _Closed:
         self.limits = np.array([_limits(c, declared) for c in declared["channel"]])
         # Ranges are for readings; what joints can do is in the limits.
         free = {**declared, "channel": [_unbounded(c) for c in declared["channel"]]}
-        self.mechanism = Mechanism.from_toml(mechanism_toml(free))
-        self.open = Mechanism.from_toml(mechanism_toml(_opened(free)))
+        self.mechanism = Mechanism.from_dict(free)
+        self.open = Mechanism.from_dict(_opened(free))
         self.columns = mechanism.value_columns
         self.keys = self._keys(mechanism.key_columns)
         size = self._size()

@@ -6,24 +6,16 @@ A mechanism with a platform gives its pose; one without gives the points that it
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
-from rsicalib.work.applying import as_applied, as_table
+from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import Bare, ReadingsArg, load
 
-__all__ = ["POSE", "Places", "places", "readings_for"]
-
-POSE = ("x", "y", "z", "rx", "ry", "rz")
-
-STEP = 1e-2
-"""Step of the differences, in standard deviations: small for linearity, large against rounding."""
+__all__ = ["Places", "places", "readings_for"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,52 +66,8 @@ def places(
         Places of all samples.
     """
     posed = bool(mechanism.to_dict().get("platform"))
-    if posed:
-        table = as_table([readings], mechanism)
-        names: tuple[str, ...] = POSE
-    else:
-        table = as_table([readings], mechanism, bare=True)
-        carried = [p["name"] for p in mechanism.to_dict()["point"] if p.get("chain") is not None]
-        names = tuple(f"{name}.{axis}" for name in carried for axis in "xyz")
-    applied = as_applied(result, mechanism)
-
-    def at(parameters: list[tuple[str, str, float]]) -> FloatArray:
-        changed = {**applied, "parameters": parameters}
-        if posed:
-            found: FloatArray = _core.forward(mechanism, changed, table)
-            return found
-        points = np.array(_core.points(mechanism, changed, table))
-        return np.ascontiguousarray(points.transpose(1, 0, 2).reshape(len(readings), -1))
-
-    values = at(applied["parameters"])
-    known = None if result is None or not sd else _sd(result, applied["parameters"], at)
-    return Places(names, values, known)
-
-
-def _sd(result: Result, parameters: list[tuple[str, str, float]], at: Any) -> FloatArray | None:
-    """Standard deviations by differences along the principal axes of the covariance."""
-    index = {(p.spec, p.name): i for i, p in enumerate(result.parameters)}
-    rows = [index[spec, name] for spec, name, _ in parameters]
-    covariance = result.covariance
-    if not rows or covariance.shape != (len(result.parameters),) * 2:
-        return None
-    part = covariance[np.ix_(rows, rows)]
-    if not np.isfinite(part).all():
-        return None
-    # Unit variances first: parameters differ by many orders of magnitude.
-    scale = np.sqrt(np.maximum(np.diag(part), 0.0))
-    by = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
-    variances, axes = np.linalg.eigh(part * by[:, None] * by)
-    total: Any = 0.0
-    for variance, axis in zip(variances, axes.T, strict=True):
-        if variance <= 1e-14 * variances[-1]:
-            continue
-        step = STEP * np.sqrt(variance) * axis * scale
-        ahead, behind = (
-            [(*p[:2], p[2] + d) for p, d in zip(parameters, sign * step, strict=True)]
-            for sign in (1.0, -1.0)
-        )
-        change = at(ahead) - at(behind)
-        total = total + (change / (2.0 * STEP)) ** 2
-    out: FloatArray = np.sqrt(total)
-    return out
+    table = as_table([readings], mechanism, bare=not posed)
+    covariance = covariance_of(result) if result is not None and sd else None
+    found = _core.places(mechanism, as_applied(result, mechanism), table, covariance)
+    names, values, deviations = found
+    return Places(tuple(names), values, deviations)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+import rsicalib
 from rsicalib import Mechanism, Readings, calibrate, forward, trace
 from rsicalib.errors import InputError
-from rsicalib.io.mechanisms import mechanism_toml
 from tests.families import effects as catalogue
 from tests.families import linkage
 from tests.families.device import (
@@ -139,7 +139,7 @@ def toml(device: Device, factor: float = 1.0, play: float = 1.0) -> str:
     for closure in mechanism["closure"]:
         if "noise" in closure:
             closure["noise"] *= play
-    return mechanism_toml(mechanism)
+    return rsicalib.Mechanism.from_dict(mechanism).to_toml()
 
 
 def make(family: str, suite: str, number: int, seed: int) -> Case:
@@ -214,7 +214,7 @@ def wrong_noise(device: Device, number: int, rng: Rng) -> tuple[str, str]:
         mechanism = deepcopy(device.drawing.mechanism)
         for channel, sigma in zip(mechanism["channel"], device.noise, strict=True):
             channel["noise"] = float(sigma * factor)
-        return f"noise x {factor}", mechanism_toml(mechanism)
+        return f"noise x {factor}", rsicalib.Mechanism.from_dict(mechanism).to_toml()
     plays = bool(device.drawing.play) and number % 2 == 1
     if plays:
         return f"play x {factor}", toml(device, 1.0, factor)

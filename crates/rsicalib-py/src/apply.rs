@@ -1,23 +1,33 @@
-//! Results applied to readings: platform poses, and the open loop.
+//! Results applied to readings: places, groups, export, comparison, and the open loop.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::apply::earlier::{self, Applied, Reference, Reported, platform_poses};
+use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
+use rsicalib::apply::export::{self, Exported};
+use rsicalib::apply::moved::{Estimate, Moved};
+use rsicalib::model::Spec;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::observations::{PyTable, poses_of};
 
+/// Term, target and place.
+type PySpec = (String, Option<String>, Option<String>);
+
+fn spec_of((term, target, place): PySpec) -> Spec {
+    Spec { term, target, place }
+}
+
 /// A result on its way to readings that it has not seen.
 ///
-/// Each of `parameters` is (term@target, name, value); `centre`, `span` and
+/// Each of `parameters` is ((term, target, place), name, value); `centre`, `span` and
 /// `temperature` are those of the readings that they were found with.
 #[derive(FromPyObject)]
 pub struct PyApplied {
     #[pyo3(item)]
-    parameters: Vec<(String, String, f64)>,
+    parameters: Vec<(PySpec, String, f64)>,
     #[pyo3(item)]
     centre: Vec<f64>,
     #[pyo3(item)]
@@ -26,45 +36,130 @@ pub struct PyApplied {
     temperature: Option<f64>,
     #[pyo3(item)]
     sigma: Vec<f64>,
+    #[pyo3(item)]
+    declared: bool,
+    #[pyo3(item)]
+    own: bool,
 }
 
 impl From<PyApplied> for Applied {
     fn from(given: PyApplied) -> Self {
-        let PyApplied { parameters, centre, span, temperature, sigma } = given;
-        let reported = |(term, name, value)| Reported { term, name, value };
+        let PyApplied { parameters, centre, span, temperature, sigma, declared, own } = given;
+        let reported = |(spec, name, value)| Reported { spec: spec_of(spec), name, value };
         Self {
             parameters: parameters.into_iter().map(reported).collect(),
             reference: Reference { centre, span, temperature },
             sigma,
+            declared,
+            own,
         }
     }
 }
 
-/// Platform pose of every row of a table under a result: shape (n, 6).
+/// Names, values and standard deviations: shapes (k), (n, k) and (n, k).
+type PyPlaces<'py> = (Vec<String>, Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>);
+
+/// Platform poses under a result, or the points that the chains carry, row by row of a table.
+///
+/// Names of the columns, values of shape (n, k), and with the covariance of the parameters their
+/// standard deviations; None where nothing is known of those.
 #[pyfunction]
-pub fn forward<'py>(
+#[pyo3(signature = (mechanism, applied, table, covariance=None))]
+pub fn places<'py>(
     py: Python<'py>,
     mechanism: &PyMechanism,
     applied: PyApplied,
     table: PyTable<'_>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    covariance: Option<PyReadonlyArray2<'_, f64>>,
+) -> PyResult<PyPlaces<'py>> {
     let (applied, table) = (applied.into(), table.table());
-    let poses =
-        py.detach(|| platform_poses(&mechanism.0, &applied, table)).map_err(PyError::from)?;
-    let flat: Vec<f64> = poses.iter().flatten().copied().collect();
-    PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
+    let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
+    let found = py
+        .detach(|| {
+            rsicalib::apply::places::places(&mechanism.0, &applied, covariance.as_deref(), table)
+        })
+        .map_err(PyError::from)?;
+    let columns = found.names.len();
+    let matrix = |values: Vec<f64>| {
+        let rows = values.len() / columns.max(1);
+        PyArray1::from_vec(py, values).reshape([rows, columns])
+    };
+    Ok((found.names, matrix(found.values)?, found.sd.map(matrix).transpose()?))
 }
 
-/// Where the chains carry their points under a result: shape (points, n, 3).
+/// Mean distance of carried points from their own means at what they touch, group by group.
+///
+/// `groups` names the group of each row; None: the first column that tells unknown points apart.
 #[pyfunction]
-pub fn points(
+#[pyo3(signature = (mechanism, applied, table, groups=None))]
+pub fn spread(
     py: Python<'_>,
     mechanism: &PyMechanism,
     applied: PyApplied,
     table: PyTable<'_>,
-) -> PyResult<Vec<Vec<[f64; 3]>>> {
+    groups: Option<Vec<String>>,
+) -> PyResult<Vec<(String, f64)>> {
     let (applied, table) = (applied.into(), table.table());
-    Ok(py.detach(|| earlier::points(&mechanism.0, &applied, table)).map_err(PyError::from)?)
+    let found = py.detach(|| {
+        rsicalib::apply::groups::spread(&mechanism.0, &applied, &table, groups.as_deref())
+    });
+    Ok(found.map_err(PyError::from)?)
+}
+
+/// The mechanism with the parameters of a result in it, the same motions of the ends of its
+/// chains as rows `{chain: row}`, and what could not be put in.
+#[pyfunction]
+pub fn exported<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+) -> PyResult<(PyMechanism, Bound<'py, PyAny>, Vec<String>)> {
+    let applied = applied.into();
+    let Exported { mechanism, tips, notes } =
+        py.detach(|| export::exported(&mechanism.0, &applied)).map_err(PyError::from)?;
+    let tips: std::collections::BTreeMap<_, _> = tips.into_iter().collect();
+    let notes = notes.iter().map(ToString::to_string).collect();
+    Ok((PyMechanism(mechanism), pythonize(py, &tips)?, notes))
+}
+
+/// The mechanism with the gains and offsets that a result has found.
+#[pyfunction]
+pub fn calibrated_sensors(
+    py: Python<'_>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+) -> Result<PyMechanism, PyError> {
+    let applied = applied.into();
+    Ok(PyMechanism(py.detach(|| export::with_sensors(&mechanism.0, &applied))?))
+}
+
+/// The terms of a result that a later session is identified with: `curvature@a22`, each once.
+#[pyfunction]
+pub fn lasting(specs: Vec<PySpec>) -> Result<Vec<String>, PyError> {
+    let specs: Vec<Spec> = specs.into_iter().map(spec_of).collect();
+    Ok(earlier::lasting(&specs)?.iter().map(ToString::to_string).collect())
+}
+
+/// A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`.
+#[pyfunction]
+#[pyo3(signature = (term, target=None, place=None))]
+pub fn spec(term: String, target: Option<String>, place: Option<String>) -> String {
+    Spec { term, target, place }.to_string()
+}
+
+/// Spec, name, value and standard deviation.
+type PyEstimate = (PySpec, String, Option<f64>, Option<f64>);
+
+/// Parameters that differ from an earlier result: number among the new ones, before, after,
+/// standard deviation of the difference.
+#[pyfunction]
+pub fn moved(earlier: Vec<PyEstimate>, now: Vec<PyEstimate>) -> Vec<(usize, f64, f64, f64)> {
+    let estimate = |(spec, name, value, sd)| Estimate { spec: spec_of(spec), name, value, sd };
+    let all = |given: Vec<PyEstimate>| given.into_iter().map(estimate).collect::<Vec<Estimate>>();
+    rsicalib::apply::moved::moved(&all(earlier), &all(now))
+        .into_iter()
+        .map(|Moved { parameter, before, after, sd }| (parameter, before, after, sd))
+        .collect()
 }
 
 /// Error of a result on known poses, root mean square over components.
@@ -78,9 +173,11 @@ pub fn check<'py>(
     poses: PyReadonlyArray2<'_, f64>,
     align: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let found =
-        earlier::check(&mechanism.0, &applied.into(), &table.table(), &poses_of(&poses), align);
-    Ok(pythonize(py, &found.map_err(PyError::from)?)?)
+    let (applied, table, poses) = (applied.into(), table.table(), poses_of(&poses));
+    let found = py
+        .detach(|| earlier::check(&mechanism.0, &applied, &table, &poses, align))
+        .map_err(PyError::from)?;
+    Ok(pythonize(py, &found)?)
 }
 
 /// Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`.
@@ -91,6 +188,9 @@ pub fn fixture<'py>(
     table: PyTable<'_>,
     poses: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let found = rsicalib::apply::fixture::fixture(&mechanism.0, &table.table(), &poses_of(&poses));
-    Ok(pythonize(py, &found.map_err(PyError::from)?)?)
+    let (table, poses) = (table.table(), poses_of(&poses));
+    let found = py
+        .detach(|| rsicalib::apply::fixture::fixture(&mechanism.0, &table, &poses))
+        .map_err(PyError::from)?;
+    Ok(pythonize(py, &found)?)
 }

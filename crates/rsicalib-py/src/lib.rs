@@ -38,8 +38,13 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(experiments::exchange, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_poses, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::forward, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::points, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::places, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::spread, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::exported, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::calibrated_sensors, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::lasting, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::spec, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::moved, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(linear::linearize, module)?)?;

@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
-use pythonize::pythonize;
+use pythonize::{Depythonizer, pythonize};
 use rsicalib::mechanism::Mechanism;
+use rsicalib::model::check_names;
 use rsicalib::terms::ALL;
 use rsicalib::terms::targets::targets;
 use rsicalib::terms::term::Class;
@@ -14,8 +15,8 @@ use serde::Serialize;
 use crate::error::PyError;
 
 /// A mechanism: channels, chains, points, closures, platform, rest.
-#[pyclass(frozen, skip_from_py_object, name = "Mechanism", module = "rsicalib")]
-#[derive(Clone)]
+#[pyclass(frozen, eq, skip_from_py_object, name = "Mechanism", module = "rsicalib")]
+#[derive(Clone, PartialEq)]
 pub struct PyMechanism(pub Mechanism);
 
 /// A sensor: `angle = gain * reading + offset`.
@@ -70,7 +71,31 @@ impl PyMechanism {
     /// Reads a mechanism from TOML text; chains in rows, not as URDF.
     #[staticmethod]
     fn from_toml(text: &str) -> Result<Self, PyError> {
-        Ok(Self(Mechanism::from_toml(text)?))
+        let mechanism = Mechanism::from_toml(text)?;
+        check_names(&mechanism)?;
+        Ok(Self(mechanism))
+    }
+
+    /// Takes a mechanism from plain values, keys as in the TOML.
+    #[staticmethod]
+    fn from_dict(values: &Bound<'_, PyAny>) -> Result<Self, PyError> {
+        let found = serde_path_to_error::deserialize(&mut Depythonizer::from_object(values));
+        let mechanism: Mechanism = found.map_err(|error| {
+            let path = error.path().to_string();
+            let place = if path == "." { "top level".into() } else { path };
+            rsicalib::Error::Entry { place, why: error.inner().to_string() }
+        })?;
+        mechanism.validate()?;
+        check_names(&mechanism)?;
+        Ok(Self(mechanism))
+    }
+
+    /// Copies and pickles by the plain values.
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyAny>,))> {
+        let values = pythonize(slf.py(), &slf.get().0)?;
+        Ok((slf.get_type().getattr("from_dict")?, (values,)))
     }
 
     /// The mechanism as TOML text that `from_toml` reads back.

@@ -21,6 +21,14 @@ pub enum Error {
     /// Text that is not a mechanism in TOML.
     #[error("mechanism: {0}")]
     Toml(String),
+    /// A value that has no place in a mechanism.
+    #[error("mechanism, {place}: {why}")]
+    Entry {
+        /// Which entry, as a path: `chain[0].dh[2].alpha`.
+        place: String,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A table of readings of the wrong shape.
     #[error("readings: {what} has {found} entries; expected {expected}")]
     Shape {

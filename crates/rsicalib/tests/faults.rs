@@ -4,7 +4,8 @@
 mod rng;
 
 use rng::Rng;
-use rsicalib::screening::converter::{Kind, of_codes};
+use rsicalib::screening::converter::of_codes;
+use rsicalib::screening::fault::FaultKind;
 
 /// Codes of 48 poses, 8 samples each, of nine channels, with noise of about a count.
 fn held(seed: u64) -> (Vec<f64>, Vec<usize>) {
@@ -55,7 +56,7 @@ fn stuck_bits_are_found_with_their_value() {
             let stick = |code: i64| if high { code | 1 << bit } else { code & !(1 << bit) };
             change(&mut values, 4, stick);
             let found = of_codes(&values, &[true; 9], &pose, still);
-            let stuck = found.iter().find(|f| f.kind == Kind::StuckBits(vec![(bit, high)]));
+            let stuck = found.iter().find(|f| f.kind == FaultKind::StuckBits(vec![(bit, high)]));
             assert_eq!(stuck.map(|f| f.channel), Some(4), "bit {bit}: {found:?}");
         }
     }
@@ -68,7 +69,7 @@ fn clipped_codes_are_found_with_their_poses() {
     let found = of_codes(&values, &[true; 9], &pose, true);
     assert_eq!(found.len(), 1);
     assert_eq!(found[0].channel, 2);
-    let Kind::Clipped { at, poses } = &found[0].kind else { panic!("{found:?}") };
+    let FaultKind::Clipped { at, poses } = &found[0].kind else { panic!("{found:?}") };
     assert_eq!(*at, 2500.0);
     let all = |p: usize| (0..8).all(|s| values[(8 * p + s) * 9 + 2] == 2500.0);
     assert_eq!(*poses, (0..48).filter(|&p| all(p)).collect::<Vec<_>>());

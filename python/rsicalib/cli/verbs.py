@@ -14,6 +14,7 @@ from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import progress_line, show, warn, write_files
 from rsicalib.errors import InputError
 from rsicalib.identifiability import COMPLETE, identifiable
+from rsicalib.io.mechanisms import expansion_notes
 from rsicalib.places import places, readings_for
 from rsicalib.planning import plan as plan_poses
 from rsicalib.records import to_json
@@ -194,6 +195,7 @@ def mechanism(args: Args) -> int:
         counted = {"identifiable": [c.to_dict() for c in counts]} if counts else {}
         sys.stdout.write(to_json({**loaded.to_dict(), **counted}))
         return 0
+    sys.stdout.write("".join(f"# {note}\n" for note in expansion_notes(args.name)))
     sys.stdout.write(loaded.to_toml())
     for count in counts:
         sys.stdout.write("\n" + "".join(f"# {line}\n" for line in count.text().splitlines()))

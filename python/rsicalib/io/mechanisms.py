@@ -1,23 +1,21 @@
 """Mechanism files: chains given as URDF become rows, and what that leaves out is filled in.
 
-The core reads fully expanded TOML text and checks it; here is only what needs files.
+The core takes the expanded mechanism and checks it; here is only what needs files.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import re
 from collections.abc import Mapping
-from datetime import date, time
-from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
+from rsicalib._core import Mechanism
+from rsicalib.errors import InputError, Where
 from rsicalib.io.urdf import UrdfChain, chain_from_urdf, masses_from_toml, read_toml
 from rsicalib.io.urdf_tree import listed, refuse
 
-__all__ = ["BUILTIN", "load_mechanism_text", "mechanism_toml", "read_mechanism"]
+__all__ = ["BUILTIN", "expansion_notes", "load_mechanism", "read_mechanism"]
 
 BUILTIN = ("rsi",)
 """Mechanisms that the core brings along."""
@@ -26,8 +24,8 @@ URDF_KEYS = ("name", "urdf", "base", "tip", "channels", "masses")
 """What a chain given as URDF may have."""
 
 
-def load_mechanism_text(name_or_path: str | os.PathLike[str]) -> str | None:
-    """Read a mechanism as the TOML text that the core takes.
+def load_mechanism(name_or_path: str | os.PathLike[str]) -> Mechanism:
+    """Load a mechanism: a built-in one by its name, or a file.
 
     Parameters
     ----------
@@ -36,29 +34,55 @@ def load_mechanism_text(name_or_path: str | os.PathLike[str]) -> str | None:
 
     Returns
     -------
-    str or None
-        The file's own text if nothing in it is to be expanded, so that the
-        core's messages name its lines; else with comments that say what the
-        rows could not take in. None for a built-in mechanism.
+    Mechanism
+        With rows for every chain.
 
     Raises
     ------
     InputError
-        A file cannot be read, or a chain given as URDF cannot be expanded.
+        A file cannot be read or contradicts itself, or a chain given as URDF cannot be
+        expanded. Of a file without URDF the message names line and column.
 
     See Also
     --------
     read_mechanism : the same as a dictionary.
+    expansion_notes : what the rows could not take in.
     """
     file = os.fspath(name_or_path)
     if file in BUILTIN:
-        return None
+        return Mechanism.rsi()
     document = _read(file)
-    if not any("urdf" in chain for chain in _tables(document, "chain")):
-        return Path(file).read_bytes().decode("utf-8-sig")
-    expanded, notes = _expanded(document, file)
-    comments = [f"# {' '.join(note.split())}\n" for note in notes]
-    return "".join(comments) + mechanism_toml(expanded)
+    expanded, _ = _expanded(document, file)
+    try:
+        if expanded is document:
+            return Mechanism.from_toml(Path(file).read_bytes().decode("utf-8-sig"))
+        return Mechanism.from_dict(expanded)
+    except InputError as error:
+        where = Where(file=file, line=None, column=None, found=None, expected=None)
+        raise InputError(f"{file}: {error.message}", where) from None
+
+
+def expansion_notes(name_or_path: str | os.PathLike[str]) -> list[str]:
+    """List what the rows of chains given as URDF could not take in.
+
+    Parameters
+    ----------
+    name_or_path : str or path
+        As for `load_mechanism`.
+
+    Returns
+    -------
+    list of str
+        One line each.
+
+    Raises
+    ------
+    InputError
+        As for `read_mechanism`.
+    """
+    file = os.fspath(name_or_path)
+    notes = [] if file in BUILTIN else _expanded(_read(file), file)[1]
+    return [" ".join(note.split()) for note in notes]
 
 
 def read_mechanism(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -86,47 +110,6 @@ def read_mechanism(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     file = os.fspath(path)
     return _expanded(_read(file), file)[0]
-
-
-def mechanism_toml(mechanism: Mapping[str, Any]) -> str:
-    """Write a mechanism as TOML text.
-
-    Parameters
-    ----------
-    mechanism : mapping
-        As `read_mechanism` returns it.
-
-    Returns
-    -------
-    str
-        Text that `tomllib` reads back to the same values.
-
-    Examples
-    --------
-    >>> print(mechanism_toml({"name": "bar", "chain": [{"name": "arm", "dh": [{"a": 3.2}]}]}))
-    name = "bar"
-    <BLANKLINE>
-    [[chain]]
-    name = "arm"
-    dh = [
-      {a = 3.2},
-    ]
-    <BLANKLINE>
-    """
-    lines = []
-    sections = []
-    for key, value in mechanism.items():
-        if isinstance(value, Mapping):
-            sections += ["", f"[{_key(key)}]", *_lines(value)]
-        elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
-            for table in value:
-                sections += ["", f"[[{_key(key)}]]", *_lines(table)]
-        else:
-            lines.append(f"{_key(key)} = {_value(value)}")
-    return "\n".join([*lines, *sections, ""])
-
-
-# ------------------------------------------------------------------ expansion
 
 
 def _read(file: str) -> dict[str, Any]:
@@ -208,39 +191,3 @@ def _channel(name: str, urdf: UrdfChain, declared: Mapping[str, Any]) -> dict[st
         scale = {}
     limits = {"limits": urdf.limits[name]} if name in urdf.limits else {}
     return {"name": name, **scale, **limits, **declared}
-
-
-# ------------------------------------------------------------------ TOML
-
-
-def _lines(table: Mapping[str, Any]) -> list[str]:
-    """One line for each key; lists of tables, such as rows, one table to a line."""
-    out = []
-    for key, value in table.items():
-        if isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
-            out += [f"{_key(key)} = [", *(f"  {_value(v)}," for v in value), "]"]
-        else:
-            out.append(f"{_key(key)} = {_value(value)}")
-    return out
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Integral):
-        return repr(int(value))
-    if isinstance(value, Real):  # of numpy, too, whose repr is no TOML
-        return repr(float(value))
-    if isinstance(value, (date, time)):
-        return value.isoformat()
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    raise TypeError(f"TOML has no {type(value).__name__}")

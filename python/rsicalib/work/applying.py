@@ -7,29 +7,16 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
-from rsicalib.shapes import Parameter
 
-__all__ = [
-    "Known",
-    "as_applied",
-    "as_table",
-    "lasting_parameters",
-    "posed",
-    "sensors_of",
-    "terms_by_id",
-]
+__all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed"]
 
 Known: TypeAlias = tuple[dict[str, Any], FloatArray]
 """Table of readings and the poses they were taken in, shape (n, 6)."""
-
-TIME_BOUND = {"data", "order in time"}
-"""A class, and a need, of terms that belong to one session alone."""
 
 
 def as_table(
@@ -71,43 +58,41 @@ def posed(readings: Readings, mechanism: Mechanism) -> Known:
     return as_table([readings], mechanism), np.ascontiguousarray(readings.poses)
 
 
-def as_applied(result: Result | None, mechanism: Mechanism) -> dict[str, Any]:
-    """A result as the core applies it to other readings; None: the mechanism as declared."""
+def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False) -> dict[str, Any]:
+    """A result as the core applies it to readings; None: the mechanism as declared.
+
+    `own` says that these are the readings of the result's own sessions, where all of it acts;
+    on others acts what outlasts those.
+    """
     channels = mechanism.channels
     zero = [0.0] * len(channels)
     if result is None:
         # Nothing refers to the readings where nothing was found with them.
         reference: Mapping[str, Any] = {"centre": zero, "span": [zero[:2]] * len(channels)}
         guess = [1.0 if c.unit == "count" else 1e-5 / abs(c.gain) for c in channels]
-        own = [c.noise for c in channels]
-        sigma = [g if n is None else n for g, n in zip(guess, own, strict=True)]
-        return {**reference, "temperature": None, "sigma": sigma, "parameters": []}
+        declared = [c.noise for c in channels]
+        sigma = [g if n is None else n for g, n in zip(guess, declared, strict=True)]
+        nothing: dict[str, Any] = {
+            "temperature": None,
+            "parameters": [],
+            "declared": False,
+            "own": own,
+        }
+        return {**reference, "sigma": sigma, **nothing}
     if result.reference is None or result.noise is None:
         raise InputError("found a result without 'reference' and 'noise', expected both")
-    known = [p for p in lasting_parameters(result, mechanism) if p.value is not None]
     return {
         **result.reference.to_dict(),
         "sigma": [result.noise.sigma[c.name] for c in channels],
-        "parameters": [(p.spec, p.name, p.value) for p in known],
+        "declared": result.noise.source == "declared",
+        "own": own,
+        "parameters": [(p.at, p.name, p.value) for p in result.parameters if p.value is not None],
     }
 
 
-def terms_by_id(mechanism: Mechanism) -> dict[str, Mapping[str, Any]]:
-    """What the core says of each term, by the term's id."""
-    return {term["id"]: term for term in _core.terms(mechanism)}
-
-
-def lasting_parameters(result: Result, mechanism: Mechanism) -> list[Parameter]:
-    """Parameters that hold beyond the session they were found in."""
-    info = terms_by_id(mechanism)
-    bound = {i for i, t in info.items() if {t["class"], t["needs"]} & TIME_BOUND}
-    return [p for p in result.parameters if p.term in info and p.term not in bound]
-
-
-def sensors_of(result: Result, mechanism: Mechanism) -> dict[str, tuple[float, float]]:
-    """Gain and offset of every channel under an earlier result."""
-    sensors = {c.name: [c.gain, c.offset] for c in mechanism.channels}
-    for p in result.parameters:
-        if p.term in ("gain", "offset") and p.target in sensors and p.value is not None:
-            sensors[p.target][p.term == "offset"] = p.value
-    return {name: (gain, offset) for name, (gain, offset) in sensors.items()}
+def covariance_of(result: Result) -> FloatArray | None:
+    """Covariance of the parameters that `as_applied` passes on; None where there is none."""
+    known = [i for i, p in enumerate(result.parameters) if p.value is not None]
+    if result.covariance.shape != (len(result.parameters),) * 2:
+        return None
+    return np.ascontiguousarray(result.covariance[np.ix_(known, known)])

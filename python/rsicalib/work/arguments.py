@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rsicalib._core import Mechanism
-from rsicalib.errors import InputError, Where
-from rsicalib.io.mechanisms import load_mechanism_text
+from rsicalib.errors import InputError
+from rsicalib.io.mechanisms import load_mechanism
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.results import Result, load_calibration
 
@@ -38,17 +38,7 @@ CalibrationArg: TypeAlias = PathLike | Result
 
 def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
     """A mechanism by name, from a file, or as it is."""
-    if isinstance(name_or_path, Mechanism):
-        return name_or_path
-    text = load_mechanism_text(name_or_path)
-    if text is None:
-        return Mechanism.rsi()
-    try:
-        return Mechanism.from_toml(text)
-    except InputError as error:
-        file = os.fspath(name_or_path)
-        where = Where(file=file, line=None, column=None, found=None, expected=None)
-        raise InputError(f"{file}: {error.message}", where) from None
+    return name_or_path if isinstance(name_or_path, Mechanism) else load_mechanism(name_or_path)
 
 
 def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:

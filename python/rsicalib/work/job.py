@@ -15,15 +15,7 @@ from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
 from rsicalib.shapes import Parameter
-from rsicalib.work.applying import (
-    Known,
-    as_applied,
-    as_table,
-    lasting_parameters,
-    posed,
-    sensors_of,
-    terms_by_id,
-)
+from rsicalib.work.applying import Known, as_applied, as_table, posed
 from rsicalib.work.arguments import (
     Bare,
     CalibrationArg,
@@ -38,7 +30,6 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 from rsicalib.work.outcome import described, moved_parameters, reference_of
-from rsicalib.work.signs import mark_unphysical
 
 __all__ = ["Work"]
 
@@ -94,8 +85,7 @@ class Work:
         """As asked for; else those of the earlier result that hold beyond its session."""
         if terms is not None or self.earlier is None:
             return listed(terms)
-        lasting = lasting_parameters(self.earlier, self.mechanism)
-        return list(dict.fromkeys(p.spec for p in lasting))
+        return _core.lasting([p.at for p in self.earlier.parameters])
 
     def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:
         """Standard deviation of one sample of each channel."""
@@ -107,7 +97,7 @@ class Work:
         """The core's session."""
         mechanism = self.mechanism
         if self.earlier is not None:
-            mechanism = mechanism.with_sensors(sensors_of(self.earlier, mechanism))
+            mechanism = _core.calibrated_sensors(mechanism, as_applied(self.earlier, mechanism))
         values = None
         if rest is not None:
             loaded = load(rest, Bare(self.mechanism), self.skip)
@@ -157,16 +147,14 @@ class Work:
             "length_unit": self.mechanism.length_unit,
             "readings": described(readings),
             **found,
-            "warnings": [*self.warnings, *found.get("warnings", [])],
+            "warnings": [*self.warnings, *found.get("warnings", []), *found.get("remarks", [])],
             "reference": reference,
         }
-        out["warnings"] += mark_unphysical(out, terms_by_id(self.mechanism))
         if self.earlier is not None:
             new = [
                 p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
             ]
-            known = terms_by_id(self.mechanism)
-            out["moved"] = moved_parameters(self.earlier, [p for p in new if p.term in known])
+            out["moved"] = moved_parameters(self.earlier, new)
         return out
 
     def too_few(

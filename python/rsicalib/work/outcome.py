@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 
+from rsicalib import _core
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Result
 from rsicalib.shapes import Data, Moved, Parameter, Skipped
-from rsicalib.verdicts import ALPHA
 
 __all__ = ["NOTHING", "described", "moved_parameters", "reference_of"]
 
@@ -53,19 +51,11 @@ def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
 
 def moved_parameters(earlier: Result, parameters: Sequence[Parameter]) -> list[Moved]:
     """Parameters that differ by more than chance would make one of them differ once in 100."""
-    before = {(p.spec, p.name): p for p in earlier.parameters}
-    pairs = [(before[p.spec, p.name], p) for p in parameters if (p.spec, p.name) in before]
-    limit = NormalDist().inv_cdf(1.0 - ALPHA / (2 * max(len(pairs), 1)))
+    before, now = (
+        [(p.at, p.name, p.value, p.sd) for p in of] for of in (earlier.parameters, parameters)
+    )
     moved = []
-    for old, new in pairs:
-        if old.value is None or new.value is None:
-            continue
-        sd = float(np.hypot(_sd(old), _sd(new)))
-        if abs(new.value - old.value) > limit * sd:
-            same = (new.term, new.target, new.name)
-            moved.append(Moved(*same, before=old.value, after=new.value, sd=sd, unit=new.unit))
+    for number, old, new, sd in _core.moved(before, now):
+        p = parameters[number]
+        moved.append(Moved(p.term, p.target, p.name, before=old, after=new, sd=sd, unit=p.unit))
     return moved
-
-
-def _sd(parameter: Parameter) -> float:
-    return math.inf if parameter.sd is None else parameter.sd

@@ -1,11 +1,14 @@
 //! An earlier result, applied to readings that it has not seen.
+//!
+//! Of what was found in a session not all holds in another one, see [`Outlasts`]: a drift
+//! is left out, and a slip has happened before the first row.
 
 use crate::apply::check::{Check, compare};
 use crate::apply::poses::poses_of;
-use crate::mechanism::{Closure, ClosureKind, Mechanism, Point};
-use crate::model::{Model, Want, Workspace, parse};
+use crate::mechanism::{Closure, ClosureKind, Mechanism, Point, Target};
+use crate::model::{Instance, Model, Spec, UNKNOWN_POINT, Want, Workspace, instances_of};
 use crate::readings::{Readings, Table};
-use crate::terms::term::Per;
+use crate::terms::term::{Outlasts, Per, Role, Term};
 use crate::{Error, terms};
 
 /// What the parameters of a result refer to, beside the mechanism.
@@ -40,8 +43,8 @@ impl Reference {
 /// A parameter as a result reports it: offsets at reading zero, gains absolute.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reported {
-    /// `curvature@a22`, as [`parse`] reads it.
-    pub term: String,
+    /// Its term at its target.
+    pub spec: Spec,
     /// Its name.
     pub name: String,
     /// Its value.
@@ -57,6 +60,43 @@ pub struct Applied {
     pub reference: Reference,
     /// Standard deviation of one reading of each channel.
     pub sigma: Vec<f64>,
+    /// True where those were declared, not estimated.
+    pub declared: bool,
+    /// True for the very sessions that the result was found with: all of it acts then, where
+    /// and when it did.
+    pub own: bool,
+}
+
+/// What of a reported effect holds beyond the session in which it was found.
+///
+/// Unknown points do not: what a device touched is no part of it.
+///
+/// # Errors
+///
+/// [`Error::Unknown`] where there is no such term.
+pub fn outlasts(spec: &Spec) -> Result<Outlasts, Error> {
+    match spec.term.as_str() {
+        UNKNOWN_POINT => Ok(Outlasts::Nothing),
+        id => terms::find(id).map(Term::outlasts),
+    }
+}
+
+/// The terms of a result that a later session is identified with: those that outlast their
+/// own as a whole, each once.
+///
+/// The value of a slip, which holds, is part of the offsets then.
+///
+/// # Errors
+///
+/// As [`outlasts`].
+pub fn lasting<'a>(specs: impl IntoIterator<Item = &'a Spec>) -> Result<Vec<Spec>, Error> {
+    let mut lasting: Vec<Spec> = Vec::new();
+    for spec in specs {
+        if outlasts(spec)? == Outlasts::Whole && !lasting.contains(spec) {
+            lasting.push(spec.clone());
+        }
+    }
+    Ok(lasting)
 }
 
 /// Error of a result on known poses, as [`crate::apply::check::check`] has it of a fit.
@@ -93,8 +133,8 @@ pub fn platform_poses(
             why: "poses need the points that carry it",
         });
     }
-    let (model, readings, beta) = under(mechanism, applied, table)?;
-    Ok(poses_of(&model, &readings, &beta, &applied.sigma, 1.0))
+    let under = Under::new(mechanism, applied, table)?;
+    Ok(under.poses(&under.values, &applied.sigma))
 }
 
 /// Where the chains carry their points under a result, row by row of a table.
@@ -111,29 +151,8 @@ pub fn points(
     applied: &Applied,
     table: Table,
 ) -> Result<Vec<Vec<[f64; 3]>>, Error> {
-    let open = opened(mechanism)?;
-    let applied = Applied {
-        parameters: applied.parameters.iter().filter(|p| !closes(p)).cloned().collect(),
-        ..applied.clone()
-    };
-    let table = Table { keys: Vec::new(), columns: Vec::new(), ..table };
-    let (model, readings, beta) = under(&open, &applied, table)?;
-    let carried: Vec<usize> =
-        (0..open.points.len()).filter(|&p| open.points[p].chain.is_some()).collect();
-    let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; carried.len()];
-    let mut ws = Workspace::default();
-    for (block, meta) in readings.blocks().iter().enumerate() {
-        let want = Want { x: false, a: false };
-        model.evaluate(&readings, block, readings.raw(block), &beta, want, &mut ws);
-        let points = model.points(&ws);
-        for (out, &p) in out.iter_mut().zip(&carried) {
-            let Some(at) = points[p] else { continue };
-            for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
-                out[row] = at.map(|v| v.0[lane]);
-            }
-        }
-    }
-    Ok(out)
+    let under = Under::open(mechanism, applied, table)?;
+    Ok(under.points(&under.values))
 }
 
 /// The same chains with their points, closed on nothing that readings would have to name.
@@ -164,74 +183,173 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     Ok(Mechanism { points, closures: vec![closure], platform, rest: None, ..mechanism.clone() })
 }
 
-/// True for a parameter that belongs to a closure.
-fn closes(parameter: &Reported) -> bool {
-    let id = parameter.term.split('@').next().unwrap_or_default();
-    terms::find(id).is_ok_and(|term| term.info().per == Per::Closure)
+/// A model of readings, and which of its parameters are those of a result.
+pub(crate) struct Under {
+    model: Model,
+    pub(crate) readings: Readings,
+    /// The values of the result.
+    pub(crate) values: Vec<f64>,
+    /// For each of them, the parameters of the model that it is; none where it does not act.
+    pub(crate) columns: Vec<Vec<usize>>,
 }
 
-/// A model of these readings, with the parameters that a result has of it.
-fn under(
-    mechanism: &Mechanism,
-    applied: &Applied,
-    table: Table,
-) -> Result<(Model, Readings, Vec<f64>), Error> {
-    let Applied { parameters, reference, sigma } = applied;
-    let channels = mechanism.channels.len();
-    for (what, found) in
-        [("centre", reference.centre.len()), ("span", reference.span.len()), ("sigma", sigma.len())]
-    {
-        if found != channels {
-            return Err(Error::Shape { what: what.into(), found, expected: channels });
+impl Under {
+    /// The mechanism under a result.
+    pub(crate) fn new(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        table: Table,
+    ) -> Result<Self, Error> {
+        Self::build(mechanism, applied, table, |_| true)
+    }
+
+    /// Its chains under a result, without what closes them.
+    pub(crate) fn open(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        table: Table,
+    ) -> Result<Self, Error> {
+        let table = Table { keys: Vec::new(), columns: Vec::new(), ..table };
+        let carries =
+            |spec: &Spec| terms::find(&spec.term).is_ok_and(|term| term.info().per != Per::Closure);
+        Self::build(&opened(mechanism)?, applied, table, carries)
+    }
+
+    fn build(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        table: Table,
+        wanted: impl Fn(&Spec) -> bool,
+    ) -> Result<Self, Error> {
+        let Applied { parameters, reference, sigma, own, .. } = applied;
+        let channels = mechanism.channels.len();
+        for (what, found) in [
+            ("centre", reference.centre.len()),
+            ("span", reference.span.len()),
+            ("sigma", sigma.len()),
+        ] {
+            if found != channels {
+                return Err(Error::Shape { what: what.into(), found, expected: channels });
+            }
         }
+        let mut readings = Readings::new(mechanism, table)?;
+        if let Some(mean) = reference.temperature {
+            readings.count_temperature_from(mean);
+        }
+        let mut instances: Vec<Instance> = Vec::new();
+        // Instances by number, and which of their parameters it is.
+        let mut acting: Vec<(Vec<usize>, usize)> = Vec::new();
+        for p in parameters {
+            let found = match wanted(&p.spec) {
+                true => acting_as(mechanism, &readings, &p.spec, *own)?,
+                false => Vec::new(),
+            };
+            let k = match found.first() {
+                Some(instance) => parameter_index(instance.term, &p.name)?,
+                None => 0,
+            };
+            let mut numbers = Vec::with_capacity(found.len());
+            for instance in found {
+                let at = instances.iter().position(|i| *i == instance);
+                numbers.push(at.unwrap_or(instances.len()));
+                if at.is_none() {
+                    instances.push(instance);
+                }
+            }
+            acting.push((numbers, k));
+        }
+        let mut model = Model::new(mechanism, &readings, instances)?;
+        for ((scale, &centre), &span) in
+            model.scales.iter_mut().zip(&reference.centre).zip(&reference.span)
+        {
+            scale.angle += scale.gain * (centre - scale.centre);
+            (scale.centre, scale.span) = (centre, span);
+        }
+        let columns = acting
+            .into_iter()
+            .map(|(numbers, k)| numbers.into_iter().map(|i| model.first[i] + k).collect())
+            .collect();
+        let values = parameters.iter().map(|p| p.value).collect();
+        Ok(Self { model, readings, values, columns })
     }
-    let mut readings = Readings::new(mechanism, table)?;
-    if let Some(mean) = reference.temperature {
-        readings.count_temperature_from(mean);
+
+    /// The model's own parameters, the inverse of [`crate::estimate::directions::reported`].
+    ///
+    /// What happened several times before the first row adds up.
+    fn internal(&self, values: &[f64]) -> Vec<f64> {
+        let model = &self.model;
+        let mut beta = model.nominal();
+        for (value, columns) in values.iter().zip(&self.columns) {
+            columns.iter().for_each(|&column| beta[column] += value);
+        }
+        for (c, scale) in model.scales.iter().enumerate() {
+            let gain = model.column(Role::Gain, c);
+            let slope = gain.map_or(scale.gain, |g| beta[g]);
+            if let Some(offset) = model.column(Role::Offset, c) {
+                beta[offset] += slope * scale.centre - scale.angle;
+            }
+            if let Some(gain) = gain {
+                beta[gain] = slope - scale.gain;
+            }
+        }
+        beta
     }
-    let mut terms: Vec<String> = parameters.iter().map(|p| p.term.clone()).collect();
-    terms.dedup();
-    let instances = parse(mechanism, &readings, &terms)?;
-    let mut model = Model::new(mechanism, &readings, instances)?;
-    for ((scale, &centre), &span) in
-        model.scales.iter_mut().zip(&reference.centre).zip(&reference.span)
-    {
-        scale.angle += scale.gain * (centre - scale.centre);
-        (scale.centre, scale.span) = (centre, span);
+
+    /// Platform pose of every row where the result has these values.
+    pub(crate) fn poses(&self, values: &[f64], sigma: &[f64]) -> Vec<[f64; 6]> {
+        poses_of(&self.model, &self.readings, &self.internal(values), sigma, 1.0)
     }
-    let beta = internal(&model, mechanism, &readings, parameters)?;
-    Ok((model, readings, beta))
+
+    /// Place of every carried point in every row where the result has these values.
+    pub(crate) fn points(&self, values: &[f64]) -> Vec<Vec<[f64; 3]>> {
+        let (model, readings, beta) = (&self.model, &self.readings, self.internal(values));
+        let points = &model.mechanism.points;
+        let carried: Vec<usize> =
+            (0..points.len()).filter(|&p| points[p].chain.is_some()).collect();
+        let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; carried.len()];
+        let mut ws = Workspace::default();
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let want = Want { x: false, a: false };
+            model.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
+            let points = model.points(&ws);
+            for (out, &p) in out.iter_mut().zip(&carried) {
+                let Some(at) = points[p] else { continue };
+                for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+                    out[row] = at.map(|v| v.0[lane]);
+                }
+            }
+        }
+        out
+    }
 }
 
-/// The inverse of [`crate::estimate::directions::reported`].
-fn internal(
-    model: &Model,
+/// As what a reported effect acts on readings: its own, or others.
+fn acting_as(
     mechanism: &Mechanism,
     readings: &Readings,
-    parameters: &[Reported],
-) -> Result<Vec<f64>, Error> {
-    let mut beta = model.nominal();
-    for p in parameters {
-        let instance = parse(mechanism, readings, std::slice::from_ref(&p.term))?;
-        let known = instance[0].term.info().parameters;
-        let k = known.iter().position(|k| k.name == p.name).ok_or_else(|| Error::Unknown {
-            kind: "parameter",
-            found: p.name.clone(),
-            known: known.iter().map(|k| k.name).collect::<Vec<_>>().join(", "),
-        })?;
-        if let Some(i) = model.instances.iter().position(|i| *i == instance[0]) {
-            beta[model.first[i] + k] = p.value;
-        }
+    spec: &Spec,
+    own: bool,
+) -> Result<Vec<Instance>, Error> {
+    if spec.term == UNKNOWN_POINT {
+        return Ok(Vec::new());
     }
-    for (c, scale) in model.scales.iter().enumerate() {
-        let gain = model.column("gain", c);
-        let slope = gain.map_or(scale.gain, |g| beta[g]);
-        if let Some(offset) = model.column("offset", c) {
-            beta[offset] += slope * scale.centre - scale.angle;
+    match outlasts(spec)? {
+        Outlasts::Nothing if !own => Ok(Vec::new()),
+        Outlasts::Value if !own => {
+            let (term, targets) = spec.targets(mechanism)?;
+            let past = |target: Target| Instance { term, target, place: 0 };
+            Ok(targets.into_iter().map(past).collect())
         }
-        if let Some(gain) = gain {
-            beta[gain] = slope - scale.gain;
-        }
+        _ => instances_of(mechanism, readings, spec),
     }
-    Ok(beta)
+}
+
+/// Which of a term's parameters bears a name.
+pub(crate) fn parameter_index(term: &dyn Term, name: &str) -> Result<usize, Error> {
+    let known = term.info().parameters;
+    known.iter().position(|k| k.name == name).ok_or_else(|| Error::Unknown {
+        kind: "parameter",
+        found: name.into(),
+        known: known.iter().map(|k| k.name).collect::<Vec<_>>().join(", "),
+    })
 }

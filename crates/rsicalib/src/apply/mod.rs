@@ -3,5 +3,9 @@
 pub mod change;
 pub mod check;
 pub mod earlier;
+pub mod export;
 pub mod fixture;
+pub mod groups;
+pub mod moved;
+pub mod places;
 pub mod poses;

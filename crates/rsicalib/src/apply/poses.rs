@@ -85,12 +85,16 @@ pub fn poses_with_sd(
     Ok((poses, deviations))
 }
 
+/// An angle between half a turn back and half a turn ahead.
+pub(crate) fn short_way(angle: f64) -> f64 {
+    let turn = 2.0 * std::f64::consts::PI;
+    (angle + 0.5 * turn).rem_euclid(turn) - 0.5 * turn
+}
+
 /// Differences of poses, angles the short way round.
 fn apart(a: &[[f64; 6]], b: &[[f64; 6]]) -> Vec<[f64; 6]> {
-    let turn = 2.0 * std::f64::consts::PI;
-    let short = |d: f64| (d + 0.5 * turn).rem_euclid(turn) - 0.5 * turn;
     let one = |(a, b): (&[f64; 6], &[f64; 6])| {
-        std::array::from_fn(|k| if k < 3 { a[k] - b[k] } else { short(a[k] - b[k]) })
+        std::array::from_fn(|k| if k < 3 { a[k] - b[k] } else { short_way(a[k] - b[k]) })
     };
     a.iter().zip(b).map(one).collect()
 }

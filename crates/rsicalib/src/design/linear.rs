@@ -9,7 +9,7 @@
 
 use crate::Error;
 use crate::mechanism::Mechanism;
-use crate::model::{Model, Prior, Want, Workspace, parse};
+use crate::model::{Model, Prior, UNKNOWN_POINT, Want, Workspace, parse};
 use crate::readings::{Readings, Table};
 
 /// Misclosure and its derivatives, all samples one after the other.
@@ -113,7 +113,7 @@ fn names(model: &Model) -> Vec<(String, String, String)> {
             .map(move |p| (i.term.info().id.to_string(), target.clone(), p.name.to_string()))
     });
     let of_points = model.unknown_names.iter().flat_map(|point| {
-        ["x", "y", "z"].map(|axis| ("unknown_point".to_string(), point.clone(), axis.to_string()))
+        ["x", "y", "z"].map(|axis| (UNKNOWN_POINT.to_string(), point.clone(), axis.to_string()))
     });
     of_terms.chain(of_points).collect()
 }

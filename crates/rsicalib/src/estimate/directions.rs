@@ -3,9 +3,10 @@
 use faer::{Mat, Side};
 
 use crate::estimate::fit::Fit;
+use crate::estimate::note::Note;
 use crate::estimate::observations::Observations;
-use crate::model::{Instance, place_name};
-use crate::terms::term::Placed;
+use crate::model::{Instance, Spec, UNKNOWN_POINT, place_name};
+use crate::terms::term::{Placed, Role};
 
 /// Directions in the space of parameters that data cannot, or hardly, tell.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -128,7 +129,7 @@ pub fn uncentred_condition(fit: &Fit) -> f64 {
     let mut map = Mat::<f64>::identity(n, n);
     for (c, scale) in fit.model.scales.iter().enumerate() {
         if let (Some(offset), Some(gain)) =
-            (fit.model.column("offset", c), fit.model.column("gain", c))
+            (fit.model.column(Role::Offset, c), fit.model.column(Role::Gain, c))
         {
             map[(offset, gain)] = scale.centre;
         }
@@ -156,6 +157,32 @@ pub struct ParameterReport {
     pub sd: Option<f64>,
     /// Its unit.
     pub unit: String,
+    /// What keeps it from being what its term is called.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub note: Option<Note>,
+}
+
+impl ParameterReport {
+    /// Its term at its place.
+    #[must_use]
+    pub fn spec(&self) -> Spec {
+        let Self { term, target, place, .. } = self.clone();
+        Spec { term, target: Some(target), place }
+    }
+
+    /// The same parameter with what must be noted of it.
+    #[must_use]
+    pub fn noted(mut self) -> Self {
+        self.note = Note::of(&self.term, self.value, self.sd);
+        self
+    }
+
+    /// The note as a sentence about this parameter, for a list of warnings.
+    #[must_use]
+    pub fn remark(&self) -> Option<String> {
+        let name = format!("{} {}", self.term, self.target);
+        Some(self.note?.sentence(&name, self.value, self.sd?, &self.unit))
+    }
 }
 
 /// Values and covariance as they are reported: offsets at reading zero, gains
@@ -171,9 +198,9 @@ pub fn reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
     let mut values = fit.beta.clone();
     let mut map = Mat::<f64>::identity(n, n);
     for (c, scale) in model.scales.iter().enumerate() {
-        let gain = model.column("gain", c);
+        let gain = model.column(Role::Gain, c);
         let slope = gain.map_or(0.0, |g| fit.beta[g]) + scale.gain;
-        if let Some(offset) = model.column("offset", c) {
+        if let Some(offset) = model.column(Role::Offset, c) {
             values[offset] = fit.beta[offset] + scale.angle - slope * scale.centre;
             if let Some(gain) = gain {
                 map[(offset, gain)] = -scale.centre;
@@ -202,19 +229,21 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
                 value: f64::NAN,
                 sd: None,
                 unit: unit(observations, instance, parameter.unit),
+                note: None,
             });
         }
     }
     for point in &fit.model.unknown_names {
         for axis in ["x", "y", "z"] {
             names.push(ParameterReport {
-                term: "unknown_point".into(),
+                term: UNKNOWN_POINT.into(),
                 target: point.clone(),
                 place: None,
                 name: axis.into(),
                 value: f64::NAN,
                 sd: None,
                 unit: mechanism.length_unit.clone(),
+                note: None,
             });
         }
     }

@@ -1,10 +1,10 @@
 //! A session: one mechanism, its readings, and what else is known of them.
 
+use crate::Error;
 use crate::estimate::options::FitOptions;
 use crate::mechanism::Mechanism;
-use crate::model::{Instance, assembly};
+use crate::model::{Instance, assembly, check_names};
 use crate::readings::{Readings, Table};
-use crate::{Error, terms};
 
 /// Readings to fit, with everything that is known beside them.
 #[derive(Debug, Clone)]
@@ -71,7 +71,7 @@ impl Observations {
             None => mechanism.clone(),
         };
         mechanism.validate()?;
-        terms::check_names(&mechanism)?;
+        check_names(&mechanism)?;
         let readings = Readings::new(&mechanism, table)?;
         let rest = match rest {
             Some(values) => {

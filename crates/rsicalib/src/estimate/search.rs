@@ -21,6 +21,7 @@ use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::readings::{Readings, rows_of};
+use crate::terms::term::Role;
 
 /// Fraction of its nominal gain below which a channel has collapsed.
 const COLLAPSED: f64 = 0.05;
@@ -39,11 +40,11 @@ fn about(anchor: &Anchor, model: &Model, factors: &[f64]) -> Vec<f64> {
     for (c, &(reading, angle)) in anchor.at.iter().enumerate() {
         let scale = &model.scales[c];
         let gain = scale.gain * factors[c];
-        if let Some(column) = model.column("gain", c) {
+        if let Some(column) = model.column(Role::Gain, c) {
             beta[column] = gain - scale.gain;
         }
-        let gain = if model.column("gain", c).is_some() { gain } else { scale.gain };
-        if let Some(column) = model.column("offset", c) {
+        let gain = if model.column(Role::Gain, c).is_some() { gain } else { scale.gain };
+        if let Some(column) = model.column(Role::Offset, c) {
             beta[column] = angle - scale.angle - gain * (reading - scale.centre);
         }
     }
@@ -53,7 +54,8 @@ fn about(anchor: &Anchor, model: &Model, factors: &[f64]) -> Vec<f64> {
 /// Ratio of every gain to its nominal value.
 pub fn ratios(model: &Model, beta: &[f64]) -> impl Iterator<Item = f64> {
     model.scales.iter().enumerate().map(|(c, scale)| {
-        let gain = model.column("gain", c).map_or(scale.gain, |column| scale.gain + beta[column]);
+        let gain =
+            model.column(Role::Gain, c).map_or(scale.gain, |column| scale.gain + beta[column]);
         gain / scale.gain
     })
 }
@@ -106,7 +108,7 @@ impl Tied {
             Model::about(&observations.mechanism, &observations.readings, instances, &at).ok()?;
         let mut priors = model.priors();
         for (c, scale) in model.scales.iter().enumerate() {
-            if let Some(column) = model.column("offset", c) {
+            if let Some(column) = model.column(Role::Offset, c) {
                 let (mean, sd) = (angles[c] - scale.angle, TIED[usize::from(!anchor.known)]);
                 priors.push(Prior::Parameter { column, mean, sd });
             }
@@ -119,8 +121,8 @@ impl Tied {
 fn moved(beta: &[f64], from: &Model, to: &Model) -> Vec<f64> {
     let mut moved = beta.to_vec();
     for (c, (a, b)) in from.scales.iter().zip(&to.scales).enumerate() {
-        if let Some(offset) = to.column("offset", c) {
-            let gain = a.gain + to.column("gain", c).map_or(0.0, |column| beta[column]);
+        if let Some(offset) = to.column(Role::Offset, c) {
+            let gain = a.gain + to.column(Role::Gain, c).map_or(0.0, |column| beta[column]);
             moved[offset] += a.angle - b.angle + gain * (b.centre - a.centre);
         }
     }
@@ -237,10 +239,10 @@ impl<'a> StartSearch<'a> {
         let mut elsewhere = false;
         for (c, scale) in model.scales.iter().enumerate() {
             let limits = observations.mechanism.channels[c].limits;
-            let (Some([low, high]), Some(column)) = (limits, model.column("offset", c)) else {
+            let (Some([low, high]), Some(column)) = (limits, model.column(Role::Offset, c)) else {
                 continue;
             };
-            let gain = scale.gain + model.column("gain", c).map_or(0.0, |column| beta[column]);
+            let gain = scale.gain + model.column(Role::Gain, c).map_or(0.0, |column| beta[column]);
             let mean = observations.readings.mean[c];
             let angle = |offset: f64| scale.angle + offset + gain * (mean - scale.centre);
             if observations.mechanism.turns(c) {

@@ -2,16 +2,17 @@
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
+use crate::Error;
 use crate::kinematics::elements::{Axis, Element, Source, Way, Weight, push_rigid};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::numbering::{number_unknowns, unknown_name};
+use crate::model::specification::check_names;
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::Readings;
 use crate::terms::targets::provided;
-use crate::terms::term::{Acts, Electronics, Placed, Scale, Sensor, Spot};
-use crate::{Error, terms};
+use crate::terms::term::{Acts, Electronics, Placed, Role, Scale, Sensor, Spot};
 
 /// Most parameters that one term may have.
 pub const MOST_PARAMETERS: usize = 16;
@@ -172,7 +173,7 @@ impl Model {
         instances: Vec<Instance>,
         centre: &[f64],
     ) -> Result<Self, Error> {
-        for instance in &instances {
+        for instance in instances.iter().filter(|i| !i.is_past()) {
             provided(instance.term, mechanism, readings)?;
         }
         Self::compile(mechanism, readings, instances, centre)
@@ -185,7 +186,7 @@ impl Model {
         centre: &[f64],
     ) -> Result<Self, Error> {
         mechanism.validate()?;
-        terms::check_names(mechanism)?;
+        check_names(mechanism)?;
         let mut first = Vec::with_capacity(instances.len());
         let mut term_parameters = 0;
         for instance in &instances {
@@ -244,6 +245,7 @@ impl Model {
             let session = match instance.term.placed() {
                 _ if readings.sessions < 2 => None,
                 _ if bound_to_session(instance.term) => Some(place),
+                _ if instance.is_past() => None,
                 Placed::AtPose => readings.session_of_pose.get(place).copied(),
                 _ => None,
             };
@@ -435,10 +437,10 @@ impl Model {
         Ok(model)
     }
 
-    /// Parameter of a term of one parameter at a channel.
+    /// Parameter that is the offset, or the gain, of a channel.
     #[must_use]
-    pub fn column(&self, id: &str, channel: usize) -> Option<usize> {
-        let at = |i: &Instance| i.target == Target::Channel(channel) && i.term.info().id == id;
+    pub fn column(&self, role: Role, channel: usize) -> Option<usize> {
+        let at = |i: &Instance| i.target == Target::Channel(channel) && i.term.role() == role;
         self.instances.iter().position(at).map(|k| self.first[k])
     }
 

@@ -2,7 +2,7 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::readings::Readings;
-use crate::terms::term::{Needs, Placed, Term};
+use crate::terms::term::{Needs, Outlasts, Placed, Term};
 
 /// One term at one target.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +20,13 @@ impl Instance {
     #[must_use]
     pub fn width(&self) -> usize {
         self.term.info().parameters.len()
+    }
+
+    /// True for what happened before the first pose, and has acted ever since: all that
+    /// other readings see of what happened once.
+    #[must_use]
+    pub fn is_past(&self) -> bool {
+        self.place == 0 && self.term.outlasts() == Outlasts::Value
     }
 }
 

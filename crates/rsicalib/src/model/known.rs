@@ -4,7 +4,7 @@ use crate::mechanism::Target;
 use crate::model::compiled::Model;
 use crate::model::prior::Prior;
 use crate::terms::targets;
-use crate::terms::term::Acts;
+use crate::terms::term::{Acts, Role};
 
 /// How firmly the first joint's zero is held where it turns the whole world [rad, or
 /// length units]: as the rotations of a frame.
@@ -34,9 +34,9 @@ impl Model {
             let held = info.penalised
                 || info.broad
                 || matches!(instance.term.acts(), Acts::Load(_))
-                || (complete && info.id == "offset");
+                || (complete && instance.term.role() == Role::Offset);
             let mut typical = targets::typical(&self.mechanism, instance.term, instance.target);
-            if complete && info.id == "offset" && root == Some(instance.target) {
+            if complete && instance.term.role() == Role::Offset && root == Some(instance.target) {
                 typical = vec![ROOT];
             }
             for (k, typical) in typical.into_iter().enumerate() {

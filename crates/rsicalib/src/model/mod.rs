@@ -13,5 +13,6 @@ mod unknown_points;
 pub use compiled::{MOST_PARAMETERS, Model};
 pub use evaluation::{Want, Workspace};
 pub use instance::{Instance, bound_to_session, place_name, places};
+pub use numbering::UNKNOWN_POINT;
 pub use prior::Prior;
-pub use specification::parse;
+pub use specification::{Spec, check_names, instances_of, parse};

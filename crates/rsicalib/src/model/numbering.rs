@@ -3,6 +3,9 @@
 use crate::mechanism::Mechanism;
 use crate::readings::Readings;
 
+/// What results call an unknown point, in the place of a term.
+pub const UNKNOWN_POINT: &str = "unknown_point";
+
 /// How users call an unknown point: `socket[group=front,at=socket0]`.
 pub(crate) fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String]) -> String {
     let point = &mechanism.points[point];

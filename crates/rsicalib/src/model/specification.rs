@@ -1,10 +1,93 @@
 //! Instances as users write them: `offset`, `curvature@a22`, `slip@a22:17`.
 
+use std::convert::Infallible;
+use std::fmt;
+use std::str::FromStr;
+
 use crate::mechanism::{Mechanism, Target};
 use crate::model::instance::{Instance, bound_to_session, place_name, places};
 use crate::readings::Readings;
 use crate::terms::targets::targets;
+use crate::terms::term::Term;
 use crate::{Error, terms};
+
+/// A term, where it acts, and which of its places that is: `curvature@a22`, `slip@a22:17`.
+///
+/// # Example
+///
+/// ```
+/// use rsicalib::model::Spec;
+///
+/// let spec = Spec::from("slip@a22:17");
+/// assert_eq!((spec.term.as_str(), spec.place.as_deref()), ("slip", Some("17")));
+/// assert_eq!(spec.to_string(), "slip@a22:17");
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+pub struct Spec {
+    /// Id of the term.
+    pub term: String,
+    /// What it belongs to; none: every target that it may have.
+    pub target: Option<String>,
+    /// Which place of several there: a pose, another channel, a session.
+    pub place: Option<String>,
+}
+
+impl From<&str> for Spec {
+    fn from(text: &str) -> Self {
+        let (term, at) = match text.split_once('@') {
+            Some((term, at)) => (term, Some(at)),
+            None => (text, None),
+        };
+        let (target, place) = match at.and_then(|at| at.split_once(':')) {
+            Some((target, place)) => (Some(target), Some(place)),
+            None => (at, None),
+        };
+        let own = |part: Option<&str>| part.map(String::from);
+        Self { term: term.into(), target: own(target), place: own(place) }
+    }
+}
+
+impl FromStr for Spec {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(Self::from(text))
+    }
+}
+
+impl fmt::Display for Spec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.term)?;
+        for (mark, part) in [('@', &self.target), (':', &self.place)] {
+            if let Some(part) = part {
+                write!(f, "{mark}{part}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Spec {
+    /// The term, and the targets that are meant: all that there may be where none is named.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unknown`] with the names there are.
+    pub fn targets(
+        &self,
+        mechanism: &Mechanism,
+    ) -> Result<(&'static dyn Term, Vec<Target>), Error> {
+        let term = terms::find(&self.term)?;
+        let mut all = targets(term, mechanism);
+        if let Some(name) = &self.target {
+            let named = all.iter().find(|t| t.name(mechanism) == *name).copied();
+            let known = || all.iter().map(|t| t.name(mechanism)).collect::<Vec<_>>().join(", ");
+            let unknown = || Error::Unknown { kind: "target", found: name.clone(), known: known() };
+            all = vec![named.ok_or_else(unknown)?];
+        }
+        Ok((term, all))
+    }
+}
 
 /// The instances that a list of specifications asks for.
 ///
@@ -21,52 +104,73 @@ pub fn parse(
 ) -> Result<Vec<Instance>, Error> {
     let mut instances: Vec<Instance> = Vec::new();
     for spec in specs {
-        let (id, at) = spec.split_once('@').map_or((spec.as_str(), None), |(i, t)| (i, Some(t)));
-        let term = terms::find(id)?;
-        let (at, place) = match at.and_then(|t| t.split_once(':')) {
-            Some((t, p)) => (Some(t), Some(p)),
-            None => (at, None),
-        };
-        let all = targets(term, mechanism);
-        let known = || all.iter().map(|t| t.name(mechanism)).collect::<Vec<_>>().join(", ");
-        let unknown =
-            |found: &str| Error::Unknown { kind: "target", found: found.into(), known: known() };
-        let chosen: Vec<Target> = match at {
-            None => all.clone(),
-            Some(name) => {
-                vec![*all.iter().find(|t| t.name(mechanism) == name).ok_or_else(|| unknown(name))?]
-            }
-        };
-        for target in chosen {
-            let channel = if let Target::Channel(c) = target { c } else { 0 };
-            let places = places(term, mechanism, readings, channel);
-            if place.is_none() && bound_to_session(term) {
-                for &place in &places {
-                    let instance = Instance { term, target, place };
-                    if !instances.contains(&instance) {
-                        instances.push(instance);
-                    }
-                }
-                continue;
-            }
-            let place = match place {
-                None => places.first().copied().unwrap_or(0),
-                Some(name) => {
-                    let names = places.iter().map(|&p| place_name(term, mechanism, readings, p));
-                    let names: Vec<String> = names.collect();
-                    let at = names.iter().position(|n| n == name);
-                    places[at.ok_or_else(|| Error::Unknown {
-                        kind: "place",
-                        found: name.into(),
-                        known: names.join(", "),
-                    })?]
-                }
-            };
-            let instance = Instance { term, target, place };
+        for instance in instances_of(mechanism, readings, &Spec::from(spec.as_str()))? {
             if !instances.contains(&instance) {
                 instances.push(instance);
             }
         }
     }
     Ok(instances)
+}
+
+/// The instances that one specification asks for.
+///
+/// # Errors
+///
+/// As [`parse`].
+pub fn instances_of(
+    mechanism: &Mechanism,
+    readings: &Readings,
+    spec: &Spec,
+) -> Result<Vec<Instance>, Error> {
+    let (term, chosen) = spec.targets(mechanism)?;
+    let mut instances = Vec::new();
+    for target in chosen {
+        let channel = if let Target::Channel(c) = target { c } else { 0 };
+        let places = places(term, mechanism, readings, channel);
+        match &spec.place {
+            None if bound_to_session(term) => {
+                instances.extend(places.iter().map(|&place| Instance { term, target, place }));
+            }
+            None => {
+                let place = places.first().copied().unwrap_or(0);
+                instances.push(Instance { term, target, place });
+            }
+            Some(name) => {
+                let names = places.iter().map(|&p| place_name(term, mechanism, readings, p));
+                let names: Vec<String> = names.collect();
+                let at = names.iter().position(|n| n == name).ok_or_else(|| Error::Unknown {
+                    kind: "place",
+                    found: name.clone(),
+                    known: names.join(", "),
+                })?;
+                instances.push(Instance { term, target, place: places[at] });
+            }
+        }
+    }
+    Ok(instances)
+}
+
+/// Refuses a mechanism that names a term which there is not.
+///
+/// Where the terms act is told by the readings, too, and is checked with them.
+///
+/// # Errors
+///
+/// [`Error::Mechanism`] with the ids there are.
+pub fn check_names(mechanism: &Mechanism) -> Result<(), Error> {
+    let ids = mechanism.model.terms.iter().map(|spec| ("terms", spec));
+    for (key, spec) in ids.chain(mechanism.model.sd.keys().map(|id| ("sd", id))) {
+        if let Err(Error::Unknown { found, known, .. }) =
+            terms::find(&Spec::from(spec.as_str()).term)
+        {
+            let place = format!("model, {key}");
+            return Err(Error::Mechanism {
+                place,
+                found: format!("term {found:?}"),
+                expected: known,
+            });
+        }
+    }
+    Ok(())
 }

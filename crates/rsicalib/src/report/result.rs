@@ -92,6 +92,8 @@ pub struct Estimates {
     pub noise: NoiseReport,
     /// Parameters.
     pub parameters: Vec<ParameterReport>,
+    /// What must be noted of them, in sentences.
+    pub remarks: Vec<String>,
     /// Their covariance, row by row.
     pub covariance: Vec<Vec<f64>>,
     /// What these poses cannot tell apart, in words.
@@ -121,7 +123,7 @@ pub fn parameters(observations: &Observations, fit: &Fit) -> Vec<ParameterReport
         p.value = values[k];
         p.sd = (!fit.unknowable[k]).then(|| covariance[(k, k)].max(0.0).sqrt());
     }
-    parameters
+    parameters.into_iter().map(ParameterReport::noted).collect()
 }
 
 /// The same in words and numbers.
@@ -132,6 +134,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
     let n = covariance.nrows();
     let sigma =
         mechanism.channels.iter().map(|c| c.name.clone()).zip(fit.noise.sigma.iter().copied());
+    let parameters = parameters(observations, fit);
     Estimates {
         noise: NoiseReport {
             source: words::noise(&fit.noise),
@@ -139,7 +142,8 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
             correlation: fit.noise.correlation,
         },
-        parameters: parameters(observations, fit),
+        remarks: parameters.iter().filter_map(ParameterReport::remark).collect(),
+        parameters,
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
         unobservable: directions.unobservable.iter().map(words::direction).collect(),
         weak: directions.weak.iter().map(words::direction).collect(),

@@ -216,6 +216,7 @@ fn step(
         sd: (!after.unknowable[first + k])
             .then(|| covariance[(first + k, first + k)].max(0.0).sqrt()),
         unit: unit(observations, &found.instance, p.unit),
+        note: None,
     });
     let curve = curve(after, &found.instance, first);
     // What it does to the platform: the search's fit with it against the one without.
@@ -230,7 +231,7 @@ fn step(
         effect: effect(observations, &found.instance),
         p_value: found.p_value.min(1.0),
         chi2_rise: cost(&found.without) - cost(&traced.last),
-        parameters: parameters.collect(),
+        parameters: parameters.map(ParameterReport::noted).collect(),
         also_fits: found.also.iter().map(|i| effect(observations, i)).collect(),
         platform_rms,
         held_out: held_out(&traced.small, &fitted),

@@ -1,7 +1,7 @@
 //! [`Gain`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Info, Role, Sensor, Site, Term};
 
 term! {
     /// Joint angle per reading.
@@ -20,6 +20,10 @@ impl Term for Gain {
 
     fn acts(&self) -> Acts {
         Acts::Sensor(&Self)
+    }
+
+    fn role(&self) -> Role {
+        Role::Gain
     }
 }
 

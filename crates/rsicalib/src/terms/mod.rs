@@ -13,7 +13,6 @@
 //! of this one. Its parameters are zero where the effect is absent.
 
 use crate::Error;
-use crate::mechanism::Mechanism;
 use crate::terms::term::Term;
 
 #[macro_use]
@@ -71,29 +70,6 @@ pub fn find(id: &str) -> Result<&'static dyn Term, Error> {
         found: id.into(),
         known: ALL.iter().map(|t| t.info().id).collect::<Vec<_>>().join(", "),
     })
-}
-
-/// Refuses a mechanism that names a term which there is not.
-///
-/// Where the terms act is told by the readings, too, and is checked with them.
-///
-/// # Errors
-///
-/// [`Error::Mechanism`] with the ids there are.
-pub fn check_names(mechanism: &Mechanism) -> Result<(), Error> {
-    let ids = mechanism.model.terms.iter().map(|spec| ("terms", spec));
-    for (key, spec) in ids.chain(mechanism.model.sd.keys().map(|id| ("sd", id))) {
-        let id = spec.split('@').next().unwrap_or_default();
-        if let Err(Error::Unknown { found, known, .. }) = find(id) {
-            let place = format!("model, {key}");
-            return Err(Error::Mechanism {
-                place,
-                found: format!("term {found:?}"),
-                expected: known,
-            });
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

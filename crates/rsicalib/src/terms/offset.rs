@@ -1,7 +1,7 @@
 //! [`Offset`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Info, Role, Sensor, Site, Term};
 
 term! {
     /// Joint angle at the middle reading.
@@ -21,6 +21,10 @@ impl Term for Offset {
 
     fn acts(&self) -> Acts {
         Acts::Sensor(&Self)
+    }
+
+    fn role(&self) -> Role {
+        Role::Offset
     }
 }
 

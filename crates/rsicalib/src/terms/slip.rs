@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Placed, Sensor, Site, Term};
+use crate::terms::term::{Acts, Info, Placed, Role, Sensor, Site, Term};
 
 term! {
     /// A sensor that jumped once.
@@ -29,6 +29,10 @@ impl Term for Slip {
 
     fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
         (1..poses).collect()
+    }
+
+    fn role(&self) -> Role {
+        Role::Shift
     }
 }
 

@@ -260,6 +260,32 @@ pub enum Acts {
     Distance,
 }
 
+/// What of a term holds beyond the session in which it was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+pub enum Outlasts {
+    /// All of it.
+    Whole,
+    /// Its value, not its place: what happened in one pose has happened in all later sessions.
+    Value,
+    /// Nothing: another session drifts in its own way.
+    Nothing,
+}
+
+/// What a parameter is to the line of its channel, `angle = gain * reading + offset`, eq. (9).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// The offset itself, reported at reading zero.
+    Offset,
+    /// The gain itself.
+    Gain,
+    /// Is added to the offset where the term acts.
+    Shift,
+    /// None: the effect is no such line.
+    Other,
+}
+
 /// One physical term of the model.
 pub trait Term: Sync {
     /// Identity, parameters, units and words.
@@ -276,6 +302,20 @@ pub trait Term: Sync {
     /// Those places, to be tried one by one.
     fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {
         vec![0]
+    }
+
+    /// What its parameter is to the line of its channel.
+    fn role(&self) -> Role {
+        Role::Other
+    }
+
+    /// What of it holds beyond the session in which it was found.
+    fn outlasts(&self) -> Outlasts {
+        match (self.info().class, self.info().needs, self.placed()) {
+            (Class::Data, ..) | (_, Needs::Order, Placed::Once) => Outlasts::Nothing,
+            (.., Placed::AtPose) => Outlasts::Value,
+            _ => Outlasts::Whole,
+        }
     }
 }
 

@@ -1,0 +1,122 @@
+//! Parameters that are not what an earlier result says.
+
+use crate::apply::earlier::outlasts;
+use crate::model::Spec;
+use crate::numerics::distributions::normal_quantile;
+use crate::terms;
+use crate::terms::term::{Outlasts, Role};
+
+/// Probability that chance alone makes any parameter of a device differ.
+pub const MOVED_LEVEL: f64 = 0.01;
+
+/// A parameter of a result, with its uncertainty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// Its term at its target.
+    pub spec: Spec,
+    /// Its name.
+    pub name: String,
+    /// Its value; none where it is not known.
+    pub value: Option<f64>,
+    /// Standard deviation; none where nothing determines it.
+    pub sd: Option<f64>,
+}
+
+/// A parameter that differs by more than both uncertainties allow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moved {
+    /// Its number in the new result.
+    pub parameter: usize,
+    /// Its value in the earlier result.
+    pub before: f64,
+    /// Its value now.
+    pub after: f64,
+    /// Standard deviation of the difference.
+    pub sd: f64,
+}
+
+/// Parameters of `now` that differ from `earlier`.
+///
+/// The limit is shared by all that both results have: chance makes one of them differ with
+/// probability [`MOVED_LEVEL`]. What is not determined has not moved, and what belongs to one
+/// session is not compared. A sensor that slipped in the earlier session has the offset that the
+/// slip left it.
+#[must_use]
+pub fn moved(earlier: &[Estimate], now: &[Estimate]) -> Vec<Moved> {
+    let same = |new: &Estimate| {
+        earlier.iter().rfind(|old| (&old.spec, &old.name) == (&new.spec, &new.name))
+    };
+    let lasts = |new: &&Estimate| outlasts(&new.spec) == Ok(Outlasts::Whole);
+    let all = now.iter().enumerate().filter(|(_, new)| lasts(new));
+    let pairs: Vec<(usize, &Estimate, &Estimate)> =
+        all.filter_map(|(k, new)| Some((k, same(new)?, new))).collect();
+    let limit = normal_quantile(1.0 - MOVED_LEVEL / (2.0 * pairs.len().max(1) as f64));
+    let differs = |(parameter, old, new): (usize, &Estimate, &Estimate)| {
+        let (shift, variance) = shifts(earlier, &old.spec);
+        let (before, after) = (old.value? + shift, new.value?);
+        let sd = old.sd?.hypot(variance.sqrt()).hypot(new.sd?);
+        ((after - before).abs() > limit * sd).then_some(Moved { parameter, before, after, sd })
+    };
+    pairs.into_iter().filter_map(differs).collect()
+}
+
+/// By how much an offset has been shifted at the end of its session, and the variance of that.
+fn shifts(earlier: &[Estimate], spec: &Spec) -> (f64, f64) {
+    let role = |spec: &Spec| terms::find(&spec.term).map_or(Role::Other, |term| term.role());
+    if role(spec) != Role::Offset {
+        return (0.0, 0.0);
+    }
+    let of = |e: &&Estimate| role(&e.spec) == Role::Shift && e.spec.target == spec.target;
+    earlier.iter().filter(of).fold((0.0, 0.0), |(sum, variance), e| {
+        (sum + e.value.unwrap_or(0.0), variance + e.sd.unwrap_or(f64::INFINITY).powi(2))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(spec: &str, value: Option<f64>, sd: Option<f64>) -> Estimate {
+        Estimate { spec: spec.into(), name: "offset".into(), value, sd }
+    }
+
+    #[test]
+    fn what_differs_by_more_than_both_uncertainties_has_moved() {
+        let old = [
+            estimate("offset@a11", Some(1.0), Some(0.03)),
+            estimate("offset@a12", Some(1.0), Some(0.03)),
+            estimate("offset@a13", Some(1.0), None),
+            estimate("offset@a14", None, Some(0.03)),
+        ];
+        let new = [
+            estimate("offset@a12", Some(1.2), Some(0.04)),
+            estimate("offset@a11", Some(1.1), Some(0.04)),
+            estimate("offset@a13", Some(9.0), Some(0.04)),
+            estimate("offset@a14", Some(9.0), Some(0.04)),
+            estimate("offset@a15", Some(9.0), Some(0.04)),
+        ];
+        let found = moved(&old, &new);
+        // 0.2 is 4 standard deviations of 0.05, 0.1 is 2; the limit for four is 3.02.
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].parameter, found[0].before, found[0].after), (0, 1.0, 1.2));
+        assert!((found[0].sd - 0.05).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_slip_that_happened_is_part_of_the_offset() {
+        let step = estimate("slip@a11:17", Some(0.5), Some(0.01));
+        let old = [estimate("offset@a11", Some(1.0), Some(0.01)), step];
+        let sound = [estimate("offset@a11", Some(1.5), Some(0.01))];
+        assert_eq!(moved(&old, &sound), []);
+        assert_eq!(moved(&old, &old[..1])[0].before, 1.5);
+    }
+
+    #[test]
+    fn what_belongs_to_its_session_is_not_compared() {
+        let of = |value: f64| {
+            ["drift@a11", "slip@a11:3", "unknown_point@ball[at=1]"]
+                .map(|spec| estimate(spec, Some(value), Some(0.01)))
+        };
+        assert_eq!(moved(&of(0.0), &of(1.0)), []);
+    }
+}

@@ -1,0 +1,124 @@
+//! Where a mechanism is under a result, and how well that is known.
+
+use faer::{Mat, Side};
+
+use crate::Error;
+use crate::apply::earlier::{Applied, Under};
+use crate::apply::poses::short_way;
+use crate::mechanism::Mechanism;
+use crate::readings::Table;
+
+/// Step of the differences, in standard deviations: small for linearity, large against rounding.
+const STEP: f64 = 1e-2;
+
+/// Principal variances below this fraction of the largest are zero.
+const RANK: f64 = 1e-14;
+
+/// Poses of a platform, or points that chains carry, row by row of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Places {
+    /// `x y z rx ry rz` [length unit, rad], or `ball.x ball.y ball.z` of a point `ball`.
+    pub names: Vec<String>,
+    /// One value for each name, row by row.
+    pub values: Vec<f64>,
+    /// What the uncertainty of the result leaves open, noise of the readings not counted; none
+    /// where nothing is known of it.
+    pub sd: Option<Vec<f64>>,
+}
+
+/// Where a mechanism is: its platform, or the points that its chains carry.
+///
+/// `covariance` is that of the result's parameters, row by row. With its principal axes `c_k`,
+/// one standard deviation long, the variance of a place `p` is
+///
+/// ```text
+/// var p = Σ_k (∂p/∂c_k)²
+/// ```
+///
+/// by central differences.
+///
+/// # Errors
+///
+/// As [`crate::apply::earlier::platform_poses`] and [`crate::apply::earlier::points`];
+/// [`Error::Shape`] where the covariance is of other parameters.
+pub fn places(
+    mechanism: &Mechanism,
+    applied: &Applied,
+    covariance: Option<&[f64]>,
+    table: Table,
+) -> Result<Places, Error> {
+    let posed = !mechanism.platform.is_empty();
+    let (under, names) = if posed {
+        let names = ["x", "y", "z", "rx", "ry", "rz"].map(String::from).to_vec();
+        (Under::new(mechanism, applied, table)?, names)
+    } else {
+        let carried = mechanism.points.iter().filter(|p| p.chain.is_some());
+        let names = carried.flat_map(|p| ["x", "y", "z"].map(|axis| format!("{}.{axis}", p.name)));
+        (Under::open(mechanism, applied, table)?, names.collect())
+    };
+    let at = |values: &[f64]| -> Vec<f64> {
+        if posed {
+            return under.poses(values, &applied.sigma).concat();
+        }
+        let points = under.points(values);
+        let row = |row: usize| points.iter().flat_map(move |of_point| of_point[row]);
+        (0..under.readings.samples).flat_map(row).collect()
+    };
+    let sd = match covariance {
+        Some(covariance) => {
+            let angle = |k: usize| posed && k % 6 >= 3;
+            deviations(&under.values, &under.columns, covariance, at, angle)?
+        }
+        None => None,
+    };
+    Ok(Places { values: at(&under.values), names, sd })
+}
+
+/// Standard deviations of what `at` gives, by differences along the principal axes.
+fn deviations(
+    values: &[f64],
+    columns: &[Vec<usize>],
+    covariance: &[f64],
+    at: impl Fn(&[f64]) -> Vec<f64>,
+    angle: impl Fn(usize) -> bool,
+) -> Result<Option<Vec<f64>>, Error> {
+    let n = values.len();
+    if covariance.len() != n * n {
+        let (what, found) = ("covariance".into(), covariance.len());
+        return Err(Error::Shape { what, found, expected: n * n });
+    }
+    let own: Vec<usize> = (0..n).filter(|&i| !columns[i].is_empty()).collect();
+    // Unit variances first: parameters differ by many orders of magnitude.
+    let scale: Vec<f64> = own.iter().map(|&i| covariance[i * n + i].max(0.0).sqrt()).collect();
+    let unit = Mat::from_fn(own.len(), own.len(), |i, j| {
+        let by = scale[i] * scale[j];
+        let value = covariance[own[i] * n + own[j]];
+        if by == 0.0 && value.is_finite() { 0.0 } else { value / by }
+    });
+    let finite = (0..own.len()).all(|j| unit.col_as_slice(j).iter().all(|v| v.is_finite()));
+    if own.is_empty() || !finite {
+        return Ok(None);
+    }
+    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return Ok(None) };
+    let (variances, axes) = (eigen.S().column_vector(), eigen.U());
+    let mut total = vec![0.0; at(values).len()];
+    for k in 0..own.len() {
+        let variance = variances[k];
+        if variance <= RANK * variances[own.len() - 1] {
+            continue;
+        }
+        let moved = |sign: f64| -> Vec<f64> {
+            let mut moved = values.to_vec();
+            for (i, &p) in own.iter().enumerate() {
+                moved[p] += sign * STEP * variance.sqrt() * axes[(i, k)] * scale[i];
+            }
+            at(&moved)
+        };
+        let pairs = moved(1.0).into_iter().zip(moved(-1.0));
+        for (i, (sum, (ahead, behind))) in total.iter_mut().zip(pairs).enumerate() {
+            let change = if angle(i) { short_way(ahead - behind) } else { ahead - behind };
+            *sum += (change / (2.0 * STEP)).powi(2);
+        }
+    }
+    Ok(Some(total.into_iter().map(f64::sqrt).collect()))
+}
