@@ -173,9 +173,9 @@ fn with_lines(
             let own = move |e: &&Effect| e.target == Target::Channel(c) && e.term.role() == role;
             effects.iter().filter(own).map(|e| e.values[0])
         };
-        let gain = found(Role::Gain).last().unwrap_or(channel.gain);
+        let gain = found(Role::Gain).next_back().unwrap_or(channel.gain);
         let turned = channel.offset + (channel.gain - gain) * applied.reference.centre[c];
-        let offset = found(Role::Offset).last().unwrap_or(turned);
+        let offset = found(Role::Offset).next_back().unwrap_or(turned);
         (channel.gain, channel.offset) = (gain, offset + found(Role::Shift).sum::<f64>());
     }
     Ok(out)

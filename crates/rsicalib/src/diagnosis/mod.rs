@@ -1,16 +1,16 @@
 //! From the residual to the effect that the model lacks.
 
 pub mod calibrate;
-pub mod curve;
-pub mod detectability;
-pub mod doubt;
+pub(crate) mod curve;
+pub(crate) mod detectability;
+pub(crate) mod doubt;
 pub mod held_out;
-pub mod isolation;
-pub mod localisation;
+pub(crate) mod isolation;
+pub(crate) mod localisation;
 pub mod options;
 pub mod plausibility;
-pub mod score;
-pub mod stepwise;
+pub(crate) mod score;
+pub(crate) mod stepwise;
 pub mod trace;
 pub mod verdict;
-pub mod whereabouts;
+pub(crate) mod whereabouts;

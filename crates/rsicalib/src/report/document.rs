@@ -526,7 +526,7 @@ fn check_parts(
             return refuse(place.into(), format!("{found} entries"), expected);
         }
     }
-    match noise.sigma.iter().find(|(_, sigma)| !(**sigma > 0.0)) {
+    match noise.sigma.iter().find(|(_, sigma)| **sigma <= 0.0 || !sigma.is_finite()) {
         Some((name, sigma)) => {
             refuse(format!("noise.sigma.{name}"), sigma.to_string(), "a number above 0".into())
         }

@@ -20,11 +20,7 @@ use crate::diagnosis::score::scored::{Judge, Scored};
 use crate::diagnosis::score::{places, projection};
 use crate::estimate::{Fit, Observations};
 
-pub use crate::diagnosis::score::candidates::{candidates, has_free_shape};
-pub use crate::diagnosis::score::pairs::{Pair, pairs};
-pub use crate::diagnosis::score::places::bad_readings;
-pub use crate::diagnosis::score::projection::project;
-pub use crate::numerics::symmetric::left_out;
+use crate::diagnosis::score::candidates::candidates;
 
 /// Scores every candidate at a fit.
 ///
