@@ -22,6 +22,9 @@ PARAMETERS = {
     "align": "bool",
     "alpha": "float | None",
     "angles": "Array",
+    "beside": "Array | None",
+    "bound_at.noise": "float",
+    "candidates": "int",
     "applied": "Mapping[str, Any]",
     "check": "tuple[Mapping[str, Any], Array] | None",
     "closures": "Sequence[str] | None",
@@ -38,23 +41,24 @@ PARAMETERS = {
     "noise": "Sequence[float] | None",
     "offsets": "Array",
     "offsets0": "Array",
+    "plan.noise": "float",
+    "plan.poses": "int",
+    "plan.starts": "int",
     "pose": "Sequence[float]",
     "poses": "Array",
     "rest": "Array | None",
     "rsi_forward.angles": "Sequence[Sequence[float]]",
     "scaling": "str",
     "held": "bool",
-    "kept": "Sequence[int]",
+    "seed": "int",
     "sensors": "Mapping[str, tuple[float, float]]",
     "sigma": "Array",
-    "start": "Sequence[int]",
     "starts": "int | None",
     "table": "Mapping[str, Any]",
     "terms": "Sequence[str] | None",
-    "linearize.terms": "Sequence[str]",
     "text": "str",
-    "unknown": "Array | None",
     "values": "Array",
+    "within": "Sequence[Sequence[float]] | None",
     "without": "Sequence[str] | None",
     "xtol": "float | None",
 }
@@ -89,13 +93,14 @@ RETURNS = {
     "Session.reference": "dict[str, Any]",
     "Session.trace": "dict[str, Any]",
     "bound": "dict[str, Any]",
+    "bound_at": "dict[str, Any]",
     "check": "dict[str, Any]",
-    "exchange": "tuple[list[int], float]",
     "faults": "list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]",
     "fixture": "tuple[list[dict[str, Any]], int]",
     "forward": "Array",
+    "identifiable": "dict[str, Any]",
     "jacobian": "Array",
-    "linearize": "dict[str, Any]",
+    "plan": "dict[str, Any]",
     "points": "list[list[list[float]]]",
     "minimize": "tuple[Array, Array, float, int, str]",
     "misclosure": "Array",
@@ -106,6 +111,7 @@ RETURNS = {
     "rsi_inverse": "list[list[float]]",
     "rsi_poses": "Array",
     "terms": "list[dict[str, Any]]",
+    "workspace": "list[list[float]]",
 }
 
 HEAD = '''\
@@ -122,8 +128,18 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 __version__: str
-LEFT: float
+COMPLETE: tuple[str, ...]
+"""Terms of complete geometry of any chain, with its sensors."""
+CRITERIA: tuple[str, ...]
+"""Names of what a plan can make small; the default first."""
+MARGIN: float
+"""Readings that a planned pose keeps from the ends of the range."""
+SCALINGS: tuple[str, ...]
+"""Names of the scalings of a Jacobian's columns."""
+RESIDUAL_LEVEL: float
 """A residual that chance would exceed less often than this is not explained."""
+VERDICTS: list[tuple[str, int]]
+"""Each verdict with the exit code of the command."""
 '''
 
 

@@ -11,8 +11,18 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 __version__: str
-LEFT: float
+COMPLETE: tuple[str, ...]
+"""Terms of complete geometry of any chain, with its sensors."""
+CRITERIA: tuple[str, ...]
+"""Names of what a plan can make small; the default first."""
+MARGIN: float
+"""Readings that a planned pose keeps from the ends of the range."""
+SCALINGS: tuple[str, ...]
+"""Names of the scalings of a Jacobian's columns."""
+RESIDUAL_LEVEL: float
 """A residual that chance would exceed less often than this is not explained."""
+VERDICTS: list[tuple[str, int]]
+"""Each verdict with the exit code of the command."""
 
 @final
 class Channel:
@@ -53,27 +63,17 @@ class Fit:
     def carried_points(self, table: Mapping[str, Any]) -> Any:
         """Where the chains carry their points: shape (points, n, 3)."""
 
-    def check(self, table: Mapping[str, Any], poses: Array, align: bool = False) -> dict[str, Any]:
-        """Error on known poses: `(poses, position rms, orientation rms)`."""
-
     def forward(self, table: Mapping[str, Any]) -> Array:
         """Platform pose of every row of a table: shape (n, 6)."""
 
     def forward_with_sd(self, table: Mapping[str, Any]) -> Any:
         """Platform pose of every row and its standard deviations: shapes (n, 6)."""
 
-    def held_out(self) -> dict[str, Any] | None:
-        """Error on whole poses left out in blocks of time, everything refitted without them."""
-
     def residuals(self) -> Array:
         """Whitened residuals: shape (samples, equations), standard normal if the model is right."""
 
     def to_dict(self) -> dict[str, Any]:
         """The fit in the shape of the JSON."""
-
-    @property
-    def warnings(self) -> Any:
-        """What looks wrong with the wiring, where no start led to a good fit."""
 
 @final
 class Mechanism:
@@ -137,9 +137,12 @@ class Session:
         max_iterations: int | None = None,
         xtol: float | None = None,
     ) -> Session: ...
-    def calibrate(self) -> tuple[Fit, Fit | None, list[dict[str, Any]]]:
-        """Fits the terms that the options ask for, without readings that are wrong: the fit,
-        that of all readings where any was left out, and what was left out.
+    def calibrate(
+        self, check: tuple[Mapping[str, Any], Array] | None = None, align: bool = False
+    ) -> tuple[Fit, Fit | None, list[dict[str, Any]]]:
+        """Fits the terms that the options ask for, without readings that are wrong.
+
+        Returns the calibration, the fit, and the fit of all readings where any was left out.
         """
 
     def fit(self) -> Fit:
@@ -171,6 +174,11 @@ def bound(
 ) -> dict[str, Any]:
     """The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel."""
 
+def bound_at(
+    mechanism: Mechanism, offsets: Array, gains: Array, poses: Array, noise: float
+) -> dict[str, Any]:
+    """The Cramér-Rao bound for poses of shape (n, 6) that are to be visited."""
+
 def check(
     mechanism: Mechanism,
     applied: Mapping[str, Any],
@@ -179,21 +187,6 @@ def check(
     align: bool = False,
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
-
-def exchange(
-    mechanism: Mechanism,
-    counts: Array,
-    offsets: Array,
-    gains: Array,
-    sigma: Array,
-    start: Sequence[int],
-    kept: Sequence[int],
-    criterion: str,
-) -> tuple[list[int], float]:
-    """Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`.
-
-    Also returns what was made small.
-    """
 
 def faults(
     values: Array, counts: Sequence[bool], pose: Sequence[int], held: bool
@@ -212,6 +205,14 @@ def fixture(
 def forward(mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]) -> Array:
     """Platform pose of every row of a table under a result: shape (n, 6)."""
 
+def identifiable(
+    mechanism: Mechanism, terms: Sequence[str] | None = None, *, seed: int = 0
+) -> dict[str, Any]:
+    """Counts what readings of a mechanism can and cannot tell.
+
+    `terms` as users write them; the declared model where not given.
+    """
+
 def jacobian(
     mechanism: Mechanism,
     counts: Array,
@@ -221,20 +222,6 @@ def jacobian(
     closures: Sequence[str] | None = None,
 ) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
-
-def linearize(
-    mechanism: Mechanism,
-    table: Mapping[str, Any],
-    terms: Sequence[str],
-    unknown: Array | None = None,
-) -> dict[str, Any]:
-    """Misclosure of a table, and its derivatives by readings and parameters.
-
-    `f` of shape (n, equations), `a` of (n equations, channels), `x` of (n equations,
-    parameters); `links` and `apart`, the same of known distances between unknown points;
-    `parameters`, term and target of each column. Unknown points are where `unknown`, of
-    shape (points, 3), has them, else where the chains touch them.
-    """
 
 def minimize(
     mechanism: Mechanism,
@@ -274,6 +261,25 @@ def observability(
 ) -> dict[str, Any]:
     """What poses can tell of offsets and gains, under a named scaling of the columns."""
 
+def plan(
+    mechanism: Mechanism,
+    offsets: Array,
+    gains: Array,
+    *,
+    poses: int,
+    beside: Array | None,
+    within: Sequence[Sequence[float]] | None,
+    noise: float,
+    criterion: str,
+    candidates: int,
+    starts: int,
+    seed: int,
+) -> dict[str, Any]:
+    """Chooses poses: `poses` of shape (n, 6), `readings` of shape (n, channels), `bound`, `before`.
+
+    `beside` holds readings of poses that are visited already, of shape (m, channels).
+    """
+
 def points(
     mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]
 ) -> list[list[list[float]]]:
@@ -301,3 +307,8 @@ def rsi_poses(angles: Array) -> Array:
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
+
+def workspace(
+    mechanism: Mechanism, within: Sequence[Sequence[float]] | None = None
+) -> list[list[float]]:
+    """The box of a workspace, given or the mechanism's own: six pairs, lowest and highest."""
