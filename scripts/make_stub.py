@@ -22,6 +22,9 @@ PARAMETERS = {
     "align": "bool",
     "alpha": "float | None",
     "angles": "Array",
+    "beside": "Array | None",
+    "bound_at.noise": "float",
+    "candidates": "int",
     "applied": "Mapping[str, Any]",
     "earlier": "Sequence[Estimate]",
     "check": "tuple[Mapping[str, Any], Array] | None",
@@ -43,13 +46,16 @@ PARAMETERS = {
     "now": "Sequence[Estimate]",
     "offsets": "Array",
     "offsets0": "Array",
+    "plan.noise": "float",
+    "plan.poses": "int",
+    "plan.starts": "int",
     "pose": "Sequence[float]",
     "poses": "Array",
     "rest": "Array | None",
     "rsi_forward.angles": "Sequence[Sequence[float]]",
     "scaling": "str",
     "held": "bool",
-    "kept": "Sequence[int]",
+    "seed": "int",
     "sensors": "Mapping[str, tuple[float, float]]",
     "sigma": "Array",
     "place": "str | None",
@@ -60,10 +66,9 @@ PARAMETERS = {
     "target": "str | None",
     "term": "str",
     "terms": "Sequence[str] | None",
-    "linearize.terms": "Sequence[str]",
     "text": "str",
-    "unknown": "Array | None",
     "values": "Array",
+    "within": "Sequence[Sequence[float]] | None",
     "without": "Sequence[str] | None",
     "xtol": "float | None",
 }
@@ -111,6 +116,11 @@ RETURNS = {
     "jacobian": "Array",
     "lasting": "list[str]",
     "linearize": "dict[str, Any]",
+    "bound_at": "dict[str, Any]",
+    "forward": "Array",
+    "identifiable": "dict[str, Any]",
+    "plan": "dict[str, Any]",
+    "points": "list[list[list[float]]]",
     "minimize": "tuple[Array, Array, float, int, str]",
     "misclosure": "Array",
     "moved": "list[tuple[int, float, float, float]]",
@@ -124,6 +134,7 @@ RETURNS = {
     "spec": "str",
     "spread": "list[tuple[str, float]]",
     "terms": "list[dict[str, Any]]",
+    "workspace": "list[list[float]]",
 }
 
 HEAD = '''\
@@ -146,6 +157,17 @@ RESIDUAL_LEVEL: float
 """A residual that chance would exceed less often than this is significant."""
 VERDICTS: Sequence[tuple[str, int]]
 """Every verdict, and what the command exits with."""
+COMPLETE: tuple[str, ...]
+"""Terms of complete geometry of any chain, with its sensors."""
+CRITERIA: tuple[str, ...]
+"""Names of what a plan can make small; the default first."""
+MARGIN: float
+"""Readings that a planned pose keeps from the ends of the range."""
+SCALINGS: tuple[str, ...]
+"""Names of the scalings of a Jacobian's columns."""
+"""A residual that chance would exceed less often than this is not explained."""
+VERDICTS: list[tuple[str, int]]
+"""Each verdict with the exit code of the command."""
 '''
 
 

@@ -17,6 +17,17 @@ RESIDUAL_LEVEL: float
 """A residual that chance would exceed less often than this is significant."""
 VERDICTS: Sequence[tuple[str, int]]
 """Every verdict, and what the command exits with."""
+COMPLETE: tuple[str, ...]
+"""Terms of complete geometry of any chain, with its sensors."""
+CRITERIA: tuple[str, ...]
+"""Names of what a plan can make small; the default first."""
+MARGIN: float
+"""Readings that a planned pose keeps from the ends of the range."""
+SCALINGS: tuple[str, ...]
+"""Names of the scalings of a Jacobian's columns."""
+"""A residual that chance would exceed less often than this is not explained."""
+VERDICTS: list[tuple[str, int]]
+"""Each verdict with the exit code of the command."""
 
 @final
 class Channel:
@@ -172,6 +183,11 @@ def bound(
 ) -> dict[str, Any]:
     """The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel."""
 
+def bound_at(
+    mechanism: Mechanism, offsets: Array, gains: Array, poses: Array, noise: float
+) -> dict[str, Any]:
+    """The Cramér-Rao bound for poses of shape (n, 6) that are to be visited."""
+
 def calibrated_sensors(mechanism: Mechanism, applied: Mapping[str, Any]) -> Mechanism:
     """The mechanism with the gains and offsets that a result has found."""
 
@@ -183,21 +199,6 @@ def check(
     align: bool = False,
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
-
-def exchange(
-    mechanism: Mechanism,
-    counts: Array,
-    offsets: Array,
-    gains: Array,
-    sigma: Array,
-    start: Sequence[int],
-    kept: Sequence[int],
-    criterion: str,
-) -> tuple[list[int], float]:
-    """Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`.
-
-    Also returns what was made small.
-    """
 
 def exported(
     mechanism: Mechanism, applied: Mapping[str, Any]
@@ -220,6 +221,14 @@ def fixture(
 ) -> tuple[list[dict[str, Any]], int]:
     """Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`."""
 
+def identifiable(
+    mechanism: Mechanism, terms: Sequence[str] | None = None, *, seed: int = 0
+) -> dict[str, Any]:
+    """Counts what readings of a mechanism can and cannot tell.
+
+    `terms` as users write them; the declared model where not given.
+    """
+
 def jacobian(
     mechanism: Mechanism,
     counts: Array,
@@ -232,20 +241,6 @@ def jacobian(
 
 def lasting(specs: Sequence[Spec]) -> list[str]:
     """The terms of a result that a later session is identified with: `curvature@a22`, each once."""
-
-def linearize(
-    mechanism: Mechanism,
-    table: Mapping[str, Any],
-    terms: Sequence[str],
-    unknown: Array | None = None,
-) -> dict[str, Any]:
-    """Misclosure of a table, and its derivatives by readings and parameters.
-
-    `f` of shape (n, equations), `a` of (n equations, channels), `x` of (n equations,
-    parameters); `links` and `apart`, the same of known distances between unknown points;
-    `parameters`, term and target of each column. Unknown points are where `unknown`, of
-    shape (points, 3), has them, else where the chains touch them.
-    """
 
 def minimize(
     mechanism: Mechanism,
@@ -304,6 +299,25 @@ def places(
     standard deviations; None where nothing is known of those.
     """
 
+def plan(
+    mechanism: Mechanism,
+    offsets: Array,
+    gains: Array,
+    *,
+    poses: int,
+    beside: Array | None,
+    within: Sequence[Sequence[float]] | None,
+    noise: float,
+    criterion: str,
+    candidates: int,
+    starts: int,
+    seed: int,
+) -> dict[str, Any]:
+    """Chooses poses: `poses` of shape (n, 6), `readings` of shape (n, channels), `bound`, `before`.
+
+    `beside` holds readings of poses that are visited already, of shape (m, channels).
+    """
+
 def read_result(text: str) -> dict[str, Any]:
     """A result from its JSON text, as plain values: checked against the types that made it."""
 
@@ -346,6 +360,11 @@ def spread(
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
+
+def workspace(
+    mechanism: Mechanism, within: Sequence[Sequence[float]] | None = None
+) -> list[list[float]]:
+    """The box of a workspace, given or the mechanism's own: six pairs, lowest and highest."""
 
 def written_keys() -> Sequence[tuple[str, Sequence[str]]]:
     """Keys of each type of a result that are always written."""

@@ -16,7 +16,6 @@ from rsicalib.errors import InputError
 
 __all__ = [
     "MARGIN",
-    "WITHIN",
     "Device",
     "Within",
     "draw_poses",
@@ -29,20 +28,7 @@ __all__ = [
 Within = Sequence[tuple[float, float]]
 """Lowest and highest x, y, z [length unit], rx, ry, rz [rad]."""
 
-ANGLE = float(np.pi / 6)
-WITHIN: dict[str, Within] = {
-    "rsi": (
-        (-3.0, 3.0),
-        (-3.0, 3.0),
-        (-5.7, -0.3),
-        (-ANGLE, ANGLE),
-        (-ANGLE, ANGLE),
-        (-ANGLE, ANGLE),
-    )
-}
-"""The workspace of the mechanisms that come along."""
-
-MARGIN = 20.0
+MARGIN = _core.MARGIN
 """Readings that a pose keeps from the ends of the range: offsets are not known beforehand."""
 
 
@@ -179,18 +165,10 @@ def nominal(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
 
 def workspace(mechanism: Mechanism, within: Within | None) -> FloatArray:
     """The bounds of a workspace, given or known: shape (6, 2)."""
-    if within is None:
-        if mechanism.name not in WITHIN:
-            raise InputError(
-                f"found no workspace of {mechanism.name!r}, expected `within`: "
-                "lowest and highest x, y, z, rx, ry, rz"
-            )
-        within = WITHIN[mechanism.name]
-    bounds = np.array(within, dtype=np.float64)
-    if bounds.shape != (6, 2) or not np.all(bounds[:, 0] <= bounds[:, 1]):
-        found = f"{bounds.tolist()}"
-        raise InputError(f"within: found {found}, expected six pairs, the lower end first")
-    return bounds
+    if within is not None and np.shape(within) != (6, 2):
+        raise InputError(f"within: found {within}, expected six pairs, the lower end first")
+    pairs = None if within is None else [(float(low), float(high)) for low, high in within]
+    return np.array(_core.workspace(mechanism, pairs))
 
 
 def nominal_device(mechanism: Mechanism) -> Device:

@@ -26,7 +26,7 @@ from rsicalib.work.arguments import (
 
 __all__ = ["SCALINGS", "Measures", "Observability", "observability"]
 
-SCALINGS = ("none", "unit_columns", "wrist_position")
+SCALINGS = _core.SCALINGS
 """Scalings of the Jacobian's columns, by name."""
 
 MEANING = {

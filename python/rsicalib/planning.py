@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
-from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import MARGIN, Device, Within, readings_of, workspace
-from rsicalib.errors import InputError
+from rsicalib.devices import Within, workspace
 from rsicalib.io.files import write_text
 from rsicalib.measures import counts_of, known_sd, parameters_of
 from rsicalib.records import Record
@@ -27,7 +25,7 @@ from rsicalib.work.arguments import (
 
 __all__ = ["CRITERIA", "Bound", "Plan", "bound", "plan"]
 
-CRITERIA = ("offsets", "joints", "volume")
+CRITERIA = _core.CRITERIA
 """What is made small: variance of the offsets (A-optimal), of the joint coordinates averaged over
 the workspace (I-optimal), or the volume of the confidence ellipsoid (D-optimal)."""
 
@@ -177,14 +175,8 @@ def bound(
     True
     """
     opened = open_mechanism(mechanism)
-    device = Device(opened, *parameters_of(calibration, opened))
-    wanted = np.asarray(poses, dtype=np.float64).reshape(-1, 6)
-    exact = readings_of(device, wanted)
-    bad = np.flatnonzero(~np.isfinite(exact).all(axis=1))
-    if len(bad) or not len(wanted):
-        found = f"number {bad[0] + 1} out of reach or range" if len(bad) else "none"
-        raise InputError(f"poses: found {found}, expected poses that the mechanism can take")
-    return _bound(device, exact, noise)
+    wanted = np.ascontiguousarray(poses, dtype=np.float64).reshape(-1, 6)
+    return _bound(noise, _core.bound_at(opened, *parameters_of(calibration, opened), wanted, noise))
 
 
 def plan(
@@ -242,89 +234,33 @@ def plan(
     >>> plan(poses=12).bound.offset_rms < 0.0056
     True
     """
-    for name, value, least in (
-        ("poses", poses, 1),
-        ("candidates", candidates, 1),
-        ("starts", starts, 1),
-    ):
-        if value < least:
-            raise InputError(f"{name}: found {value}, expected at least {least}")
-    if not (math.isfinite(noise) and noise > 0):
-        raise InputError(f"noise: found {noise}, expected a number of readings above 0")
     opened = open_mechanism(mechanism)
-    device = Device(opened, *parameters_of(calibration, opened))
-    rng = np.random.default_rng(seed)
-    box = workspace(opened, within)
-    drawn, exact = _candidates(device, candidates, rng, box)
-    kept = np.empty((0, exact.shape[1])) if beside is None else counts_of(beside, opened)
-    if len(kept) + poses < exact.shape[1]:
-        enough = f"at least {exact.shape[1]} with those visited already"
-        raise InputError(f"poses: found {poses}, expected {enough}")
-    every = np.vstack([exact, kept])
-    own = list(range(len(exact), len(every)))
-    sigma = _sigma(opened, 1.0)
-    best: tuple[float, list[int]] | None = None
-    for _ in range(starts):
-        start = rng.choice(len(exact), size=poses, replace=poses > len(exact)).tolist()
-        chosen, score = _core.exchange(
-            opened, every, device.offsets, device.gains, sigma, start, own, criterion
-        )
-        if best is None or score < best[0]:
-            best = (score, chosen)
-    assert best is not None
-    chosen = _tour(best[1], drawn, box)
+    found = _core.plan(
+        opened,
+        *parameters_of(calibration, opened),
+        poses=poses,
+        beside=None if beside is None else counts_of(beside, opened),
+        within=workspace(opened, within).tolist(),
+        noise=noise,
+        criterion=criterion,
+        candidates=candidates,
+        starts=starts,
+        seed=seed,
+    )
     return Plan(
         opened.name,
         opened.length_unit,
         criterion,
         seed,
-        drawn[chosen],
-        exact[chosen],
-        _bound(device, every[[*chosen, *own]], noise),
-        _bound(device, kept, noise) if len(kept) else None,
+        found["poses"],
+        found["readings"],
+        _bound(noise, found["bound"]),
+        None if found["before"] is None else _bound(noise, found["before"]),
     )
 
 
-def _candidates(
-    device: Device, count: int, rng: np.random.Generator, box: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Half of the box's inside, half of its faces: the best poses are extreme ones."""
-    low, high = box.T
-    poses = rng.uniform(low, high, (count, 6))
-    push = rng.uniform(size=(count, 6)) < 0.5
-    push[: count // 2] = False
-    poses = np.where(push, np.where(rng.uniform(size=(count, 6)) < 0.5, low, high), poses)
-    exact = device.readings(poses, MARGIN)
-    can = np.isfinite(exact).all(axis=1)
-    if can.sum() < max(20, count // 200):
-        found = f"{can.sum()} of {count} poses within reach, joint limits and ranges"
-        raise InputError(f"within: found {found}, expected a box that the mechanism can reach")
-    return poses[can], exact[can]
-
-
-def _bound(device: Device, exact: FloatArray, noise: float) -> Bound:
-    sigma = _sigma(device.mechanism, noise)
-    found = _core.bound(device.mechanism, exact, device.offsets, device.gains, sigma)
+def _bound(noise: float, found: Mapping[str, Sequence[float]]) -> Bound:
     return Bound(noise, *(known_sd(found[name]) for name in ("offset_sd", "gain_sd", "joint_sd")))
-
-
-def _sigma(mechanism: Mechanism, noise: float) -> FloatArray:
-    """Noise per channel: as declared, else a unit of the reading; times `noise`."""
-    return noise * np.array([c.noise or 1.0 for c in mechanism.channels])
-
-
-def _tour(chosen: Sequence[int], poses: FloatArray, box: FloatArray) -> list[int]:
-    """An order in which the next pose is never far: the nearest neighbour each time."""
-    span = np.maximum(box[:, 1] - box[:, 0], 1e-12)
-    left = list(chosen)
-    at = box.mean(axis=1)
-    tour: list[int] = []
-    while left:
-        near = min(left, key=lambda k: (float(np.sum(((poses[k] - at) / span) ** 2)), k))
-        left.remove(near)
-        tour.append(near)
-        at = poses[near]
-    return tour
 
 
 def _rms(values: FloatArray) -> float:

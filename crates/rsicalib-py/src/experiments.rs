@@ -1,4 +1,4 @@
-//! The paper's problem with the least overhead, its derivatives, observability and plans.
+//! The paper's problem with the least overhead, its derivatives and observability.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,6 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::design::exchange::Criterion;
 use rsicalib::design::information::Candidates;
 use rsicalib::design::observability::{Measures, Scaling};
 use rsicalib::design::reach;
@@ -43,11 +42,11 @@ fn paper(
     Paper::new(only(mechanism, closures)?.as_ref(), counts)
 }
 
-fn flat(array: &PyReadonlyArray2<'_, f64>) -> Vec<f64> {
+pub(crate) fn flat(array: &PyReadonlyArray2<'_, f64>) -> Vec<f64> {
     array.as_array().iter().copied().collect()
 }
 
-fn vector(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
+pub(crate) fn vector(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
     array.as_array().to_vec()
 }
 
@@ -174,11 +173,6 @@ pub fn readings_at<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (poses, offsets, gains) = (six(&poses)?, vector(&offsets), vector(&gains));
     let channels = mechanism.0.channels.len();
-    if offsets.len() != channels || gains.len() != channels {
-        let (what, found) = ("offsets and gains".into(), offsets.len().min(gains.len()));
-        let error = rsicalib::Error::Shape { what, found, expected: channels };
-        return Err(PyError::from(error).into());
-    }
     let found: Vec<Option<Vec<f64>>> = py
         .detach(|| {
             let at = |pose| reach::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
@@ -208,36 +202,6 @@ pub fn bound<'py>(
         .map_err(PyError::from)?;
     let all: Vec<usize> = (0..poses.len()).collect();
     Ok(pythonize(py, &poses.bound(&all))?)
-}
-
-/// Chooses poses by exchange: rows of `counts`, from the rows `start`, beside the rows `kept`.
-///
-/// Also returns what was made small.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "arguments of Python")]
-pub fn exchange(
-    py: Python<'_>,
-    mechanism: &PyMechanism,
-    counts: PyReadonlyArray2<'_, f64>,
-    offsets: PyReadonlyArray1<'_, f64>,
-    gains: PyReadonlyArray1<'_, f64>,
-    sigma: PyReadonlyArray1<'_, f64>,
-    start: Vec<usize>,
-    kept: Vec<usize>,
-    criterion: &str,
-) -> PyResult<(Vec<usize>, f64)> {
-    let criterion = Criterion::find(criterion).map_err(PyError::from)?;
-    let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
-    let counts = flat(&counts);
-    let found = py.detach(|| {
-        let poses = Candidates::new(&mechanism.0, counts, &offsets, &gains, &sigma)?;
-        if let Some(&beyond) = start.iter().chain(&kept).find(|&&i| i >= poses.len()) {
-            let (name, expected) = ("start", format!("rows below {}", poses.len()));
-            return Err(rsicalib::Error::Option { name, found: beyond.to_string(), expected });
-        }
-        Ok(poses.exchange(&start, &kept, criterion))
-    });
-    Ok(found.map_err(PyError::from)?)
 }
 
 /// Joint angles of the hand controller for poses of shape (n, 6): (n, 9), NaN out of reach [rad].
@@ -274,7 +238,7 @@ pub fn rsi_poses<'py>(
     PyArray1::from_vec(py, poses).reshape([view.nrows(), 6])
 }
 
-fn six(poses: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 6]>> {
+pub(crate) fn six(poses: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 6]>> {
     let view = poses.as_array();
     if view.ncols() != 6 {
         let (what, found) = ("a pose".into(), view.ncols());

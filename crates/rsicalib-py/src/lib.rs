@@ -1,15 +1,20 @@
 //! Python bindings: conversions only.
 
 mod apply;
+mod design;
 mod documents;
 mod error;
 mod experiments;
 mod faults;
-mod linear;
 mod mechanism;
 mod observations;
 
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use rsicalib::design::exchange::CRITERIA;
+use rsicalib::design::identifiability::COMPLETE;
+use rsicalib::design::observability::SCALINGS;
+use rsicalib::design::plan::MARGIN;
 use rsicalib::diagnosis::verdict::Verdict;
 
 /// The compiled core of rsicalib.
@@ -19,6 +24,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("RESIDUAL_LEVEL", rsicalib::diagnosis::options::RESIDUAL_LEVEL)?;
     let verdicts: Vec<(&str, u8)> = Verdict::ALL.iter().map(|v| (v.id(), v.exit_code())).collect();
     module.add("VERDICTS", verdicts)?;
+    module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
+    module.add("CRITERIA", PyTuple::new(module.py(), CRITERIA.map(|c| c.0))?)?;
+    module.add("MARGIN", MARGIN)?;
+    module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
     module.add_class::<mechanism::PyMechanism>()?;
     module.add_class::<mechanism::PyChannel>()?;
     module.add_class::<observations::PyObservations>()?;
@@ -35,7 +44,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(experiments::observability, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::readings_at, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::bound, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::exchange, module)?)?;
+    module.add_function(wrap_pyfunction!(design::identifiable, module)?)?;
+    module.add_function(wrap_pyfunction!(design::plan, module)?)?;
+    module.add_function(wrap_pyfunction!(design::bound_at, module)?)?;
+    module.add_function(wrap_pyfunction!(design::workspace, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_poses, module)?)?;
     module.add_function(wrap_pyfunction!(apply::places, module)?)?;
@@ -47,7 +59,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::moved, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
-    module.add_function(wrap_pyfunction!(linear::linearize, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
     Ok(())
 }

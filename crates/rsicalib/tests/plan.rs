@@ -8,9 +8,10 @@ use rsicalib::Error;
 use rsicalib::design::exchange::Criterion;
 use rsicalib::design::information::Candidates;
 use rsicalib::design::observability::{Scaling, observability};
+use rsicalib::design::plan::{self, MARGIN, PlanOptions, plan};
 use rsicalib::design::reach::readings_at;
 use rsicalib::estimate::paper::Paper;
-use rsicalib::mechanism::Mechanism;
+use rsicalib::mechanism::{Mechanism, hand_controller};
 
 const SIGMA: [f64; 9] = [1.0, 1.2, 0.8, 1.0, 1.0, 1.5, 1.0, 0.7, 1.0];
 
@@ -140,4 +141,105 @@ fn observability_orders_the_paper_s_poses_as_the_paper_does() {
     assert!(together.unobservable.is_empty());
     // Four poses: 12 equations, six directions open.
     assert_eq!(of(&TABLE_II[..4]).measures.o3, 0.0);
+}
+
+#[test]
+fn two_poses_beside_others_are_the_best_of_all_pairs() {
+    let (made, counts) = candidates(&both());
+    let kept: Vec<usize> = (0..10).collect();
+    let judge = |pair: [usize; 2]| {
+        let rows = kept.iter().chain(&pair).flat_map(|&p| counts[p * 9..(p + 1) * 9].to_vec());
+        let c = covariance(&rows.collect::<Vec<_>>());
+        (0..9).map(|i| c[(i, i)]).sum::<f64>()
+    };
+    let pairs = (10..24).flat_map(|a| (10..=a).map(move |b| [a, b]));
+    let least = pairs.map(judge).fold(f64::INFINITY, f64::min);
+    let starts = [[10, 11], [15, 20], [23, 12], [18, 18]];
+    let found = starts.map(|start| made.exchange(&start, &kept, Criterion::Offsets).0);
+    let best = found.iter().map(|f| judge([f[0], f[1]])).fold(f64::INFINITY, f64::min);
+    assert!((best / least - 1.0).abs() < 1e-6, "{best} is not {least}");
+}
+
+#[test]
+fn twelve_poses_are_ten_times_better_than_the_paper_s() {
+    let (offsets, gains) = rsi_parameters(0.0, 0.0);
+    for seed in 0..4 {
+        let options = PlanOptions { seed, ..PlanOptions::default() };
+        let found = plan(&Mechanism::rsi(), &offsets, &gains, &options).expect("a workspace");
+        // A crude exchange of an independent prototype reached 0.0044 to 0.0056.
+        assert!(found.bound.offset_rms() < 0.0056, "{}", found.bound.offset_rms());
+        assert_eq!((found.poses.len(), found.before), (12, None));
+        // The closed forms of the paper are the witness of the readings.
+        let exact = counts_of(&found.poses, &offsets, &gains);
+        for (found, exact) in found.readings.iter().flatten().zip(exact) {
+            assert!((found - exact).abs() < 1e-5); // 1e-8 rad
+            assert!(*found >= MARGIN && *found <= 4095.0 - MARGIN);
+        }
+        let inside = |pose: &[f64; 6]| {
+            let ends = hand_controller::WORKSPACE.iter();
+            ends.zip(pose).all(|([low, high], v)| v >= low && v <= high)
+        };
+        assert!(found.poses.iter().all(inside));
+        // The same poses, judged on their own.
+        let again = plan::bound(&Mechanism::rsi(), &offsets, &gains, &found.poses, 1.0);
+        let again = again.expect("poses within reach");
+        assert!((again.offset_rms() / found.bound.offset_rms() - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn a_plan_is_that_of_its_seed_and_complements_what_is_there() {
+    let (offsets, gains) = rsi_parameters(0.0, 0.0);
+    let few = PlanOptions { candidates: 300, starts: 2, seed: 9, ..PlanOptions::default() };
+    let of = |o: &PlanOptions| plan(&Mechanism::rsi(), &offsets, &gains, o).expect("a workspace");
+    let first = of(&few);
+    assert_eq!(first, of(&few));
+    assert_ne!(first.poses, of(&PlanOptions { seed: 10, ..few.clone() }).poses);
+    let there = counts_of(&TABLE_II, &offsets, &gains);
+    let found = of(&PlanOptions { poses: 8, beside: there, noise: 2.0, ..few });
+    let before = found.before.expect("poses visited already");
+    assert!(found.bound.offset_rms() < before.offset_rms() / 2.0);
+    assert_eq!(found.poses.len(), 8);
+}
+
+#[test]
+fn options_that_cannot_be_used_are_errors() {
+    let (offsets, gains) = rsi_parameters(0.0, 0.0);
+    let rsi = Mechanism::rsi();
+    let refused = |options: PlanOptions| {
+        let error = plan(&rsi, &offsets, &gains, &options).expect_err("refused");
+        assert!(matches!(error, Error::Option { .. } | Error::Shape { .. }), "{error}");
+        error.to_string()
+    };
+    let few = PlanOptions { candidates: 100, starts: 1, ..PlanOptions::default() };
+    refused(PlanOptions { poses: 0, ..few.clone() });
+    refused(PlanOptions { candidates: 0, ..few.clone() });
+    refused(PlanOptions { candidates: usize::MAX, ..few.clone() });
+    refused(PlanOptions { poses: usize::MAX, ..few.clone() });
+    refused(PlanOptions { starts: usize::MAX, ..few.clone() });
+    assert!(refused(PlanOptions { poses: 3, ..few.clone() }).contains("at least 9"));
+    refused(PlanOptions { beside: vec![2000.0; 10], ..few.clone() });
+    for noise in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        refused(PlanOptions { noise, ..few.clone() });
+    }
+    let mut within = hand_controller::WORKSPACE;
+    within[3][0] = f64::NAN;
+    refused(PlanOptions { within: Some(within), ..few.clone() });
+    within[3] = [1.0, -1.0];
+    refused(PlanOptions { within: Some(within), ..few.clone() });
+    within = [[50.0, 51.0]; 6];
+    refused(PlanOptions { within: Some(within), ..few.clone() });
+
+    assert!(plan(&rsi, &offsets[1..], &gains, &few).is_err());
+    assert!(plan(&rsi, &offsets, &[0.0; 9], &few).is_err());
+    assert!(plan::bound(&rsi, &offsets, &gains, &[], 1.0).is_err());
+    let far = [[0.0, 0.0, 9.0, 0.0, 0.0, 0.0], [f64::NAN; 6]];
+    assert!(far.iter().all(|p| plan::bound(&rsi, &offsets, &gains, &[*p], 1.0).is_err()));
+    let another = Mechanism { name: "another".into(), ..rsi.clone() };
+    let error = plan(&another, &offsets, &gains, &few).expect_err("no workspace");
+    assert!(error.to_string().contains("workspace of 'another'"));
+    let mut empty = rsi.clone();
+    empty.channels.clear();
+    empty.chains.clear();
+    assert!(plan(&empty, &[], &[], &few).is_err());
 }

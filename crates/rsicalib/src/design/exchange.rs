@@ -3,6 +3,7 @@
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
+use crate::Error;
 use crate::design::information::Candidates;
 
 /// What is made small.
@@ -20,6 +21,21 @@ pub enum Criterion {
 /// Names of the criteria, as users write them.
 pub const CRITERIA: [(&str, Criterion); 3] =
     [("offsets", Criterion::Offsets), ("joints", Criterion::Joints), ("volume", Criterion::Volume)];
+
+impl Criterion {
+    /// The criterion of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unknown`] with the names there are.
+    pub fn find(name: &str) -> Result<Self, Error> {
+        CRITERIA.iter().find(|c| c.0 == name).map(|c| c.1).ok_or_else(|| Error::Unknown {
+            kind: "criterion",
+            found: name.into(),
+            known: CRITERIA.map(|c| c.0).join(", "),
+        })
+    }
+}
 
 impl Candidates {
     /// Chooses so many poses beside those that are `kept` anyway.

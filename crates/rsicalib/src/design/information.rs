@@ -48,6 +48,12 @@ impl Bound {
     pub fn gain_rms(&self) -> f64 {
         rms(&self.gain_sd)
     }
+
+    /// Root mean square of the joint coordinates' standard deviations [rad].
+    #[must_use]
+    pub fn joint_rms(&self) -> f64 {
+        rms(&self.joint_sd)
+    }
 }
 
 fn rms(values: &[f64]) -> f64 {

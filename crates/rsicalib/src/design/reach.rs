@@ -1,31 +1,16 @@
 //! Readings that hold the platform at a pose.
 
 use crate::Error;
-use crate::design::exchange::{CRITERIA, Criterion};
 use crate::mechanism::Mechanism;
 use crate::model::assembly;
-
-impl Criterion {
-    /// The criterion of a name.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Unknown`] with the names there are.
-    pub fn find(name: &str) -> Result<Self, Error> {
-        CRITERIA.iter().find(|c| c.0 == name).map(|c| c.1).ok_or_else(|| Error::Unknown {
-            kind: "criterion",
-            found: name.into(),
-            known: CRITERIA.map(|c| c.0).join(", "),
-        })
-    }
-}
 
 /// Readings that hold the platform at a pose; none out of reach, beyond a joint
 /// limit, or within `margin` readings of the end of a range.
 ///
 /// # Errors
 ///
-/// [`Error::Missing`] without a platform.
+/// [`Error::Missing`] without a platform; [`Error::Shape`] unless there is one offset and gain
+/// per channel.
 pub fn readings_at(
     mechanism: &Mechanism,
     pose: &[f64; 6],
@@ -33,6 +18,12 @@ pub fn readings_at(
     gains: &[f64],
     margin: f64,
 ) -> Result<Option<Vec<f64>>, Error> {
+    let expected = mechanism.channels.len();
+    for (what, found) in [("offsets", offsets.len()), ("gains", gains.len())] {
+        if found != expected {
+            return Err(Error::Shape { what: what.into(), found, expected });
+        }
+    }
     let angles = match assembly::inverse(mechanism, pose) {
         Ok(angles) => angles,
         Err(Error::OutOfReach { .. }) => return Ok(None),

@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::mechanism::drawing::{Closure, Mechanism, Motion, Point, Value};
+use crate::mechanism::hand_controller;
 
 impl Mechanism {
     /// Index of a channel.
@@ -118,6 +119,13 @@ impl Mechanism {
         let name = &self.channels[channel].name;
         let mut rows = self.chains.iter().flat_map(|c| &c.rows);
         rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
+    }
+
+    /// Workspace of a mechanism that comes along: lowest and highest x, y, z
+    /// [length unit], rx, ry, rz [rad].
+    #[must_use]
+    pub fn workspace(&self) -> Option<[[f64; 2]; 6]> {
+        (self.name == "rsi").then_some(hand_controller::WORKSPACE)
     }
 
     /// The chain that a channel belongs to.

@@ -8,5 +8,7 @@ pub mod linearization;
 pub mod lm;
 pub mod lock;
 pub mod normal_equations;
+pub mod random;
+pub mod rank;
 pub mod schur;
 pub mod symmetric;

@@ -310,6 +310,9 @@ impl Readings {
 
 fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let channels = mechanism.channels.len();
+    if channels == 0 {
+        return Err(Error::Empty("the mechanism has no channel".into()));
+    }
     let samples = table.values.len() / channels;
     if !table.values.len().is_multiple_of(channels) {
         return Err(shape("values", table.values.len(), (samples + 1) * channels));

@@ -1,0 +1,119 @@
+//! What a design can tell before a reading is taken: identifiable parameters, plans, bounds.
+
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use pythonize::pythonize;
+use rsicalib::Error;
+use rsicalib::design::exchange::Criterion;
+use rsicalib::design::identifiability::{self, Counting, Identifiable};
+use rsicalib::design::information;
+use rsicalib::design::plan as planning;
+use rsicalib::design::plan::{PlanOptions, Within};
+
+use crate::error::PyError;
+use crate::experiments::{flat, six, vector};
+use crate::mechanism::PyMechanism;
+
+/// Counts what readings of a mechanism can and cannot tell.
+///
+/// `terms` as users write them; the declared model where not given.
+#[pyfunction]
+#[pyo3(signature = (mechanism, terms=None, *, seed=0))]
+pub fn identifiable<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    terms: Option<Vec<String>>,
+    seed: i64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let found: Identifiable = py
+        .detach(|| {
+            identifiability::identifiable(&mechanism.0, Counting::of(terms), seed.cast_unsigned())
+        })
+        .map_err(PyError::from)?;
+    let out = PyDict::new(py);
+    let terms = found.terms.iter().map(|c| (c.term, c.parameters, c.alone, c.beside));
+    out.set_item("model", found.model.name())?;
+    out.set_item("terms", terms.collect::<Vec<_>>())?;
+    out.set_item("parameters", found.parameters)?;
+    out.set_item("minimal", found.minimal)?;
+    out.set_item("known", found.known)?;
+    out.set_item("hidden", found.hidden.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+    out.set_item("configurations", found.configurations)?;
+    Ok(out)
+}
+
+/// Chooses poses: `poses` of shape (n, 6), `readings` of shape (n, channels), `bound`, `before`.
+///
+/// `beside` holds readings of poses that are visited already, of shape (m, channels).
+#[pyfunction]
+#[pyo3(signature = (mechanism, offsets, gains, *, poses, beside, within, noise, criterion,
+                    candidates, starts, seed))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+pub fn plan<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    offsets: PyReadonlyArray1<'py, f64>,
+    gains: PyReadonlyArray1<'py, f64>,
+    poses: i64,
+    beside: Option<PyReadonlyArray2<'py, f64>>,
+    within: Option<Within>,
+    noise: f64,
+    criterion: &str,
+    candidates: i64,
+    starts: i64,
+    seed: i64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let count = |name, value: i64| usize::try_from(value).map_err(|_| negative(name, value));
+    let options = PlanOptions {
+        poses: count("poses", poses).map_err(PyError::from)?,
+        beside: beside.as_ref().map(flat).unwrap_or_default(),
+        within,
+        criterion: Criterion::find(criterion).map_err(PyError::from)?,
+        candidates: count("candidates", candidates).map_err(PyError::from)?,
+        starts: count("starts", starts).map_err(PyError::from)?,
+        seed: seed.cast_unsigned(),
+        noise,
+    };
+    let (offsets, gains) = (vector(&offsets), vector(&gains));
+    let found = py
+        .detach(|| planning::plan(&mechanism.0, &offsets, &gains, &options))
+        .map_err(PyError::from)?;
+    let (n, channels) = (found.poses.len(), mechanism.0.channels.len());
+    let poses = PyArray1::from_iter(py, found.poses.into_iter().flatten());
+    let readings = PyArray1::from_iter(py, found.readings.into_iter().flatten());
+    let out = PyDict::new(py);
+    out.set_item("poses", poses.reshape([n, 6])?)?;
+    out.set_item("readings", readings.reshape([n, channels])?)?;
+    out.set_item("bound", pythonize(py, &found.bound)?)?;
+    out.set_item("before", pythonize(py, &found.before)?)?;
+    Ok(out)
+}
+
+/// The Cramér-Rao bound for poses of shape (n, 6) that are to be visited.
+#[pyfunction]
+pub fn bound_at<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    offsets: PyReadonlyArray1<'py, f64>,
+    gains: PyReadonlyArray1<'py, f64>,
+    poses: PyReadonlyArray2<'py, f64>,
+    noise: f64,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (offsets, gains, poses) = (vector(&offsets), vector(&gains), six(&poses)?);
+    let found: information::Bound = py
+        .detach(|| planning::bound(&mechanism.0, &offsets, &gains, &poses, noise))
+        .map_err(PyError::from)?;
+    Ok(pythonize(py, &found)?)
+}
+
+/// The box of a workspace, given or the mechanism's own: six pairs, lowest and highest.
+#[pyfunction]
+#[pyo3(signature = (mechanism, within=None))]
+pub fn workspace(mechanism: &PyMechanism, within: Option<Within>) -> Result<Within, PyError> {
+    Ok(planning::workspace(&mechanism.0, within)?)
+}
+
+fn negative(name: &'static str, value: i64) -> Error {
+    Error::Option { name, found: value.to_string(), expected: "at least 1".into() }
+}

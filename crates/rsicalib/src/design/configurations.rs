@@ -1,0 +1,441 @@
+//! Random configurations of a mechanism in which the loops are closed.
+//!
+//! Joint coordinates `q` are drawn within the joint limits. Newton's method with the shortest
+//! step then closes the loops,
+//!
+//! ```text
+//! q ← q - Gᵀ (G Gᵀ)⁻¹ f,    G = ∂f/∂q                                     (10, 44)
+//! ```
+//!
+//! Distances that the readings measure close nothing: they are computed afterwards.
+
+use faer::linalg::solvers::Svd;
+use faer::{Mat, Side};
+use rayon::prelude::*;
+
+use crate::Error;
+use crate::mechanism::{ClosureKind, Mechanism};
+use crate::model::{Model, Prior, Want, Workspace};
+use crate::numerics::lanes::Lanes;
+use crate::numerics::random::Random;
+use crate::numerics::rank::RANK;
+use crate::readings::{Readings, Table};
+
+/// Values of a column that tells unknown points apart, where the mechanism names none.
+const PLACEMENTS: usize = 6;
+
+/// Upper limit of the combinations of such values.
+const MOST_KEYS: usize = 10_000;
+
+/// Newton steps of one configuration.
+const STEPS: usize = 60;
+
+/// Rounds of drawing, each twice what is missing.
+const ROUNDS: usize = 40;
+
+/// Longest Newton step of a joint [rad, or lengths of the longest link].
+const LONGEST_STEP: f64 = 0.3;
+
+/// Misclosure of a closed configuration, as a fraction of the reach.
+const CLOSED: f64 = 1e-10;
+
+/// Place of an unknown point: its number in the mechanism, its keys, where it is.
+type Placed = (usize, Vec<String>, [f64; 3]);
+
+/// Where the joints of a mechanism may be, and which unknown points its tips may touch.
+#[derive(Debug)]
+pub(crate) struct Configurations {
+    /// The mechanism without ranges: what joints can do is in the limits.
+    free: Mechanism,
+    /// Lowest and highest coordinate of each channel.
+    limits: Vec<[f64; 2]>,
+    /// What a step of one is for each channel [rad, or length].
+    spread: Vec<f64>,
+    /// Length of the longest chain.
+    reach: f64,
+    /// Combinations of the columns that tell unknown points apart.
+    keys: Vec<Vec<String>>,
+    /// Where the unknown points are.
+    places: Vec<Placed>,
+}
+
+impl Configurations {
+    /// Of a mechanism; unknown points are placed where its chains can touch them.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mechanism::validate`] and [`Readings::new`].
+    pub(crate) fn new(mechanism: &Mechanism, random: &mut Random) -> Result<Self, Error> {
+        mechanism.validate()?;
+        let longest = longest(mechanism);
+        let mut free = mechanism.clone();
+        for channel in &mut free.channels {
+            (channel.range, channel.limits) = (None, None);
+        }
+        let slides = |c| if mechanism.slides(c) { longest } else { 1.0 };
+        let mut made = Self {
+            limits: (0..free.channels.len()).map(|c| limits(mechanism, c, longest)).collect(),
+            spread: (0..free.channels.len()).map(slides).collect(),
+            reach: reach(mechanism),
+            keys: keys(mechanism)?,
+            places: Vec::new(),
+            free,
+        };
+        made.places = made.place_unknowns(random)?;
+        Ok(made)
+    }
+
+    /// The mechanism without ranges and limits.
+    pub(crate) fn mechanism(&self) -> &Mechanism {
+        &self.free
+    }
+
+    /// What each equation is divided by to have no unit.
+    pub(crate) fn sizes(&self, model: &Model) -> Vec<f64> {
+        let size = |kind| match kind {
+            ClosureKind::Distance => self.reach * self.reach,
+            ClosureKind::Touch => self.reach,
+        };
+        let of = |kind: ClosureKind| std::iter::repeat_n(size(kind), kind.equations());
+        model.closures.iter().flat_map(|c| of(c.kind)).collect()
+    }
+
+    /// Combinations of keys.
+    pub(crate) fn combinations(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// Readings of random configurations that need not close, one for each of these keys.
+    pub(crate) fn open(&self, keys: &[usize], random: &mut Random) -> Result<Readings, Error> {
+        let values = keys.iter().flat_map(|_| self.draw(random)).collect();
+        let ones = vec![vec![1.0; keys.len()]; self.free.value_columns().len()];
+        Readings::new(&self.free, self.table(values, keys, ones))
+    }
+
+    /// Readings of so many closed configurations for each combination of keys.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Mechanism`] where fewer than three of four are found.
+    pub(crate) fn closed(&self, each: usize, random: &mut Random) -> Result<Readings, Error> {
+        let mut found: Vec<Vec<Closed>> = vec![Vec::new(); self.keys.len()];
+        for _ in 0..ROUNDS {
+            let missing = |(key, found): (usize, &Vec<Closed>)| {
+                std::iter::repeat_n(key, 2 * (each - found.len()))
+            };
+            let wanted: Vec<usize> = found.iter().enumerate().flat_map(missing).collect();
+            if wanted.is_empty() {
+                break;
+            }
+            for (key, closed) in wanted.iter().zip(self.close(&wanted, random)?) {
+                let own = &mut found[*key];
+                if let Some(closed) = closed.filter(|_| own.len() < each) {
+                    own.push(closed);
+                }
+            }
+        }
+        let (kept, asked) = (found.iter().map(Vec::len).sum::<usize>(), each * self.keys.len());
+        if 4 * kept < 3 * asked {
+            return Err(Error::Mechanism {
+                place: format!("{:?}", self.free.name),
+                found: format!("{kept} of {asked} random configurations that close"),
+                expected: "joint limits within which its loops can be closed".into(),
+            });
+        }
+        let keys: Vec<usize> =
+            found.iter().enumerate().flat_map(|(k, f)| std::iter::repeat_n(k, f.len())).collect();
+        let every = || found.iter().flatten();
+        let values = every().flat_map(|c| c.values.iter().copied()).collect();
+        let columns = (0..self.free.value_columns().len())
+            .map(|k| every().map(|c| c.distances[k]).collect())
+            .collect();
+        Readings::new(&self.free, self.table(values, &keys, columns))
+    }
+
+    /// The drawing's parameters, with the unknown points in their places.
+    pub(crate) fn nominal(&self, model: &Model) -> Vec<f64> {
+        let mut beta = model.nominal();
+        for (k, (point, keys)) in model.unknown_points.iter().enumerate() {
+            let known = |p: &&Placed| p.0 == *point && p.1 == *keys;
+            if let Some((_, _, at)) = self.places.iter().find(known) {
+                let first = model.term_parameters + 3 * k;
+                beta[first..first + 3].copy_from_slice(at);
+            }
+        }
+        beta
+    }
+
+    /// Readings of one random configuration.
+    fn draw<'a>(&'a self, random: &'a mut Random) -> impl Iterator<Item = f64> + use<> {
+        let channels = self.free.channels.iter().zip(&self.limits);
+        let drawn: Vec<f64> = channels
+            .map(|(c, [low, high])| (random.uniform(*low, *high) - c.offset) / c.gain)
+            .collect();
+        drawn.into_iter()
+    }
+
+    fn table(&self, values: Vec<f64>, keys: &[usize], columns: Vec<Vec<f64>>) -> Table {
+        let texts = (0..self.free.key_columns().len())
+            .map(|c| keys.iter().map(|&k| self.keys[k][c].clone()).collect())
+            .collect();
+        Table { values, keys: texts, columns, ..Table::default() }
+    }
+
+    /// One configuration for each of these keys; none where Newton's method ends elsewhere.
+    fn close(&self, keys: &[usize], random: &mut Random) -> Result<Vec<Option<Closed>>, Error> {
+        let readings = self.open(keys, random)?;
+        let model = Model::uncentred(&self.free, &readings, Vec::new())?;
+        let beta = self.nominal(&model);
+        let blocks: Vec<Vec<(usize, Option<Closed>)>> = (0..readings.blocks().len())
+            .into_par_iter()
+            .map(|block| self.close_block(&model, &readings, block, &beta))
+            .collect();
+        let mut found = vec![None; keys.len()];
+        for (row, closed) in blocks.into_iter().flatten() {
+            found[row] = closed;
+        }
+        Ok(found)
+    }
+
+    /// Newton's method on the samples of one block.
+    fn close_block(
+        &self,
+        model: &Model,
+        readings: &Readings,
+        block: usize,
+        beta: &[f64],
+    ) -> Vec<(usize, Option<Closed>)> {
+        let meta = &readings.blocks()[block];
+        let sizes = self.sizes(model);
+        let known: Vec<usize> = model
+            .closures
+            .iter()
+            .filter(|c| c.column.is_none())
+            .flat_map(|c| c.equation..c.equation + c.kind.equations())
+            .collect();
+        let mut at = readings.raw(block).to_vec();
+        let mut ws = Workspace::default();
+        let want = Want { x: false, a: true };
+        let misclosure = |ws: &Workspace, lane: usize| -> Vec<f64> {
+            known.iter().map(|&k| ws.f[k].0[lane] / sizes[k]).collect()
+        };
+        for _ in 0..STEPS {
+            model.evaluate(readings, block, &at, beta, want, &mut ws);
+            let mut moved = false;
+            for lane in 0..meta.live {
+                let f = misclosure(&ws, lane);
+                if largest(&f) > 1e-3 * CLOSED {
+                    self.step(&f, &ws.a, &known, &sizes, lane, &mut at);
+                    moved = true;
+                }
+            }
+            if !moved {
+                break;
+            }
+        }
+        model.evaluate(readings, block, &at, beta, want, &mut ws);
+        let lane = |lane: usize| {
+            let values: Vec<f64> = at.iter().map(|a| a.0[lane]).collect();
+            let closed = largest(&misclosure(&ws, lane)) < CLOSED && self.within(&values);
+            let distances = measured(model, readings, block, &ws, lane);
+            (meta.rows[lane], closed.then_some(Closed { values, distances }))
+        };
+        (0..meta.live).map(lane).collect()
+    }
+
+    /// One Newton step of one sample.
+    fn step(
+        &self,
+        f: &[f64],
+        a: &[Lanes],
+        known: &[usize],
+        sizes: &[f64],
+        lane: usize,
+        at: &mut [Lanes],
+    ) {
+        let channels = self.spread.len();
+        let per_step = |c: usize| self.spread[c] / self.free.channels[c].gain;
+        let g = Mat::from_fn(known.len(), channels, |i, c| {
+            a[known[i] * channels + c].0[lane] * per_step(c) / sizes[known[i]]
+        });
+        let step = shortest(&g, f);
+        let shrink = (LONGEST_STEP / largest(&step)).min(1.0);
+        for (c, step) in step.iter().enumerate() {
+            at[c].0[lane] -= step * shrink * per_step(c);
+        }
+    }
+
+    fn within(&self, values: &[f64]) -> bool {
+        self.free.channels.iter().zip(&self.limits).zip(values).all(|((c, [low, high]), v)| {
+            let q = c.angle(*v);
+            q >= *low && q <= *high
+        })
+    }
+
+    /// Places of the unknown points that chains can touch, known distances apart.
+    fn place_unknowns(&self, random: &mut Random) -> Result<Vec<Placed>, Error> {
+        if self.free.key_columns().is_empty() {
+            return Ok(Vec::new());
+        }
+        let every: Vec<usize> = (0..self.keys.len()).collect();
+        let readings = self.open(&every, random)?;
+        let model = Model::uncentred(&self.free, &readings, Vec::new())?;
+        let mut beta = model.nominal();
+        model.place_unknowns(&readings, &mut beta);
+        let links = model.links();
+        for _ in 0..ROUNDS {
+            let off: Vec<f64> = links.iter().map(|link| apart(link, &beta).0).collect();
+            if largest(&off) < 1e-12 * self.reach {
+                break;
+            }
+            // The shortest step that puts linked points at their distances.
+            let mut slopes = Mat::zeros(links.len(), beta.len());
+            for (i, link) in links.iter().enumerate() {
+                for (column, slope) in apart(link, &beta).1 {
+                    slopes[(i, column)] += slope;
+                }
+            }
+            for (beta, step) in beta.iter_mut().zip(shortest(&slopes, &off)) {
+                *beta -= step;
+            }
+        }
+        let at = |k: usize| std::array::from_fn(|i| beta[model.term_parameters + 3 * k + i]);
+        let points = model.unknown_points.iter().enumerate();
+        Ok(points.map(|(k, (point, keys))| (*point, keys.clone(), at(k))).collect())
+    }
+}
+
+/// A configuration in which the loops are closed.
+#[derive(Debug, Clone)]
+struct Closed {
+    values: Vec<f64>,
+    /// What the columns of measured distances hold.
+    distances: Vec<f64>,
+}
+
+/// How far a known distance is off [length], with its slopes.
+pub(crate) fn apart(link: &Prior, beta: &[f64]) -> (f64, Vec<(usize, f64)>) {
+    let sd = match link {
+        Prior::Apart { sd, .. } | Prior::Parameter { sd, .. } => *sd,
+    };
+    let slopes = link.slopes(beta).into_iter().map(|(column, slope)| (column, slope * sd));
+    (link.off(beta) * sd, slopes.collect())
+}
+
+/// Distances that the readings would bring along, after [`Model::evaluate`].
+fn measured(
+    model: &Model,
+    readings: &Readings,
+    block: usize,
+    ws: &Workspace,
+    lane: usize,
+) -> Vec<f64> {
+    let columns = readings.columns(block);
+    let mut distances: Vec<f64> = columns.iter().map(|c| c.0[lane]).collect();
+    for closure in &model.closures {
+        if let Some(column) = closure.column {
+            let assumed = columns[column].0[lane];
+            distances[column] = (ws.f[closure.equation].0[lane] + assumed * assumed).sqrt();
+        }
+    }
+    distances
+}
+
+/// The shortest `z` with `G z = f`; along directions that `G` hardly sees nothing moves.
+fn shortest(g: &Mat<f64>, f: &[f64]) -> Vec<f64> {
+    let (m, n) = (g.nrows(), g.ncols());
+    if m > n {
+        return shortest_of_many(g, f);
+    }
+    let Ok(eigen) = (g * g.transpose()).self_adjoint_eigen(Side::Lower) else {
+        return vec![0.0; n];
+    };
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let most = (0..m).map(|i| values[i]).fold(0.0, f64::max);
+    let mut y = vec![0.0; m];
+    for k in (0..m).filter(|&k| values[k] > 1e-13 * most) {
+        let along = (0..m).map(|i| vectors[(i, k)] * f[i]).sum::<f64>() / values[k];
+        (0..m).for_each(|i| y[i] += vectors[(i, k)] * along);
+    }
+    (0..n).map(|j| (0..m).map(|i| g[(i, j)] * y[i]).sum()).collect()
+}
+
+/// The shortest of the `z` that come nearest to `G z = f`.
+fn shortest_of_many(g: &Mat<f64>, f: &[f64]) -> Vec<f64> {
+    let n = g.ncols();
+    let Ok(svd) = Svd::new_thin(g.as_ref()) else { return vec![0.0; n] };
+    let (values, u, v) = (svd.S().column_vector(), svd.U(), svd.V());
+    let mut z = vec![0.0; n];
+    for k in (0..values.nrows()).filter(|&k| values[k] > RANK * values[0]) {
+        let along = f.iter().enumerate().map(|(i, f)| u[(i, k)] * f).sum::<f64>() / values[k];
+        (0..n).for_each(|j| z[j] += v[(j, k)] * along);
+    }
+    z
+}
+
+/// The largest size; infinite where one is not a number.
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |m, v| if v.is_nan() { f64::INFINITY } else { m.max(v.abs()) })
+}
+
+/// Combinations of the values that closures give to the columns of unknown points.
+fn keys(mechanism: &Mechanism) -> Result<Vec<Vec<String>>, Error> {
+    let mut combinations = vec![Vec::new()];
+    for column in mechanism.key_columns() {
+        let mut named: Vec<String> = Vec::new();
+        for end in mechanism.closures.iter().flat_map(|c| &c.between) {
+            let Some((point, fixed)) = mechanism.unknown_end(end) else { continue };
+            for (k, value) in fixed {
+                if mechanism.points[point].unknown[k] == column && !named.contains(&value) {
+                    named.push(value);
+                }
+            }
+        }
+        if named.is_empty() {
+            named = (0..PLACEMENTS).map(|i| i.to_string()).collect();
+        }
+        if combinations.len() * named.len() > MOST_KEYS {
+            return Err(Error::Mechanism {
+                place: "unknown points".into(),
+                found: format!("more than {MOST_KEYS} combinations of their columns"),
+                expected: "fewer columns".into(),
+            });
+        }
+        combinations = combinations
+            .iter()
+            .flat_map(|c| named.iter().map(|n| [&c[..], &[n.clone()]].concat()))
+            .collect();
+    }
+    Ok(combinations)
+}
+
+/// Joint coordinates of a channel: its limits, else its range, else any.
+fn limits(mechanism: &Mechanism, channel: usize, longest: f64) -> [f64; 2] {
+    let of = &mechanism.channels[channel];
+    match (of.limits, of.range) {
+        (Some(limits), _) => limits,
+        (None, Some([low, high])) => {
+            let (a, b) = (of.angle(low), of.angle(high));
+            [a.min(b), a.max(b)]
+        }
+        (None, None) if mechanism.slides(channel) => [-longest, longest],
+        (None, None) => [-std::f64::consts::PI, std::f64::consts::PI],
+    }
+}
+
+/// The longest length of the drawing.
+fn longest(mechanism: &Mechanism) -> f64 {
+    let rows = mechanism.chains.iter().flat_map(|c| &c.rows);
+    let lengths = rows.flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]);
+    lengths.fold(0.0, |m: f64, v| m.max(v.abs())).max(1e-3)
+}
+
+/// Length of the longest chain, its rows one behind the other.
+fn reach(mechanism: &Mechanism) -> f64 {
+    let norm = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let of_chain = |c: &crate::mechanism::Chain| -> f64 {
+        c.rows.iter().map(|r| r.a.hypot(r.d) + norm(&r.xyz)).sum()
+    };
+    let at = mechanism.points.iter().filter_map(|p| p.at.as_ref()).map(norm);
+    mechanism.chains.iter().map(of_chain).chain(at).fold(1e-12, f64::max)
+}
