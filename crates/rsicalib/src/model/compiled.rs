@@ -418,7 +418,9 @@ impl Model {
         let mechanism = &self.mechanism;
         let before = mechanism.closures[..closure].iter().filter(|c| !mechanism.is_link(c));
         let compiled = self.closures.get(before.count());
-        compiled.filter(|_| !mechanism.is_link(&mechanism.closures[closure])).map_or(0, |c| c.equations())
+        compiled
+            .filter(|_| !mechanism.is_link(&mechanism.closures[closure]))
+            .map_or(0, |c| c.equations())
     }
 
     fn end(&self, name: &str) -> Result<End, Error> {

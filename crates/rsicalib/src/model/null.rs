@@ -31,7 +31,8 @@ impl Model {
             .filter(|&k| self.closures[k].kind == ClosureKind::Touch)
             .filter(|&k| !self.closures[k].ends.iter().any(unknown))
             .collect();
-        let found: Vec<_> = touches.into_iter().map(|k| (k, self.directions(k, readings))).collect();
+        let found: Vec<_> =
+            touches.into_iter().map(|k| (k, self.directions(k, readings))).collect();
         for (k, along) in found {
             self.closures[k].along = along;
         }

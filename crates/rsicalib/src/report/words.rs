@@ -129,20 +129,20 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
 
 /// Declared noise that is not what the readings show.
 fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
-    let what = if play { "noise and play" } else { "noise" };
+    let (what, is) = if play { ("noise and play", "are") } else { ("noise", "is") };
     let size = if factor < 1.0 { "large" } else { "small" };
     match by {
         Witness::Repeats | Witness::Neighbours => format!(
-            "the declared {what} is too {size}: {} show {factor:.2} times as much, which is used",
+            "the declared {what} {is} too {size}: {} show {factor:.2} times as much, which is used",
             if by == Witness::Repeats { "repeats" } else { "neighbouring rows" }
         ),
         Witness::Fit if factor < 1.0 => format!(
-            "the declared {what} is too large: the residual is smaller than chance allows, and \
+            "the declared {what} {is} too large: the residual is smaller than chance allows, and \
              {factor:.2} times as much would fit"
         ),
         Witness::Fit => format!(
             "the residual is larger than the declared {what} allows: something is left, or the \
-             declared {what} is too small, and {factor:.2} times as much would fit"
+             declared {what} {is} too small, and {factor:.2} times as much would fit"
         ),
     }
 }

@@ -75,10 +75,8 @@ pub(crate) fn told_apart(
     residuals: &Residuals,
     used: &Noise,
 ) -> (Noise, usize) {
-    let alike = Alike {
-        noise: first_noise(observations, None),
-        floor: observations.roundings().collect(),
-    };
+    let alike =
+        Alike { noise: first_noise(observations, None), floor: observations.roundings().collect() };
     let scatter = groups.scatter(residuals, 0.0);
     // What rounding gives within a pose is no scatter of a normal distribution.
     let coarse = groups.lasting_rounding(observations) > COARSE;
