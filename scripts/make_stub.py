@@ -165,9 +165,6 @@ MARGIN: float
 """Readings that a planned pose keeps from the ends of the range."""
 SCALINGS: tuple[str, ...]
 """Names of the scalings of a Jacobian's columns."""
-"""A residual that chance would exceed less often than this is not explained."""
-VERDICTS: list[tuple[str, int]]
-"""Each verdict with the exit code of the command."""
 '''
 
 

@@ -82,7 +82,6 @@ def random_numbers() -> tuple[Readings, Mechanism]:
     return Readings.from_arrays(mechanism, values), mechanism
 
 
-@not_yet
 @both
 def test_random_numbers_are_implausible(verb: Any) -> None:
     """The misclosure is beyond 5 % of the shortest length."""
@@ -91,7 +90,6 @@ def test_random_numbers_are_implausible(verb: Any) -> None:
     assert found.exit_code == 4
 
 
-@not_yet
 @both
 def test_noise_beyond_a_twentieth_of_the_limits_is_implausible(verb: Any) -> None:
     """Repeats that share nothing: the noise that they give is 0.3 of the range."""
@@ -104,7 +102,6 @@ def test_noise_beyond_a_twentieth_of_the_limits_is_implausible(verb: Any) -> Non
     assert found.exit_code == 4
 
 
-@not_yet
 def test_an_effect_beyond_thirty_times_its_typical_size_is_implausible() -> None:
     device, scene, rng = machine("ballbar", 0)
     drift = of(device, rng, "drift", "q2", 60 * 5e-3)
@@ -116,7 +113,6 @@ def test_an_effect_beyond_thirty_times_its_typical_size_is_implausible() -> None
 # ------------------------------------------------------------------ b: nothing judges
 
 
-@not_yet
 @both
 def test_what_nothing_judges_is_unjudged(verb: Any) -> None:
     """One sample a pose and no declared noise; the advice says what would judge it."""
@@ -127,7 +123,6 @@ def test_what_nothing_judges_is_unjudged(verb: Any) -> None:
     assert "--noise" in said(found) and "hold each pose" in said(found)
 
 
-@not_yet
 def test_rows_that_are_no_motion_do_not_give_the_noise() -> None:
     """Touches without the column `pose`: neighbours are apart, and scatter by the effect as well.
 
@@ -148,7 +143,6 @@ def test_rows_that_are_no_motion_do_not_give_the_noise() -> None:
 # ------------------------------------------------------------------ c: degrees
 
 
-@not_yet
 @both
 def test_degrees_taken_for_radians_are_warned_of(verb: Any) -> None:
     device, scene, rng = machine("fourbar", 0)
@@ -158,7 +152,6 @@ def test_degrees_taken_for_radians_are_warned_of(verb: Any) -> None:
     assert any("degrees" in text for text in found.warnings)
 
 
-@not_yet
 def test_a_channel_in_degrees_is_converted() -> None:
     device, scene, rng = machine("fourbar", 0)
     mechanism = Mechanism.from_toml(toml(device).replace('unit = "rad"', 'unit = "deg"'))
@@ -175,7 +168,6 @@ def test_a_channel_in_degrees_is_converted() -> None:
 # ------------------------------------------------------------------ d: one judgement
 
 
-@not_yet
 def test_both_verbs_judge_a_residual_alike() -> None:
     """Declared noise such that p is 0.004: between what calibrate and trace ask for today."""
     device, scene, rng = machine("ballbar", 1)
@@ -195,7 +187,6 @@ def test_both_verbs_judge_a_residual_alike() -> None:
 # ------------------------------------------------------------------ e: undetermined
 
 
-@not_yet
 def test_trace_is_undetermined_where_calibrate_is() -> None:
     """Two arms whose tips touch, all lengths free: nothing gives the scale."""
     mechanism = tomllib.loads(TWO_ARMS.read_text(encoding="utf-8"))
@@ -247,7 +238,6 @@ def test_what_does_not_hold_elsewhere_is_at_most_partly_explained() -> None:
 # ------------------------------------------------------------------ g: too little
 
 
-@not_yet
 def test_the_same_session_twice_is_not_twice_the_poses() -> None:
     """Refused, or said and counted once."""
     readings, mechanism = given(*machine("ballbar", 2))
@@ -262,7 +252,6 @@ def test_the_same_session_twice_is_not_twice_the_poses() -> None:
         assert two.sd > 0.95 * one.sd
 
 
-@not_yet
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_wiring_is_not_accused_from_one_pose(seed: int) -> None:
     readings, mechanism = given(*machine("rps", seed))
@@ -274,7 +263,6 @@ def test_wiring_is_not_accused_from_one_pose(seed: int) -> None:
 # ------------------------------------------------------------------ h, i: declared noise
 
 
-@not_yet
 @both
 def test_a_declared_noise_that_is_too_large_is_said(verb: Any) -> None:
     """χ² per degree of freedom is 0.25; half the declared noise would fit."""
@@ -285,7 +273,6 @@ def test_a_declared_noise_that_is_too_large_is_said(verb: Any) -> None:
     assert any("declared" in text and "large" in text for text in told)
 
 
-@not_yet
 def test_play_is_averaged_alike_in_the_fit_and_in_the_search() -> None:
     """A long link beside a declared play that rules, with eight samples a pose."""
     device, scene, rng = machine("gantry", 3, samples=8)
@@ -321,7 +308,7 @@ def planar(play: float | None) -> tuple[Device, Readings, Mechanism]:
     return device, readings, loaded
 
 
-@pytest.mark.parametrize("play", [pytest.param(None, marks=not_yet), 1e-6])
+@pytest.mark.parametrize("play", [None, 1e-6])
 def test_a_planar_touch_calibrates(play: float | None) -> None:
     device, readings, mechanism = planar(play)
     found = rsicalib.calibrate(readings, mechanism)
@@ -332,7 +319,6 @@ def test_a_planar_touch_calibrates(play: float | None) -> None:
         assert abs(own.value - true) < 5 * own.sd
 
 
-@not_yet
 def test_a_planar_touch_has_two_equations() -> None:
     """40 poses, two equations each, four offsets: the third, 0 = 0, is no degree of freedom."""
     _, readings, mechanism = planar(1e-6)
@@ -343,7 +329,6 @@ def test_a_planar_touch_has_two_equations() -> None:
 # ------------------------------------------------------------------ k: coarse encoders
 
 
-@not_yet
 @both
 def test_the_step_of_a_coarse_encoder_joins_the_noise(verb: Any) -> None:
     device, scene, rng = machine("ballbar", 3)

@@ -206,7 +206,7 @@ impl PyFit {
         let directions = directions(&self.observations, &self.fit);
         let view = FitView {
             fit: FitReport::of(&self.fit),
-            warnings: result::warnings(&self.observations, &self.fit),
+            warnings: result::warnings(&self.observations, &self.fit, &self.fit),
             estimates: estimates(&self.observations, &self.fit, &directions),
         };
         Ok(pythonize(py, &view)?)

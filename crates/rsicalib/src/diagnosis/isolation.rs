@@ -225,7 +225,7 @@ fn equations(observations: &Observations, start: &Fit, target: Target) -> (f64, 
     let live = observations.weights.iter().filter(|w| **w > 0.0).count();
     let all = (live * start.residuals.equations) as f64;
     let lost = match target {
-        Target::Closure(k) => (live * mechanism.closures[k].kind.equations()) as f64,
+        Target::Closure(k) => (live * start.model.equations_of(k)) as f64,
         _ => taken_up(observations, start, &channels_of(mechanism, target)).1,
     };
     // In a recording neighbours are poses that were sampled several times.

@@ -4,10 +4,11 @@ use faer::Mat;
 
 use crate::Error;
 use crate::estimate::algebraic::Algebraic;
+use crate::estimate::doubts;
 use crate::estimate::implicit::{Implicit, Residuals};
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::source::{
-    NoiseEstimate, Source, estimate_noise, first_noise, told_apart,
+    Declared, NoiseEstimate, Source, check_declared, estimate_noise, first_noise, told_apart,
 };
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
@@ -161,8 +162,19 @@ fn solve(
     };
     let mut beta = start.beta.clone();
     let groups = Groups::of(&observations.readings, &observations.weights);
-    let declared = observations.options.noise.is_some()
-        || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
+    let settled = observations.options.settled;
+    let mut declared = (observations.options.noise.is_some()
+        || observations.mechanism.channels.iter().all(|c| c.noise.is_some()))
+    .then_some(0.0);
+    let mut warnings: Vec<Suspicion> =
+        start.warnings.iter().filter(|w| w.of_wiring()).cloned().collect();
+    if !settled {
+        warnings.extend(doubts::of_readings(observations));
+    }
+    if declared.is_some() {
+        // Beside an earlier fit, whose noise may not be what is declared.
+        noise = first_noise(observations, None);
+    }
     let mut apart = 0;
     let mut answer = None;
     for round in 0..ROUNDS {
@@ -181,7 +193,18 @@ fn solve(
         };
         beta.clone_from(&outcome.x);
         let residuals = problem.residuals(&beta, false);
-        if !declared && round + 1 < ROUNDS {
+        if declared.is_some() && round == 0 && !settled {
+            match check_declared(observations, &groups, &residuals, &noise, beta.len()) {
+                Declared::Right => {}
+                Declared::Lasting(share) => declared = Some(share),
+                Declared::Wrong(factor, by) => {
+                    declared = None;
+                    let play = model.play().iter().any(|p| *p > 0.0);
+                    warnings.push(Suspicion::Noise { by, factor, play });
+                }
+            }
+        }
+        if declared.is_none() && round + 1 < ROUNDS {
             let (wanted, count) = told_apart(observations, &groups, &residuals, &noise);
             apart = count;
             if !proportional(&wanted, &noise) {
@@ -204,7 +227,8 @@ fn solve(
     let Some((outcome, residuals, noise, scale, adjusted)) = answer else {
         return Err(Error::Empty("no fit".into()));
     };
-    Ok(conclude(
+    let start = Start { warnings, ..start };
+    let mut fit = conclude(
         observations,
         model,
         priors,
@@ -215,7 +239,11 @@ fn solve(
         adjusted,
         start,
         &groups,
-    ))
+    );
+    if !settled {
+        fit.warnings.extend(doubts::of_noise(observations, &fit));
+    }
+    Ok(fit)
 }
 
 #[expect(clippy::too_many_arguments, reason = "the last step gathers what the others made")]

@@ -2,6 +2,7 @@
 
 mod algebraic;
 pub mod directions;
+mod doubts;
 mod fit;
 mod implicit;
 pub mod noise;

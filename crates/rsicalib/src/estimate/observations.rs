@@ -4,7 +4,7 @@ use crate::Error;
 use crate::estimate::options::FitOptions;
 use crate::mechanism::Mechanism;
 use crate::model::{Instance, assembly, check_names};
-use crate::readings::{Readings, Table};
+use crate::readings::{Readings, Table, codes};
 
 /// Readings to fit, with everything that is known beside them.
 #[derive(Debug, Clone)]
@@ -21,11 +21,27 @@ pub struct Observations {
     pub weights: Vec<f64>,
     /// Readings at which offsets are told from gains: the mean of each channel.
     pub centre: Vec<f64>,
+    /// Step of the codes of each channel, in its unit; zero where it has none.
+    pub steps: Vec<f64>,
+    /// Poses, from 0, whose readings are those of an earlier pose over again: they count once.
+    pub copies: Vec<usize>,
     /// The options.
     pub options: FitOptions,
     /// The mechanism held at rest, and its one reading, where the rest pose is
     /// declared with a tolerance and so is an observation.
     pub held: Option<(Mechanism, Readings)>,
+}
+
+/// Step of the codes of each channel: a count where readings are counts, else what they show.
+fn steps(mechanism: &Mechanism, readings: &Readings) -> Vec<f64> {
+    let column = |c: usize| readings.table.values.iter().skip(c).step_by(readings.channels);
+    let channels = mechanism.channels.iter().enumerate();
+    channels
+        .map(|(c, channel)| match channel.unit.as_str() {
+            "count" => 1.0,
+            _ => codes::step(column(c).copied()).unwrap_or(0.0),
+        })
+        .collect()
 }
 
 /// What an anchor rests on.
@@ -95,9 +111,42 @@ impl Observations {
             }
             _ => None,
         };
-        let weights = vec![1.0; readings.samples];
+        let copies = readings.copies();
+        let mut weights = vec![1.0; readings.samples];
+        let copied = |row: &usize| copies.binary_search(&readings.pose[*row]).is_ok();
+        (0..readings.samples).filter(copied).for_each(|row| weights[row] = 0.0);
+        let steps = steps(&mechanism, &readings);
         let centre = readings.mean.clone();
-        Ok(Self { mechanism, readings, rest, rest_angles, weights, centre, options, held })
+        Ok(Self {
+            mechanism,
+            readings,
+            rest,
+            rest_angles,
+            weights,
+            centre,
+            steps,
+            copies,
+            options,
+            held,
+        })
+    }
+
+    /// Variance of the rounding of each channel.
+    pub fn roundings(&self) -> impl Iterator<Item = f64> {
+        self.steps.iter().map(|step| step * step / 12.0)
+    }
+
+    /// True where channel `c` is no counter and reads in steps of its own.
+    fn coded(&self, c: usize) -> bool {
+        self.steps[c] > 0.0 && self.mechanism.channels[c].unit != "count"
+    }
+
+    /// Least noise of one reading of each channel: that of rounding, where a channel reads in
+    /// steps and nobody said so.
+    #[must_use]
+    pub fn least_noise(&self) -> Vec<f64> {
+        let own = |(c, variance): (usize, f64)| if self.coded(c) { variance.sqrt() } else { 0.0 };
+        self.roundings().enumerate().map(own).collect()
     }
 
     /// The instances that the options, or else the mechanism, ask for.

@@ -25,6 +25,9 @@ pub struct FitOptions {
     pub noise: Option<Vec<f64>>,
     /// Multiplies the variance of the play that the mechanism declares.
     pub play: f64,
+    /// True where the noise is from an earlier fit of these readings, which has judged what
+    /// was declared: nothing questions it again.
+    pub settled: bool,
     /// Starts to try at the most.
     pub starts: usize,
     /// A start whose χ² per degree of freedom is below this ends the search.
@@ -41,6 +44,7 @@ impl Default for FitOptions {
             method: Method::default(),
             noise: None,
             play: 1.0,
+            settled: false,
             starts: 40,
             good_start: 50.0,
             lm: lm::SolverOptions { xtol: 1e-10, ftol: 1e-12, ..lm::SolverOptions::default() },

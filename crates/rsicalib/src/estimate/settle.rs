@@ -14,6 +14,10 @@ const CHEAP: usize = 40;
 /// Change of `â`, in standard deviations of a reading, that counts as none.
 const STILL: f64 = 1e-9;
 
+/// Part of the variance of an equation that rounding may leave when those before take their
+/// share: in a pose where equations say the same, the factor is that of the others.
+const ROUNDED: f64 = 1e-15;
+
 /// Room to settle the readings of one block.
 pub(crate) struct Room {
     pub(crate) ws: Workspace,
@@ -117,8 +121,12 @@ impl Room {
                 for (m, variance) in self.variance.iter().enumerate() {
                     s += self.ws.a[i * c + m] * self.ws.a[j * c + m] * *variance;
                 }
+                let least = s * ROUNDED;
                 for m in 0..j {
                     s -= self.l[i * n + m] * self.l[j * n + m];
+                }
+                if i == j {
+                    s = Lanes(std::array::from_fn(|lane| s.0[lane].max(least.0[lane])));
                 }
                 self.l[i * n + j] = if i == j { s.sqrt() } else { s / self.l[j * n + j] };
             }

@@ -57,6 +57,7 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     let mut warnings = Vec::new();
     if score >= options.good_start
         && options.starts > 1
+        && enough(observations, model)
         && let Some(found) = wiring::suspect(&search, score)
     {
         warnings.push(found.suspicion);
@@ -67,6 +68,14 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     }
     let beta = best.map_or_else(|| anchored(observations, model, &vec![1.0; channels]), |b| b.beta);
     Start { beta, tries, warnings }
+}
+
+/// True where poses give half as many equations again as there are parameters: from fewer,
+/// almost any mistake leads to a good fit. Repeats of a pose are no equations of their own.
+fn enough(observations: &Observations, model: &Model) -> bool {
+    let live = |rows: &Vec<usize>| rows.iter().any(|&r| observations.weights[r] > 0.0);
+    let poses = observations.readings.rows_of_poses().iter().filter(|rows| live(rows)).count();
+    2 * poses * model.equations() >= 3 * model.parameters
 }
 
 /// Anchor, name and gain factors of so many starts, nearest first, anchors in turn.

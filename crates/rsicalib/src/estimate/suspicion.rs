@@ -31,11 +31,64 @@ pub enum Suspicion {
         /// How well the loop closes without those rows.
         closes: Closes,
     },
+    /// Poses repeat the readings of others, digit by digit.
+    SameReadings {
+        /// How many poses.
+        poses: usize,
+        /// Poses in all.
+        of: usize,
+    },
+    /// Readings would be within the limits of their joints if they were degrees.
+    Degrees {
+        /// The channels.
+        channels: Vec<usize>,
+    },
+    /// A channel reads in steps that rule its noise.
+    Coarse {
+        /// The channel.
+        channel: usize,
+        /// The step, in its unit.
+        step: f64,
+    },
+    /// Declared noise is not what the readings show.
+    Noise {
+        /// What shows it.
+        by: Witness,
+        /// By what the declared noise would have to be multiplied.
+        factor: f64,
+        /// True where play was declared, too, and is multiplied with it.
+        play: bool,
+    },
     /// No start led to a fit in which every joint moves.
     NoStart {
         /// Starts that were tried.
         tried: usize,
     },
+}
+
+impl Suspicion {
+    /// True where it is about the wiring, and so found at the start.
+    #[must_use]
+    pub fn of_wiring(&self) -> bool {
+        !matches!(
+            self,
+            Self::SameReadings { .. }
+                | Self::Degrees { .. }
+                | Self::Coarse { .. }
+                | Self::Noise { .. }
+        )
+    }
+}
+
+/// What shows that declared noise is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Witness {
+    /// The scatter of repeats, whose noise is used.
+    Repeats,
+    /// The scatter of neighbouring rows, whose noise is used.
+    Neighbours,
+    /// The residual of the fit; the declared noise is used.
+    Fit,
 }
 
 /// χ² per equation with a suspected mistake taken into account, and as declared.

@@ -50,7 +50,12 @@ pub struct Mechanism {
 pub struct Channel {
     /// Column of the readings.
     pub name: String,
-    /// Unit of a reading: `count`, `rad`, `m`, ...
+    /// Unit of a reading: `count`, `rad`, `deg`, `m`, ...
+    ///
+    /// In a mechanism file, readings in `deg` are converted to radians before the gain acts:
+    /// `angle = gain * reading * π/180 + offset`. There `range` and `noise` are in degrees, as
+    /// readings are; `offset` and `limits` in radians, as the joint is. In this value `gain` has
+    /// the factor in it.
     pub unit: String,
     /// Lowest and highest reading, if bounded.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]

@@ -39,8 +39,18 @@ pub(crate) struct CompiledClosure {
     pub(crate) parameter: Option<usize>,
     /// First equation.
     pub(crate) equation: usize,
+    /// Directions along which points that touch must coincide, one equation each; none: the
+    /// three axes of the base. Fewer than three where nothing can violate the others.
+    pub(crate) along: Option<Vec<[f64; 3]>>,
     /// Play, in length units.
-    noise: f64,
+    pub(crate) noise: f64,
+}
+
+impl CompiledClosure {
+    /// Scalar equations of one sample.
+    fn equations(&self) -> usize {
+        self.along.as_ref().map_or(self.kind.equations(), Vec::len)
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -159,7 +169,10 @@ impl Model {
         readings: &Readings,
         instances: Vec<Instance>,
     ) -> Result<Self, Error> {
-        Self::about(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
+        for instance in &instances {
+            provided(instance.term, mechanism, readings)?;
+        }
+        Self::compile(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
     }
 
     /// As [`Model::new`], with offsets told at readings `centre`.
@@ -176,7 +189,9 @@ impl Model {
         for instance in instances.iter().filter(|i| !i.is_past()) {
             provided(instance.term, mechanism, readings)?;
         }
-        Self::compile(mechanism, readings, instances, centre)
+        let mut model = Self::compile(mechanism, readings, instances, centre)?;
+        model.leave_out_null_equations(readings);
+        Ok(model)
     }
 
     fn compile(
@@ -381,11 +396,33 @@ impl Model {
                 column,
                 parameter,
                 equation,
+                along: None,
                 noise,
             });
             equation += kind.equations();
         }
         Ok(())
+    }
+
+    /// Numbers the equations, of which each closure has as many as it has directions.
+    pub(crate) fn number_equations(&mut self) {
+        let mut equation = 0;
+        for closure in &mut self.closures {
+            closure.equation = equation;
+            equation += closure.equations();
+        }
+        self.equations = equation;
+    }
+
+    /// Scalar equations that one closure of the mechanism gives one sample.
+    #[must_use]
+    pub fn equations_of(&self, closure: usize) -> usize {
+        let mechanism = &self.mechanism;
+        let before = mechanism.closures[..closure].iter().filter(|c| !mechanism.is_link(c));
+        let compiled = self.closures.get(before.count());
+        compiled
+            .filter(|_| !mechanism.is_link(&mechanism.closures[closure]))
+            .map_or(0, |c| c.equations())
     }
 
     fn end(&self, name: &str) -> Result<End, Error> {
@@ -434,6 +471,7 @@ impl Model {
         let centre: Vec<f64> = other.scales.iter().map(|s| s.centre).collect();
         let mut model = Self::compile(mechanism, readings, other.instances.clone(), &centre)?;
         model.scales.clone_from(&other.scales);
+        model.leave_out_null_equations(readings);
         Ok(model)
     }
 
@@ -462,7 +500,7 @@ impl Model {
             }
             columns.sort_unstable();
             columns.dedup();
-            active.extend(std::iter::repeat_n(columns, closure.kind.equations()));
+            active.extend(std::iter::repeat_n(columns, closure.equations()));
         }
         active
     }
@@ -499,7 +537,7 @@ impl Model {
                 ClosureKind::Distance => 1.0 / (2.0 * closure.value),
                 ClosureKind::Touch => 1.0,
             };
-            lengths.extend(std::iter::repeat_n(scale, closure.kind.equations()));
+            lengths.extend(std::iter::repeat_n(scale, closure.equations()));
         }
         lengths
     }
@@ -514,7 +552,7 @@ impl Model {
                 ClosureKind::Touch => 1.0,
             };
             let variance = (closure.noise * scale).powi(2);
-            play.extend(std::iter::repeat_n(variance, closure.kind.equations()));
+            play.extend(std::iter::repeat_n(variance, closure.equations()));
         }
         play
     }

@@ -59,6 +59,17 @@ pub struct Want {
     pub a: bool,
 }
 
+/// What a vector is along the directions of a touch, one by one; none: the axes of the base.
+#[inline(always)]
+fn each_along(along: Option<&[[f64; 3]]>, vector: &Vec3, mut put: impl FnMut(usize, Lanes)) {
+    match along {
+        None => (0..3).for_each(|row| put(row, vector[row])),
+        Some(along) => along.iter().enumerate().for_each(|(row, u)| {
+            put(row, vector[0] * u[0] + vector[1] * u[1] + vector[2] * u[2]);
+        }),
+    }
+}
+
 impl Model {
     /// Misclosure and derivatives of one block at readings `a` and parameters `beta`.
     ///
@@ -275,7 +286,8 @@ impl Model {
                     ws.f[closure.equation] = dot(&apart, &apart) - distance * distance;
                 }
                 ClosureKind::Touch => {
-                    ws.f[closure.equation..closure.equation + 3].copy_from_slice(&apart);
+                    let along = closure.along.as_deref();
+                    each_along(along, &apart, |row, off| ws.f[closure.equation + row] = off);
                 }
             }
             if !(want.x || want.a) {
@@ -294,7 +306,7 @@ impl Model {
                     };
                     match closure.kind {
                         ClosureKind::Distance => add(0, dot(&apart, moved) * 2.0),
-                        ClosureKind::Touch => (0..3).for_each(|row| add(row, moved[row])),
+                        ClosureKind::Touch => each_along(closure.along.as_deref(), moved, add),
                     }
                 };
                 match end {

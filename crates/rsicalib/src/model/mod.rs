@@ -5,6 +5,7 @@ mod compiled;
 mod evaluation;
 mod instance;
 mod known;
+mod null;
 mod numbering;
 mod prior;
 mod specification;

@@ -1,6 +1,7 @@
 //! Readings: checked once on the way in, laid out for vector lanes.
 
 mod block;
+pub mod codes;
 pub mod context;
 mod samples;
 mod table;

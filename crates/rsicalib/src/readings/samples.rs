@@ -301,6 +301,41 @@ impl Readings {
         rows
     }
 
+    /// Poses whose readings are those of an earlier pose, to the last digit of every sample.
+    ///
+    /// Even where nothing is noisy, they share the rounding, and say nothing new. In a
+    /// recording rows may stand still: there only a whole session is compared with another.
+    #[must_use]
+    pub fn copies(&self) -> Vec<usize> {
+        let whole = if self.held { self.rows_of_poses() } else { self.rows_of_sessions() };
+        let mut seen = std::collections::HashSet::new();
+        let again = |rows: &&Vec<usize>| !rows.is_empty() && !seen.insert(self.content(rows));
+        let again: Vec<usize> = whole.iter().filter(again).flatten().copied().collect();
+        let mut poses: Vec<usize> = again.into_iter().map(|row| self.pose[row]).collect();
+        poses.sort_unstable();
+        poses.dedup();
+        poses
+    }
+
+    /// All that these rows hold, time, temperature and labels aside.
+    fn content(&self, rows: &[usize]) -> (Vec<u64>, Vec<&String>) {
+        let of_row = |row: &usize| {
+            let columns = self.table.columns.iter().map(|column| column[*row]);
+            let values = self.row(*row).iter().copied().chain(columns);
+            values.map(f64::to_bits).collect::<Vec<_>>()
+        };
+        let keys = self.table.keys.iter().flat_map(|key| rows.iter().map(|r| &key[*r]));
+        (rows.iter().flat_map(of_row).collect(), keys.collect())
+    }
+
+    fn rows_of_sessions(&self) -> Vec<Vec<usize>> {
+        let mut rows = vec![Vec::new(); self.sessions];
+        for row in 0..self.samples {
+            rows[session_of(&self.table, row)].push(row);
+        }
+        rows
+    }
+
     /// The mean of all rows, a single sample: of a rest reading.
     #[must_use]
     pub fn mean_row(&self) -> &[f64] {

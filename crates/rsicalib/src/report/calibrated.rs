@@ -89,7 +89,7 @@ pub fn report(
     let report = CalibrationReport {
         verdict,
         implausible: result::implausible(used, &absurd),
-        warnings: result::warnings(used, fit),
+        warnings: result::warnings(used, fit, fit),
         excluded: out.iter().map(|e| excluded(used, e)).collect(),
         with_excluded,
         fit: report,

@@ -251,10 +251,12 @@ impl Known {
     }
 }
 
-/// Suspicions about the wiring in words.
+/// Suspicions in words: about the wiring as of the first fit, about the rest as of the last.
 #[must_use]
-pub fn warnings(observations: &Observations, fit: &Fit) -> Vec<String> {
-    fit.warnings.iter().map(|s| words::suspicion(&observations.mechanism, s)).collect()
+pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<String> {
+    let wiring = before.warnings.iter().filter(|s| s.of_wiring());
+    let rest = after.warnings.iter().filter(|s| !s.of_wiring());
+    wiring.chain(rest).map(|s| words::suspicion(&observations.mechanism, s)).collect()
 }
 
 /// Absurdities in words.

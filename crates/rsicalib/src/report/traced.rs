@@ -167,7 +167,7 @@ pub fn report(
     Ok(TraceReport {
         verdict,
         implausible: result::implausible(&traced.observations, &absurd),
-        warnings: result::warnings(observations, &traced.before),
+        warnings: result::warnings(observations, &traced.before, &traced.after),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
         with_excluded,
         before,

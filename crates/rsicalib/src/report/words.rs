@@ -6,7 +6,7 @@ use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::whereabouts::Whereabouts;
 use crate::estimate::directions::{Direction, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
-use crate::estimate::suspicion::{Closes, Shown, Suspicion};
+use crate::estimate::suspicion::{Closes, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Observations};
 use crate::mechanism::{Mechanism, Target};
@@ -102,9 +102,47 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes)
             )
         }
+        Suspicion::SameReadings { poses, of } => format!(
+            "{poses} of {of} poses have the same readings as others, digit by digit: given twice, \
+             they count once"
+        ),
+        Suspicion::Degrees { channels } => {
+            let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
+            format!(
+                "readings of {} span more than their joints can move in radians, and not in \
+                 degrees: if they are degrees, declare unit = \"deg\" in the mechanism",
+                names.join(", ")
+            )
+        }
+        Suspicion::Coarse { channel, step } => format!(
+            "{} reads in steps of {step:.3e} {}: the noise of rounding, step/√12, rules its noise",
+            name(*channel),
+            mechanism.channels[*channel].unit
+        ),
+        Suspicion::Noise { by, factor, play } => declared_noise(*by, *factor, *play),
         Suspicion::NoStart { tried } => format!(
             "none of {tried} starts led to a fit in which every joint moves: check the wiring, the \
              rest reading and the nominal gains, or record poses that differ more"
+        ),
+    }
+}
+
+/// Declared noise that is not what the readings show.
+fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
+    let (what, is) = if play { ("noise and play", "are") } else { ("noise", "is") };
+    let size = if factor < 1.0 { "large" } else { "small" };
+    match by {
+        Witness::Repeats | Witness::Neighbours => format!(
+            "the declared {what} {is} too {size}: {} show {factor:.2} times as much, which is used",
+            if by == Witness::Repeats { "repeats" } else { "neighbouring rows" }
+        ),
+        Witness::Fit if factor < 1.0 => format!(
+            "the declared {what} {is} too large: the residual is smaller than chance allows, and \
+             {factor:.2} times as much would fit"
+        ),
+        Witness::Fit => format!(
+            "the residual is larger than the declared {what} allows: something is left, or the \
+             declared {what} {is} too small, and {factor:.2} times as much would fit"
         ),
     }
 }

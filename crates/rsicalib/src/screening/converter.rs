@@ -194,6 +194,7 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
     if sigma != fit.noise.sigma {
         observations.options.noise = Some(sigma);
         observations.options.play = fit.noise.play;
+        observations.options.settled = true;
     }
     excluded
 }

@@ -68,19 +68,22 @@ impl<'a> Stepwise<'a> {
         search: &'a SearchOptions,
     ) -> Result<Self, Error> {
         let mut small = observations.clone();
-        let mut sigma = fit.noise.sigma.clone();
+        let (mut sigma, mut play) = (fit.noise.sigma.clone(), fit.noise.play);
         if observations.readings.held {
             let (readings, counts) =
                 observations.readings.averaged(&observations.mechanism, &observations.weights)?;
             let usual = counts.iter().copied().fold(1.0, f64::max);
             small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
             small.readings = readings;
-            sigma.iter_mut().for_each(|s| *s *= (fit.noise.inflation / usual).sqrt());
+            // Play is noise of one sample as well: a mean has its share of both.
+            let share = fit.noise.inflation / usual;
+            sigma.iter_mut().for_each(|s| *s *= share.sqrt());
+            play *= share;
         }
         let lm =
             lm::SolverOptions { ftol: ENOUGH, xtol: ENOUGH, ..observations.options.lm.clone() };
-        let (noise, play) = (Some(sigma), fit.noise.play);
-        small.options = FitOptions { noise, play, lm, ..observations.options.clone() };
+        let (noise, settled) = (Some(sigma), true);
+        small.options = FitOptions { noise, play, settled, lm, ..observations.options.clone() };
         let counts = small.weights.clone();
         let samples = observations.readings.rows_of_poses().iter().map(Vec::len).collect();
         let (source, noise_dof) = (fit.noise.source, fit.noise.dof);

@@ -17,10 +17,16 @@ use std::f64::consts::PI;
 use crate::estimate::implicit::Residuals;
 use crate::estimate::noise::correlation::correlated;
 use crate::estimate::observations::Observations;
+use crate::numerics::distributions;
 use crate::readings::Readings;
 
 /// Rows that a stretch of a recording has.
 const STRETCH: usize = 8;
+
+/// Share of the variance of readings that may lie about lines over stretches of a motion.
+/// Poses in random order have all of it there, and a motion of which a stretch is an eighth
+/// of a turn has 1e-4.
+const NO_MOTION: f64 = 0.1;
 
 /// Scatter of whitened residuals within groups of rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,13 +72,63 @@ impl Groups {
         }
         let live: Vec<usize> = (0..readings.samples).filter(|&r| weights[r] > 0.0).collect();
         let rows = live.chunks_exact(STRETCH).map(<[usize]>::to_vec).collect();
-        Self { rows, order: 2 }
+        let stretches = Self { rows, order: 2 };
+        if stretches.moves(readings) { stretches } else { Self { rows: Vec::new(), order: 1 } }
+    }
+
+    /// True where neighbouring rows are a motion: readings keep to a line over a stretch, as
+    /// far as they go in all. Rows that are poses of their own do not, and what scatters about
+    /// the line is then whatever the model lacks.
+    fn moves(&self, readings: &Readings) -> bool {
+        let read = |row: usize, c: usize| readings.table.values[row * readings.channels + c];
+        let stretches = || self.rows.iter().filter(|rows| rows.len() > self.order);
+        let (mut off, mut all) = (0.0, 0.0);
+        for c in 0..readings.channels {
+            let [low, high] = readings.span[c];
+            if high <= low {
+                continue;
+            }
+            let (mut within, mut free, mut about) = (0.0, 0.0, 0.0);
+            for rows in stretches() {
+                let mut values: Vec<f64> = rows.iter().map(|&r| read(r, c)).collect();
+                about += values.iter().map(|v| (v - readings.mean[c]).powi(2)).sum::<f64>();
+                detrend(&mut values, self.order);
+                within += values.iter().map(|v| v * v).sum::<f64>();
+                free += 1.0 - self.order as f64 / rows.len() as f64;
+            }
+            off += within / free.max(1.0) * stretches().count() as f64 / (high - low).powi(2);
+            all += about / (high - low).powi(2);
+        }
+        off < NO_MOTION * all
     }
 
     /// Rows of the average group.
     #[must_use]
     pub fn usual(&self) -> f64 {
         self.rows.iter().map(Vec::len).sum::<usize>() as f64 / self.rows.len().max(1) as f64
+    }
+
+    /// Variance of the usual group over that of (61), per degree of freedom: by the median,
+    /// which a few bad samples do not move.
+    #[must_use]
+    pub fn median_variance(&self, residuals: &Residuals) -> f64 {
+        let k = residuals.equations;
+        let mut left = Vec::new();
+        let useful = self.rows.iter().filter(|r| r.len() > self.order);
+        let mut sizes: Vec<f64> = useful
+            .map(|rows| {
+                let mut within = 0.0;
+                for equation in 0..k {
+                    left.clear();
+                    left.extend(rows.iter().map(|r| residuals.whitened[r * k + equation]));
+                    detrend(&mut left, self.order);
+                    within += left.iter().map(|r| r * r).sum::<f64>();
+                }
+                within / distributions::chi2_quantile(0.5, ((rows.len() - self.order) * k) as f64)
+            })
+            .collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes.get(sizes.len() / 2).copied().unwrap_or(1.0)
     }
 
     /// Part of the variance of rounding that all samples of a held pose share: nearly all of
@@ -83,8 +139,12 @@ impl Groups {
     #[must_use]
     pub fn lasting_rounding(&self, observations: &Observations) -> f64 {
         let Readings { channels, held, table, .. } = &observations.readings;
-        let coded = observations.mechanism.channels.iter().all(|c| c.unit == "count");
-        if !held || !coded || table.values.iter().any(|v| v.fract() != 0.0) {
+        let counts = observations.mechanism.channels.iter().map(|c| c.unit == "count");
+        let whole = counts.enumerate().all(|(c, count)| {
+            let mut column = table.values.iter().skip(c).step_by(*channels);
+            observations.steps[c] > 0.0 && !(count && column.any(|v| v.fract() != 0.0))
+        });
+        if !held || !whole {
             return 0.0;
         }
         let (mut within, mut dof) = (0.0, 0.0);
@@ -92,7 +152,8 @@ impl Groups {
         for rows in self.rows.iter().filter(|r| r.len() > 1) {
             for channel in 0..*channels {
                 left.clear();
-                left.extend(rows.iter().map(|r| table.values[r * channels + channel]));
+                let step = observations.steps[channel];
+                left.extend(rows.iter().map(|r| table.values[r * channels + channel] / step));
                 detrend(&mut left, 1);
                 within += left.iter().map(|v| v * v).sum::<f64>();
                 dof += (rows.len() - 1) as f64;

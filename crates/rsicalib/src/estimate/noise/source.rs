@@ -5,7 +5,8 @@ use crate::estimate::noise::channels::{self, Alike};
 use crate::estimate::noise::scatter::{Groups, Scatter};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
-use crate::mechanism::Channel;
+use crate::estimate::suspicion::Witness;
+use crate::numerics::distributions;
 
 /// Where the noise is from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,6 +52,16 @@ pub struct NoiseEstimate {
     pub apart: usize,
 }
 
+impl NoiseEstimate {
+    /// The same where a share of the variance does not average out: it is the same in all
+    /// samples of a pose, of which the usual one has `n`.
+    fn with_lasting(self, share: f64, n: f64) -> Self {
+        let inflation = self.inflation + share * (n - self.inflation);
+        let slow = self.slow + share * (n - self.slow);
+        Self { inflation, slow, ..self }
+    }
+}
+
 /// Fewer degrees of freedom than this give no noise.
 const LEAST_DOF: f64 = 8.0;
 
@@ -64,10 +75,8 @@ pub(crate) fn told_apart(
     residuals: &Residuals,
     used: &Noise,
 ) -> (Noise, usize) {
-    let alike = Alike {
-        noise: first_noise(observations, None),
-        floor: observations.mechanism.channels.iter().map(Channel::quantisation).collect(),
-    };
+    let alike =
+        Alike { noise: first_noise(observations, None), floor: observations.roundings().collect() };
     let scatter = groups.scatter(residuals, 0.0);
     // What rounding gives within a pose is no scatter of a normal distribution.
     let coarse = groups.lasting_rounding(observations) > COARSE;
@@ -81,8 +90,16 @@ pub(crate) fn told_apart(
 
 /// Noise to begin with, up to scale.
 pub(crate) fn first_noise(observations: &Observations, earlier: Option<Noise>) -> Noise {
-    if let (Some(sigma), play) = (&observations.options.noise, observations.options.play) {
-        return Noise { sigma: sigma.clone(), play };
+    let options = &observations.options;
+    if let (Some(sigma), true) = (&options.noise, options.settled) {
+        return Noise { sigma: sigma.clone(), play: options.play };
+    }
+    let least = observations.least_noise();
+    let at_least = |sigma: Vec<f64>| -> Vec<f64> {
+        sigma.into_iter().zip(&least).map(|(sigma, least)| sigma.max(*least)).collect()
+    };
+    if let Some(sigma) = &options.noise {
+        return Noise { sigma: at_least(sigma.clone()), play: options.play };
     }
     if let Some(noise) = earlier {
         return noise;
@@ -91,13 +108,12 @@ pub(crate) fn first_noise(observations: &Observations, earlier: Option<Noise>) -
     let guess = |unit: &str, gain: f64| if unit == "count" { 1.0 } else { 1e-5 / gain.abs() };
     let sigma =
         channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(&c.unit, c.gain))).collect();
-    Noise { sigma, play: 1.0 }
+    Noise { sigma: at_least(sigma), play: 1.0 }
 }
 
 /// Variance of the rounding of each channel, in units of its noise.
 fn roundings(observations: &Observations, used: &Noise) -> impl Iterator<Item = f64> {
-    let channels = observations.mechanism.channels.iter().zip(&used.sigma);
-    channels.map(|(channel, sigma)| channel.quantisation() / (sigma * sigma))
+    observations.roundings().zip(&used.sigma).map(|(rounding, sigma)| rounding / (sigma * sigma))
 }
 
 /// Where all closures declare their play, and readings nobody spoke of make less than
@@ -119,13 +135,81 @@ fn readings_share(residuals: &Residuals, noise: &Noise) -> f64 {
     rows.map(of).sum::<f64>() / count
 }
 
+/// Probability of doubting noise that is declared as it is, on either side.
+pub(crate) const DOUBT: f64 = 1e-3;
+
+/// Declared noise may differ from what is seen by this factor before anything is said: a
+/// session of a hundred equations is judged alike then, and people declare two digits.
+pub(crate) const ALIKE: f64 = 1.1;
+
+/// By what factor declared noise would have to change to fit a sum of squares that it makes
+/// `ratio` times what is expected, of `dof` degrees of freedom; none where it may be right.
+#[must_use]
+pub(crate) fn misdeclared(ratio: f64, dof: f64) -> Option<f64> {
+    let above = distributions::chi2_tail(ratio * dof, dof);
+    let factor = ratio.sqrt();
+    let sure = above < DOUBT || 1.0 - above < DOUBT;
+    (sure && !(1.0 / ALIKE..ALIKE).contains(&factor)).then_some(factor)
+}
+
+/// What repeats say of declared noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Declared {
+    /// It may be right.
+    Right,
+    /// It is not, and repeats have another.
+    Wrong(f64, Witness),
+    /// Play lasts over a pose: this share of the variance is the same in all its samples.
+    Lasting(f64),
+}
+
+/// Whether repeats, or neighbouring rows, bear out the noise that is declared.
+///
+/// They are silent on what lasts over a pose. So where they show less than is declared, and
+/// the means of poses scatter by more, the play is what lasts.
+pub(crate) fn check_declared(
+    observations: &Observations,
+    groups: &Groups,
+    residuals: &Residuals,
+    used: &Noise,
+    parameters: usize,
+) -> Declared {
+    let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
+    let Scatter { within, dof, shown, effective, .. } = groups.scatter(residuals, share);
+    if dof < LEAST_DOF || effective < LEAST_DOF {
+        return Declared::Right;
+    }
+    // What all samples of a pose are rounded by alike is noise, and not seen here.
+    let lasting = groups.lasting_rounding(observations) * share;
+    let seen = within / dof / shown + lasting;
+    let usual = groups.median_variance(residuals) / shown + lasting;
+    let Some(factor) = misdeclared(seen, effective) else { return Declared::Right };
+    // One bad sample is no noise: it is for the usual pose to say.
+    if (usual > ALIKE.powi(2)) != (factor > 1.0) || (usual < ALIKE.powi(-2)) != (factor < 1.0) {
+        return Declared::Right;
+    }
+    let held = observations.readings.held;
+    let play = 1.0 - readings_share(residuals, used);
+    if factor < 1.0 && held && plays(observations) && play > 0.0 {
+        let k = residuals.equations;
+        let live = observations.weights.iter().filter(|w| **w > 0.0).count() * k;
+        let total: f64 = residuals.whitened.iter().map(|r| r * r).sum();
+        let free = live as f64 - dof - parameters as f64;
+        let between = (total - within).max(0.0) / free;
+        if free >= 1.0 && distributions::f_tail(between / seen, free, effective) < DOUBT {
+            return Declared::Lasting((1.0 - seen).min(play));
+        }
+    }
+    Declared::Wrong(factor, if held { Witness::Repeats } else { Witness::Neighbours })
+}
+
 /// The noise that these residuals show, by the best source there is.
 pub(crate) fn estimate_noise(
     observations: &Observations,
     groups: &Groups,
     residuals: &Residuals,
     used: &Noise,
-    declared: bool,
+    declared: Option<f64>,
     parameters: usize,
 ) -> NoiseEstimate {
     let rounding = roundings(observations, used).fold(f64::INFINITY, f64::min).sqrt();
@@ -142,8 +226,9 @@ pub(crate) fn estimate_noise(
         slow,
         apart: 0,
     };
-    if declared {
-        return scaled(1.0, Source::Declared, f64::INFINITY);
+    if let Some(lasting) = declared {
+        let estimate = scaled(1.0, Source::Declared, f64::INFINITY);
+        return estimate.with_lasting(lasting, groups.usual());
     }
     if dof >= LEAST_DOF {
         let lasting = groups.lasting_rounding(observations) * share;
@@ -157,11 +242,7 @@ pub(crate) fn estimate_noise(
             (Source::Neighbours, effective.max(1.0))
         };
         let estimate = scaled(variance.sqrt(), source, dof);
-        // What is the same in all samples of a pose does not average out.
-        let (share, n) = (lasting / variance, groups.usual());
-        let inflation = inflation + share * (n - inflation);
-        let slow = slow + share * (n - slow);
-        return NoiseEstimate { inflation, slow, ..estimate };
+        return estimate.with_lasting(lasting / variance, groups.usual());
     }
     if plays(observations) && readings_share(residuals, used) < MINOR {
         return scaled(1.0, Source::Declared, f64::INFINITY);

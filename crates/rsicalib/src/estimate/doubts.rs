@@ -1,0 +1,68 @@
+//! Doubts about what a session declares: units, noise, and readings that say nothing new.
+
+use std::f64::consts::TAU;
+
+use crate::estimate::fit::Fit;
+use crate::estimate::noise::source::{Source, misdeclared};
+use crate::estimate::observations::Observations;
+use crate::estimate::suspicion::{Suspicion, Witness};
+
+/// Readings in radians span more than this many times what they can: no joint does, and
+/// degrees do wherever a joint moves through a twentieth of its range.
+const BEYOND: f64 = 3.0;
+
+/// Part beyond the limits of a joint that readings may lie: limits are drawn in round numbers.
+const ROUND: f64 = 1.1;
+
+/// Share of a channel's variance that rounding has where its steps rule.
+const RULES: f64 = 0.5;
+
+/// What the readings themselves are doubted for.
+pub(crate) fn of_readings(observations: &Observations) -> Vec<Suspicion> {
+    let mut found = Vec::new();
+    if !observations.copies.is_empty() {
+        let of = observations.readings.poses();
+        found.push(Suspicion::SameReadings { poses: observations.copies.len(), of });
+    }
+    let channels = degrees(observations);
+    if !channels.is_empty() {
+        found.push(Suspicion::Degrees { channels });
+    }
+    found
+}
+
+/// Channels in radians whose readings fit their joints as degrees, and not as they are.
+fn degrees(observations: &Observations) -> Vec<usize> {
+    let mechanism = &observations.mechanism;
+    let times = |c: usize| {
+        let channel = &mechanism.channels[c];
+        let [low, high] = observations.readings.span[c];
+        let allowed = channel.limits.map_or(TAU, |[low, high]| high - low);
+        (high - low) * channel.gain.abs() / allowed
+    };
+    let radians: Vec<usize> = (0..mechanism.channels.len())
+        .filter(|&c| mechanism.channels[c].unit == "rad" && mechanism.turns(c))
+        .collect();
+    // An encoder that counts its turns goes beyond one; all of them as degrees do not.
+    if radians.iter().any(|&c| times(c).to_radians() > ROUND) {
+        return Vec::new();
+    }
+    radians.into_iter().filter(|&c| times(c) > BEYOND).collect()
+}
+
+/// What the noise of a fit is doubted for.
+pub(crate) fn of_noise(observations: &Observations, fit: &Fit) -> Vec<Suspicion> {
+    let mut found = Vec::new();
+    let least = observations.least_noise();
+    for (channel, (least, sigma)) in least.iter().zip(&fit.noise.sigma).enumerate() {
+        if *least > 0.0 && least * least > RULES * sigma * sigma {
+            found.push(Suspicion::Coarse { channel, step: observations.steps[channel] });
+        }
+    }
+    if fit.noise.source == Source::Declared && fit.dof >= 1.0 && fit.plausible {
+        let play = fit.model.play().iter().any(|p| *p > 0.0);
+        let factor = misdeclared(fit.chi2 / fit.dof, fit.dof);
+        found.extend(factor.map(|factor| Suspicion::Noise { by: Witness::Fit, factor, play }));
+    }
+    found
+}

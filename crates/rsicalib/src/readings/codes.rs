@@ -1,0 +1,81 @@
+//! Codes of a reading: the step of the grid on which readings of a channel lie.
+//!
+//! A coarse encoder knows few codes, whatever its unit. With sorted distinct readings and
+//! their gaps `d`, the step `s` is that of
+//!
+//! ```text
+//! d_i = m_i s,    m_i whole,    s = Σ d_i m_i / Σ m_i²                     (60)
+//! ```
+
+/// A gap may differ from whole steps by this part of a step: readings may have been rounded
+/// again when they were written, to a tenth of a step or finer.
+const OFF: f64 = 0.1;
+
+/// Probability that gaps of continuous readings are taken for whole steps: of one gap
+/// `2 OFF`, and all must be.
+const CHANCE: f64 = 1e-6;
+
+/// The step of these readings of one channel; none where they lie on no grid.
+#[must_use]
+pub fn step(readings: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = readings.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let gaps: Vec<f64> = sorted.windows(2).map(|w| w[1] - w[0]).collect();
+    // The smallest gap is the first guess; it gives the first multiple, and says nothing.
+    let told = gaps.len().saturating_sub(1) as i32;
+    if (2.0 * OFF).powi(told) > CHANCE {
+        return None;
+    }
+    // Where readings are few, no two of them need be neighbours.
+    let least = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+    (1..=4).find_map(|parts| fitted(&gaps, least / f64::from(parts)))
+}
+
+/// Eq. (60) from a first guess, small gaps first: each makes the step sharper for the next.
+fn fitted(gaps: &[f64], guess: f64) -> Option<f64> {
+    let mut sorted = gaps.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (mut step, mut along, mut square) = (guess, 0.0, 0.0);
+    for gap in sorted {
+        let whole = (gap / step).round().max(1.0);
+        if (gap / step - whole).abs() > OFF {
+            return None;
+        }
+        along += gap * whole;
+        square += whole * whole;
+        step = along / square;
+    }
+    Some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::step;
+
+    /// Numbers between 0 and 6 that follow no rule.
+    fn odd(i: usize) -> f64 {
+        6.0 * (0.5 + 0.618_033_988_749_895 * i as f64).fract()
+    }
+
+    #[test]
+    fn a_grid_is_found_by_its_step() {
+        let found = step((0..150).map(|i| (odd(i) / 5e-3).round() * 5e-3));
+        assert!(found.is_some_and(|s| (s / 5e-3 - 1.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_grid_is_found_through_the_digits_of_a_file() {
+        let code = std::f64::consts::TAU / 4096.0;
+        let printed = |v: f64| (v * 1e6).round() / 1e6;
+        let found = step((0..150).map(|i| printed((odd(i) / code).round() * code)));
+        // Rounded to 1e-6, of a step of 1.5e-3: 150 gaps tell the step to 1e-5.
+        assert!(found.is_some_and(|s| (s / code - 1.0).abs() < 1e-4), "{found:?}");
+    }
+
+    #[test]
+    fn continuous_readings_have_none() {
+        assert!(step((0..150).map(|i| odd(i) + 0.1 * odd(7 * i + 3))).is_none());
+        assert!(step([1.0, 2.0, 3.0].into_iter()).is_none());
+    }
+}
