@@ -15,7 +15,7 @@ from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
 from rsicalib.report import html, summary
-from rsicalib.report.words import quality
+from rsicalib.report.words import quality, worse_groups
 from rsicalib.shapes import CalibrationShape, FitQuality, Groups, Parameter, ResultShape, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
@@ -76,8 +76,15 @@ class Result(ResultShape):
         return html(self)
 
     def with_groups(self, groups: Groups) -> Self:
-        """The same result with the measure of its groups."""
-        return replace(self, groups=groups)
+        """The same result with the measure of its groups.
+
+        What was found and does not hold in groups that were not fitted explains a part at most.
+        """
+        measured = replace(self, groups=groups)
+        traced = isinstance(measured, TraceShape) and measured.verdict == "explained"
+        if traced and worse_groups(measured) is not None:
+            return replace(measured, verdict="partly_explained")
+        return measured
 
     def __repr__(self) -> str:
         fit = self.quality
