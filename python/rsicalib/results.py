@@ -81,10 +81,11 @@ class Result(ResultShape):
         What was found and does not hold in groups that were not fitted explains a part at most.
         """
         measured = replace(self, groups=groups)
-        traced = isinstance(measured, TraceShape) and measured.verdict == "explained"
-        if traced and worse_groups(measured) is not None:
-            return replace(measured, verdict="partly_explained")
-        return measured
+        if not isinstance(measured, TraceShape) or measured.verdict != "explained":
+            return measured
+        if worse_groups(measured) is None:
+            return measured
+        return replace(measured, verdict="partly_explained")
 
     def __repr__(self) -> str:
         fit = self.quality
