@@ -130,17 +130,17 @@ impl<'a> Looking<'a> {
 
     /// The worst damage above chance, and the rows that it takes out.
     fn worst(&self) -> Option<(Excluded, Vec<usize>)> {
-        let single = self.worst_single();
-        // One sample that stands off its own siblings would make all of them look strange.
-        if let Some((row, _)) = single.filter(|(row, score)| self.stands_off(*row, *score)) {
-            return Some(self.one_row(row));
-        }
-        let moved = self.moved();
+        let (moved, single) = (self.moved(), self.worst_single());
         if let Some(placement) = self.strange() {
             // Half of a run that moved looks strange, too, but heals where it is parted.
             let here = |m: &Displacement| self.placements[self.runs[m.run][0]] == placement.0;
             if !moved.as_ref().is_some_and(here) {
-                return Some(self.whole_placement(placement));
+                // So does a placement with a sample that stands off its own siblings.
+                let own = single.filter(|(row, _)| self.placements[*row] == placement.0);
+                return Some(match own {
+                    Some((row, score)) if self.stands_off(row, score) => self.one_row(row),
+                    _ => self.whole_placement(placement),
+                });
             }
         }
         match (single, moved) {
