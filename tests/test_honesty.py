@@ -217,7 +217,6 @@ def test_trace_is_undetermined_where_calibrate_is() -> None:
 # ------------------------------------------------------------------ f: elsewhere
 
 
-@not_yet
 def test_what_does_not_hold_elsewhere_is_at_most_partly_explained() -> None:
     """A curve of a sensor in the two groups that are fitted, and not in the third."""
     device, scene, rng = machine("sockets", 0)
@@ -346,7 +345,6 @@ def test_the_step_of_a_coarse_encoder_joins_the_noise(verb: Any) -> None:
 # ------------------------------------------------------------------ l, m, n: loads
 
 
-@not_yet
 @pytest.mark.parametrize("seed", [1])
 def test_no_load_lifts(seed: int) -> None:
     device, scene, rng = machine("sockets", seed)
@@ -403,7 +401,6 @@ def test_a_tool_that_slipped_is_found_beside_compliance() -> None:
 # ------------------------------------------------------------------ o: late slips
 
 
-@not_yet
 @pytest.mark.parametrize("family", ["ballbar", "gantry"])
 def test_a_slip_of_two_poses_is_bad_readings(family: str) -> None:
     device, scene, rng = machine(family, 0)
@@ -422,7 +419,6 @@ def test_a_slip_of_two_poses_is_bad_readings(family: str) -> None:
 # ------------------------------------------------------------------ p: the tool
 
 
-@not_yet
 @pytest.mark.parametrize("family", ["ballbar", "sockets"])
 def test_a_tool_that_sits_elsewhere_is_found(family: str) -> None:
     device, scene, rng = machine(family, 0)
@@ -456,7 +452,6 @@ def test_with_one_equation_the_channel_is_first_or_the_tie_is_said(
     assert target in {name.target for name in names}
 
 
-@not_yet
 @pytest.mark.parametrize("seed", [5, 18, 26])
 def test_what_fits_as_well_is_said(seed: int) -> None:
     """The coupler of a four-bar: told of it, χ² is within 6 of that of what is named instead."""
@@ -480,7 +475,6 @@ def targets(mechanism: Mechanism, term: str) -> list[str]:
     return list(own["targets"])
 
 
-@not_yet
 def test_encoders_in_radians_have_no_common_reference() -> None:
     readings, mechanism = given(*machine("ballbar", 0))
     found = rsicalib.trace(readings, mechanism)
@@ -488,7 +482,6 @@ def test_encoders_in_radians_have_no_common_reference() -> None:
     assert "reference_drift" in found.not_candidates
 
 
-@not_yet
 @pytest.mark.parametrize("term", ["once_per_turn", "twice_per_turn"])
 def test_a_slide_has_no_turns(term: str) -> None:
     device, _, _ = machine("gantry", 0)
@@ -518,7 +511,6 @@ def with_a_bad_pose(seed: int) -> tuple[Readings, Mechanism, int]:
     return *given(device, scene, rng, wrong), int(scene.label[wrong.rows[0]])
 
 
-@not_yet
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_bad_reading_leaves_the_rest_determined(seed: int) -> None:
     """With one equation a pose what is left out takes the equation with it."""
@@ -529,7 +521,6 @@ def test_a_bad_reading_leaves_the_rest_determined(seed: int) -> None:
     assert found.exit_code == 0
 
 
-@not_yet
 @both
 def test_a_pose_that_is_left_out_costs_its_equations_and_no_more(verb: Any) -> None:
     readings, mechanism, pose = with_a_bad_pose(0)

@@ -15,7 +15,7 @@ from rsicalib.errors import InputError, ResultError
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
 from rsicalib.report import html, summary
-from rsicalib.report.words import quality
+from rsicalib.report.words import quality, worse_groups
 from rsicalib.shapes import CalibrationShape, FitQuality, Groups, Parameter, ResultShape, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
@@ -76,8 +76,16 @@ class Result(ResultShape):
         return html(self)
 
     def with_groups(self, groups: Groups) -> Self:
-        """The same result with the measure of its groups."""
-        return replace(self, groups=groups)
+        """The same result with the measure of its groups.
+
+        What was found and does not hold in groups that were not fitted explains a part at most.
+        """
+        measured = replace(self, groups=groups)
+        if not isinstance(measured, TraceShape) or measured.verdict != "explained":
+            return measured
+        if worse_groups(measured) is None:
+            return measured
+        return replace(measured, verdict="partly_explained")
 
     def __repr__(self) -> str:
         fit = self.quality

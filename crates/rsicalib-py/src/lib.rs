@@ -21,6 +21,7 @@ use rsicalib::diagnosis::verdict::Verdict;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("WORSE", rsicalib::diagnosis::verdict::WORSE)?;
     module.add("RESIDUAL_LEVEL", rsicalib::diagnosis::options::RESIDUAL_LEVEL)?;
     let verdicts: Vec<(&str, u8)> = Verdict::ALL.iter().map(|v| (v.id(), v.exit_code())).collect();
     module.add("VERDICTS", verdicts)?;

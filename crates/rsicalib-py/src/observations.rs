@@ -130,8 +130,11 @@ impl PyObservations {
     /// Terms that are no candidates here, and what they need: `{id: needs}`.
     fn lacking(&self) -> HashMap<&'static str, &'static str> {
         let Observations { mechanism, readings, .. } = &*self.0;
-        let lacks = |t: &&&dyn Term| provided(**t, mechanism, readings).is_err();
-        ALL.iter().filter(lacks).map(|t| (t.info().id, t.info().needs.words())).collect()
+        let lacks = |term: &&'static dyn Term| match provided(*term, mechanism, readings) {
+            Err(rsicalib::Error::Context { term, needs }) => Some((term, needs)),
+            _ => None,
+        };
+        ALL.iter().filter_map(lacks).collect()
     }
 
     /// Closes the loop; `check` is a table and its known poses.

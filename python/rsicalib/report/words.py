@@ -15,7 +15,7 @@ from rsicalib.shapes import (
     Step,
     TraceShape,
 )
-from rsicalib.verdicts import RESIDUAL_LEVEL
+from rsicalib.verdicts import RESIDUAL_LEVEL, WORSE
 
 __all__ = [
     "advice",
@@ -30,6 +30,7 @@ __all__ = [
     "size_words",
     "subject",
     "target_words",
+    "worse_groups",
 ]
 
 WORDS = {
@@ -139,6 +140,12 @@ def sentence(result: ResultShape) -> str:
             return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
         left = result.unexplained
         if left and left.p_value is not None and left.p_value > RESIDUAL_LEVEL:
+            worse = _worse(result)
+            if worse is not None:
+                return (
+                    f"Partly explained: {worse}. {_capital(missing)} leave no more than noise "
+                    f"({judged})."
+                )
             return (
                 f"Partly explained: {missing} leave no more than noise ({judged}), but may stand "
                 "for an effect that no term has."
@@ -289,21 +296,36 @@ def advice(result: ResultShape) -> list[str]:
     return out
 
 
-WORSE = 1.05
-"""Groups that were not fitted must not close worse than this many times what they did."""
+ELSEWHERE = "what was found does not hold elsewhere"
+
+
+def worse_groups(result: TraceShape) -> str | None:
+    """What groups that were not fitted say against what was found; None where nothing."""
+    groups = result.groups
+    if groups is None or groups.others is None or groups.before_others is None:
+        return None
+    if not result.steps or groups.others <= WORSE * groups.before_others:
+        return None
+    return (
+        f"{ELSEWHERE}: groups that were not fitted close to {number(groups.others)} "
+        f"{groups.unit}, and to {number(groups.before_others)} without it"
+    )
+
+
+def _worse(result: TraceShape) -> str | None:
+    """What was not fitted and is off by more than before; None where there is nothing such."""
+    text = "" if result.unexplained is None else result.unexplained.text
+    own = text.partition(";")[0] if text.startswith(ELSEWHERE) else None
+    return worse_groups(result) or own
 
 
 def _elsewhere(result: TraceShape) -> list[str]:
-    groups = result.groups
-    if groups is None or groups.others is None or groups.before_others is None:
-        return []
-    if not result.steps or groups.others <= WORSE * groups.before_others:
-        return []
-    return [
-        "What was found does not hold elsewhere: groups that were not fitted close to "
-        f"{number(groups.others)} {groups.unit}, and to {number(groups.before_others)} without "
-        "it. Fit more groups together."
-    ]
+    worse = worse_groups(result)
+    return [] if worse is None else [f"{_capital(worse)}. Fit more groups together."]
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _next_measurement(result: TraceShape) -> list[str]:

@@ -52,9 +52,13 @@ pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option
     faintest(found, rises).or_else(|| repeated(mechanism, found))
 }
 
-/// The last of several terms that make up an effect is faint.
+/// The last of several terms that make up an effect is faint. But several joints give under one
+/// weight, each as much as that weight bends it: none is faint beside the others.
 fn faintest(found: &[Instance], rises: &[f64]) -> Option<Doubted> {
-    let (instance, rise) = found.iter().zip(rises).min_by(|a, b| a.1.total_cmp(b.1))?;
+    let gives = |i: &Instance| matches!(i.term.acts(), Acts::Load(_));
+    let together = found.iter().filter(|i| gives(i)).count() > 1;
+    let alone = found.iter().zip(rises).filter(|(i, _)| !(together && gives(i)));
+    let (instance, rise) = alone.min_by(|a, b| a.1.total_cmp(b.1))?;
     let doubt = Doubt::Faint { rise: *rise };
     (*rise < FAINT).then_some(Doubted { instance: *instance, doubt })
 }

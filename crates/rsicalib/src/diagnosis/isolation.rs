@@ -72,7 +72,8 @@ pub fn isolate(
     let closures = mechanism.closures.iter().enumerate().filter(|(_, c)| !mechanism.is_link(c));
     let channels = (0..mechanism.channels.len()).map(Target::Channel);
     let single = channels.chain(closures.map(|(k, _)| Target::Closure(k))).collect();
-    let chains = (0..mechanism.chains.len()).map(Target::Chain).collect();
+    let others_close = |chain: &usize| closes_without(mechanism, *chain);
+    let chains = (0..mechanism.chains.len()).filter(others_close).map(Target::Chain).collect();
     let kinds: [Vec<Target>; 2] = [single, chains];
     for kind in kinds {
         let mut able: Vec<Released> = Vec::new();
@@ -100,6 +101,17 @@ pub fn isolate(
         }
     }
     Ok(None)
+}
+
+/// True where a closure of readings is left that a chain takes no part in: without such a one
+/// any chain would be at fault alone, for want of others that could tell.
+fn closes_without(mechanism: &Mechanism, chain: usize) -> bool {
+    let carried = |name: &String| {
+        let point = mechanism.points.iter().find(|p| p.name == *name);
+        point.is_some_and(|p| p.chain.as_ref() == Some(&mechanism.chains[chain].name))
+    };
+    let mut closures = mechanism.closures.iter().filter(|c| !mechanism.is_link(c));
+    closures.any(|c| !c.between.iter().any(carried))
 }
 
 /// A fit to all but one thing.

@@ -8,6 +8,7 @@ use crate::diagnosis::trace::Traced;
 use crate::diagnosis::whereabouts::{Whereabouts, whereabouts};
 use crate::mechanism::Target;
 use crate::model::Instance;
+use crate::numerics::credible_set::{SURE, probabilities};
 
 /// What is left of the residual.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +46,9 @@ pub struct Structure {
     pub percent: f64,
     /// Where those errors would lie.
     pub whereabouts: Whereabouts,
+    /// With one equation a pose, any channel would take up all of it: the channels whose scatter
+    /// between poses may have made it by (75), with their probabilities, likeliest first.
+    pub likely: Vec<(usize, f64)>,
 }
 
 /// Whose errors would take up what is left.
@@ -102,6 +106,9 @@ const ALONE_BESIDE: f64 = 0.85;
 /// The channel, or the chain, whose readings could best take up what is left, pose
 /// by pose: what it takes up beyond what it would take up of noise.
 fn locate(traced: &Traced) -> Structure {
+    if traced.last.residuals.equations == 1 {
+        return by_variance(traced);
+    }
     let mechanism = &traced.small.mechanism;
     let excess = |channels: &[usize]| {
         let (taken, dimensions) = taken_up(&traced.small, &traced.last, channels);
@@ -131,5 +138,59 @@ fn locate(traced: &Traced) -> Structure {
         },
         percent,
         whereabouts: own.map(|c| whereabouts(traced, c)).unwrap_or_default(),
+        likely: Vec::new(),
     }
+}
+
+/// The channel, or the channels, whose scatter between poses is the likeliest cause of what is
+/// left, where a pose has one equation and any channel would take up all of it.
+fn by_variance(traced: &Traced) -> Structure {
+    let mechanism = &traced.small.mechanism;
+    let channels = 0..mechanism.channels.len();
+    let rivals: Vec<(f64, usize)> = channels.map(|c| (rise(traced, c), c)).collect();
+    let likely = probabilities(&rivals);
+    let (first, sure) = likely.first().copied().unwrap_or((0, 0.0));
+    let share = match mechanism.chain_of(first) {
+        Some(chain) if sure < SURE => Share::Chain(chain),
+        _ => Share::Channel(first),
+    };
+    let whereabouts = match share {
+        Share::Channel(channel) => whereabouts(traced, channel),
+        Share::Chain(_) => Whereabouts::default(),
+    };
+    let mut before = 0.0;
+    let named = likely.iter().take_while(|(_, probability)| {
+        let needed = before < SURE;
+        before += probability;
+        needed
+    });
+    Structure { share, percent: 100.0, whereabouts, likely: named.copied().collect() }
+}
+
+/// Factors of the variance of noise that are tried: of (75) only the largest matters, and
+/// between two that are a factor of 1.5 apart the likelihood hardly changes.
+const VARIANCES: usize = 60;
+
+/// Twice the logarithm of how much likelier the residual becomes by (75), with the variance of
+/// channel `c` between poses that makes the residual likeliest.
+fn rise(traced: &Traced, c: usize) -> f64 {
+    let (residuals, channels) = (&traced.last.residuals, traced.small.readings.channels);
+    let live = |row: &usize| traced.small.weights[*row] > 0.0;
+    let poses: Vec<(f64, f64)> = (0..traced.small.readings.samples)
+        .filter(live)
+        .map(|row| (residuals.by_reading[row * channels + c], residuals.whitened[row]))
+        .collect();
+    let usual = poses.iter().map(|(a, _)| a * a).sum::<f64>() / poses.len().max(1) as f64;
+    if usual <= 0.0 {
+        return 0.0;
+    }
+    let of = |v: f64| -> f64 {
+        let one = |(a, r): &(f64, f64)| {
+            let more = v * a * a / usual;
+            r * r * more / (1.0 + more) - more.ln_1p()
+        };
+        poses.iter().map(one).sum()
+    };
+    // From a hundredth of the noise on.
+    (0..VARIANCES).map(|k| of(0.01 * 1.5_f64.powi(k as i32))).fold(0.0, f64::max)
 }

@@ -15,6 +15,8 @@ use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
 use crate::diagnosis::stepwise::stepwise::Stepwise;
+use crate::diagnosis::verdict::determined;
+use crate::estimate::directions::directions;
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::screening::converter;
@@ -68,14 +70,18 @@ pub struct Traced {
 ///
 /// As [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
-    let mut observations = observations.clone();
-    let base = observations.instances()?;
-    let before = fit(&observations, base.clone(), None)?;
-    let (clean, mut excluded) = sound(&mut observations, &before)?;
-    let mut stepwise = Stepwise::new(&observations, &clean, search)?;
-    let mut start = fit(&stepwise.small, base, Some(&clean))?;
-    stepwise.rescale(&mut start)?;
-    let (pursued, isolated) = search_effects(&mut stepwise, &start)?;
+    let all = observations;
+    let base = all.instances()?;
+    let before = fit(all, base.clone(), None)?;
+    let mut observations = all.clone();
+    let (mut clean, mut excluded) = sound(&mut observations, &before)?;
+    let mut searched = search_once(&observations, &clean, &base, search)?;
+    for _ in 0..JUDGED_AGAIN {
+        let Some(again) = judge_again(all, &observations, &base, &searched)? else { break };
+        (observations, clean, excluded) = again;
+        searched = search_once(&observations, &clean, &base, search)?;
+    }
+    let (stepwise, pursued, isolated) = searched;
     let Searched { current, found, poses, wrong, left, .. } = pursued;
     excluded.extend(poses.iter().map(|step| stepwise.excluded(step)));
     excluded.extend(wrong.into_iter().map(|(scored, blame)| {
@@ -104,10 +110,8 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
             clean.clone()
         } else {
             let from = expand(&clean, &current);
-            converter::seen_by(
-                &before,
-                fit(&observations, current.model.instances.clone(), Some(&from))?,
-            )
+            let instances = with_data(&observations, &current.model.instances);
+            converter::seen_by(&before, fit(&observations, instances, Some(&from))?)
         };
     let judge = stepwise.judge(&current);
     let small = stepwise.small;
@@ -126,6 +130,14 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
     })
 }
 
+/// The instances that have data left: a reading whose pose is left out keeps no parameter.
+fn with_data(observations: &Observations, instances: &[Instance]) -> Vec<Instance> {
+    let poses = observations.readings.rows_of_poses();
+    let counts = |pose: usize| poses[pose].iter().any(|&row| observations.weights[row] > 0.0);
+    let kept = instances.iter().filter(|i| !scored::is_data(i) || counts(i.place));
+    kept.copied().collect()
+}
+
 /// True where some reading scores as bad, were the model right.
 ///
 /// # Errors
@@ -138,6 +150,57 @@ pub fn looks_bad(observations: &Observations, full: &Fit) -> Result<bool, Error>
     stepwise.rescale(&mut small)?;
     let scored = places::bad_readings(&stepwise.small, &small, &stepwise.judge(&small))?;
     Ok(scored.iter().any(|s| s.corrected <= search.alpha))
+}
+
+/// Times that data are judged again beside what was found, at the most: what is left out and
+/// what is found may take turns.
+const JUDGED_AGAIN: usize = 3;
+
+/// A search: its state, where the search ended, and what is at fault alone.
+type Search<'a> = (Stepwise<'a>, Searched, Option<Isolated>);
+
+/// Searches a session from a fit of what was asked for.
+fn search_once<'a>(
+    observations: &Observations,
+    clean: &Fit,
+    base: &[Instance],
+    search: &'a SearchOptions,
+) -> Result<Search<'a>, Error> {
+    let mut stepwise = Stepwise::new(observations, clean, search)?;
+    let mut start = fit(&stepwise.small, base.to_vec(), Some(clean))?;
+    stepwise.rescale(&mut start)?;
+    // On a base that data do not determine, nothing that is found would mean anything.
+    let (searched, isolated) = match determined(clean, &directions(observations, clean)) {
+        true => search_effects(&mut stepwise, &start)?,
+        false => (Searched::nothing(start), None),
+    };
+    Ok((stepwise, searched, isolated))
+}
+
+/// Where unknown points are touched: the session as it is judged beside the effects that were
+/// found, all weights restored, with its fit and what is left out; none where nothing changes.
+///
+/// Before an effect is known it makes good samples look bad, and bad ones good.
+fn judge_again(
+    all: &Observations,
+    judged: &Observations,
+    base: &[Instance],
+    (_, searched, _): &Search,
+) -> Result<Option<(Observations, Fit, Vec<Excluded>)>, Error> {
+    let found = searched.found.iter().map(|step| step.scored.instance);
+    let effects: Vec<Instance> = found.filter(|i| !scored::is_data(i)).collect();
+    if searched.current.model.unknown_names.is_empty() || effects.is_empty() {
+        return Ok(None);
+    }
+    let mut again = all.clone();
+    let instances = base.iter().copied().chain(effects).collect();
+    let beside = fit(&again, instances, Some(&searched.current))?;
+    let (_, excluded) = sound(&mut again, &beside)?;
+    if again.weights == judged.weights {
+        return Ok(None);
+    }
+    let clean = fit(&again, base.to_vec(), Some(&beside))?;
+    Ok(Some((again, clean, excluded)))
 }
 
 /// A fit to start from: the parameters of the search, the noise of all samples.

@@ -102,6 +102,27 @@ pub fn verdict(evidence: &Evidence) -> Verdict {
     }
 }
 
+/// What is off by more than before where a fit has seen nothing: before and after.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Elsewhere {
+    /// Known poses: position, rms [length unit].
+    Check([f64; 2]),
+    /// Poses left out in turn: χ² per equation.
+    HeldOut([f64; 2]),
+}
+
+/// What is left on poses that a fit has not seen may be so many times what was left before, by
+/// chance: the same noise is in both, and an effect that is there takes more away.
+pub const WORSE: f64 = 1.05;
+
+/// True where what is left elsewhere grew by more than noise, of so many errors that it is the
+/// mean or the root mean square of.
+#[must_use]
+pub fn worse(before: f64, after: f64, errors: f64) -> bool {
+    // Two relative standard deviations of a root mean square.
+    after > before * WORSE.max(1.0 + 2.0 / (2.0 * errors.max(1.0)).sqrt())
+}
+
 /// True where data determine what a fit was asked for.
 #[must_use]
 pub fn determined(fit: &Fit, directions: &Directions) -> bool {

@@ -20,7 +20,7 @@ use crate::model::{Instance, Model, Prior};
 use crate::numerics::distributions;
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm::{self, Termination};
-use crate::numerics::symmetric::invert;
+use crate::numerics::symmetric::{invert, nowhere};
 
 /// A fitted model.
 #[derive(Debug, Clone)]
@@ -191,6 +191,7 @@ fn solve(
                 lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
             }
         };
+        let outcome = undrifted(&problem, outcome, &start.beta, &observations.options.lm);
         beta.clone_from(&outcome.x);
         let residuals = problem.residuals(&beta, false);
         if declared.is_some() && round == 0 && !settled {
@@ -244,6 +245,25 @@ fn solve(
         fit.warnings.extend(doubts::of_noise(observations, &fit));
     }
     Ok(fit)
+}
+
+/// The same minimum with what nothing determines where it was at the start: a direction along
+/// which the cost does not change is left to rounding otherwise, and wanders.
+fn undrifted(
+    problem: &Implicit,
+    outcome: lm::Outcome,
+    start: &[f64],
+    options: &lm::SolverOptions,
+) -> lm::Outcome {
+    let moved: Vec<f64> = outcome.x.iter().zip(start).map(|(x, start)| x - start).collect();
+    let drift = nowhere(&outcome.linearization.gram(), &moved);
+    if !outcome.termination.converged() || drift.iter().all(|d| *d == 0.0) {
+        return outcome;
+    }
+    let back: Vec<f64> = outcome.x.iter().zip(&drift).map(|(x, drift)| x - drift).collect();
+    let there = lm::minimize(problem, &back, options);
+    // Where the direction bends another minimum may be at its end.
+    if there.cost <= outcome.cost * (1.0 + 1e-6) { there } else { outcome }
 }
 
 #[expect(clippy::too_many_arguments, reason = "the last step gathers what the others made")]

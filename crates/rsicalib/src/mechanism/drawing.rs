@@ -73,6 +73,13 @@ pub struct Channel {
 }
 
 impl Channel {
+    /// True for a voltage that a converter reads against its reference, in counts or in volts;
+    /// an encoder has none.
+    #[must_use]
+    pub fn is_converted(&self) -> bool {
+        matches!(self.unit.as_str(), "count" | "V" | "mV" | "volt")
+    }
+
     /// Variance that rounding to whole counts adds to a reading: 1/12 count².
     #[must_use]
     pub fn quantisation(&self) -> f64 {

@@ -67,8 +67,7 @@ pub(crate) struct SensorAt {
 #[derive(Clone, Copy)]
 pub(crate) struct ElectronicsAt {
     pub(crate) term: &'static dyn Electronics,
-    /// None: every channel.
-    pub(crate) channel: Option<usize>,
+    pub(crate) channel: usize,
     pub(crate) place: usize,
     /// The one session in which it acts, of several.
     pub(crate) session: Option<usize>,
@@ -131,6 +130,8 @@ pub struct Model {
     pub(crate) sensors: Vec<SensorAt>,
     pub(crate) electronics: Vec<ElectronicsAt>,
     pub(crate) loads: Vec<LoadAt>,
+    /// Largest torque of each load in these readings, by the drawing.
+    pub(crate) torques: Vec<f64>,
     pub(crate) gravity: Vec3,
 }
 
@@ -235,6 +236,7 @@ impl Model {
             sensors: Vec::new(),
             electronics: Vec::new(),
             loads: Vec::new(),
+            torques: Vec::new(),
             parameters: term_parameters + 3 * unknown_names.len(),
             mechanism: mechanism.clone(),
             equations: mechanism.equations(),
@@ -251,6 +253,7 @@ impl Model {
         model.compile_terms(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
+        model.torques = model.largest_torques(readings);
         Ok(model)
     }
 
@@ -271,14 +274,17 @@ impl Model {
                     self.sensors.push(SensorAt { term, channel, place, session, first, width });
                 }
                 Acts::Electronics(term) => {
-                    self.electronics.push(ElectronicsAt {
+                    let every = 0..self.mechanism.channels.len();
+                    let affected = channel.map_or(every, |c| c..c + 1);
+                    let suited = affected.filter(|&c| instance.term.suits(&self.mechanism, c));
+                    self.electronics.extend(suited.map(|channel| ElectronicsAt {
                         term,
                         channel,
                         place,
                         session,
                         first,
                         width,
-                    });
+                    }));
                 }
                 Acts::Load(whose) => {
                     let chains = match instance.target {

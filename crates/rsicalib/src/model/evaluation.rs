@@ -152,29 +152,27 @@ impl Model {
         for e in &self.electronics {
             let p = &beta[e.first..e.first + e.width];
             site.place = e.place;
-            let affected = e.channel.map_or(0..channels, |c| c..c + 1);
-            for channel in affected {
-                site.channel = channel;
-                let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
-                let correction = e.term.correction(p, &site);
-                match e.session.map(|s| meta.within(s)) {
-                    None => {
-                        ws.corrected[channel] += correction;
-                        e.term.slopes(p, &site, row);
-                    }
-                    Some(within) => {
-                        ws.corrected[channel] += correction * within;
-                        let mut slopes = vec![Lanes::ZERO; channels];
-                        e.term.slopes(p, &site, &mut slopes);
-                        row.iter_mut().zip(slopes).for_each(|(r, s)| *r += s * within);
-                    }
+            let channel = e.channel;
+            site.channel = channel;
+            let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
+            let correction = e.term.correction(p, &site);
+            match e.session.map(|s| meta.within(s)) {
+                None => {
+                    ws.corrected[channel] += correction;
+                    e.term.slopes(p, &site, row);
                 }
-                if want.x {
-                    e.term.partials(p, &site, &mut out[..e.width]);
-                    let within = e.session.map_or(Lanes::ONE, |s| meta.within(s));
-                    for (k, partial) in out[..e.width].iter().enumerate() {
-                        ws.electric.push((e.first + k, channel, *partial * within));
-                    }
+                Some(within) => {
+                    ws.corrected[channel] += correction * within;
+                    let mut slopes = vec![Lanes::ZERO; channels];
+                    e.term.slopes(p, &site, &mut slopes);
+                    row.iter_mut().zip(slopes).for_each(|(r, s)| *r += s * within);
+                }
+            }
+            if want.x {
+                e.term.partials(p, &site, &mut out[..e.width]);
+                let within = e.session.map_or(Lanes::ONE, |s| meta.within(s));
+                for (k, partial) in out[..e.width].iter().enumerate() {
+                    ws.electric.push((e.first + k, channel, *partial * within));
                 }
             }
         }
@@ -231,6 +229,30 @@ impl Model {
                 }
             }
         }
+    }
+
+    /// Largest torque of gravity of each load in these readings, by the drawing.
+    pub(crate) fn largest_torques(&self, readings: &Readings) -> Vec<f64> {
+        let mut largest = vec![0.0_f64; self.loads.len()];
+        if largest.is_empty() {
+            return largest;
+        }
+        let (nominal, mut ws) = (self.nominal(), Workspace::default());
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let want = Want { x: false, a: false };
+            self.evaluate(readings, block, readings.raw(block), &nominal, want, &mut ws);
+            for (load, largest) in self.loads.iter().zip(&mut largest) {
+                let (posture, carried) = (&ws.unloaded[load.chain], &ws.carried[load.slot()]);
+                for (lever, carried) in posture.levers.iter().zip(carried) {
+                    if load.gives(lever).is_some() {
+                        let torque = dot(&carried.moved_by(lever), &self.gravity);
+                        let live = &torque.0[..meta.live];
+                        *largest = live.iter().fold(*largest, |most, t| most.max(t.abs()));
+                    }
+                }
+            }
+        }
+        largest
     }
 
     /// Derivative of the torque of gravity about lever `j` by lever `s`.

@@ -1,10 +1,12 @@
 //! What is known of a model's parameters without readings, as priors.
 
+use crate::kinematics::elements::Weight;
 use crate::mechanism::Target;
 use crate::model::compiled::Model;
+use crate::model::instance::Instance;
 use crate::model::prior::Prior;
 use crate::terms::targets;
-use crate::terms::term::{Acts, Role};
+use crate::terms::term::{Acts, Per, Role};
 
 /// How firmly the first joint's zero is held where it turns the whole world [rad, or
 /// length units]: as the rotations of a frame.
@@ -20,7 +22,8 @@ impl Model {
     #[must_use]
     pub fn priors(&self) -> Vec<Prior> {
         let mut priors = self.links();
-        let complete = self.instances.iter().any(|i| i.term.info().broad);
+        let whole = |i: &Instance| i.term.info().broad && i.term.info().per == Per::Row;
+        let complete = self.instances.iter().any(whole);
         let root = self.mechanism.channels_of(0).first().copied();
         let root = root.filter(|_| self.mechanism.floats()).map(Target::Channel);
         for (instance, &first) in self.instances.iter().zip(&self.first) {
@@ -33,9 +36,9 @@ impl Model {
             // What has redundant directions, or a free shape, is held by its typical size.
             let held = info.penalised
                 || info.broad
-                || matches!(instance.term.acts(), Acts::Load(_))
+                || self.gives(instance)
                 || (complete && instance.term.role() == Role::Offset);
-            let mut typical = targets::typical(&self.mechanism, instance.term, instance.target);
+            let mut typical = self.typical(instance);
             if complete && instance.term.role() == Role::Offset && root == Some(instance.target) {
                 typical = vec![ROOT];
             }
@@ -46,5 +49,34 @@ impl Model {
             }
         }
         priors
+    }
+
+    /// True for a load that is held: what joints give is hard to tell from what others give.
+    fn gives(&self, instance: &Instance) -> bool {
+        let links = |i: &&Instance| matches!(i.term.acts(), Acts::Load(Weight::Links));
+        match instance.term.acts() {
+            Acts::Load(Weight::Links) => self.instances.iter().filter(links).count() > 1,
+            Acts::Load(Weight::Tip) => true,
+            _ => false,
+        }
+    }
+
+    /// Typical size of each parameter of an instance. What a joint gives is typical under the
+    /// largest torque about that joint in these readings.
+    fn typical(&self, instance: &Instance) -> Vec<f64> {
+        let torque = self.largest_torque(instance).filter(|torque| *torque > 0.0);
+        match (instance.term.acts(), torque) {
+            (Acts::Load(Weight::Links), Some(torque)) => {
+                instance.term.info().parameters.iter().map(|p| p.typical / torque).collect()
+            }
+            _ => targets::typical(&self.mechanism, instance.term, instance.target),
+        }
+    }
+
+    fn largest_torque(&self, instance: &Instance) -> Option<f64> {
+        let at = self.instances.iter().position(|i| i == instance)?;
+        let own = self.loads.iter().zip(&self.torques);
+        let own = own.filter(|(load, _)| load.parameter == self.first[at]);
+        own.map(|(_, torque)| *torque).reduce(f64::max)
     }
 }

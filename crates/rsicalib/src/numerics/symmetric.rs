@@ -42,6 +42,28 @@ pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     (inverse, unknowable, (largest / smallest).sqrt())
 }
 
+/// The part of a step that lies in directions of which a Gram matrix tells nothing.
+#[must_use]
+pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
+    let n = gram.nrows();
+    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
+    let unit = Mat::from_fn(n, n, |i, j| {
+        let norm = norms[i] * norms[j];
+        if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
+    });
+    let mut part: Vec<f64> =
+        step.iter().zip(&norms).map(|(s, norm)| if *norm > 0.0 { 0.0 } else { *s }).collect();
+    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return part };
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    for k in (0..n).filter(|&k| values[k] < RANK * values[n - 1]) {
+        let along: f64 = (0..n).map(|i| vectors[(i, k)] * norms[i] * step[i]).sum();
+        for (i, part) in part.iter_mut().enumerate().filter(|(i, _)| norms[*i] > 0.0) {
+            *part += vectors[(i, k)] * along / norms[i];
+        }
+    }
+    part
+}
+
 /// Share of a column that must be left after the projection.
 pub const SEEN: f64 = 1e-3;
 

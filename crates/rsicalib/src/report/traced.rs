@@ -11,7 +11,7 @@ use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::stepwise::stepwise::cost;
 use crate::diagnosis::trace::{Found, Traced, trace};
-use crate::diagnosis::verdict::{Evidence, Verdict, verdict};
+use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
@@ -145,13 +145,17 @@ pub fn report(
     let absurd = absurdities(&traced.observations, &traced.after, &found);
     let directions = directions(&traced.observations, &traced.after);
     let p_value = traced.judge.lack_of_fit(&traced.last);
+    let elsewhere = match traced.found.is_empty() {
+        true => None,
+        false => worse_elsewhere(&traced, &before, &after),
+    };
     let verdict = verdict(&Evidence {
         fit: &traced.after,
         directions: &directions,
         absurd: &absurd,
         p_value,
         found: !traced.found.is_empty(),
-        doubtful: matches!(residual, Residual::Doubtful(_)),
+        doubtful: elsewhere.is_some() || matches!(residual, Residual::Doubtful(_)),
     });
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),
@@ -163,6 +167,10 @@ pub fn report(
             Some(isolated.target.name(&observations.mechanism))
         }
         _ => target,
+    };
+    let text = match &elsewhere {
+        Some(worse) => format!("{}; {text}", words::elsewhere(&observations.mechanism, worse)),
+        None => text,
     };
     Ok(TraceReport {
         verdict,
@@ -179,6 +187,24 @@ pub fn report(
         before_residuals: by_pose(&traced.small, &small_before),
         after_residuals: by_pose(&traced.small, &traced.last),
     })
+}
+
+/// What poses that the fit has not seen say against what was found: known poses, or those left
+/// out in turn, that are off by more than before, and by more than noise.
+fn worse_elsewhere(traced: &Traced, before: &FitReport, after: &FitReport) -> Option<Elsewhere> {
+    let known = |fit: &FitReport| fit.aligned.or(fit.check);
+    let check = known(before).zip(known(after)).and_then(|(before, after)| {
+        let errors = 3.0 * after.poses as f64;
+        let worse = worse(before.position_rms, after.position_rms, errors);
+        worse.then_some(Elsewhere::Check([before.position_rms, after.position_rms]))
+    });
+    let held_out = before.held_out.zip(after.held_out).and_then(|(before, after)| {
+        let equations = traced.last.residuals.equations * traced.small.readings.poses();
+        let chi2 = [before.chi2_per_dof, after.chi2_per_dof];
+        // χ² is a mean of squares, whose relative deviation is twice that of the root.
+        worse(chi2[0], chi2[1], 0.25 * equations as f64).then_some(Elsewhere::HeldOut(chi2))
+    });
+    check.or(held_out)
 }
 
 fn effect(observations: &Observations, instance: &Instance) -> Place {

@@ -3,6 +3,7 @@
 use crate::diagnosis::doubt::{Doubt, Doubted};
 use crate::diagnosis::localisation::{Residual, Share, Structure};
 use crate::diagnosis::plausibility::Absurdity;
+use crate::diagnosis::verdict::Elsewhere;
 use crate::diagnosis::whereabouts::Whereabouts;
 use crate::estimate::directions::{Direction, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
@@ -286,7 +287,25 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             );
             (Some(name), text)
         }
-        Residual::Structure(Structure { share, percent, whereabouts: at }) => {
+        Residual::Structure(Structure { share, likely, whereabouts: at, .. })
+            if !likely.is_empty() =>
+        {
+            let name = match *share {
+                Share::Channel(c) => mechanism.channels[c].name.clone(),
+                Share::Chain(c) => mechanism.chains[c].name.clone(),
+            };
+            let (last, before) = self::likely(mechanism, likely);
+            let which = if before.is_empty() { last } else { format!("{before} or {last}") };
+            let text = format!(
+                "structure is left that no effect of the catalogue explains; with one equation a \
+                 pose any channel would take up all of it, and the likeliest to have made it is \
+                 {which}{}. {}",
+                in_brackets(mechanism, at),
+                range_sentence(&name)
+            );
+            (Some(name), text)
+        }
+        Residual::Structure(Structure { share, percent, whereabouts: at, .. }) => {
             let (name, what) = match *share {
                 Share::Channel(c) => {
                     let name = mechanism.channels[c].name.clone();
@@ -306,6 +325,31 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             (Some(name), text)
         }
     }
+}
+
+/// Channels with their probabilities: the last, and those before it.
+fn likely(mechanism: &Mechanism, likely: &[(usize, f64)]) -> (String, String) {
+    let one = |(c, probability): &(usize, f64)| {
+        format!("{} ({:.0} %)", mechanism.channels[*c].name, 100.0 * probability)
+    };
+    let mut names: Vec<String> = likely.iter().map(one).collect();
+    (names.pop().unwrap_or_default(), names.join(", "))
+}
+
+/// What poses that a fit has not seen say against what was found.
+#[must_use]
+pub fn elsewhere(mechanism: &Mechanism, elsewhere: &Elsewhere) -> String {
+    let what = match elsewhere {
+        Elsewhere::Check([before, after]) => {
+            let unit = &mechanism.length_unit;
+            format!("check poses are off by {after:.4} {unit}, and by {before:.4} without it")
+        }
+        Elsewhere::HeldOut([before, after]) => format!(
+            "poses left out in turn have a χ² of {after:.2} per equation, and of {before:.2} \
+             without it"
+        ),
+    };
+    format!("what was found does not hold elsewhere: {what}")
 }
 
 fn range_sentence(name: &str) -> String {

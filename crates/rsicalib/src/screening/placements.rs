@@ -130,15 +130,19 @@ impl<'a> Looking<'a> {
 
     /// The worst damage above chance, and the rows that it takes out.
     fn worst(&self) -> Option<(Excluded, Vec<usize>)> {
-        let moved = self.moved();
+        let (moved, single) = (self.moved(), self.worst_single());
         if let Some(placement) = self.strange() {
             // Half of a run that moved looks strange, too, but heals where it is parted.
             let here = |m: &Displacement| self.placements[self.runs[m.run][0]] == placement.0;
             if !moved.as_ref().is_some_and(here) {
-                return Some(self.whole_placement(placement));
+                // So does a placement with a sample that stands off its own siblings.
+                let own = single.filter(|(row, _)| self.placements[*row] == placement.0);
+                return Some(match own {
+                    Some((row, score)) if self.stands_off(row, score) => self.one_row(row),
+                    _ => self.whole_placement(placement),
+                });
             }
         }
-        let single = self.worst_single();
         match (single, moved) {
             // A move shows in many samples, each of which stands off a little.
             (Some((row, score)), Some(m)) if SINGLES_PER_MOVE * score > m.score => {
@@ -179,6 +183,15 @@ impl<'a> Looking<'a> {
         let dof = (k * rows.len() as f64 - self.model.term_parameters as f64).max(k);
         let p = distributions::f_tail(score / k, k, dof) * rows.len() as f64;
         (p <= 0.5 * ALPHA).then_some((row, score))
+    }
+
+    /// True where a sample stands off the others of its placement as a placement must stand off
+    /// its siblings.
+    fn stands_off(&self, row: usize, score: f64) -> bool {
+        let own = |r: &usize| *r != row && self.placements[*r] == self.placements[row];
+        let rows: Vec<usize> = self.runs.concat().into_iter().filter(own).collect();
+        let usual = median(rows.iter().map(|&r| self.single[r]).collect()) / self.typical;
+        rows.len() >= 2 * SIDE && score > STRANGE * STRANGE * usual
     }
 
     /// The placement whose samples typically stand off most, and how many times more.

@@ -1,5 +1,6 @@
 //! [`OncePerTurn`].
 
+use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
@@ -21,6 +22,10 @@ impl Term for OncePerTurn {
 
     fn acts(&self) -> Acts {
         Acts::Sensor(&Self)
+    }
+
+    fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
+        !mechanism.slides(channel)
     }
 }
 

@@ -1,5 +1,6 @@
 //! [`ReferenceDrift`].
 
+use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
@@ -20,6 +21,10 @@ impl Term for ReferenceDrift {
 
     fn acts(&self) -> Acts {
         Acts::Electronics(&Self)
+    }
+
+    fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
+        mechanism.channels[channel].is_converted()
     }
 }
 

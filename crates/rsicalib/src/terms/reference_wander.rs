@@ -1,5 +1,6 @@
 //! [`ReferenceWander`].
 
+use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 use crate::terms::waves;
@@ -26,6 +27,10 @@ impl Term for ReferenceWander {
 
     fn acts(&self) -> Acts {
         Acts::Electronics(&Self)
+    }
+
+    fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
+        mechanism.channels[channel].is_converted()
     }
 }
 

@@ -9,8 +9,13 @@ use crate::terms::term::{Needs, Per, Term};
 #[must_use]
 pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
     match term.info().per {
-        Per::All => vec![Target::All],
+        Per::All => (0..mechanism.channels.len())
+            .find(|&c| term.suits(mechanism, c))
+            .map(|_| Target::All)
+            .into_iter()
+            .collect(),
         Per::Channel => (0..mechanism.channels.len())
+            .filter(|&c| term.suits(mechanism, c))
             .filter(|&c| term.info().needs != Needs::Masses || carries_mass(mechanism, c))
             // Of two poses a search has places to try, unless there can be none.
             .filter(|&c| !term.places(mechanism, c, 2).is_empty())
@@ -42,6 +47,9 @@ fn carries_mass(mechanism: &Mechanism, channel: usize) -> bool {
     })
 }
 
+/// What a common reference needs.
+const CONVERTER: &str = "channels that a converter reads, in counts or volts";
+
 /// Refuses a term that needs what the readings or the mechanism do not have.
 ///
 /// # Errors
@@ -59,7 +67,12 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
         Needs::Gravity => mechanism.gravity.is_some(),
         Needs::Masses => mechanism.gravity.is_some() && masses(),
     };
-    if there { Ok(()) } else { Err(Error::Context { term: info.id, needs: info.needs.words() }) }
+    let lacks = |needs| Err(Error::Context { term: info.id, needs });
+    match there {
+        false => lacks(info.needs.words()),
+        true if info.per == Per::All && targets(term, mechanism).is_empty() => lacks(CONVERTER),
+        true => Ok(()),
+    }
 }
 
 /// Typical size of each parameter of a term at a target, in the units of a mechanism.

@@ -116,8 +116,9 @@ pub struct Info {
     pub doc: &'static str,
     /// True for a free shape, whose parameters are held by their typical size.
     pub penalised: bool,
-    /// True for a term that stands for many others at once: identified where it
-    /// is asked for, no candidate when a residual is traced.
+    /// True for a term that repeats part of others, and is held by its typical size: the whole
+    /// frame of a link, identified where it is asked for and no candidate when a residual is
+    /// traced; and the tool.
     pub broad: bool,
 }
 
@@ -297,6 +298,12 @@ pub trait Term: Sync {
     /// What the place of an instance is, of a term that has several at one target.
     fn placed(&self) -> Placed {
         Placed::Once
+    }
+
+    /// Whether it can act on a channel at all, whatever the readings: by what is read there, and
+    /// by how the joint moves.
+    fn suits(&self, _mechanism: &Mechanism, _channel: usize) -> bool {
+        true
     }
 
     /// Those places, to be tried one by one.

@@ -5,7 +5,7 @@ use crate::mechanism::Target;
 use crate::model::{Instance, places};
 use crate::terms::ALL;
 use crate::terms::targets::{provided, targets};
-use crate::terms::term::{Placed, Spot, Term};
+use crate::terms::term::{Per, Placed, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
 #[must_use]
@@ -15,7 +15,7 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     for term in ALL.iter().copied() {
         let info = term.info();
         if term.placed() == Placed::AtPose
-            || info.broad
+            || (info.broad && !tip(term))
             || without.iter().any(|w| w == info.id)
             || provided(term, mechanism, readings).is_err()
         {
@@ -37,13 +37,22 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     all
 }
 
+/// True for a term that moves nothing but the tool.
+fn tip(term: &dyn Term) -> bool {
+    term.moves_only(&[Spot::Tip])
+}
+
 /// False where a term would repeat another: a body that carries no joint has no axis
 /// to tilt, before the first joint the base tilts, a frame that is free as a whole is
-/// longer by itself, where nothing is fixed to the base a single chain has none, and a
+/// longer by itself, and has its tool where it is, what the last joint carries is the tool, where nothing is fixed to the base a single chain has none, and a
 /// free shape is any shape.
 fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let mechanism = &observations.mechanism;
     if has_free_shape(fit, term, target) {
+        return false;
+    }
+    // All chains of one are that chain.
+    if target == Target::All && term.info().per == Per::ChainOrAll && mechanism.chains.len() == 1 {
         return false;
     }
     match target {
@@ -51,10 +60,20 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
             let rows = &mechanism.chains[chain].rows;
             let first = rows.iter().position(|r| r.channel.is_some()).unwrap_or(0);
             let last = rows.iter().rposition(|r| r.channel.is_some()).unwrap_or(0);
-            let free = fit.model.instances.iter();
-            let mut free = free.filter(|i| i.target == target && i.term.info().broad);
-            free.next().is_none()
+            let mut free = fit.model.instances.iter().filter(|i| i.term.info().broad);
+            // The body after the last joint carries nothing but the tool.
+            let tool = |i: &Instance| row >= last && i.target == Target::Chain(chain);
+            !free.any(|i| i.target == target || tool(i))
                 && (!term.moves_only(&[Spot::End]) || (row >= first && row < last))
+        }
+        Target::Chain(chain) if tip(term) => {
+            let last = mechanism.chains[chain].rows.len().saturating_sub(1);
+            let mut free = fit.model.instances.iter().filter(|i| i.term.info().broad);
+            !free.any(|i| i.target == Target::Row(chain, last))
+        }
+        Target::Chain(_) if term.info().per == Per::ChainOrAll && mechanism.chains.len() == 1 => {
+            let all = |i: &Instance| i.term.info().id == term.info().id && i.target == Target::All;
+            !fit.model.instances.iter().any(all)
         }
         Target::Chain(_) => !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats()),
         _ => true,

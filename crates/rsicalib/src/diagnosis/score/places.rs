@@ -14,6 +14,32 @@ use crate::terms::find;
 /// At most this many times are tried for a slip of one channel.
 const MOST_TIMES: usize = 256;
 
+/// Poses on either side of a slip that must see it, each by its share of what they see: more than
+/// two, and so at least three. Two that are off alike are two wrong readings.
+const SIDE: f64 = 2.5;
+
+/// So many poses as see all alike see as much as these, which see so much each (Kish).
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    sum: f64,
+    squares: f64,
+}
+
+impl Seen {
+    fn add(&mut self, information: f64) {
+        self.sum += information;
+        self.squares += information * information;
+    }
+
+    fn without(self, other: Self) -> Self {
+        Self { sum: self.sum - other.sum, squares: self.squares - other.squares }
+    }
+
+    fn poses(self) -> f64 {
+        self.sum * self.sum / self.squares.max(f64::MIN_POSITIVE)
+    }
+}
+
 /// One candidate of one column: `Zᵀr`, `ZᵀZ`, `ZᵀX`, and `ZᵀX (XᵀX)⁻¹`.
 #[derive(Clone)]
 struct Column {
@@ -134,7 +160,7 @@ pub fn score(
         .collect();
     for channel in 0..c {
         let target = Target::Channel(channel);
-        let (mut after, mut times) = (Column::new(n), Vec::new());
+        let (mut after, mut late, mut times) = (Column::new(n), Seen::default(), Vec::new());
         for (order, &pose) in live.iter().enumerate().rev() {
             let (mut z, mut r) = (Vec::new(), 0.0);
             for &row in &live_rows[order] {
@@ -161,10 +187,15 @@ pub fn score(
                 let x = &residuals.by_parameter[first..first + n];
                 after.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
             }
+            late.add(zz);
             if order > 0 && order % stride == 0 {
-                times.push((pose, after.clone().projected(&flat)));
+                times.push((pose, late, after.clone()));
             }
         }
+        let both_sides = |later: &Seen| later.poses().min(late.without(*later).poses());
+        times.retain(|(_, later, _)| both_sides(later) >= SIDE);
+        let times: Vec<(usize, Column)> =
+            times.into_iter().map(|(pose, _, column)| (pose, column.projected(&flat))).collect();
         let turns = turns(&times);
         for (pose, column) in &times {
             let instance = Instance { term: slip, target, place: *pose };

@@ -6,8 +6,12 @@ use crate::diagnosis::stepwise::stepwise::{BETTER, Stepwise, cost, physical, roo
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
-use crate::numerics::credible_set::{AS_WELL, credible};
+use crate::numerics::credible_set::AS_WELL;
 use crate::screening::blame::Blame;
+
+/// Rivals to refit for each candidate that a step refits: scores are first order, and what fits
+/// as well may be far down their list.
+const RIVALS: usize = 3;
 
 impl Stepwise<'_> {
     /// What fits as well in place of one effect; true where something fits
@@ -36,8 +40,9 @@ impl Stepwise<'_> {
         one_place_each(&mut scored);
         let mut rivals = Vec::new();
         let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
-        let my_value = value(current, &mine);
-        for candidate in scored.into_iter().take(self.search.refits + 4) {
+        let my_value =
+            if physical(current, &own) { value(current, &mine) } else { f64::NEG_INFINITY };
+        for candidate in scored.into_iter().take(RIVALS * self.search.refits) {
             let refit = self.with(&without, &[candidate.instance])?;
             let sensible = refit.plausible && physical(&refit, &candidate.instance);
             if sensible && refit.termination.converged() {
@@ -49,6 +54,7 @@ impl Stepwise<'_> {
         let mut also: Vec<(f64, Instance)> = vec![(my_value, own)];
         if let Some((value, candidate, refit)) = rivals.first()
             && *value > my_value + BETTER
+            && self.gain(&without, refit, std::slice::from_ref(candidate)) > 0.0
             && candidate.corrected <= self.search.alpha
         {
             found[index] = *candidate;
@@ -59,9 +65,10 @@ impl Stepwise<'_> {
         let named = found[index].instance;
         let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
         let blame = Blame::among(rivals.iter().copied(), &self.small.mechanism);
-        let kept = also.iter().zip(credible(&rivals));
-        let also = kept.filter(|((_, i), kept)| *kept && *i != named).map(|((_, i), _)| *i);
-        Ok((better, also.collect(), blame))
+        let best = also.iter().map(|(value, _)| *value).fold(f64::NEG_INFINITY, f64::max);
+        let as_well =
+            |(value, instance): &&(f64, Instance)| *value > best - AS_WELL && *instance != named;
+        Ok((better, also.iter().filter(as_well).map(|(_, i)| *i).collect(), blame))
     }
 }
 

@@ -1,21 +1,87 @@
 //! Effects for effects: what was found first may have been half of the truth, or both halves of it.
 
+use std::ops::Range;
+
 use crate::Error;
 use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
-use crate::diagnosis::score::scored::{Scored, excluded_pose};
+use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
 use crate::diagnosis::stepwise::stepwise::{BETTER, Stepwise, cost, room};
 use crate::estimate::Fit;
 use crate::model::Instance;
+use crate::numerics::credible_set::AS_WELL;
+
+/// So many poses at an end of the session may each be read wrong, and look like a slip; of more
+/// a slip is by far the likelier story.
+const FEW_POSES: usize = 6;
 
 impl Stepwise<'_> {
     /// One effect for two, and two for one or two, where that explains more; true where it
     /// does. What takes many effects to make up is not made up of pairs.
     pub fn exchange(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        let read = self.read_slips(current, found)?;
         if found.len() > FEW_EFFECTS + 1 {
-            return Ok(false);
+            return Ok(read);
         }
         let merged = self.merge_pairs(current, found)?;
-        Ok(self.find_pairs(current, found)? || merged)
+        Ok(self.find_pairs(current, found)? || merged || read)
+    }
+
+    /// Replaces a slip near an end of the session, and the wrong readings there, by wrong
+    /// readings alone where as many do as well: two that are off alike look like a slip with a
+    /// wrong reading beside it.
+    fn read_slips(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
+        let slips: Vec<Scored> =
+            found.iter().copied().filter(|s| s.family == Family::Slip).collect();
+        let mut replaced = false;
+        for slip in slips {
+            let Some(end) = self.end_of(slip.instance.place) else { continue };
+            let there =
+                |s: &&Scored| scored::is_data(&s.instance) && end.contains(&s.instance.place);
+            let gone: Vec<Scored> = found.iter().filter(there).copied().chain([slip]).collect();
+            let Some((readings, fit)) = self.readings_for(current, &gone, &end)? else { continue };
+            found.retain(|s| !gone.contains(s));
+            found.extend(readings);
+            *current = fit;
+            replaced = true;
+        }
+        if replaced {
+            self.rescale(current)?;
+        }
+        Ok(replaced)
+    }
+
+    /// The poses on one side of a slip, where they are few.
+    fn end_of(&self, place: usize) -> Option<Range<usize>> {
+        let poses = self.small.weights.len();
+        [0..place, place..poses].into_iter().find(|end| end.len() <= FEW_POSES)
+    }
+
+    /// Wrong readings at the end of a session that do as well as these effects, and their fit.
+    fn readings_for(
+        &self,
+        current: &Fit,
+        gone: &[Scored],
+        end: &Range<usize>,
+    ) -> Result<Option<(Vec<Scored>, Fit)>, Error> {
+        let those: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
+        let without = self.without(current, &those)?;
+        let needed = (self.gain(&without, current, gone) - AS_WELL).max(0.0);
+        let (mut readings, mut fit) = (Vec::new(), without.clone());
+        while readings.len() < gone.len().max(2) {
+            let mut scored = self.scan(&fit)?;
+            scored.retain(|s| {
+                s.family == Family::Bad
+                    && excluded_pose(&s.instance).is_none()
+                    && end.contains(&s.instance.place)
+                    && s.corrected <= self.search.alpha
+            });
+            let best = scored.into_iter().max_by(|a, b| a.score.total_cmp(&b.score));
+            let Some(best) = best else { break };
+            fit = self.with(&fit, &[best.instance])?;
+            readings.push(best);
+        }
+        let gain = self.gain(&without, &fit, &readings);
+        Ok((gain > needed).then_some((readings, fit)))
     }
 
     /// Replaces two effects by one that explains as much, its places paid for:
@@ -63,7 +129,7 @@ impl Stepwise<'_> {
         Ok(self.best(&without, both, singles)?.map(|([one], fit)| (one, fit)))
     }
 
-    /// Those that gain most when refitted, if more than is needed, and their fit.
+    /// Those that gain most when refitted, if more than is needed and than nothing, and their fit.
     fn best<const N: usize>(
         &self,
         without: &Fit,
@@ -74,7 +140,7 @@ impl Stepwise<'_> {
         for added in candidates {
             let refit = self.with(without, &added.map(|s| s.instance))?;
             let gain = self.gain(without, &refit, &added);
-            if gain > best.as_ref().map_or(needed, |(g, ..)| *g) {
+            if gain > best.as_ref().map_or(needed.max(0.0), |(g, ..)| *g) {
                 best = Some((gain, added, refit));
             }
         }

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::scored::Scored;
-use crate::diagnosis::stepwise::stepwise::{Stepwise, cost};
+use crate::diagnosis::stepwise::stepwise::{Stepwise, cost, physical};
 use crate::estimate::{Fit, fit};
 use crate::model::Instance;
 
@@ -21,7 +21,8 @@ impl Stepwise<'_> {
             let p_value = self.judge(&current).p_value(lost.max(0.0), width);
             let repeats = !instance.term.info().penalised
                 && candidates::has_free_shape(&current, instance.term, instance.target);
-            if repeats || p_value * 1e3 > self.search.alpha * 10.0 {
+            let lifts = !physical(&current, &instance);
+            if repeats || lifts || p_value * 1e3 > self.search.alpha * 10.0 {
                 found.remove(index);
                 current = without;
             } else {
@@ -29,6 +30,24 @@ impl Stepwise<'_> {
             }
         }
         Ok(current)
+    }
+
+    /// Drops what explains no more than is paid for it beside the others, worst first: what was
+    /// exchanged for another may leave an effect with nothing to explain, or a load that lifts.
+    pub fn keep_gains(&self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
+        loop {
+            let mut worst: Option<(f64, usize, Fit)> = None;
+            for (index, step) in found.iter().enumerate() {
+                let without = self.without(current, &[step.instance])?;
+                let gain = self.gain(&without, current, std::slice::from_ref(step));
+                if gain <= worst.as_ref().map_or(0.0, |(gain, ..)| *gain) {
+                    worst = Some((gain, index, without));
+                }
+            }
+            let Some((_, index, without)) = worst else { return Ok(()) };
+            found.remove(index);
+            *current = without;
+        }
     }
 
     /// Drops what does not stand out against what stays unexplained.

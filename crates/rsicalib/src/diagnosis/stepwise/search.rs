@@ -38,6 +38,12 @@ pub struct Searched {
 }
 
 impl Searched {
+    /// A search that did not look for anything.
+    pub fn nothing(start: Fit) -> Self {
+        let (found, poses, wrong) = (Vec::new(), Vec::new(), Vec::new());
+        Self { current: start, found, poses, wrong, left: None, more: false }
+    }
+
     /// What is found but wrong readings.
     fn effects(&self) -> impl Iterator<Item = &FoundEffect> {
         self.found.iter().filter(|step| !scored::is_data(&step.scored.instance))
@@ -102,6 +108,12 @@ pub fn search_effects(
     // way to nothing.
     let nothing = confined.quiet(stepwise) && confined.effects().count() == 0;
     let dearer = (chain || !open.sudden()) && confined.price() > open.price() + AS_WELL;
+    // A few effects that end the search, and explain more, do not give way to structure.
+    let ended = !open.more && (chain || open.effects().count() <= FEW_EFFECTS);
+    if ended && !confined.quiet(stepwise) && confined.price() > open.price() {
+        stepwise.release(weights);
+        return Ok((open, None));
+    }
     if nothing || (stays && (dearer || !confined.settled(stepwise))) {
         stepwise.release(weights);
         return Ok((open, at_fault));
@@ -176,10 +188,12 @@ fn search_once(stepwise: &mut Stepwise, start: Fit, most: usize) -> Result<Searc
         if better {
             stepwise.rescale(&mut current)?;
         }
-        rivals.push((also, blame));
+        rivals.push((found[index].instance, also, blame));
     }
+    stepwise.keep_gains(&mut current, &mut found)?;
+    rivals.retain(|(instance, ..)| found.iter().any(|s| s.instance == *instance));
     let mut steps = Vec::new();
-    for (scored, (also, blame)) in found.into_iter().zip(rivals) {
+    for (scored, (_, also, blame)) in found.into_iter().zip(rivals) {
         let without = stepwise.without(&current, &[scored.instance])?;
         steps.push(FoundEffect { scored, also, blame, without });
     }

@@ -30,6 +30,10 @@ pub(crate) fn room(score: f64) -> f64 {
     4.0 + 0.15 * score
 }
 
+/// Candidates to look at for each that is refitted: a load that lifts, or a fit that does not
+/// converge, must not keep the search from others.
+const HOPELESS: usize = 2;
+
 /// A parameter of an effect in units of its standard deviation; none where the effect
 /// is not in the model, or not to be seen.
 fn estimate_of(fit: &Fit, instance: &Instance) -> Option<f64> {
@@ -152,7 +156,8 @@ impl<'a> Stepwise<'a> {
         Ok(())
     }
 
-    /// Refits the best candidates; the best of them, if any is above chance.
+    /// Refits the best candidates; the best of them, if any is above chance and explains more
+    /// than is paid for it.
     pub fn step(
         &self,
         current: &Fit,
@@ -162,9 +167,13 @@ impl<'a> Stepwise<'a> {
         scored.retain(|s| s.corrected <= self.search.alpha);
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         let mut best: Option<(f64, Scored, Fit)> = None;
-        for &candidate in scored.iter().take(self.search.refits) {
+        let mut sensible = 0;
+        for &candidate in scored.iter().take(HOPELESS * self.search.refits) {
+            if sensible == self.search.refits {
+                break;
+            }
             if excluded_pose(&candidate.instance).is_some() {
-                if best.is_none() {
+                if best.is_none() && candidate.charged() > 0.0 {
                     let one = self.one_channel(current, &candidate, &scored)?;
                     let (one, fit) = one.unwrap_or_else(|| (candidate, current.clone()));
                     return Ok(Some((vec![one], fit)));
@@ -178,13 +187,14 @@ impl<'a> Stepwise<'a> {
             }
             let refit = self.with(current, &[candidate.instance])?;
             let gain = self.gain(current, &refit, &[candidate]);
-            if best.as_ref().is_none_or(|(g, ..)| gain > *g) {
+            sensible += usize::from(gain.is_finite());
+            if gain > best.as_ref().map_or(0.0, |(g, ..)| *g) {
                 best = Some((gain, candidate, refit));
             }
         }
         Ok(match (best, yielding) {
             (best, Some((gain, joints, refit)))
-                if best.as_ref().is_none_or(|(alone, ..)| gain > *alone) =>
+                if gain > best.as_ref().map_or(0.0, |(alone, ..)| *alone) =>
             {
                 Some((joints, refit))
             }
@@ -224,7 +234,9 @@ impl<'a> Stepwise<'a> {
                     let width = current.dof - refit.dof;
                     let searched = 2.0 * joints[0].places.ln().max(0.0);
                     let paid = CHARGE * width + searched * joints.len() as f64;
-                    return Ok(Some((cost(current) - cost(&refit) - paid, joints, refit)));
+                    let gain = cost(current) - cost(&refit) - paid;
+                    let sensible = refit.plausible && refit.termination.converged();
+                    return Ok(sensible.then_some((gain, joints, refit)));
                 }
             };
         }
@@ -248,7 +260,7 @@ impl<'a> Stepwise<'a> {
         without.weights[pose.instance.place] = 0.0;
         let left = fit(&without, current.model.instances.clone(), Some(current))?;
         // Several wrong readings at once are the rarer story: chance may not tell it.
-        let mut best = (self.gain(current, &left, &[*pose]) - AS_WELL, None);
+        let mut best = ((self.gain(current, &left, &[*pose]) - AS_WELL).max(0.0), None);
         for candidate in scored.iter().filter(here) {
             let refit = self.with(current, &[candidate.instance])?;
             let gain = self.gain(current, &refit, &[*candidate]);
