@@ -2,13 +2,13 @@
 
 mod paper;
 
-use rsicalib::{Error, Fit, Mechanism, Options, Session, Table, fit};
+use rsicalib::{Error, Fit, FitOptions, Mechanism, Observations, Table, fit};
 
 /// Fits offsets and gains of the hand controller; `values` holds nine readings per row.
 pub fn calibrate(values: Vec<f64>) -> Result<Fit, Error> {
     let table = Table { values, ..Table::default() };
-    let session = Session::new(&Mechanism::rsi(), table, None, Options::default())?;
-    let fit = fit(&session, session.instances()?, None)?;
+    let observations = Observations::new(&Mechanism::rsi(), table, None, FitOptions::default())?;
+    let fit = fit(&observations, observations.instances()?, None)?;
     println!("χ² {:.1} for {} degrees of freedom", fit.chi2, fit.dof);
     println!("misclosure {:.5} in, ended by {:?}", fit.rms_misclosure, fit.termination);
     Ok(fit)
