@@ -1,21 +1,21 @@
-//! Everything that can go wrong before there is an answer.
+//! The errors of this crate.
 
 /// Input from which no answer can be computed.
 ///
-/// What was found and what was needed stand in the message; running out of
-/// iterations or parameters that the poses cannot tell apart are not errors
-/// but outcomes, see [`crate::lm::Termination`] and [`crate::fit::Fit`].
+/// The message says what was found and what was needed. A solver that runs out of
+/// iterations and parameters that the poses cannot determine are not errors but outcomes,
+/// see [`crate::numerics::lm::Termination`] and [`crate::Fit`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A mechanism that contradicts itself.
+    /// A mechanism with an entry that cannot be used.
     #[error("mechanism, {place}: found {found}; expected {expected}")]
     Mechanism {
         /// Which entry, as a path: `closure "wrist1-wrist2", between`.
         place: String,
-        /// What stands there.
+        /// The entry.
         found: String,
-        /// What could stand there.
+        /// Entries that can be used.
         expected: String,
     },
     /// Text that is not a mechanism in TOML.
@@ -58,17 +58,17 @@ pub enum Error {
     /// No reading is left to work on.
     #[error("no readings: {0}")]
     Empty(String),
-    /// A name that nothing bears.
+    /// An unknown name.
     #[error("there is no {kind} {found:?}; there are {known}")]
     Unknown {
-        /// What kind of thing was looked for: term, channel, target, ...
+        /// The kind of name: term, channel, target, ...
         kind: &'static str,
         /// The name asked for.
         found: String,
-        /// The names there are.
+        /// The known names.
         known: String,
     },
-    /// A number of an option that cannot be used.
+    /// An option with a value that cannot be used.
     #[error("option {name}: found {found}; expected {expected}")]
     Option {
         /// Name of the option.
@@ -78,7 +78,7 @@ pub enum Error {
         /// The values that can be used.
         expected: String,
     },
-    /// A term that needs what the readings do not have.
+    /// A term that needs a column, or an order, that the readings do not have.
     #[error("term {term}: the readings have no {needs}")]
     Context {
         /// Id of the term.
@@ -86,18 +86,18 @@ pub enum Error {
         /// The column or order that is missing.
         needs: &'static str,
     },
-    /// A pose that the arms cannot take.
+    /// A pose that the chains cannot reach.
     #[error("pose {pose} is out of reach: {arm} by {by:.4} {unit} ({why})")]
     OutOfReach {
         /// Row of the pose, counted from 0.
         pose: usize,
-        /// The chain that fails first.
+        /// The chain that does not reach the pose.
         arm: String,
-        /// How far beyond the limit.
+        /// Distance beyond the limit, in `unit`.
         by: f64,
         /// Unit of `by`.
         unit: String,
-        /// Which limit.
+        /// The limit.
         why: String,
     },
     /// Fewer equations than parameters.
@@ -105,21 +105,21 @@ pub enum Error {
         "{parameters} parameters cannot be found from {equations} equations ({poses} poses); record more poses"
     )]
     TooFew {
-        /// Parameters asked for.
+        /// Number of parameters.
         parameters: usize,
-        /// Equations there are.
+        /// Number of equations.
         equations: usize,
-        /// Poses there are.
+        /// Number of poses.
         poses: usize,
     },
-    /// What this mechanism lacks for what was asked.
+    /// A mechanism without a section that the computation needs.
     #[error("mechanism {mechanism} has no {needs}; {why}")]
     Missing {
         /// Name of the mechanism.
         mechanism: String,
-        /// The section it lacks.
+        /// The missing section.
         needs: &'static str,
-        /// What it is needed for.
+        /// The use of that section.
         why: &'static str,
     },
 }

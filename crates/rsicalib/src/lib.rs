@@ -1,20 +1,87 @@
 //! Calibration of closed kinematic chains from their own joint readings.
 //!
-//! A closed mechanism with sensed joints satisfies `f(a*, β) = 0` in every pose,
-//! where `a*` are the true readings and `β` the parameters: offsets, gains and
-//! whatever else is not as drawn. Readings carry noise, `a = a* + e` with
-//! `e ~ N(0, Σ)`. The estimate minimises
+//! # The problem
+//!
+//! A closed mechanism with sensed joints satisfies `f(a*, β) = 0` in every pose, where `a*` are
+//! the true readings and `β` the parameters: offsets, gains and everything else that is not as
+//! drawn. Readings carry noise, `a = a* + e` with `e ~ N(0, Σ)`. The estimate minimises
 //!
 //! ```text
 //! Σ_samples eᵀ Σ⁻¹ e    subject to    f(a - e, β) = 0                      (50)
 //! ```
+//!
+//! A *calibration* estimates the parameters of given terms, tests whether the residual is above
+//! the noise, and names directions that the poses cannot determine. A *trace* searches for the
+//! terms that explain such a residual. Equation numbers are those of `docs/model.md`; units,
+//! frames and signs are those of `docs/conventions.md`, both in the repository.
+//!
+//! # From readings to report
+//!
+//! Each layer uses those above it and none below.
+//!
+//! | layer | input | output |
+//! |---|---|---|
+//! | [`numerics`] | residuals and derivatives | minimum by Levenberg-Marquardt, (31) to (33) |
+//! | [`mechanism`] | Rust values or TOML | [`Mechanism`]: channels, chains, points, closures |
+//! | [`readings`] | [`Table`] | [`Readings`]: checked, in blocks of eight samples |
+//! | [`kinematics`] | elements of a chain, joint coordinates | points and their derivatives, (21), (22) |
+//! | [`terms`] | readings, joint coordinates | corrections of one physical effect, (41) to (43) |
+//! | [`model`] | mechanism and terms | [`Model`]: misclosure `f` and its derivatives, (10), (44) |
+//! | [`estimate`] | [`Observations`]: readings, weights, options | [`Fit`]: estimates, covariance, χ², (50) to (65) |
+//! | [`apply`] | a fit and other readings | platform poses, comparison with known poses |
+//! | [`screening`] | readings | faults of converters, outliers, damage, (81) to (83) |
+//! | [`diagnosis`] | a fit with a residual | score tests, stepwise search, fault isolation, verdict, (71) to (74) |
+//! | [`design`] | poses | Cramér-Rao bound and pose plans, (91), (92) |
+//! | [`report`] | observations | results of a calibration and of a trace, as plain structs |
+//!
+//! # Example
+//!
+//! The hand controller holds 60 poses. The sensor of `a22` has a parabolic error. Offsets and
+//! gains do not explain the readings; the trace names the missing effect.
+//!
+//! ```
+//! use rsicalib::diagnosis::{options::SearchOptions, verdict::Verdict};
+//! use rsicalib::report::{calibrated, traced};
+//! use rsicalib::{FitOptions, Mechanism, Observations, Table, mechanism::hand_controller};
+//!
+//! let mechanism = Mechanism::rsi();
+//! let mut values = Vec::new(); // nine counts per pose
+//! for n in 1..=60 {
+//!     let spread = |prime: f64| 2.0 * (f64::from(n) * prime.sqrt()).fract() - 1.0; // -1 to 1
+//!     let [x, y, z, rx, ry, rz] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0].map(spread);
+//!     let pose = [1.5 * x, 1.5 * y, 1.3 * z - 2.9, 0.4 * rx, 0.4 * ry, 0.4 * rz]; // in, rad
+//!     let Ok(angles) = hand_controller::inverse(&pose) else { continue }; // out of reach
+//!     for (channel, angle) in mechanism.channels.iter().zip(angles.concat()) {
+//!         let u = (angle - channel.angle(channel.middle())) / 3.0;
+//!         let error = if channel.name == "a22" { 0.2 * u * u } else { 0.0 }; // rad
+//!         values.push(((angle - error - channel.offset) / channel.gain).round());
+//!     }
+//! }
+//! let pose = Some((0..values.len() as i64 / 9).collect());
+//! let options = FitOptions { noise: Some(vec![0.29; 9]), ..FitOptions::default() }; // rounding
+//! let table = Table { values, pose, ..Table::default() };
+//! let observations = Observations::new(&mechanism, table, None, options)?;
+//! assert_eq!(calibrated::report(&observations, None)?.0.verdict, Verdict::Unexplained);
+//! let traced = traced::report(&observations, &SearchOptions::default(), None)?;
+//! assert_eq!((traced.verdict, &*traced.steps[0].effect.target), (Verdict::Explained, "a22"));
+//! # Ok::<(), rsicalib::Error>(())
+//! ```
+//!
+//! The examples `calibrate` (a four-bar linkage that the example defines) and `trace` print
+//! estimates: `cargo run --example calibrate`.
+//!
+//! # Stability
+//!
+//! The names at the root of the crate are stable. The modules are public because the bindings need
+//! them, and may change in a minor version. Feature `toml`: mechanisms from TOML text. Feature
+//! `serde`: results as serde values.
 
 #[cfg(test)]
-extern crate self as rsicalib; // devices of the tests name the crate as its users do
+extern crate self as rsicalib; // the tests' devices name the crate as users do
 
 mod error;
 
-// Layers: each uses those above it, none below.
+// Layers: each uses those above it and none below.
 
 pub mod numerics;
 

@@ -16,7 +16,7 @@ pub struct Algebraic<'a> {
 }
 
 impl<'a> Algebraic<'a> {
-    /// Of readings under a model.
+    /// The objective of readings and their model.
     #[must_use]
     pub fn new(part: Part<'a>, priors: &'a [Prior]) -> Self {
         let active = part.model.active();

@@ -1,4 +1,4 @@
-//! Directions in the space of parameters that the data cannot, or hardly, tell.
+//! Unobservable and weak directions in the space of parameters, and names of parameters.
 
 use faer::{Mat, Side};
 
@@ -8,12 +8,12 @@ use crate::estimate::observations::Observations;
 use crate::model::{Instance, Spec, UNKNOWN_POINT, place_name};
 use crate::terms::term::{Placed, Role};
 
-/// Directions in the space of parameters that data cannot, or hardly, tell.
+/// Unobservable and weak directions in the space of parameters.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Directions {
-    /// Those along which the data change nothing.
+    /// Directions along which the readings do not change.
     pub unobservable: Vec<Direction>,
-    /// Those that are known a hundred times worse than the best.
+    /// Directions with a standard deviation at least a hundred times that of the best direction.
     pub weak: Vec<Direction>,
 }
 
@@ -21,7 +21,7 @@ pub struct Directions {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Direction {
-    /// One parameter, on which the readings do not depend.
+    /// One parameter that changes no reading.
     Absent(Label),
     /// Several parameters that change together without a change of the readings.
     Together(Vec<Moves>),
@@ -29,21 +29,21 @@ pub enum Direction {
     Weak {
         /// The parameters, the one that moves most first.
         moves: Vec<Moves>,
-        /// How far the first may be off: two standard deviations, in its unit.
+        /// Two standard deviations of the first parameter, in its unit.
         off: f64,
     },
 }
 
-/// How a parameter takes part in a direction.
+/// Share of a parameter in a direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moves {
     /// The parameter.
     pub label: Label,
-    /// By how much it moves, in its unit, where the first moves by one of its own.
+    /// Change of the parameter, in its unit, for a change of the first parameter by one unit.
     pub by: f64,
 }
 
-/// What a parameter is called, and its unit.
+/// Name and unit of a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Label {
     /// Term and target.
@@ -52,10 +52,10 @@ pub struct Label {
     pub unit: String,
 }
 
-/// Names the directions that these poses cannot, or hardly, tell.
+/// The directions that the poses cannot determine, or hardly determine.
 ///
-/// Eigenvectors of the Gram matrix with unit columns; each is described by the
-/// parameters that take part, in the proportions of their own units.
+/// The directions are eigenvectors of the Gram matrix with unit columns. Each is described by the
+/// parameters with the largest shares, in their own units.
 #[must_use]
 pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     let untouched = fit.model.untouched(&observations.readings, &observations.weights);
@@ -78,11 +78,14 @@ const HARDLY: f64 = 1e-4;
 /// Parameters that take part by less than this share of the largest are not listed.
 const LISTED: f64 = 0.2;
 
-/// The same of a Gram matrix whose parameters have these names.
+/// The directions of a Gram matrix; `names` are those of its parameters.
 pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
     let n = gram.nrows();
     let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
     let mut out = Directions::default();
+    if n == 0 {
+        return out;
+    }
     let absent = norms.iter().zip(names).filter(|(norm, _)| **norm == 0.0);
     out.unobservable.extend(absent.map(|(_, label)| Direction::Absent(label.clone())));
     let Ok(eigen) = unit_gram(gram, &norms).self_adjoint_eigen(Side::Lower) else { return out };
@@ -92,7 +95,7 @@ pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
         if relative > HARDLY {
             break;
         }
-        // Per unit of data: how far each parameter moves along this direction.
+        // Change of each parameter along this direction, per unit of data.
         let live = (0..n).filter(|&i| norms[i] > 0.0);
         let mut along: Vec<(usize, f64)> = live.map(|i| (i, vectors[(i, k)])).collect();
         along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
@@ -142,20 +145,20 @@ pub fn uncentred_condition(fit: &Fit) -> f64 {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ParameterReport {
-    /// Id of its term.
+    /// Id of the parameter's term.
     pub term: String,
-    /// What it belongs to.
+    /// Target of the term.
     pub target: String,
-    /// Where a searched term acts.
+    /// Place of a searched term.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
-    /// Its value.
+    /// Estimate, in `unit`.
     pub value: f64,
-    /// Standard deviation; none where these poses cannot determine it.
+    /// Standard deviation, in `unit`; `None` for a parameter that the poses cannot determine.
     pub sd: Option<f64>,
-    /// Its unit.
+    /// Unit of the estimate.
     pub unit: String,
     /// What keeps it from being what its term is called.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -185,8 +188,8 @@ impl ParameterReport {
     }
 }
 
-/// Values and covariance as they are reported: offsets at reading zero, gains
-/// absolute, everything else as in the model.
+/// Values and covariance for reports: offsets at reading zero, absolute gains, and all other
+/// parameters as in the model, in the order of the model.
 ///
 /// ```text
 /// θ_off = θ0 + p_off - (k0 + p_gain) a_c,    k = k0 + p_gain
@@ -250,7 +253,7 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
     names
 }
 
-/// The place of a term that has several, as users call it.
+/// Name of an instance's place; `None` for a term without places.
 #[must_use]
 pub fn place(observations: &Observations, instance: &Instance) -> Option<String> {
     let bound = observations.readings.sessions > 1 && crate::model::bound_to_session(instance.term);
@@ -259,7 +262,8 @@ pub fn place(observations: &Observations, instance: &Instance) -> Option<String>
     })
 }
 
-/// A unit with the mechanism's and the channel's own put in.
+/// The unit of a parameter, with the units of the mechanism and of the channel in place of `length`
+/// and `reading`.
 #[must_use]
 pub fn unit(observations: &Observations, instance: &Instance, unit: &str) -> String {
     let reading = match instance.target {

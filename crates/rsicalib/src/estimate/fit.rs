@@ -1,4 +1,4 @@
-//! The answer: estimates, covariance, lack of fit, why it stopped.
+//! The fit: estimates, covariance, lack of fit, and the reason for the end.
 
 use faer::Mat;
 
@@ -25,27 +25,28 @@ use crate::numerics::symmetric::{invert, nowhere};
 /// A fitted model.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// The model.
+    /// The model, with the order of the parameters.
     pub model: Model,
-    /// Its parameters.
+    /// Estimates of the parameters, corrections to the mechanism as drawn;
+    /// [`reported`](crate::estimate::directions::reported) gives absolute offsets and gains.
     pub beta: Vec<f64>,
-    /// What was known of them without readings.
+    /// Priors of the parameters.
     pub priors: Vec<Prior>,
     /// The noise.
     pub noise: NoiseEstimate,
     /// `Xᵀ S⁻¹ X` and priors, in units of the estimated noise.
     pub gram: Mat<f64>,
-    /// Covariance of the parameters; pseudo-inverse where directions are unobservable.
+    /// Covariance of the parameters; a pseudo-inverse where directions are unobservable.
     pub covariance: Mat<f64>,
     /// Parameters that take part in an unobservable direction.
     pub unknowable: Vec<bool>,
     /// χ² between poses.
     pub chi2: f64,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of `chi2`.
     pub dof: f64,
-    /// Degrees of freedom within poses, which gave the noise.
+    /// Degrees of freedom within poses, from which the noise was estimated.
     pub within: f64,
-    /// Probability of a larger χ²; none where nothing but the fit gives the noise.
+    /// Probability of a larger χ² by chance; `None` where the noise was estimated from the fit.
     pub p_value: Option<f64>,
     /// χ² of all samples.
     pub total: f64,
@@ -53,27 +54,30 @@ pub struct Fit {
     pub rms_misclosure: f64,
     /// Condition number, unit columns.
     pub condition: f64,
-    /// Why the search ended.
+    /// Reason for the end of the solver.
     pub termination: Termination,
-    /// Linearisations made.
+    /// Number of linearisations.
     pub iterations: usize,
     /// Starts that were tried.
     pub starts: Vec<Try>,
     /// Whitened residuals and their derivatives.
     pub residuals: Residuals,
-    /// Readings without their noise, row by row.
+    /// Estimated readings without noise, row by row, one per channel.
     pub adjusted: Vec<f64>,
-    /// True where every joint still moves.
+    /// True where no gain has collapsed, so that every joint moves.
     pub plausible: bool,
-    /// What looks wrong with the wiring.
+    /// Suspected mistakes in the wiring.
     pub warnings: Vec<Suspicion>,
 }
 
-/// Fits these instances, from a start of their own or from an earlier fit.
+/// Fits the parameters of `instances` by (50) to (52), or by (11) for
+/// [`Method::Algebraic`](crate::Method::Algebraic).
+///
+/// The start is `from`, an earlier fit, or else the result of a search of starts.
 ///
 /// # Errors
 ///
-/// [`Error::TooFew`] where there are fewer equations than parameters.
+/// [`Error::TooFew`] for fewer equations than parameters, and the errors of [`Model::new`].
 pub fn fit(
     observations: &Observations,
     instances: Vec<Instance>,
@@ -106,7 +110,7 @@ pub fn fit(
     solve(observations, model, priors, start, guess)
 }
 
-/// The parameters of an earlier fit, where the new model has them too.
+/// Parameters of an earlier fit for a new model; zero for parameters that the fit does not have.
 #[must_use]
 pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
     let mut beta = model.nominal();
@@ -124,7 +128,8 @@ pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
     beta
 }
 
-/// A start by the algebraic fit, unknown points by where the chains touch them.
+/// A start by the search, or, for a mechanism with unknown points, the best anchor with each
+/// unknown point at the mean of the positions at which chains touch it.
 fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
     if model.unknown_names.is_empty() {
         return start::search(observations, model, noise);
@@ -134,10 +139,10 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
     Start { beta, ..Start::default() }
 }
 
-/// Fits at the most, each with the noise that the one before found.
+/// Largest number of fits, each with the noise of the fit before.
 const ROUNDS: usize = 4;
 
-/// True where two noises differ in scale alone, as far as it matters.
+/// True for two noises that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
     let scale = a.sigma[0] / b.sigma[0];
     let same = |x: f64, y: f64| (x - scale * y).abs() <= 0.01 * x.abs();
@@ -279,7 +284,7 @@ fn conclude(
     start: Start,
     groups: &Groups,
 ) -> Fit {
-    // From the noise that the fit used to the noise that it found.
+    // From units of the assumed noise to units of the estimated noise.
     for values in [&mut residuals.whitened, &mut residuals.by_reading] {
         values.iter_mut().for_each(|v| *v /= scale);
     }
@@ -308,7 +313,7 @@ fn conclude(
     let p_value = (noise.source.independent() && dof >= 1.0)
         .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof));
 
-    // What is left and is no noise of the samples moved the estimates as well.
+    // A residual above the noise has moved the estimates, too.
     let left =
         if p_value.is_some_and(|p| p < WIDENING_LEVEL) { (chi2 / dof).max(1.0) } else { 1.0 };
     let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise.slow * left);
@@ -341,11 +346,11 @@ fn conclude(
     }
 }
 
-/// A residual that chance exceeds less often than this widens the intervals.
+/// A residual with a smaller p-value than this widens the intervals.
 const WIDENING_LEVEL: f64 = 0.01;
 
 impl Fit {
-    /// The noise that it assumed.
+    /// The noise, as an assumption of a further fit.
     #[must_use]
     pub fn assumed(&self) -> Noise {
         Noise { sigma: self.noise.sigma.clone(), play: self.noise.play }
@@ -358,8 +363,8 @@ impl Fit {
     }
 }
 
-/// Parameters that the data pay for: priors take part of those they hold, of whose
-/// Gram matrix, priors included, this is the inverse.
+/// Number of parameters that the data determine: each prior takes over a part of a parameter.
+/// `inverse` is the inverse of the Gram matrix with priors, `x` the parameters.
 #[must_use]
 pub fn free_parameters(inverse: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
     let n = inverse.nrows();

@@ -15,29 +15,31 @@ use crate::numerics::normal_equations::{NormalEquations, Total, over_chunks};
 pub struct Implicit<'a> {
     parts: Vec<(Part<'a>, Noise)>,
     priors: &'a [Prior],
-    /// `â` of every part, kept from one linearisation to the next.
+    /// `â` of every part, the start of the next linearisation.
     adjusted: Mutex<Vec<Vec<Lanes>>>,
 }
 
 /// Residuals at a solution, sample by sample.
 #[derive(Debug, Clone, Default)]
 pub struct Residuals {
-    /// Equations of one sample.
+    /// Number of equations of one sample.
     pub equations: usize,
-    /// `L⁻¹ w`, sample by sample: standard normal if the model is right.
+    /// `L⁻¹ w`, sample by sample, equation by equation: standard normal for a correct model.
     pub whitened: Vec<f64>,
-    /// Misclosure of the raw readings, in length units, sample by sample.
+    /// Misclosure of the raw readings, in length units, sample by sample, equation by equation.
     pub lengths: Vec<f64>,
-    /// `L⁻¹ A`, sample by sample, equation by equation, one per channel.
+    /// `L⁻¹ A`, sample by sample, equation by equation, one entry per channel.
     pub by_reading: Vec<f64>,
-    /// `L⁻¹ X`, sample by sample, equation by equation, one per parameter; if asked for.
+    /// `L⁻¹ X`, sample by sample, equation by equation, one entry per parameter; empty unless
+    /// requested.
     pub by_parameter: Vec<f64>,
-    /// Iterations of (52) that the slowest block needed; [`INNER`] where one did not settle.
+    /// Largest number of repeats of (52) in any block; 20, the maximum, where (52) did not converge.
     pub inner: usize,
 }
 
 impl<'a> Implicit<'a> {
-    /// Of readings under a model, with their noise; `rest` parts share the parameters.
+    /// The objective of readings, their model and their noise. All parts share the parameters of
+    /// the first part.
     #[must_use]
     pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
         let raw = |part: &Part| {
@@ -49,7 +51,7 @@ impl<'a> Implicit<'a> {
         Self { parts, priors, adjusted }
     }
 
-    /// Residuals of the first part at `x`; `by_parameter` only where asked for.
+    /// Residuals of the first part at `x`, with [`Residuals::by_parameter`] on request.
     #[must_use]
     pub fn residuals(&self, x: &[f64], by_parameter: bool) -> Residuals {
         let (part, noise) = &self.parts[0];
@@ -93,7 +95,7 @@ impl<'a> Implicit<'a> {
                     out.by_reading[row * k * c + i] = value.0[lane] * weight;
                 }
                 if by_parameter {
-                    for (e, x) in room.ws.x.chunks_exact(model.width()).enumerate() {
+                    for (e, x) in room.ws.x.chunks_exact(model.width().max(1)).enumerate() {
                         for (column, value) in model.columns()[meta.group].iter().zip(x) {
                             out.by_parameter[(row * k + e) * p + column] = value.0[lane] * weight;
                         }
@@ -104,7 +106,7 @@ impl<'a> Implicit<'a> {
         out
     }
 
-    /// Readings of one block without their noise, at `x`.
+    /// Readings `â` of one block at `x`, one [`Lanes`] per channel.
     #[must_use]
     pub fn settled(&self, block: usize, x: &[f64]) -> Vec<Lanes> {
         let (part, noise) = &self.parts[0];
@@ -113,7 +115,7 @@ impl<'a> Implicit<'a> {
         a_hat
     }
 
-    /// Readings without their noise, row by row, as of the last linearisation.
+    /// Readings `â` of the last linearisation, row by row, one per channel.
     #[must_use]
     pub fn adjusted(&self) -> Vec<f64> {
         let (part, _) = &self.parts[0];
@@ -132,8 +134,8 @@ impl<'a> Implicit<'a> {
 }
 
 impl Implicit<'_> {
-    /// Visits every block of the first part at `x`: its group, whitened misclosure and
-    /// whitened `X`, equation by equation, both weighted, in the order of the blocks.
+    /// Visits every block of the first part at `x`, in order. `visit` gets the block's group and the
+    /// weighted `L⁻¹ w` and `L⁻¹ X`, equation by equation.
     pub(crate) fn sweep<S: Send>(
         &self,
         x: &[f64],

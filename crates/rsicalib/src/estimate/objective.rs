@@ -1,4 +1,4 @@
-//! The two objectives: the paper's, and maximum likelihood.
+//! The two objectives: least squares of the misclosure (the paper), and maximum likelihood.
 //!
 //! ```text
 //! algebraic       ½ Σ fᵀ f                                                (11)
@@ -8,14 +8,14 @@
 //!
 //! | symbol | here | |
 //! |---|---|---|
-//! | a, â | `raw`, `adjusted` | readings, and what they would be without noise |
+//! | a, â | `raw`, `adjusted` | readings, and estimated readings without noise |
 //! | Σ, Π | [`Noise`] | noise of the readings, and of the closure itself (play) |
 //! | S, L | `whiten` | covariance of the misclosure, and its Cholesky factor |
 //!
 //! Where (52) has converged, (51) equals `½ Σ eᵀ Σ⁻¹ e` over the noise `e = a - â`
-//! exactly, and `Xᵀ S⁻¹ w` is its exact gradient (the weight is differentiated
-//! too: by the envelope theorem nothing else is left). That is the full
-//! Gauss-Helmert estimate; `L⁻¹ X` serves as its Jacobian in [`crate::lm`].
+//! exactly, and `Xᵀ S⁻¹ w` is its exact gradient: by the envelope theorem, the derivatives of the
+//! weight cancel. The minimum is the full Gauss-Helmert estimate. `L⁻¹ X` is the Jacobian that
+//! [`crate::numerics::lm`] uses.
 
 use crate::model::{Model, Prior};
 use crate::numerics::lanes::Lanes;
@@ -23,20 +23,20 @@ use crate::numerics::linearization::{Curvature, Linearization};
 use crate::numerics::schur::islands;
 use crate::readings::Readings;
 
-/// Readings with the model that they are to fit.
+/// Readings and their model.
 #[derive(Debug, Clone, Copy)]
 pub struct Part<'a> {
     /// The model; all parts share its parameters.
     pub model: &'a Model,
     /// The readings.
     pub readings: &'a Readings,
-    /// How much each sample counts: the root of what its variance is divided by;
-    /// zero for a sample that is left out. None: each counts once.
+    /// Weight of each sample: the variance of a sample is divided by the square of its weight. Zero
+    /// for a sample that is left out; `None`: weights of one.
     pub weights: Option<&'a [f64]>,
 }
 
 impl Part<'_> {
-    /// How much each sample of a block counts.
+    /// Weight of each sample of a block.
     #[inline(always)]
     pub(crate) fn weight(&self, block: usize) -> Lanes {
         let meta = &self.readings.blocks()[block];
@@ -53,11 +53,11 @@ impl Part<'_> {
 pub struct Noise {
     /// Standard deviation of one reading of each channel, in its unit.
     pub sigma: Vec<f64>,
-    /// Multiplies Π, the play that the mechanism declares.
+    /// Factor on Π, the variance of the play that the mechanism declares.
     pub play: f64,
 }
 
-/// Adds the observations that priors are; then it is known which unknown points meet.
+/// Adds the priors as observations, and then finds the islands of the unknown points.
 pub(crate) fn add_priors(here: &mut Linearization, priors: &[Prior], model: &Model, x: &[f64]) {
     let Curvature::Gram(gram) = &mut here.curvature else { return };
     for prior in priors {

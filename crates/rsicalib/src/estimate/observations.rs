@@ -1,4 +1,4 @@
-//! A session: one mechanism, its readings, and what else is known of them.
+//! Observations: a mechanism, its readings, and what is known of them.
 
 use crate::Error;
 use crate::estimate::options::FitOptions;
@@ -6,20 +6,20 @@ use crate::mechanism::Mechanism;
 use crate::model::{Instance, assembly, check_names};
 use crate::readings::{Readings, Table, codes};
 
-/// Readings to fit, with everything that is known beside them.
+/// Readings of a mechanism with what is known of them: a rest pose, weights, options.
 #[derive(Debug, Clone)]
 pub struct Observations {
     /// The mechanism.
     pub mechanism: Mechanism,
-    /// Its readings.
+    /// The readings.
     pub readings: Readings,
     /// A reading of the rest pose, averaged, one per channel.
     pub rest: Option<Vec<f64>>,
     /// Joint coordinates in the rest pose, one per channel.
     pub rest_angles: Option<Vec<f64>>,
-    /// How much each sample counts; zero for one that is left out.
+    /// Weight of each sample; zero for a sample that is left out.
     pub weights: Vec<f64>,
-    /// Readings at which offsets are told from gains: the mean of each channel.
+    /// Readings at which offsets are defined, one per channel: the means.
     pub centre: Vec<f64>,
     /// Step of the codes of each channel, in its unit; zero where it has none.
     pub steps: Vec<f64>,
@@ -27,8 +27,8 @@ pub struct Observations {
     pub copies: Vec<usize>,
     /// The options.
     pub options: FitOptions,
-    /// The mechanism held at rest, and its one reading, where the rest pose is
-    /// declared with a tolerance and so is an observation.
+    /// The mechanism held at rest and its reading. `None` unless the rest pose was read and is
+    /// declared with a standard deviation, which makes the rest pose an observation.
     pub held: Option<(Mechanism, Readings)>,
 }
 
@@ -44,12 +44,12 @@ fn steps(mechanism: &Mechanism, readings: &Readings) -> Vec<f64> {
         .collect()
 }
 
-/// What an anchor rests on.
+/// Source of an anchor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnchorKind {
     /// A reading of the rest pose.
     Rest,
-    /// The rest pose where the nominal sensors have it, or the mean reading.
+    /// The rest pose at its nominal readings; without a rest pose, the mean reading.
     Nominal,
     /// The nominal offsets, at reading zero.
     NominalOffsets,
@@ -57,25 +57,26 @@ pub enum AnchorKind {
     RestAtHalfRange,
 }
 
-/// A reading of each channel at which its joint coordinate is known, more or less.
+/// A reading of each channel with a known or presumed joint coordinate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
-    /// What the anchor rests on.
+    /// Source of the anchor.
     pub kind: AnchorKind,
-    /// Reading and joint coordinate, one pair per channel.
+    /// Reading and joint coordinate (rad, or length units), one pair per channel.
     pub at: Vec<(f64, f64)>,
-    /// True where it was read, not presumed.
+    /// True for an anchor that was read, false for one that is presumed.
     pub known: bool,
 }
 
 impl Observations {
-    /// Gathers what is known.
+    /// Checks a mechanism and its readings, and computes the rest pose and the anchors.
     ///
-    /// `rest` holds readings of the rest pose, row by row.
+    /// `rest` holds readings of the rest pose, row by row, one per channel.
     ///
     /// # Errors
     ///
-    /// As [`Readings::new`] and [`Mechanism::validate`].
+    /// As [`Readings::new`] and [`Mechanism::validate`]; [`Error::Unknown`] for a closure in the
+    /// options that does not exist, [`Error::Mechanism`] for an unknown term of the mechanism.
     pub fn new(
         mechanism: &Mechanism,
         table: Table,
@@ -149,7 +150,7 @@ impl Observations {
         self.roundings().enumerate().map(own).collect()
     }
 
-    /// The instances that the options, or else the mechanism, ask for.
+    /// The instances of the terms in the options, or else of those in the mechanism.
     ///
     /// # Errors
     ///
@@ -159,11 +160,11 @@ impl Observations {
         crate::model::parse(&self.mechanism, &self.readings, terms)
     }
 
-    /// Where offsets may be held while gains are sought, the best first.
+    /// Anchors that may hold the offsets during the search of a start, the best first.
     ///
-    /// A reading of the rest pose settles it. Without one, the rest pose is where the nominal
-    /// sensors have it; but where their gains are far off, the nominal offsets may be right, or
-    /// the rest pose at the middle of the range.
+    /// A reading of the rest pose is the only anchor where there is one. Otherwise the first anchor
+    /// is the rest pose at its nominal readings. For nominal gains that are far off, the nominal
+    /// offsets may be better, or the rest pose at the middle of the range.
     #[must_use]
     pub fn anchors(&self) -> Vec<Anchor> {
         let channels = &self.mechanism.channels;

@@ -1,4 +1,4 @@
-//! The paper's problem and nothing else: offsets and gains of every channel.
+//! The paper's problem: offsets and gains of every channel by least squares of the misclosure.
 //!
 //! ```text
 //! θ = k a + θ_off                                                          (9)
@@ -6,14 +6,13 @@
 //! min ½ fᵀf   over the offsets and gains                                  (11)
 //! ```
 //!
-//! Parameters are the paper's own, offsets at reading zero and gains as they
-//! are, so that a start, a tolerance and a condition number mean what they mean
-//! there. No statistics, no second start, no other terms: for those see
-//! [`crate::estimate::fit::fit`].
+//! The parameters are those of the paper, offsets at reading zero and absolute gains, so that
+//! starts, tolerances and condition numbers can be compared with the paper. This module has no
+//! statistics, no second start and no other terms; [`crate::fit()`] has them.
 //!
-//! What makes it fast is that the gain column of the Jacobian is the offset
-//! column times the count: with `G = ∂f/∂θ` and `s_ij = Σ_e G_ei G_ej` of one
-//! sample, the normal equations are sums of
+//! The gain column of the Jacobian is the offset column times the count, which makes this path
+//! fast: with `G = ∂f/∂θ` and `s_ij = Σ_e G_ei G_ej` of one sample, the normal equations are sums
+//! of
 //!
 //! ```text
 //! s_ij    s_ij a_j    a_i s_ij    a_i s_ij a_j                            (53)
@@ -33,7 +32,7 @@ use crate::numerics::linearization::{Curvature, Linearization, Problem};
 use crate::numerics::lm::{self, Termination};
 use crate::numerics::lock::lock;
 
-/// Blocks that one task takes; parts are added up in their order.
+/// Blocks per task; the sums of the tasks are added up in order.
 const CHUNK: usize = 64;
 
 /// Readings under the model `[offset, gain]`, in the paper's parametrisation.
@@ -49,7 +48,7 @@ pub struct Paper {
     pairs: Vec<(usize, usize, Vec<usize>)>,
     /// Counts: [`WIDTH`] samples of every channel, block by block.
     counts: Vec<Lanes>,
-    /// Room that earlier linearisations have left.
+    /// Buffers of earlier linearisations, for reuse.
     spare: Mutex<Vec<(Room, Normal)>>,
 }
 
@@ -86,23 +85,23 @@ struct Pair {
     equation: usize,
 }
 
-/// Where a search ended.
+/// End of the minimisation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Minimum {
-    /// `θ_off`, one per channel [rad].
+    /// `θ_off`, one per channel (rad).
     pub offsets: Vec<f64>,
-    /// `k`, one per channel [rad/reading].
+    /// `k`, one per channel (rad/reading).
     pub gains: Vec<f64>,
     /// `½ fᵀf`
     pub cost: f64,
-    /// Linearisations made.
+    /// Number of linearisations.
     pub iterations: usize,
-    /// Why it ended.
+    /// Reason for the end.
     pub termination: Termination,
 }
 
 impl Paper {
-    /// Readings of a mechanism, row by row, one per channel.
+    /// The problem of a mechanism and its readings: `counts` holds them row by row, one per channel.
     ///
     /// # Errors
     ///
@@ -237,13 +236,13 @@ impl Paper {
         Ok(())
     }
 
-    /// Equations of all samples.
+    /// Number of equations of all samples.
     #[must_use]
     pub fn equations(&self) -> usize {
         self.samples * self.equations
     }
 
-    /// Minimises (11) from a start.
+    /// Minimises (11) from a start: one offset (rad) and one gain (rad/reading) per channel.
     ///
     /// # Errors
     ///
@@ -266,7 +265,7 @@ impl Paper {
         })
     }
 
-    /// `f`, eq. (10), sample by sample.
+    /// `f`, eq. (10), sample by sample, equation by equation, in squared length units for a distance.
     ///
     /// # Errors
     ///
@@ -282,7 +281,8 @@ impl Paper {
         Ok(f)
     }
 
-    /// `∂f/∂(offsets, gains)`, eq. (12), equation by equation.
+    /// `∂f/∂(offsets, gains)`, eq. (12): sample by sample, equation by equation, the offsets of all
+    /// channels and then their gains.
     ///
     /// # Errors
     ///
@@ -305,8 +305,8 @@ impl Paper {
         Ok(jacobian)
     }
 
-    /// What each offset and gain does to the points that the closures hold:
-    /// length per unit, root mean square over samples and the points it moves.
+    /// Effect of each offset and then of each gain on the points that the closures hold: length
+    /// per unit of the parameter, root mean square over the samples and the points that move.
     ///
     /// # Errors
     ///
@@ -328,7 +328,7 @@ impl Paper {
         Ok(sums.into_iter().enumerate().map(mean).collect())
     }
 
-    /// `½ fᵀf`, its gradient and its Gram matrix as they are: what (12) is for.
+    /// `½ fᵀf`, its gradient and its Gram matrix, without scaling.
     ///
     /// # Errors
     ///
@@ -347,7 +347,7 @@ impl Paper {
         Ok([offsets, gains].concat())
     }
 
-    /// Room for one part of the sums, which are zero.
+    /// Buffers for one part of the sums, with sums of zero.
     fn room(&self) -> (Room, Normal) {
         match lock(&self.spare).pop() {
             Some((room, mut sums)) => {
@@ -362,7 +362,7 @@ impl Paper {
         &self.counts[block * self.channels..(block + 1) * self.channels]
     }
 
-    /// Evaluates every block and hands over each sample of it.
+    /// Evaluates every block and calls `see(row, lane, room)` for each sample.
     fn visit(&self, beta: &[f64], mut see: impl FnMut(usize, usize, &Room)) {
         let mut room = Room::new(self);
         for block in 0..self.samples.div_ceil(WIDTH) {
@@ -527,15 +527,15 @@ fn sources(steps: &[Element]) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Room for one block.
+/// Buffers for one block.
 #[derive(Debug)]
 struct Room {
     angles: Vec<Lanes>,
     postures: Vec<Posture>,
-    /// Each end, and how each channel moves it.
+    /// Position of each end, and its derivative by each channel.
     ends: Vec<(Vec3, Vec<(usize, Vec3)>)>,
     f: Vec<Lanes>,
-    /// `G`, equation by equation, one per channel; zero where nothing moves.
+    /// `G`, equation by equation, one entry per channel.
     g: Vec<Lanes>,
 }
 

@@ -1,15 +1,16 @@
-//! Where to start, and how many times.
+//! Starts of the fit.
 //!
-//! At gain zero the algebraic misclosure of any assembled pose vanishes, and
-//! that trivial solution attracts (section IV-B of the paper). Two things keep
-//! the search away from it: offsets are anchored on the one pose that is known,
-//! `θ_off = θ_rest - k a_rest`, so that a wrong gain swings each joint about the
-//! rest pose and not about count zero; and a solution in which a joint hardly
-//! moves any more is recognised and left for another start. Which start was right is told
-//! by the weighted χ², which grows without bound as a gain goes to zero. That χ² finds
-//! the gains, too, while offsets are tied to the anchor, where the first start did not.
-//! Without a reading of the rest pose there are several anchors, each in turn. A mechanism
-//! may close in other assemblies as well: those beyond its joint limits come last.
+//! At gain zero the algebraic misclosure of any assembled pose vanishes. This trivial solution
+//! attracts the solver (section IV-B of the paper). Two measures keep the search away from the
+//! trivial solution. First, offsets are anchored at the one pose that is known,
+//! `θ_off = θ_rest - k a_rest`, so that a wrong gain turns each joint about the rest pose and not
+//! about count zero. Second, a solution in which a joint hardly moves is discarded, and the next
+//! start is tried.
+//!
+//! The weighted χ² ranks the solutions, because χ² grows without bound as a gain goes to zero.
+//! Where the first start fails, the weighted χ² also finds the gains, with offsets tied to the
+//! anchor. Without a reading of the rest pose there are several anchors, which are tried in turn.
+//! A mechanism may also close in another assembly: solutions beyond the joint limits come last.
 
 use std::f64::consts::TAU;
 
@@ -26,15 +27,15 @@ use crate::terms::term::Role;
 /// Fraction of its nominal gain below which a channel has collapsed.
 const COLLAPSED: f64 = 0.05;
 
-/// Parameters that give every channel `factor` times its nominal gain, about
-/// the best anchor of the session.
+/// Parameters with each channel's gain at its factor times the nominal gain, and with offsets at
+/// the best anchor of the observations. `factors` holds one number per channel.
 #[must_use]
 pub fn anchored(observations: &Observations, model: &Model, factors: &[f64]) -> Vec<f64> {
     let best = observations.anchors().into_iter().next();
     best.map_or_else(|| model.nominal(), |anchor| about(&anchor, model, factors))
 }
 
-/// The same about this anchor.
+/// The same for one anchor.
 fn about(anchor: &Anchor, model: &Model, factors: &[f64]) -> Vec<f64> {
     let mut beta = model.nominal();
     for (c, &(reading, angle)) in anchor.at.iter().enumerate() {
@@ -51,7 +52,7 @@ fn about(anchor: &Anchor, model: &Model, factors: &[f64]) -> Vec<f64> {
     beta
 }
 
-/// Ratio of every gain to its nominal value.
+/// Ratio of each channel's gain to the nominal gain.
 pub fn ratios(model: &Model, beta: &[f64]) -> impl Iterator<Item = f64> {
     model.scales.iter().enumerate().map(|(c, scale)| {
         let gain =
@@ -60,32 +61,32 @@ pub fn ratios(model: &Model, beta: &[f64]) -> impl Iterator<Item = f64> {
     })
 }
 
-/// True where some joint hardly moves any more.
+/// True where a channel's gain has collapsed, so that its joint hardly moves.
 #[must_use]
 pub fn collapsed(model: &Model, beta: &[f64]) -> bool {
     ratios(model, beta).any(|ratio| ratio.abs() < COLLAPSED)
 }
 
-/// Samples that a search of starts looks at.
+/// Number of samples that the search of starts uses.
 const SAMPLES: usize = 150;
 
-/// How firmly offsets are tied to a reading of the rest pose, and to where the
-/// nominal sensors have it [rad].
+/// Standard deviation of the tie of an offset to an anchor (rad): an anchor that was read, and an
+/// anchor that is presumed.
 const TIED: [f64; 2] = [0.02, 0.1];
 
-/// Noise is taken for so many times larger while offsets are tied, so that they are.
+/// Factor on the noise while offsets are tied, so that the ties have enough weight.
 const LOOSE: f64 = 30.0;
 
-/// Readings among which a start is sought.
+/// The search of a start, on some of the samples.
 #[derive(Debug)]
 pub struct StartSearch<'a> {
-    /// Whose start it is.
+    /// The observations.
     pub observations: &'a Observations,
     /// The model.
     pub model: &'a Model,
-    /// Some of its samples.
+    /// The samples that the search uses.
     pub readings: Readings,
-    /// How much each counts.
+    /// Weight of each sample.
     pub weights: Vec<f64>,
     noise: Noise,
     priors: Vec<Prior>,
@@ -93,7 +94,7 @@ pub struct StartSearch<'a> {
     pub(crate) anchors: Vec<(Anchor, Option<Tied>)>,
 }
 
-/// The same model with offsets at the anchor, where they can be held while gains are sought.
+/// The same model with offsets defined at the anchor, so that priors can hold them.
 #[derive(Debug)]
 pub(crate) struct Tied {
     model: Model,
@@ -117,7 +118,8 @@ impl Tied {
     }
 }
 
-/// Parameters of a model in those of one that differs in where offsets are told.
+/// Parameters of the model `from` as parameters of the model `to`, whose offsets are defined at
+/// other readings.
 fn moved(beta: &[f64], from: &Model, to: &Model) -> Vec<f64> {
     let mut moved = beta.to_vec();
     for (c, (a, b)) in from.scales.iter().zip(&to.scales).enumerate() {
@@ -129,26 +131,27 @@ fn moved(beta: &[f64], from: &Model, to: &Model) -> Vec<f64> {
     moved
 }
 
-/// Where one start led.
+/// Solution from one start.
 #[derive(Debug, Clone)]
 pub struct End {
     /// The parameters.
     pub beta: Vec<f64>,
     /// `fᵀf`.
     pub cost: f64,
-    /// χ² per equation at the presumed noise; infinite where a joint stopped moving.
+    /// χ² per equation at the assumed noise; infinite where a gain has collapsed.
     pub score: f64,
-    /// True where some joint would move beyond its limits: another way of assembly.
+    /// True where a joint is beyond its limits: another assembly of the mechanism.
     pub elsewhere: bool,
 }
 
 impl End {
-    /// True where every joint keeps within its limits and χ² per equation below `limit`.
+    /// True for χ² per equation below `limit` with every joint within its limits.
     pub(crate) fn good(&self, limit: f64) -> bool {
         self.score < limit && !self.elsewhere
     }
 
-    /// True where it beats another end: a good one before others, then by χ².
+    /// True for the better of two ends: a good end is better than one that is not, else the lower χ²
+    /// is better.
     pub(crate) fn beats(&self, other: &Self, limit: f64) -> bool {
         match (self.good(limit), other.good(limit)) {
             (true, false) => true,
@@ -159,7 +162,7 @@ impl End {
 }
 
 impl<'a> StartSearch<'a> {
-    /// Among some of a session's samples, spread evenly over its poses.
+    /// The search on some of the samples, spread evenly over the poses.
     #[must_use]
     pub fn new(observations: &'a Observations, model: &'a Model, noise: &Noise) -> Self {
         let all = &observations.readings;
@@ -195,8 +198,8 @@ impl<'a> StartSearch<'a> {
         }
     }
 
-    /// A start with better gains than these: the maximum-likelihood fit while offsets are
-    /// tied to an anchor. Its weights keep gains from zero, the ties from wandering.
+    /// A start with better gains than `factors`: the maximum-likelihood fit with offsets tied to an
+    /// anchor. The weights of that fit keep the gains away from zero.
     pub(crate) fn better(
         &self,
         (anchor, tied): &(Anchor, Option<Tied>),
@@ -213,7 +216,7 @@ impl<'a> StartSearch<'a> {
         moved(&tied.x, model, self.model)
     }
 
-    /// The algebraic fit from parameters `start`, with other readings or weights.
+    /// The algebraic fit from the parameters `start`, with these readings, and one weight per sample.
     #[must_use]
     pub fn end_with(&self, readings: &Readings, weights: &[f64], start: &[f64]) -> End {
         let part = Part { model: self.model, readings, weights: Some(weights) };
@@ -232,8 +235,8 @@ impl<'a> StartSearch<'a> {
         End { cost: 2.0 * outcome.cost, beta, score, elsewhere }
     }
 
-    /// Takes whole turns off the joint angles; true where one is beyond its limits
-    /// even so, at the mean reading.
+    /// Removes whole turns from the joint angles. True where a joint at its mean reading is still
+    /// beyond its limits.
     fn turn_back(&self, beta: &mut [f64]) -> bool {
         let Self { observations, model, .. } = self;
         let mut elsewhere = false;
@@ -255,7 +258,7 @@ impl<'a> StartSearch<'a> {
         elsewhere
     }
 
-    /// The algebraic fit from parameters `start`; a reversed gain is no answer.
+    /// The algebraic fit from the parameters `start`; the score of a reversed gain is infinite.
     #[must_use]
     pub fn end(&self, start: &[f64]) -> End {
         let end = self.end_with(&self.readings, &self.weights, start);
@@ -264,7 +267,7 @@ impl<'a> StartSearch<'a> {
     }
 }
 
-/// About so many rows, spread evenly over the poses.
+/// About `most` rows, spread evenly over the poses.
 fn spread(poses: &[Vec<usize>], most: usize) -> Vec<usize> {
     let stride = poses.len().div_ceil(most).max(1);
     let each = (most / poses.len().max(1)).max(1);

@@ -1,24 +1,24 @@
-//! Readings without their noise: eq. (52), block by block.
+//! Estimated readings without noise: eq. (52), block by block.
 
 use crate::estimate::objective::{Noise, Part};
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::terms::term::Scale;
 
-/// How often (52) is repeated at the most, and when it has converged.
+/// Largest number of repeats of (52).
 const INNER: usize = 20;
 
-/// Parameters that are cheap enough to differentiate in every repeat.
+/// Up to this number of parameters, `X` is computed in every repeat.
 const CHEAP: usize = 40;
 
-/// Change of `â`, in standard deviations of a reading, that counts as none.
+/// Change of `â`, in standard deviations of a reading, below which (52) has converged.
 const STILL: f64 = 1e-9;
 
 /// Part of the variance of an equation that rounding may leave when those before take their
 /// share: in a pose where equations say the same, the factor is that of the others.
 const ROUNDED: f64 = 1e-15;
 
-/// Room to settle the readings of one block.
+/// Buffers for the readings of one block.
 pub(crate) struct Room {
     pub(crate) ws: Workspace,
     /// Whitened misclosure, `L⁻¹ w`.
@@ -31,8 +31,8 @@ pub(crate) struct Room {
     still: Vec<f64>,
 }
 
-/// [`STILL`] in the unit of a channel, but not finer than what rounding of the
-/// misclosure leaves of a reading: a quiet encoder would never stand still.
+/// [`STILL`] in the unit of a channel, but not below the rounding of a reading: otherwise the
+/// readings of an encoder with little noise would never converge.
 fn still((sigma, scale): (&f64, &Scale)) -> f64 {
     let largest = scale.span.iter().fold(1.0 / scale.gain.abs(), |m, a| m.max(a.abs()));
     (STILL * sigma).max(64.0 * f64::EPSILON * largest)
@@ -52,8 +52,8 @@ impl Room {
         }
     }
 
-    /// Repeats (52) until the readings stand still, then whitens `w` and, if
-    /// wanted, `X`. Returns how often it was repeated.
+    /// Repeats (52) until the readings converge, then whitens `w` and, on request, `X`. Returns the
+    /// number of repeats.
     pub(crate) fn settle(
         &mut self,
         part: &Part,
@@ -70,7 +70,7 @@ impl Room {
         let mut repeats = 0;
         loop {
             repeats += 1;
-            // Many parameters are differentiated once, where `â` already stands still.
+            // `X` of many parameters is computed once, after `â` has converged.
             let want = Want { x: want_x && model.width() <= CHEAP, a: true };
             model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
             if !self.step(raw, a_hat) || repeats == INNER {
@@ -87,7 +87,7 @@ impl Room {
         repeats
     }
 
-    /// One repeat of (52); true where the readings moved.
+    /// One repeat of (52); true where the readings have changed.
     fn step(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
         dispatch(
             #[inline(always)]
@@ -139,7 +139,7 @@ impl Room {
         }
     }
 
-    /// `â ← a - Σ Aᵀ L⁻ᵀ (L⁻¹ w)`; true where it moved.
+    /// `â ← a - Σ Aᵀ L⁻ᵀ (L⁻¹ w)`; true where `â` has changed.
     #[inline(always)]
     fn adjust(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
         let (n, c) = (self.w.len(), raw.len());

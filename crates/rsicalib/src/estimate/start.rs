@@ -1,4 +1,4 @@
-//! Starts, nearest first, until one is good.
+//! Starts in order of distance from the nominal gains, until one is good.
 
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
@@ -8,14 +8,15 @@ use crate::estimate::tried::{Gains, Origin, Start, Try};
 use crate::estimate::wiring;
 use crate::model::Model;
 
-/// Common factors on the nominal gains, nearest first.
+/// Common factors on the nominal gains, the nearest to 1 first.
 const FACTORS: [f64; 9] = [1.0, 0.75, 1.35, 0.55, 1.8, 0.4, 2.4, 0.3, 3.2];
 
-/// So many more starts that end at one and the same best minimum have found it,
-/// however bad it is.
+/// The search ends after this number of further starts that end at the same best minimum, even if
+/// that minimum is not good.
 const AGREE: usize = 4;
 
-/// The algebraic fits from every start, until one is good; the best, and all.
+/// Fits from one start after another until one is good. Returns the best solution, all starts that
+/// were tried, and suspected mistakes in the wiring.
 #[must_use]
 pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Start {
     let search = StartSearch::new(observations, model, noise);
@@ -24,7 +25,7 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     let mut tries = Vec::new();
     let mut best: Option<End> = None;
     let mut agreeing = 0;
-    // What is near needs no care: the first start is the anchor as it is.
+    // The first start is the anchor itself, without a tied fit: enough for a near solution.
     let near = (None, Origin::Anchor(search.anchors[0].0.kind), vec![1.0; channels]);
     let anchors = &search.anchors;
     let tied = starts(channels, anchors.len(), options.starts)
@@ -78,7 +79,7 @@ fn enough(observations: &Observations, model: &Model) -> bool {
     2 * poses * model.equations() >= 3 * model.parameters
 }
 
-/// Anchor, name and gain factors of so many starts, nearest first, anchors in turn.
+/// Anchor, name and gain factors of `count` starts: the nearest factors first, anchors in turn.
 fn starts(channels: usize, anchors: usize, count: usize) -> Vec<(usize, Gains, Vec<f64>)> {
     let mut starts: Vec<_> = FACTORS
         .iter()

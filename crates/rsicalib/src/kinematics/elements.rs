@@ -1,4 +1,4 @@
-//! A chain compiled to steps from the base to the tip.
+//! Elements of a compiled chain, from the base to the tip.
 
 use nalgebra::Isometry3;
 
@@ -9,11 +9,11 @@ pub enum Axis {
     X,
     /// Second axis.
     Y,
-    /// Third axis: that of joints.
+    /// Third axis, the axis of joints.
     Z,
 }
 
-/// Turning or sliding.
+/// Rotation or translation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
     /// About the axis, rad.
@@ -22,7 +22,7 @@ pub enum Way {
     Slide,
 }
 
-/// What drives a step.
+/// Source of a motion's coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
     /// The joint coordinate of a channel.
@@ -31,18 +31,18 @@ pub enum Source {
     Parameter(usize),
 }
 
-/// One step from the base to the tip.
+/// One element of a chain.
 #[derive(Debug, Clone)]
 pub enum Element {
-    /// A rigid placement: rotation, row by row, and translation.
+    /// A rigid transformation: rotation matrix, row by row, and translation in length units.
     Rigid([f64; 9], [f64; 3]),
-    /// A motion about or along one axis of the frame reached.
+    /// A motion about or along one axis of the current frame.
     Move(Axis, Way, Source),
-    /// A mass: whose it is, its centre in the frame reached, and its weight.
+    /// A weight: its kind, its centre in the current frame, and its size.
     Mass(Weight, [f64; 3], f64),
 }
 
-/// Appends a placement, merged with the one before it.
+/// Appends a rigid transformation, merged with a rigid transformation before it.
 pub fn push_rigid(steps: &mut Vec<Element>, place: &Isometry3<f64>) {
     let mut place = *place;
     if let Some(Element::Rigid(r, t)) = steps.last() {
@@ -53,7 +53,7 @@ pub fn push_rigid(steps: &mut Vec<Element>, place: &Isometry3<f64>) {
         return;
     }
     let m = place.rotation.to_rotation_matrix();
-    // Quarter turns are meant exactly: 6e-17 is the rounding of π/2.
+    // Quarter turns are exact: 6e-17 is the rounding of π/2.
     let snap = |v: f64| if v.abs() < 1e-15 { 0.0 } else { v };
     let rotation = std::array::from_fn(|k| snap(m[(k / 3, k % 3)]));
     let t = place.translation;
@@ -66,7 +66,7 @@ fn isometry(r: &[f64; 9], t: &[f64; 3]) -> Isometry3<f64> {
     Isometry3::from_parts((*t).into(), nalgebra::UnitQuaternion::from_rotation_matrix(&rotation))
 }
 
-/// Weight weight bends.
+/// The weight that bends a chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weight {
     /// A unit weight at the points that the chain carries.

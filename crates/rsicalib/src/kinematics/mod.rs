@@ -1,5 +1,5 @@
 //! Forward kinematics of chains, eight samples at a time.
 
 pub mod elements;
-pub mod posture;
-pub mod rigid;
+pub(crate) mod posture;
+pub(crate) mod rigid;

@@ -1,9 +1,8 @@
-//! Forward kinematics of one chain, and what each joint does to its points.
+//! Forward kinematics of one chain, and the derivatives of its points by each motion.
 //!
-//! A chain is compiled to [`Element`]s: rigid placements, and turns and slides
-//! about the axes of the frame reached so far, driven by a channel or by a
-//! parameter of the geometry. A point `p` carried by the chain moves with step
-//! `s` as
+//! A chain is compiled to [`Element`]s: rigid transformations, and rotations about or translations
+//! along the axes of the current frame, driven by a channel or by a parameter of the geometry. A
+//! point `p` that the chain carries moves with motion `s` as
 //!
 //! ```text
 //! ∂p/∂s = z_s × (p - o_s)    turn about the axis z_s through o_s          (21)
@@ -13,7 +12,7 @@
 use crate::kinematics::elements::{Axis, Element, Source, Way, Weight as Whose};
 use crate::numerics::lanes::{Lanes, Vec3, cross, minus};
 
-/// A frame of eight samples: three axes and an origin, in the base.
+/// A frame of eight samples: three axes and an origin, in base coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
     /// The axes.
@@ -22,21 +21,21 @@ pub struct Frame {
     pub origin: Vec3,
 }
 
-/// What a motion turns or slides about, in the base.
+/// The axis of a motion, in base coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct Lever {
-    /// Turn or slide.
+    /// Rotation or translation.
     pub way: Way,
-    /// What drives it.
+    /// Source of the motion's coordinate.
     pub source: Source,
-    /// Its axis.
+    /// Direction of the axis.
     pub axis: Vec3,
     /// A point on the axis.
     pub origin: Vec3,
 }
 
 impl Lever {
-    /// How a point carried by it moves, eqs. (21, 22).
+    /// Derivative of a carried point by the motion, eqs. (21, 22).
     #[inline(always)]
     #[must_use]
     pub fn moves(&self, point: &Vec3) -> Vec3 {
@@ -47,25 +46,25 @@ impl Lever {
     }
 }
 
-/// A mass on a chain, in the base.
+/// A weight on a chain, in base coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct Weight {
-    /// Whose it is.
+    /// Kind of the weight.
     pub whose: Whose,
-    /// Its centre.
+    /// Centre of the weight.
     pub at: Vec3,
-    /// How heavy it is.
+    /// Size of the weight.
     pub weight: f64,
-    /// Levers before this index carry it.
+    /// Levers before this index carry the weight.
     pub levers: usize,
 }
 
-/// What a lever carries: weights as one.
+/// Sum of the weights that a lever carries.
 #[derive(Debug, Clone, Copy)]
 pub struct Carried {
-    /// How heavy they are together.
+    /// Sum of the weights.
     pub weight: f64,
-    /// Sum of weight times place.
+    /// Sum of weight times centre.
     pub moment: Vec3,
 }
 
@@ -92,11 +91,11 @@ impl Carried {
 /// A chain at eight samples.
 #[derive(Debug, Clone)]
 pub struct Posture {
-    /// The frame at its end.
+    /// The frame at the end of the chain.
     pub tip: Frame,
     /// One lever per motion, base first.
     pub levers: Vec<Lever>,
-    /// Its masses.
+    /// Weights on the chain.
     pub weights: Vec<Weight>,
 }
 
@@ -111,12 +110,12 @@ impl Frame {
         origin: [Lanes::ZERO; 3],
     };
 
-    /// A point of this frame, in the base.
+    /// A point of this frame, in base coordinates.
     #[inline(always)]
     #[must_use]
     pub fn point(&self, at: &[f64; 3]) -> Vec3 {
-        // A loop, not `array::from_fn`: that calls its closure, and a call leaves the
-        // vector instructions of `lanes::dispatch`.
+        // A loop and not `array::from_fn`, which calls its closure: a call leaves the vector
+        // instructions of `lanes::dispatch`.
         let [x, y, z] = &self.axes;
         let mut point = self.origin;
         for (i, p) in point.iter_mut().enumerate() {
@@ -161,16 +160,16 @@ impl Frame {
 }
 
 impl Posture {
-    /// Room for a chain; call [`Posture::take`] before reading it.
+    /// An empty posture, filled by [`Posture::take`].
     #[must_use]
     pub fn new() -> Self {
         Self { tip: Frame::BASE, levers: Vec::new(), weights: Vec::new() }
     }
 
-    /// Walks the steps from the base to the tip.
+    /// Computes the posture from the elements of a chain, base first.
     ///
-    /// `angles` holds one joint coordinate per channel of the mechanism,
-    /// `parameters` the model's.
+    /// `angles` holds one joint coordinate per channel of the mechanism, `parameters` the
+    /// parameters of the model.
     #[inline(always)]
     pub fn take(&mut self, steps: &[Element], angles: &[Lanes], parameters: &[f64]) {
         let mut frame = Frame::BASE;
@@ -208,7 +207,7 @@ impl Posture {
 }
 
 impl Posture {
-    /// What each lever carries of one kind of weight.
+    /// Sum of the weights of one kind that each lever carries.
     #[inline(always)]
     pub fn carried(&self, whose: Whose, out: &mut Vec<Carried>) {
         out.clear();
@@ -220,7 +219,7 @@ impl Posture {
                 *moment += *at * weight.weight;
             }
         }
-        // The weights of a lever are also those of all levers before it.
+        // Each lever also carries the weights of all levers after it.
         for j in (1..out.len()).rev() {
             let next = out[j];
             let own = &mut out[j - 1];

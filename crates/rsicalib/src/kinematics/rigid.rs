@@ -1,10 +1,11 @@
-//! The rigid motion that takes points nearest to others.
+//! The rigid motion that fits points to other points best.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// Pose `x y z rx ry rz` that takes platform points `q` nearest to `r`.
+/// Pose `x y z rx ry rz` (length units, rad) that takes the platform points `q` nearest to `r`, in
+/// least squares. NaN where the singular values cannot be computed.
 ///
-/// Kabsch's rotation by singular values of the cross-covariance.
+/// The rotation is Kabsch's, from the singular values of the cross-covariance.
 #[must_use]
 pub fn rigid_fit(q: &[Vector3<f64>], r: &[Vector3<f64>]) -> [f64; 6] {
     let n = q.len() as f64;

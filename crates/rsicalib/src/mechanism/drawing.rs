@@ -1,23 +1,26 @@
 //! A mechanism as data: channels, chains, points, closures, platform, rest.
 //!
-//! The same value in Rust, in Python and in TOML. The RSI hand controller is
-//! one of them, [`Mechanism::rsi`]; nothing else in this crate knows it.
+//! A mechanism is the same value in Rust, in Python and in TOML. The RSI hand controller is
+//! [`Mechanism::rsi`]; no other part of this crate is written for that one mechanism.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// Sensed chains, and what closes them on each other.
+/// Serial chains with sensed joints, and the closures between the chains.
+///
+/// Lengths are in `length_unit`, angles in radians, points in the frame that each field names.
+/// [`Mechanism::validate`] checks names and numbers.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Mechanism {
-    /// What people call it.
+    /// Name of the mechanism.
     pub name: String,
     /// Unit of every length: `in`, `mm`, `m`.
     pub length_unit: String,
-    /// Direction in which weights pull, in base coordinates.
+    /// Direction in which weights pull, in base coordinates; any length but zero.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub gravity: Option<[f64; 3]>,
     /// Sensors, in the order of the columns of readings.
@@ -26,29 +29,29 @@ pub struct Mechanism {
     /// Serial chains of joints.
     #[cfg_attr(feature = "serde", serde(rename = "chain"))]
     pub chains: Vec<Chain>,
-    /// Points on the chains, fixed points and unknown ones.
+    /// Points on the chains, points fixed in the base, and unknown points.
     #[cfg_attr(feature = "serde", serde(rename = "point"))]
     pub points: Vec<Point>,
     /// Equations that hold in every pose.
     #[cfg_attr(feature = "serde", serde(rename = "closure"))]
     pub closures: Vec<Closure>,
-    /// The points that carry the platform, in the platform's frame.
+    /// The points that carry the platform: names of `points`, and positions in the platform's frame.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BTreeMap::is_empty"))]
     pub platform: BTreeMap<String, [f64; 3]>,
-    /// A pose that is known without measuring.
+    /// A platform pose that is known without a measurement.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub rest: Option<Rest>,
-    /// What is identified unless told otherwise.
+    /// The terms that are identified by default.
     #[cfg_attr(feature = "serde", serde(default))]
     pub model: ModelSection,
 }
 
-/// A sensor: `angle = gain * reading + offset`.
+/// A sensor: `angle = gain * reading + offset`, eq. (9).
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Channel {
-    /// Column of the readings.
+    /// Name of the column of the readings.
     pub name: String,
     /// Unit of a reading: `count`, `rad`, `deg`, `m`, ...
     ///
@@ -60,9 +63,9 @@ pub struct Channel {
     /// Lowest and highest reading, if bounded.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub range: Option<[f64; 2]>,
-    /// Joint coordinate per reading: rad, or length for a prismatic joint.
+    /// Joint coordinate per reading: rad per reading, or length per reading for a prismatic joint.
     pub gain: f64,
-    /// Joint coordinate at reading zero.
+    /// Joint coordinate at reading zero: rad, or length for a prismatic joint.
     pub offset: f64,
     /// Joint limits, in the joint's coordinate.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
@@ -80,25 +83,25 @@ impl Channel {
         matches!(self.unit.as_str(), "count" | "V" | "mV" | "volt")
     }
 
-    /// Variance that rounding to whole counts adds to a reading: 1/12 count².
+    /// Variance that rounding to whole counts adds to a reading: 1/12 count², zero in other units.
     #[must_use]
     pub fn quantisation(&self) -> f64 {
         if self.unit == "count" { 1.0 / 12.0 } else { 0.0 }
     }
 
-    /// Middle of the range; zero for an unbounded channel.
+    /// The reading in the middle of the range; zero for an unbounded channel.
     #[must_use]
     pub fn middle(&self) -> f64 {
         self.range.map_or(0.0, |[low, high]| 0.5 * (low + high))
     }
 
-    /// Half the range in readings; half a turn for an unbounded channel.
+    /// Half the range, in readings; half a turn for an unbounded channel.
     #[must_use]
     pub fn half_range(&self) -> f64 {
         self.range.map_or(PI / self.gain.abs(), |[low, high]| 0.5 * (high - low))
     }
 
-    /// The nominal joint coordinate at a reading, eq. (9).
+    /// The nominal joint coordinate at a reading, eq. (9): rad, or length for a prismatic joint.
     #[must_use]
     pub fn angle(&self, reading: f64) -> f64 {
         self.gain * reading + self.offset
@@ -117,13 +120,13 @@ pub enum Motion {
     Prismatic,
 }
 
-/// One row of a chain: a joint, then the body that carries the next.
+/// One row of a chain: a joint, then the body that carries the next row.
 ///
 /// ```text
 /// Rz(theta) · joint(q) · Tz(d) Tx(a) Rx(alpha) · T(xyz) R(rpy)
 /// ```
 ///
-/// Denavit-Hartenberg rows use the first part, URDF links the second.
+/// Denavit-Hartenberg rows use `theta`, `d`, `a` and `alpha`; URDF links use `xyz` and `rpy`.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
@@ -131,34 +134,34 @@ pub struct Row {
     /// Name of the link, for reports.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub name: Option<String>,
-    /// The channel that senses this joint; none for a fixed row.
+    /// The channel that senses this joint; `None` for a fixed row.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub channel: Option<String>,
     /// How the joint moves.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub joint: Motion,
-    /// Fixed angle about z, before the joint [rad].
+    /// Fixed angle about z, before the joint (rad).
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub theta: f64,
-    /// Offset along z.
+    /// Offset along z, in length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub d: f64,
-    /// Length along x.
+    /// Length along x, in length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub a: f64,
-    /// Twist about x [rad].
+    /// Twist about x (rad).
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub alpha: f64,
-    /// A further translation, as URDF gives it.
+    /// A second translation, in length units, after `alpha`: the origin of a URDF link.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub xyz: [f64; 3],
-    /// A further rotation, roll-pitch-yaw [rad].
+    /// A second rotation, roll-pitch-yaw (rad).
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub rpy: [f64; 3],
     /// Mass of the body after the joint; any unit, the same for all rows.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub mass: Option<f64>,
-    /// Its centre of mass, in the frame after the joint.
+    /// Centre of that mass, in the frame after the joint, in length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub com: [f64; 3],
 }
@@ -169,7 +172,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 impl Row {
-    /// The body after the joint, `joint_from_next`.
+    /// The body after the joint: the transformation `joint_from_next`.
     #[must_use]
     pub fn body(&self) -> Isometry3<f64> {
         let dh = Isometry3::from_parts(
@@ -189,9 +192,9 @@ impl Row {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Chain {
-    /// What reports call it.
+    /// Name of the chain in reports.
     pub name: String,
-    /// Its rows, base first.
+    /// Rows of the chain, base first.
     #[cfg_attr(feature = "serde", serde(rename = "dh"))]
     pub rows: Vec<Row>,
 }
@@ -201,20 +204,20 @@ pub struct Chain {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
 pub struct Point {
-    /// What closures and the platform call it.
+    /// Name of the point, for closures and the platform.
     pub name: String,
-    /// The chain that carries it; none for a point fixed in the base.
+    /// The chain that carries the point; `None` for a point fixed in the base.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub chain: Option<String>,
-    /// Where it is, in the frame at the end of its chain, or in the base.
+    /// Position in length units, in the frame at the end of the chain, or in the base.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub at: Option<[f64; 3]>,
-    /// Columns of the readings: one unknown point for each distinct value.
+    /// Key columns of the readings: each distinct combination of their values is one unknown point.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub unknown: Vec<String>,
 }
 
-/// The kind of equation that a closure is.
+/// The kind of equation of a closure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
@@ -236,14 +239,14 @@ impl ClosureKind {
     }
 }
 
-/// A known distance: a number, or a column of the readings.
+/// A known distance in length units: a number, or a column of the readings.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(untagged))]
 pub enum Value {
-    /// The same in every pose.
+    /// A distance that is the same in every pose.
     Known(f64),
-    /// Measured: the name of a column.
+    /// A measured distance: the name of a value column.
     Column(String),
 }
 
@@ -252,36 +255,37 @@ pub enum Value {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Closure {
-    /// What reports call it.
+    /// Name of the closure in reports.
     pub name: String,
     /// Distance or touch.
     pub kind: ClosureKind,
-    /// The two points.
+    /// Names of the two points.
     pub between: [String; 2],
-    /// The distance, for a distance.
+    /// The distance; `None` for a touch.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub value: Option<Value>,
     /// Play: standard deviation of the closure itself, per equation, in length units.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub noise: Option<f64>,
-    /// How well the value is known, in length units.
+    /// Standard deviation of the value, in length units.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub sd: Option<f64>,
 }
 
-/// A platform pose that is known without measuring.
+/// A platform pose that is known without a measurement.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Rest {
     /// `x y z` in length units, `rx ry rz` in radians, eq. (1).
     pub pose: [f64; 6],
-    /// How well each is known; none: it is where the search starts, no more.
+    /// Standard deviation of each point of the platform in this pose, in length units; `None`: the
+    /// pose is a start of the search and not an observation.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub sd: Option<f64>,
 }
 
-/// What `calibrate` identifies unless told otherwise.
+/// The terms that a calibration identifies by default.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]

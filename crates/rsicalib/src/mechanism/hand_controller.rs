@@ -7,7 +7,7 @@
 //! | θij | `angles[i][j]` | joint angles, rad |
 //! | r_i | `wrists[i]` | wrist points in the base frame, inches |
 //!
-//! The generic kinematics of [`crate::chain`] do not use this file.
+//! The generic kinematics of [`crate::kinematics`] do not use this file.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -19,19 +19,19 @@ use crate::mechanism::drawing::{
     Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Point, Rest, Row, Value,
 };
 
-/// Base circle, the DH length of the fixed row.
+/// Radius of the base circle with its sign: the Denavit-Hartenberg length of the fixed row (in).
 pub const L1: f64 = -4.5;
 
-/// Shoulder to elbow.
+/// Shoulder to elbow (in).
 pub const L2: f64 = 3.2;
 
-/// Elbow to wrist.
+/// Elbow to wrist (in).
 pub const L3: f64 = 3.971;
 
-/// Handle centre to wrist.
+/// Handle centre to wrist (in).
 pub const L4: f64 = 1.5;
 
-/// Bearing of each arm's base frame.
+/// Bearing of each arm's base frame (rad).
 pub const THETA_0: [f64; 3] = [PI, PI / 3.0, -PI / 3.0];
 
 /// Joint limits of Fig. 4, rad.
@@ -44,6 +44,8 @@ pub const WORKSPACE: [[f64; 2]; 6] = {
 };
 
 /// Wrist points for joint angles, eq. (2): `r_i = A_i0 r_i0`.
+///
+/// `angles[i][j]` is `θ_ij` (rad); the wrist points are in the base frame (in).
 #[must_use]
 pub fn wrists(angles: &[[f64; 3]; 3]) -> [Vector3<f64>; 3] {
     std::array::from_fn(|i| {
@@ -57,8 +59,9 @@ pub fn wrists(angles: &[[f64; 3]; 3]) -> [Vector3<f64>; 3] {
 
 /// Handle pose `x y z rx ry rz` from three wrist points, eqs. (3)-(5).
 ///
-/// Takes the triangle as it comes: for measured wrists that are not exactly
-/// `l4 √3` apart the axes are not exactly unit vectors, as in the paper.
+/// The wrist points are in the base frame (in); the pose is in inches and radians. Wrist points
+/// that are not exactly `l4 √3` apart give axes that are not exactly unit vectors, as in the
+/// paper.
 #[must_use]
 pub fn handle(r: &[Vector3<f64>; 3]) -> [f64; 6] {
     let r_h = (r[0] + r[1] + r[2]) / 3.0; // (3)
@@ -71,18 +74,18 @@ pub fn handle(r: &[Vector3<f64>; 3]) -> [f64; 6] {
     [r_h.x, r_h.y, r_h.z, rx, ry, rz]
 }
 
-/// Handle pose for joint angles, eqs. (2)-(5).
+/// Handle pose `x y z rx ry rz` (in, rad) for joint angles (rad), eqs. (2)-(5).
 #[must_use]
 pub fn forward(angles: &[[f64; 3]; 3]) -> [f64; 6] {
     handle(&wrists(angles))
 }
 
-/// Joint angles for a handle pose, eqs. (6)-(8), within the joint limits.
+/// Joint angles (rad) for a handle pose (in, rad), eqs. (6)-(8), within the joint limits.
 ///
 /// # Errors
 ///
-/// [`Error::OutOfReach`] says which arm, and by how much it is too short or
-/// which joint is beyond its limit.
+/// [`Error::OutOfReach`] with the arm that does not reach the pose, or the joint that would be
+/// beyond its limit, and by how much.
 pub fn inverse(pose: &[f64; 6]) -> Result<[[f64; 3]; 3], Error> {
     let r_h = Vector3::new(pose[0], pose[1], pose[2]);
     let turn = Rotation3::from_euler_angles(pose[3], pose[4], pose[5]); // (1)
@@ -149,8 +152,8 @@ fn base_origin(arm: usize) -> Vector3<f64> {
 impl Mechanism {
     /// The RSI 6-DOF hand controller (Hollerbach & Lokhorst, Table I).
     ///
-    /// Lengths in inches. Nominal gain and offsets from the electrical angle
-    /// of 340° over 4096 counts and the rest pose at count 2048, eq. (14).
+    /// Lengths are in inches. The nominal gain follows from the electrical angle of 340° over
+    /// 4096 counts, and the nominal offsets from the rest pose at count 2048, eq. (14).
     #[must_use]
     pub fn rsi() -> Self {
         let gain = -340.0_f64.to_radians() / 4096.0;

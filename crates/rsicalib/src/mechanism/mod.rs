@@ -11,4 +11,5 @@ mod validation;
 pub use drawing::{
     Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Motion, Point, Rest, Row, Value,
 };
+pub(crate) use queries::list;
 pub use target::Target;

@@ -1,7 +1,7 @@
-//! Questions to a mechanism: who is called what, and what belongs together.
+//! Queries of a mechanism: indices of names, columns that it needs, channels of a chain.
 
 use crate::Error;
-use crate::mechanism::drawing::{Closure, Mechanism, Motion, Point, Value};
+use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
 use crate::mechanism::hand_controller;
 
 impl Mechanism {
@@ -9,43 +9,57 @@ impl Mechanism {
     ///
     /// # Errors
     ///
-    /// [`Error::Unknown`] with the names there are.
+    /// [`Error::Unknown`] with the known names.
     pub fn channel_index(&self, name: &str) -> Result<usize, Error> {
         index(&self.channels, |c| &c.name, "channel", name)
     }
 
-    /// Index of a chain. Errors as [`Mechanism::channel_index`].
+    /// Index of a chain.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mechanism::channel_index`].
     pub fn chain_index(&self, name: &str) -> Result<usize, Error> {
         index(&self.chains, |c| &c.name, "chain", name)
     }
 
-    /// Index of a point. Errors as [`Mechanism::channel_index`].
+    /// Index of a point.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mechanism::channel_index`].
     pub fn point_index(&self, name: &str) -> Result<usize, Error> {
         index(&self.points, |p| &p.name, "point", name)
     }
 
-    /// Index of a closure. Errors as [`Mechanism::channel_index`].
+    /// Index of a closure.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mechanism::channel_index`].
     pub fn closure_index(&self, name: &str) -> Result<usize, Error> {
         index(&self.closures, |c| &c.name, "closure", name)
     }
 
-    /// Scalar equations that one sample gives.
+    /// Number of scalar equations of one sample.
     #[must_use]
     pub fn equations(&self) -> usize {
         self.closures.iter().filter(|c| !self.is_link(c)).map(|c| c.kind.equations()).sum()
     }
 
-    /// True for a distance between unknown points of one group, which no sample
-    /// takes part in: `between = ["socket[at=socket0]", "socket[at=socket1]"]`.
+    /// True for a distance between two unknown points of one group:
+    /// `between = ["socket[at=socket0]", "socket[at=socket1]"]`. No sample takes part in such a
+    /// closure.
     #[must_use]
     pub fn is_link(&self, closure: &Closure) -> bool {
         let named = |end: &String| self.points.iter().any(|p| p.name == *end);
         closure.between.iter().all(|end| !named(end) && end.ends_with(']'))
     }
 
-    /// `socket[at=socket0]` as a point and the values of some of its columns.
+    /// Index of the point, and pairs of a column's index and its value, of a text such as
+    /// `socket[at=socket0]`; `None` where the text does not have this form.
     ///
-    /// A value may hold anything: where it ends is told by the names of the columns.
+    /// A value may contain commas: the name of the next column ends the value.
     #[must_use]
     pub fn unknown_end(&self, text: &str) -> Option<(usize, Vec<(usize, String)>)> {
         let inside = |p: &Point| {
@@ -55,7 +69,7 @@ impl Mechanism {
         self.points.iter().enumerate().find_map(|(i, p)| Some((i, inside(p)?)))
     }
 
-    /// Text columns of the readings that the unknown points need.
+    /// Key columns of the readings, which tell the unknown points apart, in the order of the points.
     #[must_use]
     pub fn key_columns(&self) -> Vec<String> {
         let mut columns: Vec<String> = Vec::new();
@@ -67,7 +81,7 @@ impl Mechanism {
         columns
     }
 
-    /// Columns of the readings that hold measured distances.
+    /// Value columns of the readings, which hold measured distances, in the order of the closures.
     #[must_use]
     pub fn value_columns(&self) -> Vec<String> {
         let mut columns: Vec<String> = Vec::new();
@@ -81,11 +95,11 @@ impl Mechanism {
         columns
     }
 
-    /// The same mechanism with only the closures named.
+    /// The same mechanism with the named closures only.
     ///
     /// # Errors
     ///
-    /// [`Error::Unknown`] for a name that no closure bears.
+    /// [`Error::Unknown`] for a name that is no closure.
     pub fn with_closures(&self, names: &[String]) -> Result<Self, Error> {
         for name in names {
             self.closure_index(name)?;
@@ -95,15 +109,16 @@ impl Mechanism {
         Ok(some)
     }
 
-    /// The channels of one chain, base first.
+    /// The channels of one chain, base first; empty for an index beyond the last chain.
     #[must_use]
     pub fn channels_of(&self, chain: usize) -> Vec<usize> {
-        let names = self.chains[chain].rows.iter().filter_map(|r| r.channel.as_ref());
+        let rows = self.chains.get(chain).into_iter().flat_map(|c| &c.rows);
+        let names = rows.filter_map(|r| r.channel.as_ref());
         names.filter_map(|n| self.channels.iter().position(|c| c.name == *n)).collect()
     }
 
-    /// True where nothing ties the mechanism to its base: a single chain that touches
-    /// unknown points alone. Turning the whole world changes no reading.
+    /// True for a single chain that touches unknown points alone. Nothing ties such a mechanism
+    /// to its base: a rotation of chain and points together changes no reading.
     #[must_use]
     pub fn floats(&self) -> bool {
         let fixed = |end: &String| {
@@ -113,10 +128,11 @@ impl Mechanism {
         self.chains.len() == 1 && !self.closures.iter().any(|c| c.between.iter().any(fixed))
     }
 
-    /// True for a channel whose joint slides: its coordinate is a length.
+    /// True for a channel that senses a prismatic joint, whose coordinate is a length; false for an
+    /// index beyond the last channel.
     #[must_use]
     pub fn slides(&self, channel: usize) -> bool {
-        let name = &self.channels[channel].name;
+        let Some(Channel { name, .. }) = self.channels.get(channel) else { return false };
         let mut rows = self.chains.iter().flat_map(|c| &c.rows);
         rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
     }
@@ -128,18 +144,20 @@ impl Mechanism {
         (self.name == "rsi").then_some(hand_controller::WORKSPACE)
     }
 
-    /// The chain that a channel belongs to.
+    /// The chain that a channel belongs to; `None` for an index beyond the last channel.
     #[must_use]
     pub fn chain_of(&self, channel: usize) -> Option<usize> {
         (0..self.chains.len()).find(|&c| self.channels_of(c).contains(&channel))
     }
 
-    /// True where a channel senses joints that turn, so that whole turns make no difference.
+    /// True for a channel that senses a revolute joint, where whole turns make no difference; false
+    /// for an index beyond the last channel.
     #[must_use]
     pub fn turns(&self, channel: usize) -> bool {
-        let name = Some(&self.channels[channel].name);
+        let Some(Channel { name, .. }) = self.channels.get(channel) else { return false };
         let rows = self.chains.iter().flat_map(|c| &c.rows);
-        rows.filter(|row| row.channel.as_ref() == name).all(|row| row.joint == Motion::Revolute)
+        rows.filter(|row| row.channel.as_ref() == Some(name))
+            .all(|row| row.joint == Motion::Revolute)
     }
 }
 

@@ -15,7 +15,8 @@ impl Mechanism {
     ///
     /// # Errors
     ///
-    /// [`Error::Toml`] with line and column, or what [`Mechanism::validate`] finds.
+    /// [`Error::Toml`] with line and column for text that cannot be parsed, else the errors of
+    /// [`Mechanism::validate`].
     pub fn from_toml(text: &str) -> Result<Self, Error> {
         let mut mechanism: Self =
             toml::from_str(text).map_err(|e| Error::Toml(e.to_string().trim_end().into()))?;
@@ -26,7 +27,7 @@ impl Mechanism {
         Ok(mechanism)
     }
 
-    /// Writes it as TOML text that [`Mechanism::from_toml`] reads back.
+    /// The mechanism as TOML text, which [`Mechanism::from_toml`] reads back.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut written = self.clone();

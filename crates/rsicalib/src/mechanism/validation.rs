@@ -1,15 +1,15 @@
-//! Every name of a mechanism leads somewhere, and every number is one.
+//! Checks of a mechanism: names that are known and unique, numbers that can be used.
 
 use crate::Error;
 use crate::mechanism::drawing::{Channel, Closure, ClosureKind, Mechanism, Point, Value};
 use crate::mechanism::queries::list;
 
 impl Mechanism {
-    /// Checks that every name leads somewhere and every number is one.
+    /// Checks that every name is known and unique, and that every number can be used.
     ///
     /// # Errors
     ///
-    /// [`Error::Mechanism`] with the place, what stands there and what could.
+    /// [`Error::Mechanism`] with the entry, what was found and what was expected.
     pub fn validate(&self) -> Result<(), Error> {
         if let Some(gravity) = &self.gravity {
             finite(gravity.iter(), || "gravity".into())?;
@@ -110,7 +110,7 @@ impl Mechanism {
         known(self.point_index(b), place)
     }
 
-    /// A distance between unknown points: each names a point, and columns that it has.
+    /// Checks that both ends of a distance between unknown points name a point and its columns.
     fn check_unknowns(&self, closure: &Closure) -> Result<(), Error> {
         match closure.between.iter().find(|end| self.unknown_end(end).is_none()) {
             None => Ok(()),
@@ -153,7 +153,7 @@ fn refuse(place: String, found: String, expected: String) -> Error {
     Error::Mechanism { place, found, expected }
 }
 
-/// A name that leads nowhere, with the place that bears it.
+/// The error of an unknown name, with the entry in which the name stands.
 pub(crate) fn known(found: Result<usize, Error>, place: impl Fn() -> String) -> Result<(), Error> {
     match found {
         Err(Error::Unknown { kind, found, known }) => {

@@ -1,4 +1,4 @@
-//! Joint coordinates that hold the platform at a pose.
+//! Inverse kinematics: joint coordinates that hold the platform at a pose.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -10,7 +10,8 @@ use crate::numerics::lanes::Lanes;
 use crate::numerics::{dense, lm};
 use crate::readings::{Readings, Table};
 
-/// The platform's points in base coordinates for a pose, by name.
+/// Names and positions of the platform's points at a pose, in base coordinates. `pose` is
+/// `x y z rx ry rz` (length units, rad), eq. (1).
 #[must_use]
 pub fn placed(mechanism: &Mechanism, pose: &[f64; 6]) -> Vec<(String, Vector3<f64>)> {
     let turn = Rotation3::from_euler_angles(pose[3], pose[4], pose[5]);
@@ -19,7 +20,9 @@ pub fn placed(mechanism: &Mechanism, pose: &[f64; 6]) -> Vec<(String, Vector3<f6
     mechanism.platform.iter().map(|(name, q)| (name.clone(), place(q))).collect()
 }
 
-/// The mechanism with its platform's points held at a pose: one touch each.
+/// The mechanism with a touch for each platform point, which holds that point at a pose. `noise`
+/// is the standard deviation of these touches in length units. Unknown points and their closures
+/// are left out.
 #[must_use]
 pub fn held_at(mechanism: &Mechanism, pose: &[f64; 6], noise: Option<f64>) -> Mechanism {
     let mut held = mechanism.clone();
@@ -44,15 +47,15 @@ pub fn held_at(mechanism: &Mechanism, pose: &[f64; 6], noise: Option<f64>) -> Me
     held
 }
 
-/// Joint coordinates that hold the platform at a pose, channel by channel.
+/// Joint coordinates (rad, or length units) that hold the platform at a pose, one per channel.
 ///
-/// Newton from the middle of the joint limits, for any mechanism whose chains
-/// reach their platform points with the joints they have.
+/// The solver starts at the middle of the joint limits. `pose` is `x y z rx ry rz` (length units,
+/// rad), eq. (1).
 ///
 /// # Errors
 ///
-/// [`Error::Missing`] without a platform; [`Error::OutOfReach`] where no joint
-/// coordinates reach the pose.
+/// [`Error::Missing`] without a platform; [`Error::OutOfReach`] for a pose that no joint
+/// coordinates reach.
 pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
     if mechanism.platform.is_empty() {
         return Err(Error::Missing {

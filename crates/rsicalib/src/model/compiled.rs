@@ -1,4 +1,4 @@
-//! A mechanism with terms, compiled for the readings that it is to explain.
+//! A mechanism with terms, compiled for its readings.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
@@ -20,7 +20,7 @@ pub const MOST_PARAMETERS: usize = 16;
 /// One end of a closure.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum End {
-    /// On a chain, in the frame at its end.
+    /// On a chain: index of the chain, and position in the frame at its end.
     Carried(usize, [f64; 3]),
     /// Fixed in the base.
     Fixed([f64; 3]),
@@ -32,12 +32,12 @@ pub(crate) enum End {
 pub(crate) struct CompiledClosure {
     pub(crate) kind: ClosureKind,
     pub(crate) ends: [End; 2],
-    /// Known value; the mean of the column where it is one of the readings.
+    /// Known value; for a measured distance the mean of its column.
     pub(crate) value: f64,
     pub(crate) column: Option<usize>,
-    /// Parameter of a `distance` term, if there is one.
+    /// Parameter of a `distance` term at this closure.
     pub(crate) parameter: Option<usize>,
-    /// First equation.
+    /// Number of the first equation.
     pub(crate) equation: usize,
     /// Directions along which points that touch must coincide, one equation each; none: the
     /// three axes of the base. Fewer than three where nothing can violate the others.
@@ -58,7 +58,7 @@ pub(crate) struct SensorAt {
     pub(crate) term: &'static dyn Sensor,
     pub(crate) channel: usize,
     pub(crate) place: usize,
-    /// The one session in which it acts, of several.
+    /// The session in which the term acts, where there are several.
     pub(crate) session: Option<usize>,
     pub(crate) first: usize,
     pub(crate) width: usize,
@@ -69,7 +69,7 @@ pub(crate) struct ElectronicsAt {
     pub(crate) term: &'static dyn Electronics,
     pub(crate) channel: usize,
     pub(crate) place: usize,
-    /// The one session in which it acts, of several.
+    /// The session in which the term acts, where there are several.
     pub(crate) session: Option<usize>,
     pub(crate) first: usize,
     pub(crate) width: usize,
@@ -79,19 +79,19 @@ pub(crate) struct ElectronicsAt {
 pub(crate) struct LoadAt {
     pub(crate) whose: Weight,
     pub(crate) chain: usize,
-    /// The joint that gives; none: every joint of the chain.
+    /// The joint that gives; `None`: every joint of the chain.
     channel: Option<usize>,
     pub(crate) parameter: usize,
 }
 
 impl LoadAt {
-    /// Where what the levers carry is kept.
+    /// Index of the sums of weights that the levers carry.
     #[inline(always)]
     pub(crate) fn slot(&self) -> usize {
         2 * self.chain + self.whose as usize
     }
 
-    /// The channel of a lever that gives under this load.
+    /// Channel of a lever that gives under this load.
     #[inline(always)]
     pub(crate) fn gives(&self, lever: &Lever) -> Option<usize> {
         match lever.source {
@@ -101,28 +101,28 @@ impl LoadAt {
     }
 }
 
-/// A mechanism with terms.
+/// A mechanism with terms, compiled for readings.
 #[derive(Clone)]
 pub struct Model {
     /// The mechanism.
     pub mechanism: Mechanism,
-    /// The terms, each at its target.
+    /// The terms at their targets.
     pub instances: Vec<Instance>,
     /// First parameter of each instance.
     pub first: Vec<usize>,
-    /// Parameters of the terms; those of unknown points come after.
+    /// Number of parameters of the terms. The coordinates of the unknown points come after them.
     pub term_parameters: usize,
-    /// All parameters.
+    /// Number of all parameters.
     pub parameters: usize,
     /// Constants of each channel.
     pub scales: Vec<Scale>,
     /// For each unknown point and combination of keys, its number.
     pub(crate) unknown: Vec<Vec<usize>>,
-    /// For each combination of keys, the parameters that its samples depend on.
+    /// For each combination of keys, the parameters of its samples.
     columns: Vec<Vec<usize>>,
-    /// Names of the unknown points' instances.
+    /// Names of the unknown points, one per combination of keys.
     pub unknown_names: Vec<String>,
-    /// What they are: a point of the mechanism, and the values of its columns.
+    /// For each unknown point: index of the mechanism's point, and values of the key columns.
     pub unknown_points: Vec<(usize, Vec<String>)>,
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
@@ -144,13 +144,16 @@ impl std::fmt::Debug for Model {
 impl Model {
     /// Compiles a mechanism with terms for these readings.
     ///
-    /// Offsets and gains are told apart about the mean reading of each channel,
-    /// which takes the condition number of the hand controller from 126 to 27;
-    /// [`Model::uncentred`] gives the paper's parametrisation.
+    /// Offsets are defined at the mean reading of each channel, which reduces the condition number
+    /// of the hand controller from 126 to 27. [`Model::uncentred`] gives the paper's
+    /// parametrisation, with offsets at reading zero.
     ///
     /// # Errors
     ///
-    /// [`Error::Context`] where a term needs what the readings do not have.
+    /// [`Error::Context`] for a term that needs data which the readings do not have,
+    /// [`Error::Unknown`] for a target or a place that the mechanism does not have or that is not
+    /// of the term's kind, [`Error::Shape`] for readings of another mechanism, and the errors of
+    /// [`Mechanism::validate`].
     pub fn new(
         mechanism: &Mechanism,
         readings: &Readings,
@@ -160,7 +163,7 @@ impl Model {
         Self::about(mechanism, readings, instances, &centre)
     }
 
-    /// As [`Model::new`], with offsets at reading zero as the paper has them.
+    /// As [`Model::new`], with offsets at reading zero, as in the paper.
     ///
     /// # Errors
     ///
@@ -176,17 +179,20 @@ impl Model {
         Self::compile(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
     }
 
-    /// As [`Model::new`], with offsets told at readings `centre`.
+    /// As [`Model::new`], with offsets at the readings `centre`, one per channel.
     ///
     /// # Errors
     ///
-    /// As [`Model::new`].
+    /// As [`Model::new`], and [`Error::Shape`] unless `centre` has one reading per channel.
     pub fn about(
         mechanism: &Mechanism,
         readings: &Readings,
         instances: Vec<Instance>,
         centre: &[f64],
     ) -> Result<Self, Error> {
+        for instance in &instances {
+            instance.check(mechanism)?;
+        }
         for instance in instances.iter().filter(|i| !i.is_past()) {
             provided(instance.term, mechanism, readings)?;
         }
@@ -203,6 +209,7 @@ impl Model {
     ) -> Result<Self, Error> {
         mechanism.validate()?;
         check_names(mechanism)?;
+        fits(mechanism, readings, centre)?;
         let mut first = Vec::with_capacity(instances.len());
         let mut term_parameters = 0;
         for instance in &instances {
@@ -350,7 +357,7 @@ impl Model {
         Ok(())
     }
 
-    /// The motions that geometry terms free at one spot of a chain.
+    /// Appends the motions that geometry terms add at one spot of a chain.
     fn free(&self, steps: &mut Vec<Element>, spot: Spot, chain: usize, row: Option<usize>) {
         let here = row.map_or(Target::Chain(chain), |row| Target::Row(chain, row));
         for (instance, first) in self.instances.iter().zip(&self.first) {
@@ -444,31 +451,31 @@ impl Model {
         })
     }
 
-    /// Scalar equations of one sample.
+    /// Number of scalar equations of one sample.
     #[must_use]
     pub fn equations(&self) -> usize {
         self.equations
     }
 
-    /// For each group of the readings, the parameters that the columns of its `X` stand
-    /// for: those of the terms, then three for each unknown point that it touches.
+    /// For each group of the readings, the parameters of the columns of `X`: those of the terms,
+    /// then three for each unknown point that the group touches.
     ///
-    /// A sample knows no unknown point but its own, however many there are.
+    /// The number of columns does not grow with the number of unknown points.
     #[must_use]
     pub fn columns(&self) -> &[Vec<usize>] {
         &self.columns
     }
 
-    /// Columns of `X`, the same number for every group.
+    /// Number of columns of `X`, the same for every group.
     #[must_use]
     pub fn width(&self) -> usize {
         self.term_parameters + 3 * self.unknown.len()
     }
 
-    /// The same terms, on other closures and readings: a part that shares parameters.
+    /// The same terms and parameters with other closures and readings.
     ///
-    /// The readings may lack what a term needs: a rest pose has no velocity, and
-    /// what acts in motion does nothing there.
+    /// The readings may lack data that a term needs: a rest pose has no velocity, so a term that
+    /// acts in motion changes nothing there.
     ///
     /// # Errors
     ///
@@ -481,14 +488,14 @@ impl Model {
         Ok(model)
     }
 
-    /// Parameter that is the offset, or the gain, of a channel.
+    /// The first parameter of the term `id` at a channel; `None` without such an instance.
     #[must_use]
     pub fn column(&self, role: Role, channel: usize) -> Option<usize> {
         let at = |i: &Instance| i.target == Target::Channel(channel) && i.term.role() == role;
         self.instances.iter().position(at).map(|k| self.first[k])
     }
 
-    /// For each equation, the columns that are not zero throughout, ascending.
+    /// For each equation, the columns of `X` that are not always zero, ascending.
     #[must_use]
     pub fn active(&self) -> Vec<Vec<usize>> {
         let mut active = Vec::with_capacity(self.equations);
@@ -526,15 +533,15 @@ impl Model {
         }
     }
 
-    /// The parameters that leave the mechanism as it is drawn.
+    /// The parameters of the mechanism as drawn: zeros.
     #[must_use]
     pub fn nominal(&self) -> Vec<f64> {
         vec![0.0; self.parameters]
     }
 
-    /// Factor that turns the misclosure of each equation into a length.
+    /// Factor from the misclosure of each equation to a length.
     ///
-    /// `|p_a - p_b|² - d²` is `2 d` times the error of the distance.
+    /// To first order `|p_a - p_b|² - d²` is `2 d` times the error of the distance.
     #[must_use]
     pub fn lengths(&self) -> Vec<f64> {
         let mut lengths = Vec::with_capacity(self.equations);
@@ -548,7 +555,7 @@ impl Model {
         lengths
     }
 
-    /// Variance of each equation that play gives it, in units of `f²`.
+    /// Variance of each equation by play, in units of `f²`.
     #[must_use]
     pub fn play(&self) -> Vec<f64> {
         let mut play = Vec::with_capacity(self.equations);
@@ -562,4 +569,17 @@ impl Model {
         }
         play
     }
+}
+
+/// Refuses readings of another mechanism, and a `centre` without one reading per channel.
+fn fits(mechanism: &Mechanism, readings: &Readings, centre: &[f64]) -> Result<(), Error> {
+    let same = |what: &str, found: usize, expected: usize| {
+        let what = what.into();
+        if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
+    };
+    let channels = mechanism.channels.len();
+    same("a row", readings.channels, channels)?;
+    same("centre", centre.len(), channels)?;
+    same("keys", readings.table.keys.len(), mechanism.key_columns().len())?;
+    same("columns", readings.table.columns.len(), mechanism.value_columns().len())
 }

@@ -1,4 +1,4 @@
-//! The model: a mechanism and its terms, from readings to misclosure.
+//! Evaluation of the model: misclosure and derivatives of readings.
 //!
 //! For one sample with readings `a` and parameters `β`,
 //!
@@ -16,8 +16,8 @@
 //! X = ∂f/∂β                                                               (12)
 //! ```
 //!
-//! Terms of one stage all see what enters the stage and add up, so their order
-//! does not matter. Everything is computed for eight samples at a time.
+//! All terms of one stage see the state that enters the stage, and their corrections add up, so
+//! their order does not matter. Eight samples are computed at a time.
 
 use crate::kinematics::elements::{Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
@@ -32,11 +32,11 @@ use crate::terms::term::Site;
 pub struct Workspace {
     /// Misclosure, one per equation.
     pub f: Vec<Lanes>,
-    /// `A`, equation by equation, one per channel.
+    /// `A`: equation by equation, one entry per channel.
     pub a: Vec<Lanes>,
-    /// `X`, equation by equation, one per column of [`Model::columns`].
+    /// `X`: equation by equation, one entry per column of [`Model::columns`].
     pub x: Vec<Lanes>,
-    /// Joint coordinates after every correction.
+    /// Joint coordinates after all corrections, one per channel.
     pub angles: Vec<Lanes>,
     corrected: Vec<Lanes>,
     slopes: Vec<Lanes>,
@@ -50,12 +50,12 @@ pub struct Workspace {
     carried: Vec<Vec<Carried>>,
 }
 
-/// Which derivatives are wanted.
+/// The derivatives to compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Want {
-    /// By parameters.
+    /// `X = ∂f/∂β`.
     pub x: bool,
-    /// By readings.
+    /// `A = ∂f/∂a`.
     pub a: bool,
 }
 
@@ -71,10 +71,15 @@ fn each_along(along: Option<&[[f64; 3]]>, vector: &Vec3, mut put: impl FnMut(usi
 }
 
 impl Model {
-    /// Misclosure and derivatives of one block at readings `a` and parameters `beta`.
+    /// Misclosure and derivatives of one block at readings `a` and parameters `beta`, written to
+    /// `ws`. `a` holds one [`Lanes`] per channel, `beta` one number per parameter.
     ///
-    /// Dispatched here, and nowhere further out: this is the one copy of the kernel
-    /// that each width of vectors is compiled for.
+    /// This is the only place where the kernel is dispatched, so that there is one copy of the
+    /// kernel for each vector width.
+    ///
+    /// # Panics
+    ///
+    /// Where `block` is beyond the last block, or `a` or `beta` is too short.
     pub fn evaluate(
         &self,
         readings: &Readings,
@@ -212,7 +217,7 @@ impl Model {
         for (posture, steps) in ws.unloaded.iter_mut().zip(&self.steps) {
             posture.take(steps, &ws.angles, beta);
         }
-        // What levers carry is the same for all loads of one kind on one chain.
+        // The sums of weights are the same for all loads of one kind on one chain.
         ws.carried.resize_with(2 * self.steps.len(), Vec::new);
         for (k, load) in self.loads.iter().enumerate() {
             if k == 0 || self.loads[k - 1].slot() != load.slot() {
@@ -258,7 +263,7 @@ impl Model {
     /// Derivative of the torque of gravity about lever `j` by lever `s`.
     #[inline(always)]
     fn torque_slope(&self, levers: &[Lever], carried: &[Carried], j: usize, s: usize) -> Lanes {
-        // Beyond the later of the two everything moves rigidly with the earlier.
+        // All bodies after the later lever move rigidly with the earlier lever.
         let (turning, moved) = match s <= j {
             true => (&levers[s], carried[j].moved_by(&levers[j])),
             false => (&levers[j], carried[s].moved_by(&levers[s])),
@@ -416,7 +421,7 @@ impl Model {
         }
     }
 
-    /// `G ← G ∂q'/∂q`, the columns of load, and what geometry does to torques.
+    /// `G ← G ∂q'/∂q`, the columns of load terms, and the change of torques by geometry terms.
     #[inline(always)]
     fn bend_back(&self, beta: &[f64], want: Want, ws: &mut Workspace) {
         let (channels, width) = (self.scales.len(), self.width());
@@ -449,9 +454,10 @@ impl Model {
         }
     }
 
-    /// Positions of the mechanism's points in one block, by point.
+    /// Positions of the mechanism's points in one block, in base coordinates, one per point; `None`
+    /// for an unknown point.
     ///
-    /// After [`Model::evaluate`]; unknown points have none.
+    /// `ws` comes from [`Model::evaluate`].
     #[must_use]
     pub fn points(&self, ws: &Workspace) -> Vec<Option<Vec3>> {
         self.mechanism
@@ -468,14 +474,9 @@ impl Model {
             .collect()
     }
 
-    /// Levers of a chain in one block, after [`Model::evaluate`].
-    #[must_use]
-    pub fn levers<'a>(&self, ws: &'a Workspace, chain: usize) -> &'a [Lever] {
-        &ws.postures[chain].levers
-    }
-
-    /// Slope of each joint coordinate by its reading, after [`Model::evaluate`]
-    /// with derivatives: `diag(∂q/∂r)` of (44).
+    /// Slope of each joint coordinate by its reading, `diag(∂q/∂r)` of (44), one per channel.
+    ///
+    /// `ws` comes from [`Model::evaluate`] with derivatives.
     #[must_use]
     pub fn slopes<'a>(&self, ws: &'a Workspace) -> &'a [Lanes] {
         &ws.slopes

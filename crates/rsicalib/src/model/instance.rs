@@ -1,22 +1,25 @@
-//! One term at one target, and the places that it may have there.
+//! Instances: one term at one target, and its place there.
 
-use crate::mechanism::{Mechanism, Target};
+use crate::Error;
+use crate::mechanism::{Mechanism, Target, list};
 use crate::readings::Readings;
-use crate::terms::term::{Needs, Outlasts, Placed, Term};
+use crate::terms::targets::targets;
+use crate::terms::term::{Needs, Outlasts, Per, Placed, Term};
 
 /// One term at one target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Instance {
     /// The term.
     pub term: &'static dyn Term,
-    /// Where it acts.
+    /// The target.
     pub target: Target,
-    /// Where a searched term acts: a pose, or another channel.
+    /// The place: the pose or the other channel where a searched term acts, the session of a term
+    /// that each session has anew, else zero.
     pub place: usize,
 }
 
 impl Instance {
-    /// Number of its parameters.
+    /// Number of parameters.
     #[must_use]
     pub fn width(&self) -> usize {
         self.term.info().parameters.len()
@@ -28,15 +31,44 @@ impl Instance {
     pub fn is_past(&self) -> bool {
         self.place == 0 && self.term.outlasts() == Outlasts::Value
     }
+
+    /// Refuses a target that the mechanism does not have or that is not of the term's kind, and,
+    /// for a term with a channel as its place, a place that is not a channel.
+    pub(crate) fn check(&self, mechanism: &Mechanism) -> Result<(), Error> {
+        let kind = match self.term.info().per {
+            Per::All => matches!(self.target, Target::All),
+            Per::Channel => matches!(self.target, Target::Channel(_)),
+            Per::Row => matches!(self.target, Target::Row(..)),
+            Per::Chain => matches!(self.target, Target::Chain(_)),
+            Per::ChainOrAll => matches!(self.target, Target::Chain(_) | Target::All),
+            Per::Closure => matches!(self.target, Target::Closure(_)),
+        };
+        if !kind || !self.target.is_in(mechanism) {
+            let known = targets(self.term, mechanism).into_iter().map(|t| t.name(mechanism));
+            return Err(Error::Unknown {
+                kind: "target",
+                found: self.target.name(mechanism),
+                known: known.collect::<Vec<_>>().join(", "),
+            });
+        }
+        if self.term.placed() == Placed::AtChannel && self.place >= mechanism.channels.len() {
+            return Err(Error::Unknown {
+                kind: "place",
+                found: self.place.to_string(),
+                known: list(mechanism.channels.iter().map(|c| &c.name)),
+            });
+        }
+        Ok(())
+    }
 }
 
-/// True for a term that each session has anew: what drifts starts again.
+/// True for a term with parameters of its own in each session: a drift starts again.
 #[must_use]
 pub fn bound_to_session(term: &dyn Term) -> bool {
     term.info().needs == Needs::Order && term.placed() == Placed::Once
 }
 
-/// Places of a term at a target: a session, or where a searched term acts.
+/// Places of a term at a target: the sessions, or the places of a searched term.
 #[must_use]
 pub fn places(
     term: &dyn Term,
@@ -51,7 +83,8 @@ pub fn places(
     }
 }
 
-/// How users call the place of a term: a pose label, a channel, or a session.
+/// Name of the place of a term: a pose label, a channel, or a session counted from 1; empty for a
+/// place that does not exist.
 #[must_use]
 pub fn place_name(
     term: &dyn Term,
@@ -60,7 +93,9 @@ pub fn place_name(
     place: usize,
 ) -> String {
     match term.placed() {
-        Placed::AtChannel => mechanism.channels[place].name.clone(),
+        Placed::AtChannel => {
+            mechanism.channels.get(place).map(|c| c.name.clone()).unwrap_or_default()
+        }
         Placed::AtPose => readings.labels.get(place).map(ToString::to_string).unwrap_or_default(),
         Placed::Once if bound_to_session(term) => (place + 1).to_string(),
         Placed::Once => String::new(),

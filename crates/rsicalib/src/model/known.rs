@@ -1,4 +1,4 @@
-//! What is known of a model's parameters without readings, as priors.
+//! Priors of a model's parameters.
 
 use crate::kinematics::elements::Weight;
 use crate::mechanism::Target;
@@ -8,17 +8,17 @@ use crate::model::prior::Prior;
 use crate::terms::targets;
 use crate::terms::term::{Acts, Per, Role};
 
-/// How firmly the first joint's zero is held where it turns the whole world [rad, or
-/// length units]: as the rotations of a frame.
+/// Standard deviation of the prior on the first joint's offset where that offset turns chain and
+/// unknown points together (rad, or length units): the same as of the rotations of a frame.
 const ROOT: f64 = 3e-3;
 
 impl Model {
-    /// What is known of the parameters without readings: what holds a free
-    /// shape, what the mechanism declares, how far apart unknown points are.
+    /// Priors of the parameters: of free shapes, of standard deviations that the mechanism declares,
+    /// and of known distances between unknown points.
     ///
-    /// Complete geometry has directions that no reading tells: an offset turns what
-    /// the frame of its link, or the tool, turns too. All of it is held, offsets too,
-    /// and one that turns the whole world as firmly as the frames.
+    /// Complete geometry has directions that no reading determines: an offset turns the same bodies
+    /// as the frame of its link, or as the tool. So all of its parameters have priors, offsets
+    /// included. An offset that turns chain and unknown points together has the prior of a frame.
     #[must_use]
     pub fn priors(&self) -> Vec<Prior> {
         let mut priors = self.links();
@@ -30,10 +30,10 @@ impl Model {
             let info = instance.term.info();
             let declared = self.mechanism.model.sd.get(info.id).copied();
             let drawing = match instance.target {
-                Target::Closure(k) => self.mechanism.closures[k].sd,
+                Target::Closure(k) => self.mechanism.closures.get(k).and_then(|c| c.sd),
                 _ => None,
             };
-            // What has redundant directions, or a free shape, is held by its typical size.
+            // A term with redundant directions, or a free shape, has its typical size as prior.
             let held = info.penalised
                 || info.broad
                 || self.gives(instance)

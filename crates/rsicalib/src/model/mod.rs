@@ -1,4 +1,4 @@
-//! The model: a mechanism and its terms, from readings to misclosure.
+//! The model: a mechanism with terms, which gives the misclosure of readings.
 
 pub mod assembly;
 mod compiled;
@@ -13,7 +13,8 @@ mod unknown_points;
 
 pub use compiled::{MOST_PARAMETERS, Model};
 pub use evaluation::{Want, Workspace};
-pub use instance::{Instance, bound_to_session, place_name, places};
+pub use instance::Instance;
+pub(crate) use instance::{bound_to_session, place_name, places};
 pub use numbering::UNKNOWN_POINT;
 pub use prior::Prior;
 pub use specification::{Spec, check_names, instances_of, parse};

@@ -1,4 +1,4 @@
-//! Numbers of the unknown points: one for each distinct value of their columns.
+//! Numbers of the unknown points: one for each distinct combination of key values.
 
 use crate::mechanism::Mechanism;
 use crate::readings::Readings;
@@ -6,7 +6,7 @@ use crate::readings::Readings;
 /// What results call an unknown point, in the place of a term.
 pub const UNKNOWN_POINT: &str = "unknown_point";
 
-/// How users call an unknown point: `socket[group=front,at=socket0]`.
+/// Name of an unknown point: `socket[group=front,at=socket0]`.
 pub(crate) fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String]) -> String {
     let point = &mechanism.points[point];
     let keys: Vec<String> =
@@ -14,11 +14,11 @@ pub(crate) fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String])
     format!("{}[{}]", point.name, keys.join(","))
 }
 
-/// An unknown point, and the keys that make it one of its own.
+/// Index of a point of the mechanism, and the key values that distinguish one unknown point.
 type Keyed = (usize, Vec<String>);
 
-/// Numbers the unknown points: for each, the instance that a group touches, and
-/// what the instances are.
+/// Numbers the unknown points. The first result holds, for each point of the mechanism with keys
+/// and for each group, the number of the unknown point; the second describes each number.
 pub(crate) fn number_unknowns(
     mechanism: &Mechanism,
     readings: &Readings,

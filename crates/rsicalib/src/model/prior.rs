@@ -1,30 +1,34 @@
-//! What is known without readings.
+//! Priors: knowledge of the parameters without readings.
 
-/// What is known without readings, to a standard deviation `sd`.
+/// Knowledge of the parameters without readings, with standard deviation `sd`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Prior {
     /// A parameter has this mean.
     Parameter {
         /// The parameter.
         column: usize,
-        /// Its expectation.
+        /// Expectation of the parameter, in its unit.
         mean: f64,
-        /// How far it may be from it.
+        /// Standard deviation, in the unit of the parameter.
         sd: f64,
     },
     /// Two unknown points are this far apart.
     Apart {
         /// First parameter of each point.
         points: [usize; 2],
-        /// Their distance.
+        /// Distance of the points, in length units.
         value: f64,
-        /// How well it is known.
+        /// Standard deviation of the distance, in length units.
         sd: f64,
     },
 }
 
 impl Prior {
-    /// How far parameters `x` are off, in standard deviations.
+    /// Deviation of the parameters `x` from the prior, in standard deviations.
+    ///
+    /// # Panics
+    ///
+    /// Where `x` is shorter than the prior's parameters need.
     #[must_use]
     pub fn off(&self, x: &[f64]) -> f64 {
         match *self {
@@ -33,7 +37,11 @@ impl Prior {
         }
     }
 
-    /// Derivatives of [`Prior::off`] by the parameters that it depends on.
+    /// Pairs of a parameter and the derivative of [`Prior::off`] by that parameter.
+    ///
+    /// # Panics
+    ///
+    /// As [`Prior::off`].
     #[must_use]
     pub fn slopes(&self, x: &[f64]) -> Vec<(usize, f64)> {
         match *self {

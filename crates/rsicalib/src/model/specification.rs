@@ -1,4 +1,4 @@
-//! Instances as users write them: `offset`, `curvature@a22`, `slip@a22:17`.
+//! Specifications of instances: `offset`, `curvature@a22`, `slip@a22:17`.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -89,14 +89,14 @@ impl Spec {
     }
 }
 
-/// The instances that a list of specifications asks for.
+/// The instances of a list of specifications; none for an empty list.
 ///
-/// `offset` is the term at every target, `curvature@a22` at one, and
-/// `crosstalk@a22:a21`, `slip@a22:17` at one place of a searched term.
+/// `offset` is the term at every target, `curvature@a22` at one target; `crosstalk@a22:a21` and
+/// `slip@a22:17` are a searched term at one place.
 ///
 /// # Errors
 ///
-/// [`Error::Unknown`] with the names there are.
+/// [`Error::Unknown`] for a term, a target or a place that does not exist, with the known names.
 pub fn parse(
     mechanism: &Mechanism,
     readings: &Readings,

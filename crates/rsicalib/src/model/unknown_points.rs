@@ -1,4 +1,4 @@
-//! Unknown points: which there are, where chains touch them, and what links them.
+//! Unknown points: placements, known distances between them, and starting positions.
 
 use crate::mechanism::{ClosureKind, Value};
 use crate::model::compiled::{End, Model};
@@ -7,8 +7,8 @@ use crate::model::prior::Prior;
 use crate::readings::Readings;
 
 impl Model {
-    /// The placement of every sample: unknown points that known distances link
-    /// belong to one. None for a mechanism without unknown points.
+    /// Number of the placement of every sample; `None` for a mechanism without unknown points.
+    /// Unknown points that known distances link belong to one placement.
     #[must_use]
     pub fn placements(&self, readings: &Readings) -> Option<Vec<usize>> {
         let points = self.unknown.first()?;
@@ -51,8 +51,8 @@ impl Model {
         links
     }
 
-    /// Columns and values of an unknown point that are not fixed; none where the
-    /// fixed ones are not its own.
+    /// Columns and values of an unknown point that are not fixed; `None` for a point with other
+    /// values in the fixed columns.
     fn free_keys<'a>(
         &'a self,
         point: usize,
@@ -70,7 +70,8 @@ impl Model {
         Some(rest)
     }
 
-    /// Puts each unknown point at the mean of where the chains touch it.
+    /// Sets each unknown point to the mean of the positions at which chains touch it. `beta` holds
+    /// one number per parameter.
     pub fn place_unknowns(&self, readings: &Readings, beta: &mut [f64]) {
         let mut sums = vec![[0.0; 4]; self.unknown_names.len()];
         let mut ws = Workspace::default();
@@ -102,7 +103,8 @@ impl Model {
         }
     }
 
-    /// First parameters of the unknown points that no sample in use touches.
+    /// First parameters of the unknown points that no sample with a weight above zero touches.
+    /// `weights` holds one number per sample.
     #[must_use]
     pub fn untouched(&self, readings: &Readings, weights: &[f64]) -> Vec<usize> {
         let mut touched = vec![false; self.unknown_names.len()];

@@ -1,15 +1,15 @@
-//! Which of several explanations may be right: probabilities and credible sets.
+//! Probabilities and credible sets of several explanations.
 
-/// Effects that fit as well as the one named: refitted χ² within this, extra
-/// parameters charged.
+/// An effect fits as well as the named one where its refitted χ², with extra parameters charged,
+/// is within this of the best.
 pub const AS_WELL: f64 = 6.0;
 
-/// Probability with which the right target must be among those named.
+/// Probability that the listed targets include the right one.
 pub const SURE: f64 = 0.8;
 
-/// Probability of each target of rivals `(value, target)`, by its best rival, likeliest
-/// first. A value is twice a log-likelihood, parameters charged; before the data every
-/// target was as likely as another.
+/// Probability of each target of the rivals `(value, target)`, the most likely target first.
+/// The best rival of a target stands for the target. A value is twice a log-likelihood with
+/// parameters charged. The prior probability is the same for every target.
 #[must_use]
 pub fn probabilities<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<(T, f64)> {
     let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
@@ -27,8 +27,8 @@ pub fn probabilities<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<(T, f64)> 
     targets
 }
 
-/// Of rivals, those that may be right: targets by falling probability until they are
-/// [`SURE`] to hold the truth, in each of them what is within [`AS_WELL`] of the best.
+/// True for each rival in the credible set. The set takes targets by falling probability until
+/// their sum reaches [`SURE`], and within these targets the rivals within [`AS_WELL`] of the best.
 #[must_use]
 pub fn credible<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<bool> {
     let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
@@ -68,7 +68,7 @@ mod tests {
         };
         assert_eq!(of([9.0, 0.5, 0.5]), [true, false, false]);
         assert_eq!(of([7.0, 2.0, 1.0]), [true, true, false]);
-        // What is unlikely beside the best of its own target is not listed with it.
+        // A rival that is unlikely beside the best of its own target is not listed.
         assert_eq!(credible(&[(7.0, 0), (0.5, 0)]), [true, false]);
     }
 }

@@ -19,7 +19,8 @@ where
     R: Fn(&[f64], &mut [f64]),
     J: Fn(&[f64], &mut [f64]),
 {
-    /// `m` residuals of `n` parameters; `jacobian` fills `m × n`, column by column.
+    /// `m` residuals of `n` parameters. `residual(x, r)` fills `m` numbers; `jacobian(x, j)` fills
+    /// `m × n` numbers, column by column.
     pub const fn new(m: usize, n: usize, residual: R, jacobian: J) -> Self {
         Self { residuals: m, parameters: n, residual, jacobian }
     }
@@ -42,11 +43,10 @@ where
         let mut j = vec![0.0; m * n];
         (self.jacobian)(x, &mut j);
         let cost = if j.iter().all(|v| v.is_finite()) { cost } else { f64::NAN };
-        let gradient: Vec<f64> = j
-            .chunks_exact(m)
-            .map(|column| column.iter().zip(&r).map(|(j, r)| j * r).sum())
-            .collect();
-        if !cost.is_finite() {
+        let column = |k: usize| &j[k * m..(k + 1) * m];
+        let gradient: Vec<f64> =
+            (0..n).map(|k| column(k).iter().zip(&r).map(|(j, r)| j * r).sum()).collect();
+        if !cost.is_finite() || m == 0 || n == 0 {
             let curvature = Curvature::Gram(Mat::zeros(n, n));
             return Linearization { cost, gradient, curvature, islands: Vec::new() };
         }

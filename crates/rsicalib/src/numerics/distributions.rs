@@ -1,10 +1,10 @@
-//! Tail probabilities and quantiles, in the words of this crate.
+//! Tail probabilities and quantiles.
 
 use statrs::distribution::{
     ChiSquared, ContinuousCDF, DiscreteCDF, FisherSnedecor, Normal, Poisson,
 };
 
-/// `P(χ²(dof) > x)`; one for no degrees of freedom.
+/// `P(χ²(dof) > x)`; one for zero degrees of freedom.
 #[must_use]
 pub fn chi2_tail(x: f64, dof: f64) -> f64 {
     if !x.is_finite() {

@@ -1,8 +1,8 @@
-//! Eight samples side by side: the arithmetic that every kernel is written in.
+//! Vector lanes: arithmetic on eight samples at once.
 //!
-//! A [`Lanes`] is one scalar of eight samples. Loops over it compile to vector
-//! instructions of whatever width [`dispatch`] finds at run time, so a binary
-//! built for plain x86-64 runs on AVX2 where there is AVX2.
+//! A [`Lanes`] is one scalar of eight samples. Loops over the eight values compile to vector
+//! instructions of the width that [`dispatch`] finds at run time, so a binary that is built for
+//! plain x86-64 uses AVX2 on a processor with AVX2.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -16,7 +16,7 @@ pub struct Lanes(pub [f64; WIDTH]);
 
 /// Runs `kernel` with the widest vector instructions of this processor.
 ///
-/// What `kernel` calls must be `#[inline(always)]` to profit.
+/// Only functions that are `#[inline(always)]` are compiled with these instructions.
 #[inline(always)]
 pub fn dispatch<R>(kernel: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(kernel)
@@ -35,7 +35,7 @@ impl Lanes {
         Self([value; WIDTH])
     }
 
-    /// Each lane by itself.
+    /// Applies `f` to each lane.
     #[inline(always)]
     #[must_use]
     pub fn map(self, f: impl Fn(f64) -> f64) -> Self {
@@ -47,7 +47,7 @@ impl Lanes {
         out
     }
 
-    /// Two lanes by two lanes.
+    /// Applies `f` to each pair of lanes.
     #[inline(always)]
     #[must_use]
     pub fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
@@ -65,7 +65,7 @@ impl Lanes {
         self.map(f64::sqrt)
     }
 
-    /// Sum over the lanes, in their order.
+    /// Sum over the lanes, in order.
     #[inline(always)]
     #[must_use]
     pub fn sum(self) -> f64 {
@@ -75,8 +75,8 @@ impl Lanes {
     /// Sine and cosine, each to two units in the last place.
     ///
     /// Cody and Waite's reduction by multiples of π/2 in three parts, then the
-    /// minimax polynomials of fdlibm's kernels on ±π/4. Lanes beyond 1e5 rad
-    /// are left to the standard library.
+    /// minimax polynomials of fdlibm's kernels on ±π/4. Angles beyond 1e5 rad
+    /// are computed by the standard library.
     #[inline(always)]
     #[must_use]
     pub fn sin_cos(self) -> (Self, Self) {
@@ -190,7 +190,7 @@ impl Default for Lanes {
     }
 }
 
-/// A vector of three lanes, in base coordinates unless it says otherwise.
+/// A vector of three lanes, in base coordinates unless a function says otherwise.
 pub type Vec3 = [Lanes; 3];
 
 /// `a · b`

@@ -1,4 +1,4 @@
-//! A least-squares problem at one point: cost, gradient, curvature, and the damped step.
+//! A least-squares problem at one point: cost, gradient, curvature and damped step.
 //!
 //! A problem gives its linearisation either as a triangular factor of `J`
 //! ([`Curvature::Factor`], for accuracy) or as `JᵀJ` ([`Curvature::Gram`], in
@@ -15,8 +15,8 @@ pub trait Problem {
     /// Number of parameters.
     fn parameters(&self) -> usize;
 
-    /// Cost, gradient and curvature at `x`; a cost that is not finite where the
-    /// residual is not defined.
+    /// Cost, gradient and curvature at `x`, which holds one number per parameter. The cost is not
+    /// finite where the residual is not defined.
     fn linearize(&self, x: &[f64]) -> Linearization;
 }
 
@@ -29,15 +29,15 @@ pub struct Linearization {
     pub gradient: Vec<f64>,
     /// `JᵀJ`, in one of two forms.
     pub curvature: Curvature,
-    /// Parameters after all others that meet these only within an island, which is
-    /// eliminated first; of `JᵀJ` only.
+    /// Islands: sets of trailing parameters, where parameters of different sets share no entry of
+    /// `JᵀJ`. Islands are eliminated first, eq. (33). Empty for [`Curvature::Factor`].
     pub islands: Vec<Vec<usize>>,
 }
 
 /// `JᵀJ`, or a factor of it.
 #[derive(Debug, Clone)]
 pub enum Curvature {
-    /// `JᵀJ`, full.
+    /// `JᵀJ`, both triangles.
     Gram(Mat<f64>),
     /// `R` with `RᵀR = JᵀJ`, and `Qᵀr`.
     Factor(Mat<f64>, Vec<f64>),
@@ -63,10 +63,13 @@ impl Linearization {
         }
     }
 
-    /// `(JᵀJ)⁻¹`; none where it is singular to rounding.
+    /// `(JᵀJ)⁻¹`; `None` where `JᵀJ` is singular to rounding.
     #[must_use]
     pub fn covariance(&self) -> Option<Mat<f64>> {
         let n = self.gradient.len();
+        if n == 0 {
+            return Some(Mat::zeros(0, 0));
+        }
         let norms = self.column_norms();
         let scaled = |m: &Mat<f64>| Mat::from_fn(m.nrows(), n, |i, j| m[(i, j)] / norms[j]);
         let inverse = match &self.curvature {
@@ -123,7 +126,7 @@ impl Linearization {
     }
 }
 
-/// Solves (31) from `JᵀJ` in unit columns; none where it is not positive definite.
+/// Solves (31) from `JᵀJ` in unit columns; `None` where the matrix is not positive definite.
 fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> Option<Vec<f64>> {
     let n = gradient.len();
     if n > SMALL {
@@ -161,7 +164,7 @@ fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> 
     Some(s)
 }
 
-/// Below this many parameters faer's general Cholesky costs more than the work.
+/// For fewer parameters than this, the overhead of faer's general Cholesky exceeds the work.
 const SMALL: usize = 24;
 
 /// Cholesky of the columns of a lower triangle with one more row, right-looking.
@@ -173,7 +176,7 @@ fn factor_in_place(l: &mut [f64], n: usize) -> bool {
         let (head, tail) = l.split_at_mut((j + 1) * rows);
         let column = &mut head[j * rows..];
         if !(column[j] > 0.0) {
-            return false; // a NaN lands here too
+            return false; // also for a NaN
         }
         let pivot = 1.0 / column[j].sqrt();
         column[j..].iter_mut().for_each(|v| *v *= pivot);

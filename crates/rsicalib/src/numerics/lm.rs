@@ -12,17 +12,18 @@
 //! | c | `cost` | `½‖r‖²` |
 //! | g | `gradient` | `Jᵀr` |
 //! | λ | `damping` | keeps `‖D s‖` within the radius |
-//! | D | `scale` | largest norm that each column of J has had, Moré (1978) |
-//! | ρ | `ratio` | what was gained over what the linear model promised |
-//! | Δ | `radius` | of the region in which the linear model is trusted, Moré (1978) |
+//! | D | `scale` | largest norm of each column of J so far, Moré (1978) |
+//! | ρ | `ratio` | decrease of the cost over the decrease that the linear model predicts |
+//! | Δ | `radius` | radius of the region in which the linear model is trusted, Moré (1978) |
 //!
 //! A problem gives its linearisation either as a triangular factor of `J`
-//! ([`Curvature::Factor`], for accuracy) or as `JᵀJ` ([`Curvature::Gram`], in
+//! ([`Factor`](crate::numerics::linearization::Curvature::Factor), for accuracy) or as `JᵀJ`
+//! ([`Gram`](crate::numerics::linearization::Curvature::Gram), in
 //! one pass over the data and O(n²) memory).
 
 use crate::numerics::linearization::{Linearization, Problem};
 
-/// When to stop, and how boldly to begin.
+/// Tolerances of the solver, and length of its first step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolverOptions {
     /// Stop when the cosine between residual and every column of `J` is below this.
@@ -33,7 +34,7 @@ pub struct SolverOptions {
     pub ftol: f64,
     /// Longest first step, in multiples of `‖D x‖`.
     pub reach: f64,
-    /// Linearisations to try before giving up.
+    /// Largest number of linearisations.
     pub max_iterations: usize,
 }
 
@@ -43,7 +44,7 @@ impl Default for SolverOptions {
     }
 }
 
-/// Why the search ended.
+/// Reason for the end of the iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -56,36 +57,37 @@ pub enum Termination {
     Cost,
     /// No step, however short, decreases the cost: a minimum to rounding.
     Stalled,
-    /// The iterations ran out.
+    /// The number of linearisations reached its maximum.
     MaxIterations,
     /// The residual is not a number at the start.
     NotFinite,
 }
 
 impl Termination {
-    /// True where the search ended at a minimum.
+    /// True for an end at a minimum.
     #[must_use]
     pub fn converged(self) -> bool {
         !matches!(self, Self::MaxIterations | Self::NotFinite)
     }
 }
 
-/// Where the search ended.
+/// End of the iteration.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Outcome {
     /// The parameters.
     pub x: Vec<f64>,
-    /// `½‖r‖²` there.
+    /// `½‖r‖²` at `x`.
     pub cost: f64,
-    /// Linearisations made.
+    /// Number of linearisations.
     pub iterations: usize,
-    /// Why it ended.
+    /// Reason for the end.
     pub termination: Termination,
-    /// The problem there.
+    /// The problem at `x`.
     pub linearization: Linearization,
 }
 
-/// Minimises `½‖r(x)‖²` from `start`.
+/// Minimises `½‖r(x)‖²` from `start`, which holds one number per parameter of the problem.
 pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) -> Outcome {
     let mut x = start.to_vec();
     let mut here = problem.linearize(&x);
@@ -121,7 +123,7 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
         let there = problem.linearize(&trial);
         let promised = promise(&here, &step, damping, &scale);
         let gained = here.cost - there.cost;
-        // Near the minimum the cost tells no step from its own rounding, but the gradient does.
+        // Near the minimum the decrease of the cost is below its rounding; the gradient is not.
         let near = damping == NEGLIGIBLE && promised.max(gained.abs()) <= NEAR * here.cost;
         let ratio = if !near {
             gained / promised // (32)
@@ -138,7 +140,7 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
                 radius = 2.0 * length;
             }
         } else {
-            radius = shrink(&here, &step, gained) * radius.min(10.0 * length); // a NaN lands here
+            radius = shrink(&here, &step, gained) * radius.min(10.0 * length); // also for a NaN
         }
         if ratio > 1e-4 {
             x = trial;
@@ -155,16 +157,16 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
     end(x, here, options.max_iterations, Termination::MaxIterations)
 }
 
-/// Below this fraction of the cost its rounding may hide what a full step gains.
+/// Below this fraction of the cost, rounding may hide the decrease of a full step.
 const NEAR: f64 = 1e-8;
 
-/// What the linear model promises of a full step: half the gradient's norm by `(JᵀJ)⁻¹`.
+/// Decrease that the linear model predicts for a full step: `½ gᵀ (JᵀJ)⁻¹ g`.
 fn full_promise(here: &Linearization, scale: &[f64]) -> f64 {
     let step = here.damped_step(NEGLIGIBLE, scale);
     step.map_or(f64::NAN, |step| promise(here, &step, NEGLIGIBLE, scale))
 }
 
-/// Norm of the gradient by unit columns.
+/// Norm of the gradient in unit columns.
 fn steepness(here: &Linearization, scale: &[f64]) -> f64 {
     here.gradient.iter().zip(scale).map(|(g, s)| (g / s).powi(2)).sum::<f64>().sqrt()
 }
@@ -172,16 +174,16 @@ fn steepness(here: &Linearization, scale: &[f64]) -> f64 {
 /// A damping that changes no digit of a step.
 const NEGLIGIBLE: f64 = f64::EPSILON * f64::EPSILON;
 
-/// The step of (31) whose `‖D s‖` is the radius, to 3 %; the full step if it is inside.
+/// The step of (31) with `‖D s‖` equal to the radius, to 3 %; the full step where it is shorter.
 ///
-/// `1/‖D s‖` is nearly linear in λ (Hebden), which a few secants solve.
+/// `1/‖D s‖` is nearly linear in λ (Hebden), so a few secant steps find λ.
 fn step_within(here: &Linearization, scale: &[f64], radius: f64) -> Option<(f64, Vec<f64>)> {
     let solve = |damping: f64| {
         let step = here.damped_step(damping, scale)?;
         let length = weighted_norm(&step, scale);
         Some((step, length))
     };
-    // The ends of the bracket: too long a step, and one that is short enough.
+    // The ends of the bracket: a damping with too long a step, and one with a short enough step.
     let mut low = match solve(NEGLIGIBLE) {
         Some((step, length)) if length <= 1.1 * radius => return Some((NEGLIGIBLE, step)),
         Some((_, length)) => (0.0, 1.0 / length),
@@ -209,7 +211,7 @@ fn step_within(here: &Linearization, scale: &[f64], radius: f64) -> Option<(f64,
     solve(high.0).map(|(step, _)| (high.0, step))
 }
 
-/// By how much the radius shrinks after a step that gained too little.
+/// Factor on the radius after a step with too small a decrease.
 fn shrink(here: &Linearization, step: &[f64], gained: f64) -> f64 {
     let slope: f64 = here.gradient.iter().zip(step).map(|(g, s)| g * s).sum();
     if gained >= 0.0 {
@@ -221,7 +223,7 @@ fn shrink(here: &Linearization, step: &[f64], gained: f64) -> f64 {
     }
 }
 
-/// Moré's scaling: the largest norm that each column has had.
+/// Moré's scaling: the largest norm of each column so far.
 fn grow(scale: &mut [f64], here: &Linearization) {
     for (s, norm) in scale.iter_mut().zip(here.column_norms()) {
         *s = s.max(norm);

@@ -1,8 +1,8 @@
-//! A lock that a panic elsewhere leaves usable.
+//! A lock that stays usable after a panic in another thread.
 
 use std::sync::Mutex;
 
-/// The state of a search; a panic elsewhere leaves it usable.
+/// Locks a mutex, also after a panic in another thread.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }

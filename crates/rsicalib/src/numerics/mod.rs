@@ -1,14 +1,15 @@
-//! Numerics that know nothing of mechanisms: vector lanes, least squares, elimination, eigenproblems, distributions.
+//! Numerics that do not depend on mechanisms: vector lanes, least squares, elimination,
+//! eigenproblems, distributions.
 
 pub mod credible_set;
 pub mod dense;
-pub mod distributions;
+pub(crate) mod distributions;
 pub mod lanes;
 pub mod linearization;
 pub mod lm;
-pub mod lock;
-pub mod normal_equations;
+pub(crate) mod lock;
+pub(crate) mod normal_equations;
 pub mod random;
 pub mod rank;
-pub mod schur;
-pub mod symmetric;
+pub(crate) mod schur;
+pub(crate) mod symmetric;

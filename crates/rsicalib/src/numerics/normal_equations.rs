@@ -1,17 +1,17 @@
-//! NormalEquations over samples: gradient and Gram matrix in one pass, in a fixed order.
+//! Sums of normal equations over samples: gradient and Gram matrix in one pass, in a fixed order.
 
 use rayon::prelude::*;
 
 use crate::numerics::lanes::Lanes;
 use crate::numerics::linearization::{Curvature, Linearization};
 
-/// Blocks that one task takes; also what is summed before the next level.
+/// Blocks per task; their sum is one term of the sum over tasks.
 const CHUNK: usize = 64;
 
-/// `½ rᵀr`, `Jᵀr` and `JᵀJ`, lane by lane, of the columns that a block has.
+/// `½ rᵀr`, `Jᵀr` and `JᵀJ`, lane by lane, for the columns of a block.
 ///
-/// Its first `shared` columns mean the same in every block; the others, of the
-/// unknown points that its group touches, are summed group by group.
+/// The first `shared` columns stand for the same parameters in every block. The other columns
+/// stand for the unknown points that the block's group touches, and are summed group by group.
 #[derive(Debug, Clone)]
 pub struct NormalEquations {
     shared: usize,
@@ -23,19 +23,19 @@ pub struct NormalEquations {
     own: Vec<Own>,
 }
 
-/// What one group adds.
+/// Sums of the columns that belong to one group.
 #[derive(Debug, Clone)]
 pub struct Own {
-    /// The group.
+    /// Number of the group.
     pub group: usize,
-    /// `Jᵀr` of its own columns.
+    /// `Jᵀr` of the group's own columns.
     pub gradient: Vec<Lanes>,
-    /// Further rows of `JᵀJ`.
+    /// Rows of `JᵀJ` of the group's own columns.
     pub gram: Vec<Lanes>,
 }
 
 impl Own {
-    /// The sums of a group; blocks come group by group, so its are the last.
+    /// The sums of a group. Blocks are sorted by group, so the search starts at the end.
     #[inline(always)]
     pub fn of(all: &mut Vec<Self>, group: usize, columns: usize, entries: usize) -> &mut Self {
         let at = all.iter().rposition(|o| o.group == group).unwrap_or_else(|| {
@@ -102,7 +102,7 @@ impl NormalEquations {
         }
     }
 
-    /// Adds one equation of which few columns matter.
+    /// Adds one equation with few columns that are not zero.
     ///
     /// `active` lists the columns that are not zero, ascending.
     #[inline(always)]
@@ -137,8 +137,8 @@ impl NormalEquations {
     }
 }
 
-/// Adds column `i` of `rows` times the columns that `line` is for, the first ones, and
-/// times the residuals: three equations at a time, which is what a touch has.
+/// Adds the products of column `i` of `rows` with the first `line.len()` columns to `line`, and
+/// with the residuals to `gradient`: three equations at a time, the number of a touch.
 #[inline(always)]
 pub fn add_line(
     line: &mut [Lanes],
@@ -167,7 +167,7 @@ pub fn add_line(
     }
 }
 
-/// The sums of all parts, each column at the parameter that it stands for.
+/// The sums of all parts, with each column at its parameter.
 #[derive(Debug, Clone)]
 pub struct Total {
     cost: f64,
@@ -186,7 +186,7 @@ impl Total {
     /// Adds up the lanes of one part, whose groups have these `columns`.
     pub fn add(&mut self, sums: &NormalEquations, columns: &[Vec<usize>]) {
         self.cost += sums.cost.sum();
-        // What a group shares with others is the same parameters in each.
+        // The shared columns stand for the same parameters in every group.
         if let Some(columns) = columns.first() {
             self.add_rows(columns, 0, &sums.gradient, &sums.gram);
         }
@@ -211,9 +211,9 @@ impl Total {
 
     /// The sums as a linearisation.
     ///
-    /// A column that is zero but for rounding, below ε times the largest, is made
-    /// zero: a turn about an axis through the only point that it carries moves
-    /// nothing, and would otherwise be sent round 1e12 times.
+    /// A column whose norm is below ε times the largest norm is rounding and is set to zero. For
+    /// example, a turn about an axis through the only point that the chain carries moves nothing;
+    /// its step would otherwise be 1e12 turns.
     #[must_use]
     pub fn finish(mut self) -> Linearization {
         let n = self.gradient.len();
@@ -231,8 +231,8 @@ impl Total {
     }
 }
 
-/// NormalEquations over chunks of `items`, on all cores where there are many, always in
-/// the same order.
+/// Computes one sum per chunk of `items`, on all cores for many items, and merges the sums in the
+/// order of the chunks. `items` holds `per_block` entries per block.
 pub fn over_chunks<T: Send, S: Send>(
     items: &mut [T],
     per_block: usize,

@@ -1,8 +1,8 @@
-//! Normal equations of which some parameters meet few others: an arrow.
+//! Schur complement of normal equations in arrow form.
 //!
-//! Unknown points are many, but each meets only the terms and the points that
-//! known distances link it to: an *island* `b`. Islands are eliminated one by one
-//! (Schur), and what is left to factor has the size of the terms `t` alone:
+//! There are many unknown points, but the parameters of a point share entries of `JᵀJ` only with
+//! the terms and with the points that known distances link to that point: an *island* `b`. The
+//! islands are eliminated one by one, and the Schur complement has the size of the terms `t`:
 //!
 //! ```text
 //! H_bb = L_b L_bᵀ,   W_b = L_b⁻¹ H_bt,   z_b = L_b⁻¹ g_b
@@ -12,7 +12,7 @@
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 
-/// Parameters from `first` on, in islands: those of different ones never meet.
+/// Islands of the parameters from `first` on: sets whose mutual entries of `gram` are zero.
 #[must_use]
 pub fn islands(gram: &Mat<f64>, first: usize) -> Vec<Vec<usize>> {
     let n = gram.nrows();
@@ -29,8 +29,8 @@ pub fn islands(gram: &Mat<f64>, first: usize) -> Vec<Vec<usize>> {
     (first..n).map(members).filter(|m: &Vec<usize>| !m.is_empty()).collect()
 }
 
-/// Solves `(D⁻¹ h D⁻¹ + λ) D s = -D⁻¹ g` by (33), `D` being `scale`; none where the
-/// matrix is not positive definite.
+/// Solves `(D⁻¹ h D⁻¹ + λ) D s = -D⁻¹ g` by (33) with `D = scale`; `None` where the matrix is not
+/// positive definite.
 #[must_use]
 pub fn solve(
     h: &Mat<f64>,
@@ -42,7 +42,7 @@ pub fn solve(
     let apart: usize = islands.iter().map(Vec::len).sum();
     let terms = g.len() - apart;
     let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);
-    // W and z of all islands, one below the other; z is the last column.
+    // `W` and `z` of all islands, stacked; `z` is the last column.
     let mut w = Mat::<f64>::zeros(apart, terms + 1);
     let mut factors = Vec::with_capacity(islands.len());
     let mut first = 0;
@@ -125,7 +125,7 @@ fn backward(l: &[Vec<f64>], b: &mut [f64]) {
 mod tests {
     use super::*;
 
-    /// `JᵀJ` of a dense `J` whose last columns never meet: pairs of them, then one alone.
+    /// `JᵀJ` of a dense `J` whose last columns form two islands of two columns and one of one.
     fn arrow() -> (Mat<f64>, Vec<f64>) {
         let n = 9;
         let mut h = Mat::<f64>::zeros(n, n);

@@ -2,14 +2,17 @@
 
 use faer::{Mat, Side};
 
-/// Eigenvalues below this fraction of the largest, unit columns, are zero.
+/// Eigenvalues below this fraction of the largest count as zero, in unit columns.
 const RANK: f64 = 1e-11;
 
-/// Pseudo-inverse of a Gram matrix, the parameters that it cannot tell apart,
-/// and the condition number of its Jacobian with unit columns.
+/// Pseudo-inverse of a Gram matrix, a flag for each parameter that takes part in an unobservable
+/// direction, and the condition number of the Jacobian with unit columns.
 #[must_use]
 pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     let n = gram.nrows();
+    if n == 0 {
+        return (Mat::zeros(0, 0), Vec::new(), 1.0);
+    }
     let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
     let unit = Mat::from_fn(n, n, |i, j| {
         let norm = norms[i] * norms[j];
@@ -21,8 +24,7 @@ pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     };
     let values = eigen.S().column_vector();
     let vectors = eigen.U();
-    let largest = if n > 0 { values[n - 1] } else { 1.0 };
-    let smallest = if n > 0 { values[0].max(0.0) } else { 1.0 };
+    let (largest, smallest) = (values[n - 1], values[0].max(0.0));
     for k in 0..n {
         if values[k] < RANK * largest {
             for i in 0..n {
@@ -64,13 +66,16 @@ pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
     part
 }
 
-/// Share of a column that must be left after the projection.
+/// Smallest share of a column that counts after the projection.
 pub const SEEN: f64 = 1e-3;
 
-/// By how much χ² falls where all equations of a pose are left out, and how many those
-/// are that the others judge: `rᵀ (I - H)⁻¹ r` where `H`, what the fit absorbs there, is not 1.
+/// Decrease of χ² without the equations of a pose, `rᵀ (I - H)⁻¹ r`, and the number of directions
+/// that the other equations judge: those in which `H`, the part that the fit absorbs, is not 1.
 #[must_use]
 pub fn left_out(hat: &Mat<f64>, r: &[f64]) -> Option<(f64, f64)> {
+    if r.is_empty() {
+        return None;
+    }
     let left = Mat::<f64>::identity(r.len(), r.len()) - hat;
     let eigen = left.self_adjoint_eigen(Side::Lower).ok()?;
     let (values, vectors) = (eigen.S().column_vector(), eigen.U());

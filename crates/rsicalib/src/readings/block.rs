@@ -1,28 +1,29 @@
-//! Eight samples side by side, as the kernels take them.
+//! Blocks of eight samples, the unit that the kernels work on.
 
 use crate::numerics::lanes::{Lanes, WIDTH};
 
-/// Eight samples, or fewer.
+/// Up to eight samples of one group.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Block {
-    /// Rows of the table; the last is repeated where the block is not full.
+    /// Rows of the table; the last row is repeated where the block is not full.
     pub rows: [usize; WIDTH],
-    /// How many are real.
+    /// Number of samples; the lanes after them repeat the last one.
     pub live: usize,
-    /// Which combination of keys they share: index into [`Readings::groups`].
+    /// Combination of keys that the samples share: index into [`Readings::groups`](crate::Readings::groups).
     pub group: usize,
-    /// Time of each, 0 to 1 over the session.
+    /// Time of each sample, from 0 to 1 over the session.
     pub time: Lanes,
-    /// Temperature above the mean [K].
+    /// Temperature of each sample above the mean (K).
     pub temperature: Lanes,
-    /// Number of the pose of each.
+    /// Number of each sample's pose, from 0.
     pub pose: Lanes,
-    /// Number of the session of each.
+    /// Number of each sample's session, from 0.
     pub session: Lanes,
 }
 
 impl Block {
-    /// One for each sample of a session, zero for the others.
+    /// One in the lanes of the samples of a session, zero in the others.
     #[inline(always)]
     #[must_use]
     pub fn within(&self, session: usize) -> Lanes {

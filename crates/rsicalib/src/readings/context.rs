@@ -1,8 +1,8 @@
-//! Context of a sample: how each channel came to its reading.
+//! Context of a sample: the direction from which each channel came to its reading, and its velocity.
 //!
-//! For held poses the direction of approach is the sign of the change from the
-//! pose before; for a recording, that of the velocity. Velocities are slopes of
-//! a local parabola, so that noise of a reading hardly enters them.
+//! The direction of approach of a held pose is the sign of the change from the pose before. In
+//! a recording, the direction is the sign of the velocity. Velocities are slopes of a local
+//! parabola, so that the noise of a single reading hardly enters them.
 
 use crate::mechanism::Channel;
 use crate::readings::table::Table;
@@ -10,7 +10,8 @@ use crate::readings::table::Table;
 /// Changes by fewer counts than this from pose to pose have no direction.
 const STANDSTILL: f64 = 3.0;
 
-/// [`STANDSTILL`] in the unit of a channel: of an encoder, what it is of 4096 counts.
+/// [`STANDSTILL`] in the unit of a channel: for an encoder, the same share of the range as 3 of
+/// 4096 counts.
 fn standstill(channel: &Channel) -> f64 {
     if channel.unit == "count" { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
 }
@@ -21,9 +22,9 @@ const REACH: usize = 8;
 /// Direction and velocity, row by row, one per channel.
 #[derive(Debug, Clone)]
 pub struct Motion {
-    /// -1, 0 or 1.
+    /// -1, 0 or 1, row by row, one per channel.
     pub approach: Vec<f64>,
-    /// Readings per second; per row where there is no clock.
+    /// Readings per second, row by row, one per channel; readings per row without a time column.
     pub velocity: Vec<f64>,
 }
 
@@ -81,12 +82,12 @@ fn recording(table: &Table, still: &[f64]) -> Motion {
             let value = |r: usize| table.values[r * channels + c];
             let slope: f64 = near.iter().zip(&weights).map(|(&r, w)| w * value(r)).sum();
             velocity[row * channels + c] = slope;
-            // The sign of the change over the window; noise alone has none.
+            // A change over the window that noise alone can make has no direction.
             let reach = near.last().map_or(0.0, |&l| clock(l) - clock(near[0]));
             approach[row * channels + c] = direction(slope * reach, still[c]);
         }
     }
-    // Where a channel stands still it keeps the direction in which it came.
+    // A channel that stands still keeps the direction of its last motion.
     for row in 1..rows {
         for c in 0..channels {
             if approach[row * channels + c] == 0.0 && session(row) == session(row - 1) {

@@ -1,11 +1,12 @@
-//! Readings: checked once on the way in, laid out for vector lanes.
+//! Readings: tables, checks, and the layout for vector lanes.
 
 mod block;
 pub mod codes;
-pub mod context;
+pub(crate) mod context;
 mod samples;
 mod table;
 
 pub use block::Block;
 pub use samples::Readings;
-pub use table::{Table, average, rows_of};
+pub use table::Table;
+pub(crate) use table::{average, rows_of};

@@ -1,10 +1,9 @@
-//! Readings: checked once on the way in, laid out for vector lanes.
+//! Readings that are checked once and laid out for vector lanes.
 //!
-//! The unit of data is a *sample*, one reading of all channels; a pose is a
-//! label on samples. Samples are kept in blocks of [`WIDTH`], channel by
-//! channel, and no block mixes samples that touch different unknown points.
-//! What a sample needs from elsewhere, the direction of approach and the
-//! velocity, is *context*: computed once from the raw readings, then constant.
+//! A *sample* is one reading of all channels; a pose is a label on samples. Samples are kept in
+//! blocks of [`WIDTH`], channel by channel, and all samples of a block touch the same unknown
+//! points. The direction of approach and the velocity are the *context* of a sample: they are
+//! computed once from the raw readings and are then constant.
 
 use crate::Error;
 use crate::mechanism::Mechanism;
@@ -12,24 +11,24 @@ use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
 use crate::readings::table::Table;
 
-/// Readings of one mechanism, checked.
+/// Checked readings of one mechanism.
 #[derive(Debug, Clone)]
 pub struct Readings {
-    /// Samples.
+    /// Number of samples.
     pub samples: usize,
-    /// Channels.
+    /// Number of channels.
     pub channels: usize,
-    /// What users call each pose.
+    /// Label of each pose.
     pub labels: Vec<i64>,
-    /// Number of the pose of each sample.
+    /// Number of the pose of each sample, from 0.
     pub pose: Vec<usize>,
-    /// True where poses were held, each sampled one or more times.
+    /// True for held poses, each sampled once or more; false for a recording in motion.
     pub held: bool,
-    /// True where there is a time column, so that velocities are per second.
+    /// True for a table with a time column; velocities are then per second.
     pub timed: bool,
-    /// True where the temperature is known and changes.
+    /// True for a table with a temperature that changes.
     pub tempered: bool,
-    /// Mean temperature [°C].
+    /// Mean temperature (°C), from which temperatures are counted.
     pub mean_temperature: Option<f64>,
     /// Mean reading of each channel.
     pub mean: Vec<f64>,
@@ -37,13 +36,14 @@ pub struct Readings {
     pub span: Vec<[f64; 2]>,
     /// Number of sessions.
     pub sessions: usize,
-    /// Observations of each pose.
+    /// Number of the session of each pose, from 0.
     pub session_of_pose: Vec<usize>,
-    /// Combinations of keys that occur.
+    /// Combinations of keys that occur, in order of appearance: one value per key column.
     pub groups: Vec<Vec<String>>,
-    /// Raw table, for whoever needs it row by row.
+    /// The raw table, row by row.
     pub table: Table,
-    /// First and last time of each session [s], or first and last pose.
+    /// First and last time of each session (s); numbers of the first and last pose without a time
+    /// column.
     pub clock: Vec<[f64; 2]>,
     blocks: Vec<Block>,
     raw: Vec<Lanes>,
@@ -57,14 +57,16 @@ impl Readings {
     ///
     /// # Errors
     ///
-    /// [`Error::Shape`] where columns differ in length, [`Error::Reading`] where
-    /// a reading is not a number in its channel's range, [`Error::Empty`].
+    /// [`Error::Shape`] for columns that differ in length or in number from what the mechanism
+    /// needs, [`Error::Reading`] for a reading that is not a number in its channel's range,
+    /// [`Error::Empty`] for a table without rows, [`Error::Mechanism`] for a mechanism without
+    /// channels.
     pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
         Self::build(mechanism, table, None, true)
     }
 
-    /// Readings beside those of a fit: times, temperatures and places in the
-    /// order of poses are told as `main` tells its own.
+    /// Checks a table that is used beside the readings of a fit. Time, temperature and the order
+    /// of poses are counted as in `main`, the readings of the fit.
     ///
     /// # Errors
     ///
@@ -73,16 +75,20 @@ impl Readings {
         Self::build(mechanism, table, Some(main), false)
     }
 
-    /// One sample for each held pose, the mean of those that count, and how many did.
+    /// One sample for each held pose, the mean of its samples with a weight above zero, and the
+    /// number of those samples. `weights` holds one number per sample.
     ///
     /// # Errors
     ///
-    /// As [`Readings::new`].
+    /// As [`Readings::new`], and [`Error::Shape`] unless there is one weight per sample.
     pub fn averaged(
         &self,
         mechanism: &Mechanism,
         weights: &[f64],
     ) -> Result<(Self, Vec<f64>), Error> {
+        if weights.len() != self.samples {
+            return Err(shape("weights", weights.len(), self.samples));
+        }
         let rows_of_poses = self.rows_of_poses();
         let mut live = Vec::with_capacity(rows_of_poses.len());
         let mut used = Vec::with_capacity(rows_of_poses.len());
@@ -226,8 +232,8 @@ impl Readings {
         }
     }
 
-    /// Where a row of another table falls in the order of these poses: half-way
-    /// between two of them, by the clock; after the last one without a clock.
+    /// Position of a row of another table in the order of these poses: by the clock, half-way
+    /// between two poses; without a clock, after the last pose.
     fn place_of(&self, other: &Table, row: usize) -> f64 {
         let (Some(mine), Some(theirs)) = (&self.table.time, &other.time) else {
             return self.poses() as f64 - 0.5;
@@ -236,7 +242,7 @@ impl Readings {
         before.checked_sub(1).map_or(-0.5, |r| self.pose[r] as f64 + 0.5)
     }
 
-    /// Counts temperatures from `mean` [°C] instead of their own mean.
+    /// Counts temperatures from `mean` (°C) instead of the mean of these readings.
     pub fn count_temperature_from(&mut self, mean: f64) {
         let Some(own) = self.mean_temperature.replace(mean) else { return };
         for block in &mut self.blocks {
@@ -256,39 +262,42 @@ impl Readings {
         &self.blocks
     }
 
-    /// Raw readings of a block, one lane per sample, channel by channel.
+    /// Raw readings of a block: one [`Lanes`] per channel, one lane per sample. Empty for an index
+    /// beyond the last block.
     #[must_use]
     #[inline(always)]
     pub fn raw(&self, block: usize) -> &[Lanes] {
-        &self.raw[block * self.channels..(block + 1) * self.channels]
+        part(&self.raw, block, self.channels)
     }
 
-    /// Direction of approach of each channel in a block: -1, 0, 1.
+    /// Direction of approach of each channel in a block: -1, 0 or 1. Empty for an index beyond the
+    /// last block.
     #[must_use]
     #[inline(always)]
     pub fn approach(&self, block: usize) -> &[Lanes] {
-        &self.approach[block * self.channels..(block + 1) * self.channels]
+        part(&self.approach, block, self.channels)
     }
 
-    /// Velocity of each channel in a block, readings per second.
+    /// Velocity of each channel in a block, in readings per second. Empty for an index beyond the
+    /// last block.
     #[must_use]
     #[inline(always)]
     pub fn velocity(&self, block: usize) -> &[Lanes] {
-        &self.velocity[block * self.channels..(block + 1) * self.channels]
+        part(&self.velocity, block, self.channels)
     }
 
-    /// Measured distances of a block, one per value column.
+    /// Measured distances of a block in length units, one [`Lanes`] per value column. Empty for an
+    /// index beyond the last block.
     #[must_use]
     #[inline(always)]
     pub fn columns(&self, block: usize) -> &[Lanes] {
-        let n = self.table.columns.len();
-        &self.columns[block * n..(block + 1) * n]
+        part(&self.columns, block, self.table.columns.len())
     }
 
-    /// One row of raw readings.
+    /// One row of raw readings, one per channel. Empty for an index beyond the last row.
     #[must_use]
     pub fn row(&self, row: usize) -> &[f64] {
-        &self.table.values[row * self.channels..(row + 1) * self.channels]
+        part(&self.table.values, row, self.channels)
     }
 
     /// The rows of each pose, in order.
@@ -336,17 +345,32 @@ impl Readings {
         rows
     }
 
-    /// The mean of all rows, a single sample: of a rest reading.
+    /// Mean reading of each channel over all rows.
     #[must_use]
     pub fn mean_row(&self) -> &[f64] {
         &self.mean
     }
 }
 
+/// Part `k` of `all` in parts of `width` entries; empty where there is no such part.
+#[inline(always)]
+fn part<T>(all: &[T], k: usize, width: usize) -> &[T] {
+    let first = k.saturating_mul(width);
+    all.get(first..first.saturating_add(width)).unwrap_or_default()
+}
+
+/// Largest number of sessions. Clocks are stored by session number, so a wrong number in the
+/// table must not set the size of that array.
+const MOST_SESSIONS: usize = 100_000;
+
 fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let channels = mechanism.channels.len();
     if channels == 0 {
-        return Err(Error::Empty("the mechanism has no channel".into()));
+        return Err(Error::Mechanism {
+            place: "channel".into(),
+            found: "none".into(),
+            expected: "at least one".into(),
+        });
     }
     let samples = table.values.len() / channels;
     if !table.values.len().is_multiple_of(channels) {
@@ -362,6 +386,11 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     same("time", table.time.as_ref().map_or(samples, Vec::len))?;
     same("temperature", table.temperature.as_ref().map_or(samples, Vec::len))?;
     same("session", table.session.as_ref().map_or(samples, Vec::len))?;
+    let last = table.session.iter().flatten().copied().max().unwrap_or(0);
+    if last >= MOST_SESSIONS {
+        let what = format!("the list of sessions, which ends with number {last},");
+        return Err(shape(&what, last.saturating_add(1), MOST_SESSIONS));
+    }
     let keys = mechanism.key_columns();
     if table.keys.len() != keys.len() {
         return Err(shape(&format!("keys ({})", keys.join(", ")), table.keys.len(), keys.len()));
@@ -393,7 +422,7 @@ fn shape(what: &str, found: usize, expected: usize) -> Error {
     Error::Shape { what: what.into(), found, expected }
 }
 
-/// Numbers poses in order of appearance, sessions apart.
+/// Numbers the poses of each session in order of appearance.
 fn number_poses(table: &Table, samples: usize) -> (Vec<usize>, Vec<i64>) {
     let Some(labels) = &table.pose else {
         return ((0..samples).collect(), (1..=samples as i64).collect());
@@ -451,8 +480,8 @@ fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]>
     ends
 }
 
-/// Time from 0 to 1 over each session. Readings from before or after it are told as its
-/// first or last: how a drift went on there nobody knows.
+/// Time from 0 to 1 over each session. Readings from before or after the session have time 0 or
+/// 1, because a drift outside the session is unknown.
 fn session_time(table: &Table, pose: &[usize], clock: &[[f64; 2]], samples: usize) -> Vec<f64> {
     (0..samples)
         .map(|row| {

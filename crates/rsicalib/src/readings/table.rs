@@ -1,28 +1,28 @@
-//! Readings as they come: a table, row by row.
+//! Raw readings: a table, row by row.
 
-/// Readings as they come, row by row.
+/// Raw readings, row by row. Every column has one entry per row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
-    /// Readings, row by row, one per channel of the mechanism.
+    /// Readings, row by row, one per channel of the mechanism, in the channel's unit.
     pub values: Vec<f64>,
-    /// Label of the held pose of each row; none for a recording in motion.
+    /// Label of the held pose of each row; `None` for a recording in motion.
     pub pose: Option<Vec<i64>>,
-    /// Time of each row [s].
+    /// Time of each row (s).
     pub time: Option<Vec<f64>>,
-    /// Temperature at each row [°C].
+    /// Temperature at each row (°C).
     pub temperature: Option<Vec<f64>>,
-    /// Observations of each row, counted from 0; none for a single one.
+    /// Number of the session of each row, from 0; `None` for a single session.
     pub session: Option<Vec<usize>>,
-    /// For each key column of the mechanism, its text in each row.
+    /// For each key column of the mechanism, the text of each row.
     pub keys: Vec<Vec<String>>,
-    /// For each value column of the mechanism, its number in each row.
+    /// For each value column of the mechanism, the number of each row.
     pub columns: Vec<Vec<f64>>,
 }
 
-/// One row for each pose: the mean of its samples.
+/// One row for each run of rows with the same pose, the mean of those rows, and the rows of each run.
 #[must_use]
-pub fn average(table: &Table, channels: usize) -> (Table, Vec<Vec<usize>>) {
-    let rows = table.values.len() / channels;
+pub(crate) fn average(table: &Table, channels: usize) -> (Table, Vec<Vec<usize>>) {
+    let rows = table.values.len().checked_div(channels).unwrap_or(0);
     let mut poses: Vec<Vec<usize>> = Vec::new();
     match &table.pose {
         None => poses.extend((0..rows).map(|r| vec![r])),
@@ -70,7 +70,7 @@ pub fn average(table: &Table, channels: usize) -> (Table, Vec<Vec<usize>>) {
 
 /// Some rows of a table.
 #[must_use]
-pub fn rows_of(table: &Table, channels: usize, rows: &[usize]) -> Table {
+pub(crate) fn rows_of(table: &Table, channels: usize, rows: &[usize]) -> Table {
     let pick = |column: &Vec<f64>| rows.iter().map(|&r| column[r]).collect::<Vec<_>>();
     Table {
         values: rows

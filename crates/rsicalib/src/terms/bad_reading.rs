@@ -8,7 +8,7 @@ term! {
     /// A reading that is wrong in one pose.
     ///
     /// Adds `error` to the reading of one channel in all samples of one pose: a
-    /// wiper that bounced, a bit that flipped. The pose is searched for.
+    /// wiper that bounced, or a bit that flipped. The search tries every pose.
     BadReading("bad_reading", Data, per Channel, needs Nothing) {
         error: "reading" ~ 20.0,
     }

@@ -6,7 +6,7 @@ use crate::terms::term::{Acts, Info, Spot, Term};
 term! {
     /// The first joint axis of a chain is tilted.
     ///
-    /// Turns the whole chain about the x and y axes of its first joint's frame; a
+    /// Turns the whole chain about the x and y axes of its first joint's frame. A
     /// turn about z is the offset of that joint.
     BaseTilt("base_tilt", Geometry, per Chain, needs Nothing) {
         rx: "rad" ~ 4e-3,

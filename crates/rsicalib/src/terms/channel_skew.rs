@@ -6,8 +6,8 @@ use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 term! {
     /// Channels that are read one after the other.
     ///
-    /// In motion, the n-th channel is read `n skew` after the first. Its reading at
-    /// the common instant is `a - n skew v`, with `v` its velocity.
+    /// In motion, the n-th channel is read `n skew` after the first. The reading at
+    /// the common instant is `a - n skew v`, with the channel's velocity `v`.
     ChannelSkew("channel_skew", Electronics, per All, needs Motion) {
         skew: "s" ~ 2e-4,
     }

@@ -7,8 +7,8 @@ use crate::terms::term::{Acts, Electronics, Info, Placed, Site, Term};
 term! {
     /// A channel that picks up part of a neighbouring one.
     ///
-    /// Adds `share (b - middle)` to the reading, with `b` the reading of the
-    /// neighbour: a multiplexer that does not settle, or a shared return wire.
+    /// Adds `share (b - middle)` to the reading, with the neighbour's reading `b`: a
+    /// multiplexer that does not settle, or a shared return wire.
     Crosstalk("crosstalk", Sensor, per Channel, needs Nothing) {
         share: "1" ~ 5e-3,
     }

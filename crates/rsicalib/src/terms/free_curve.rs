@@ -5,7 +5,7 @@ use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 use crate::terms::waves;
 
 term! {
-    /// A smooth error of a sensor whose shape nobody named.
+    /// A smooth error of a sensor, of any shape.
     ///
     /// Adds `Σ_k c_k cos(k π s)` to the joint angle, where `s` runs from 0 to 1
     /// over the readings that occur. Each coefficient is held by its typical size,

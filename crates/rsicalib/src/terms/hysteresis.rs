@@ -6,8 +6,9 @@ use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 term! {
     /// Error of a sensor that depends on the direction of approach.
     ///
-    /// Adds `h` to the joint angle where the reading rose to its value and `-h`
-    /// where it fell: play between shaft and wiper. Half the width of the loop.
+    /// Adds `h` to the joint angle where the reading rose to its value, and `-h`
+    /// where the reading fell: play between shaft and wiper. `h` is half the width of
+    /// the loop.
     Hysteresis("hysteresis", Sensor, per Channel, needs Approach) {
         h: "rad" ~ 1e-3,
     }

@@ -6,8 +6,8 @@ use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 term! {
     /// One channel that is late.
     ///
-    /// In motion, a filter on one channel delays it by `lag`: its reading at the
-    /// common instant is `a + lag v`, with `v` its velocity.
+    /// In motion, a filter delays one channel by `lag`. The reading at the common
+    /// instant is `a + lag v`, with the channel's velocity `v`.
     Lag("lag", Sensor, per Channel, needs Motion) {
         lag: "s" ~ 1e-3,
     }

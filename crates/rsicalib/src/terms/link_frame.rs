@@ -6,8 +6,8 @@ use crate::terms::term::{Acts, Info, Spot, Term};
 term! {
     /// The whole frame of a link: three translations and three rotations.
     ///
-    /// Complete geometry of a chain is this term at every row; the directions that
-    /// are redundant are found and left to their priors.
+    /// This term at every row is the complete geometry of a chain. Redundant
+    /// directions are determined by the priors.
     LinkFrame("link_frame", Geometry, per Row, needs Nothing, broad) {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,

@@ -1,16 +1,15 @@
 //! Terms: the physical effects that a model is made of.
 //!
-//! The paper's model is the list `[offset, gain]`; closing the loop is adding
-//! to that list. A term says at which of four stages it acts, sees that stage's
-//! state of one sample and its context, adds its own, and knows nothing of
-//! other terms:
+//! The paper's model is the list `[offset, gain]`; a trace adds terms to that list. Each term acts
+//! at one of four stages. The term sees the state of that stage for one sample, and the context
+//! of the sample, and adds its own correction. No term depends on another term:
 //!
 //! ```text
 //! readings → electronics → sensor → geometry and load → closure
 //! ```
 //!
-//! A term is one file in this folder and one line in the registry at the foot
-//! of this one. Its parameters are zero where the effect is absent.
+//! A term is one file in this folder and one line in the registry at the end of this file. The
+//! parameters of a term are zero where the effect is absent.
 
 use crate::Error;
 use crate::terms::term::Term;
@@ -24,7 +23,7 @@ macro_rules! registry {
     ($($module:ident::$name:ident),* $(,)?) => {
         $(pub use $module::$name;)*
 
-        /// Every term there is, in the order of the stages.
+        /// Every term, in the order of the stages.
         pub static ALL: &[&dyn Term] = &[$(&$name),*];
 
         #[cfg(test)]
@@ -59,11 +58,11 @@ macro_rules! registry {
     };
 }
 
-/// The term of an id.
+/// The term with an id.
 ///
 /// # Errors
 ///
-/// [`Error::Unknown`] with the ids there are.
+/// [`Error::Unknown`] with the known ids.
 pub fn find(id: &str) -> Result<&'static dyn Term, Error> {
     ALL.iter().copied().find(|t| t.info().id == id).ok_or_else(|| Error::Unknown {
         kind: "term",

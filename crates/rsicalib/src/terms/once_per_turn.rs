@@ -5,10 +5,11 @@ use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
-    /// Error of a sensor that comes back once per turn.
+    /// Error of a sensor that repeats once per turn.
     ///
     /// Adds `a sin φ + b cos φ` to the joint angle, where `φ` is the nominal angle of the
-    /// sensor from the middle of its range. A track centred off the joint axis by `e` errs by `e/R` for a track of radius `R`.
+    /// sensor from the middle of its range. A track of radius `R` that is centred `e` off the
+    /// joint axis has an error of `e/R`.
     OncePerTurn("once_per_turn", Sensor, per Channel, needs Nothing) {
         a: "rad" ~ 0.01,
         b: "rad" ~ 0.01,

@@ -6,8 +6,8 @@ use crate::terms::term::{Acts, Info, Spot, Term};
 term! {
     /// The points that a chain carries sit elsewhere than drawn.
     ///
-    /// Moves them along the axes of the frame at the end of the chain: a tool of
-    /// which only the rough shape is known.
+    /// Moves the points along the axes of the frame at the end of the chain: a tool
+    /// whose shape is known only roughly.
     PointPosition("point_position", Geometry, per Chain, needs Nothing, broad) {
         x: "length" ~ 0.05,
         y: "length" ~ 0.05,

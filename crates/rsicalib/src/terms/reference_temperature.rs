@@ -7,8 +7,8 @@ use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 term! {
     /// A converter's reference that follows the temperature.
     ///
-    /// Multiplies all readings by `1 + rate T`, `T` the temperature above the mean of
-    /// the session.
+    /// Multiplies all readings by `1 + rate T`, where `T` is the temperature above
+    /// the mean of the session.
     ReferenceTemperature("reference_temperature", Electronics, per All, needs Temperature) {
         rate: "1/K" ~ 3e-4,
     }

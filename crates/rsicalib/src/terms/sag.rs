@@ -6,8 +6,8 @@ use crate::terms::term::{Acts, Info, Term};
 term! {
     /// A chain that bends under the weight at its end.
     ///
-    /// Each joint gives by `compliance` times the torque of a unit weight at the
-    /// points that the chain carries: of one chain, or of all alike.
+    /// Each joint of one chain, or of all chains, gives by `compliance` times the
+    /// torque of a unit weight at the points that its chain carries.
     Sag("sag", Load, per ChainOrAll, needs Gravity) {
         compliance: "rad/length" ~ 4e-3,
     }

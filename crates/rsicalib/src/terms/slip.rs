@@ -8,7 +8,7 @@ term! {
     /// A sensor that jumped once.
     ///
     /// Adds `step` to the joint angle from one pose on: a set screw that gave way.
-    /// The pose is searched for, and the search paid for.
+    /// The search tries every pose, and the p-value is corrected for their number.
     Slip("slip", Sensor, per Channel, needs Order) {
         step: "rad" ~ 0.01,
     }
@@ -50,7 +50,7 @@ impl Sensor for Slip {
     }
 }
 
-/// One from the pose of the slip on, zero before.
+/// One from the pose of the slip on, zero before that pose.
 fn after(site: &Site) -> Lanes {
     let place = site.place as f64;
     site.pose.map(|pose| if pose >= place { 1.0 } else { 0.0 })

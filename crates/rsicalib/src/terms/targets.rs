@@ -1,4 +1,4 @@
-//! Where a term may act, whether the readings have what the term needs, and how large it is.
+//! Targets of a term, the data that a term needs, and the typical sizes of its parameters.
 
 use crate::Error;
 use crate::mechanism::{ClosureKind, Mechanism, Target};
@@ -17,7 +17,7 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
         Per::Channel => (0..mechanism.channels.len())
             .filter(|&c| term.suits(mechanism, c))
             .filter(|&c| term.info().needs != Needs::Masses || carries_mass(mechanism, c))
-            // Of two poses a search has places to try, unless there can be none.
+            // A term that has no places with two poses has none at this channel.
             .filter(|&c| !term.places(mechanism, c, 2).is_empty())
             .map(Target::Channel)
             .collect(),
@@ -50,11 +50,11 @@ fn carries_mass(mechanism: &Mechanism, channel: usize) -> bool {
 /// What a common reference needs.
 const CONVERTER: &str = "channels that a converter reads, in counts or volts";
 
-/// Refuses a term that needs what the readings or the mechanism do not have.
+/// Refuses a term that needs data which the readings or the mechanism do not have.
 ///
 /// # Errors
 ///
-/// [`Error::Context`].
+/// [`Error::Context`] with the missing data.
 pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> Result<(), Error> {
     let info = term.info();
     let masses = || mechanism.chains.iter().any(|c| c.rows.iter().any(|r| r.mass.is_some()));
@@ -77,8 +77,8 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
 
 /// Typical size of each parameter of a term at a target, in the units of a mechanism.
 ///
-/// Lengths are declared as fractions of the longest link, and what is per torque
-/// for all masses at the end of that link. A joint that slides is off by a length.
+/// A typical length is declared as a fraction of the longest link, and a typical size per torque
+/// for all masses at the end of that link. An angle of a prismatic joint is a length.
 #[must_use]
 pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f64> {
     let rows = || mechanism.chains.iter().flat_map(|c| &c.rows);

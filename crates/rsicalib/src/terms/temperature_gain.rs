@@ -6,8 +6,8 @@ use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 term! {
     /// Gain of a sensor that follows the temperature.
     ///
-    /// Adds `k (a - middle) rate T` to the joint angle, with the nominal gain `k` and
-    /// `T` the temperature above the mean of the session.
+    /// Adds `k (a - middle) rate T` to the joint angle, where `k` is the nominal gain
+    /// and `T` the temperature above the mean of the session.
     TemperatureGain("temperature_gain", Sensor, per Channel, needs Temperature) {
         rate: "1/K" ~ 1e-3,
     }

@@ -6,8 +6,8 @@ use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 term! {
     /// Offset of a sensor that follows the temperature.
     ///
-    /// Adds `rate T` to the joint angle, `T` the temperature above the mean of the
-    /// session.
+    /// Adds `rate T` to the joint angle, where `T` is the temperature above the mean
+    /// of the session.
     TemperatureOffset("temperature_offset", Sensor, per Channel, needs Temperature) {
         rate: "rad/K" ~ 1e-3,
     }

@@ -16,19 +16,20 @@ use crate::kinematics::elements::{Axis, Way, Weight};
 use crate::mechanism::{Channel, Mechanism};
 use crate::numerics::lanes::Lanes;
 
-/// Where the fault lies that a term describes.
+/// Kind of the fault that a term describes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+#[non_exhaustive]
 pub enum Class {
     /// One channel.
     Sensor,
-    /// All channels alike.
+    /// All channels in the same way.
     Electronics,
     /// Lengths and axes.
     Geometry,
-    /// What closes the loop.
+    /// Closures.
     Closure,
     /// Weight and stiffness.
     Load,
@@ -36,8 +37,9 @@ pub enum Class {
     Data,
 }
 
-/// What one instance of a term belongs to.
+/// Kind of target of a term.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Per {
     /// A channel: `a22`.
     Channel,
@@ -45,7 +47,7 @@ pub enum Per {
     Row,
     /// A chain: `arm2`.
     Chain,
-    /// A chain, or all chains alike: `arm2`, `all`.
+    /// A chain, or all chains with one parameter: `arm2`, `all`.
     ChainOrAll,
     /// A closure: `wrist1-wrist2`.
     Closure,
@@ -53,12 +55,13 @@ pub enum Per {
     All,
 }
 
-/// What a term needs of the readings.
+/// Data that a term needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Needs {
     /// Nothing but readings.
     Nothing,
-    /// `time_s`.
+    /// The time of each row, `time_s`.
     Order,
     /// A temperature that changes.
     Temperature,
@@ -73,7 +76,7 @@ pub enum Needs {
 }
 
 impl Needs {
-    /// What is missing, in words.
+    /// The missing data, for messages.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
@@ -90,52 +93,56 @@ impl Needs {
 
 /// One parameter of a term.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Parameter {
-    /// Its name.
+    /// Name of the parameter.
     pub name: &'static str,
-    /// Its unit; `length` stands for the mechanism's unit, `reading` for the channel's.
+    /// Unit; `length` stands for the mechanism's unit, `reading` for the channel's.
     pub unit: &'static str,
-    /// A size that occurs in practice, see [`typical`]: scale of priors and of tests.
+    /// A size that occurs in practice, the scale of priors and of tests; see
+    /// [`typical`](crate::terms::targets::typical).
     pub typical: f64,
 }
 
 /// Identity of a term.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Info {
-    /// What scripts call it.
+    /// Name of the term, for scripts.
     pub id: &'static str,
-    /// Where the fault lies.
+    /// Kind of the fault.
     pub class: Class,
-    /// What an instance belongs to.
+    /// Kind of target.
     pub per: Per,
-    /// What it needs of the readings.
+    /// Data that the term needs.
     pub needs: Needs,
-    /// Its parameters.
+    /// Parameters of the term.
     pub parameters: &'static [Parameter],
-    /// What it is, from its source.
+    /// Description of the term, from the doc comment in its source.
     pub doc: &'static str,
-    /// True for a free shape, whose parameters are held by their typical size.
+    /// True for a free shape: a prior with the typical size as its standard deviation holds each
+    /// parameter.
     pub penalised: bool,
-    /// True for a term that repeats part of others, and is held by its typical size: the whole
-    /// frame of a link, identified where it is asked for and no candidate when a residual is
-    /// traced; and the tool.
+    /// True for a term that contains many others. Such a term is identified on request, and is no
+    /// candidate of a trace.
     pub broad: bool,
 }
 
-/// Constants of one channel that terms scale by.
+/// Constants of one channel, for the scaling of terms.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Scale {
-    /// Reading about which offset and gain are told apart.
+    /// Reading at which the offset is defined, so that offset and gain are nearly independent.
     pub centre: f64,
     /// Middle of the channel's range.
     pub middle: f64,
-    /// Half its range, in readings.
+    /// Half the range, in readings.
     pub half_range: f64,
-    /// Nominal gain.
+    /// Nominal gain (rad or length per reading).
     pub gain: f64,
-    /// Nominal joint coordinate at the centre.
+    /// Nominal joint coordinate at `centre` (rad or length).
     pub angle: f64,
-    /// Lowest and highest reading in these data.
+    /// Lowest and highest reading in the data.
     pub span: [f64; 2],
 }
 
@@ -154,8 +161,9 @@ impl Scale {
     }
 }
 
-/// What a term sees of eight samples.
+/// State and context of eight samples, the input of a term.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Site<'a> {
     /// Readings that enter the stage, one per channel.
     pub readings: &'a [Lanes],
@@ -167,13 +175,13 @@ pub struct Site<'a> {
     pub time: Lanes,
     /// Temperature above the mean of the session, K.
     pub temperature: Lanes,
-    /// Direction from which each channel came to its reading: -1, 0, 1.
+    /// Direction from which each channel came to its reading: -1, 0 or 1.
     pub approach: &'a [Lanes],
     /// Change of each reading, per second.
     pub velocity: &'a [Lanes],
     /// Number of each sample's pose.
     pub pose: Lanes,
-    /// Where a searched term acts: a pose, or another channel.
+    /// Place of the instance: the pose, or the other channel, where a searched term acts.
     pub place: usize,
 }
 
@@ -210,7 +218,8 @@ impl Site<'_> {
 
 /// A term that acts on readings: volts and counts.
 pub trait Electronics: Sync {
-    /// What it adds to the reading of `site.channel`.
+    /// Correction that the term adds to the reading of `site.channel`, in the unit of a reading.
+    /// `p` holds the parameters of the term.
     fn correction(&self, p: &[f64], site: &Site) -> Lanes;
     /// Derivatives of the correction by `p`.
     fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
@@ -220,7 +229,8 @@ pub trait Electronics: Sync {
 
 /// A term that acts on one joint: reading to angle.
 pub trait Sensor: Sync {
-    /// What it adds to the joint coordinate [rad].
+    /// Correction that the term adds to the joint coordinate (rad, or length units). `p` holds the
+    /// parameters of the term.
     fn correction(&self, p: &[f64], site: &Site) -> Lanes;
     /// Derivatives of the correction by `p`.
     fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
@@ -228,7 +238,7 @@ pub trait Sensor: Sync {
     fn slope(&self, p: &[f64], site: &Site) -> Lanes;
 }
 
-/// Where along a row a geometry term moves it.
+/// Spot on a chain at which a geometry term moves the chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Spot {
     /// Before the first joint of a chain, along the axes of the base.
@@ -239,25 +249,26 @@ pub enum Spot {
     Joint,
     /// After the translation of a row's body: about the next joint's origin.
     End,
-    /// At the frame at the end of a chain.
+    /// In the frame at the end of a chain.
     Tip,
 }
 
-/// A motion that a geometry term frees, one per parameter.
+/// A motion that a geometry term adds, one per parameter.
 pub type Freedom = (Spot, Axis, Way);
 
-/// At which stage a term acts, and what it does there.
+/// Stage at which a term acts, and the action there.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub enum Acts {
-    /// On readings.
+    /// Corrects readings.
     Electronics(&'static dyn Electronics),
-    /// On one joint coordinate.
+    /// Corrects one joint coordinate.
     Sensor(&'static dyn Sensor),
-    /// On the bodies of a chain.
+    /// Moves the bodies of a chain.
     Geometry(&'static [Freedom]),
-    /// On joints, by their torque.
+    /// Moves joints in proportion to their torque.
     Load(Weight),
-    /// On the value of a distance.
+    /// Corrects the value of a distance.
     Distance,
 }
 
@@ -289,13 +300,13 @@ pub enum Role {
 
 /// One physical term of the model.
 pub trait Term: Sync {
-    /// Identity, parameters, units and words.
+    /// Identity, parameters, units and description.
     fn info(&self) -> &'static Info;
 
-    /// At which stage it acts.
+    /// Stage at which the term acts.
     fn acts(&self) -> Acts;
 
-    /// What the place of an instance is, of a term that has several at one target.
+    /// Kind of place of an instance.
     fn placed(&self) -> Placed {
         Placed::Once
     }
@@ -306,7 +317,7 @@ pub trait Term: Sync {
         true
     }
 
-    /// Those places, to be tried one by one.
+    /// The places of the term at a channel, which a search tries one by one.
     fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {
         vec![0]
     }
@@ -326,39 +337,41 @@ pub trait Term: Sync {
     }
 }
 
-/// What the place of an instance is.
+/// Kind of place of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Placed {
-    /// Nothing: there is one at each target.
+    /// No place: one instance at each target.
     Once,
-    /// A pose, that is searched for.
+    /// A pose, found by a search.
     AtPose,
     /// Another channel.
     AtChannel,
 }
 
-/// What a law runs over that gives a correction for each of its values.
+/// The variable of a law that is a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+#[non_exhaustive]
 pub enum Over {
-    /// The reading of its channel; the correction is an angle.
+    /// The reading of the channel; the correction is an angle.
     Reading,
-    /// Time, from 0 to 1 over the session; the correction is an angle, of the converter's
-    /// reference a fraction of all readings.
+    /// Time, from 0 to 1 over the session. The correction of a sensor is an angle; the correction
+    /// of the converter's reference is a fraction of all readings.
     Time,
 }
 
 impl dyn Term + '_ {
-    /// True for a geometry term that moves nothing but what lies at these spots.
+    /// True for a geometry term that moves the chain at these spots only.
     #[must_use]
     pub fn moves_only(&self, spots: &[Spot]) -> bool {
         matches!(self.acts(), Acts::Geometry(freedoms)
             if freedoms.iter().all(|(spot, ..)| spots.contains(spot)))
     }
 
-    /// What it is a curve over; none for a law of anything else.
+    /// The variable of the term's curve; `None` for a term that is no curve.
     #[must_use]
     pub fn over(&self) -> Option<Over> {
         match (self.acts(), self.info().needs) {
@@ -382,7 +395,7 @@ impl PartialEq for dyn Term {
     }
 }
 
-/// Declares a term: its identity from its doc comment and parameters.
+/// Declares a term, with its identity from the doc comment and the parameters.
 macro_rules! term {
     (
         $(#[doc = $doc:expr])*

@@ -5,10 +5,10 @@ use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
-    /// Error of a sensor that comes back twice per turn.
+    /// Error of a sensor that repeats twice per turn.
     ///
     /// Adds `a sin 2φ + b cos 2φ` to the joint angle, where `φ` is the nominal angle of the
-    /// sensor from the middle of its range. An oval track, or a shaft coupling at an angle, errs twice per turn.
+    /// sensor from the middle of its range: an oval track, or a shaft coupling at an angle.
     TwicePerTurn("twice_per_turn", Sensor, per Channel, needs Nothing) {
         a: "rad" ~ 0.01,
         b: "rad" ~ 0.01,

@@ -1,4 +1,4 @@
-//! `cos(k π s)` for `k` from 1 on: the waves of which free shapes are made.
+//! `cos(k π s)` for `k` from 1 on: the basis functions of free shapes.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,7 @@ pub fn sum(p: &[f64], s: Lanes) -> Lanes {
     sum
 }
 
-/// `cos(k π s)`, one after the other.
+/// `cos(k π s)` for `k` from 1 to the length of `out`.
 pub fn each(s: Lanes, out: &mut [Lanes]) {
     for (k, out) in out.iter_mut().enumerate() {
         *out = wave(k, s).1;

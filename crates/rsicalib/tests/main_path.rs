@@ -1,0 +1,84 @@
+//! The main path on the hand controller: observations, fit, calibration, trace, verdict.
+
+use devices::{Device, How, Rng, hand_controller};
+use rsicalib::diagnosis::options::SearchOptions;
+use rsicalib::diagnosis::verdict::Verdict;
+use rsicalib::estimate::directions::reported;
+use rsicalib::model::parse;
+use rsicalib::report::{calibrated, traced};
+use rsicalib::{FitOptions, Observations, fit};
+
+#[allow(dead_code)] // of all devices, the hand controller alone
+mod devices;
+
+/// Standard deviation of one reading [count], declared.
+const NOISE: f64 = 0.5;
+
+/// Offsets and gains that are not as drawn, and `curvature` at the ends of a22's range [rad].
+fn simulated(curvature: f64) -> (Device, Vec<f64>) {
+    let mut device = hand_controller(How::Held, 11);
+    // Every row of this device is a pose of its own.
+    device.table.pose = Some((0..device.readings().samples as i64).collect());
+    let readings = device.readings();
+    let specs = ["offset", "gain", "curvature@a22"].map(String::from);
+    let instances = parse(&device.mechanism, &readings, &specs).expect("terms");
+    let pattern = |c: usize, pace: f64| (pace * c as f64).sin();
+    let mut truth: Vec<f64> = (0..9).map(|c| 0.02 * pattern(c, 1.3)).collect();
+    truth.extend((0..9).map(|c| 1e-5 * pattern(c, 2.1)));
+    truth.push(curvature);
+    assert!(device.closes(&instances, &truth), "a pose is out of reach");
+    let mut rng = Rng::new(5);
+    device.table.values.iter_mut().for_each(|a| *a += NOISE * rng.normal());
+    (device, truth)
+}
+
+fn observations(device: &Device) -> Observations {
+    let options = FitOptions { noise: Some(vec![NOISE; 9]), ..FitOptions::default() };
+    Observations::new(&device.mechanism, device.table.clone(), None, options).expect("readings")
+}
+
+#[test]
+fn a_fit_finds_the_gains_within_its_own_standard_deviations() {
+    let (device, truth) = simulated(0.0);
+    let observations = observations(&device);
+    let instances = observations.instances().expect("offset and gain");
+    let fit = fit(&observations, instances, None).expect("enough poses");
+    assert!(fit.termination.converged() && fit.plausible);
+    let (values, covariance) = reported(&fit);
+    for c in 0..9 {
+        let gain = device.mechanism.channels[c].gain + truth[9 + c];
+        let sd = covariance[(9 + c, 9 + c)].sqrt();
+        // Nine normal deviations: one beyond 4.5 in 16,000 fits.
+        assert!((values[9 + c] - gain).abs() < 4.5 * sd, "gain {c}: {} ± {sd}", values[9 + c]);
+    }
+}
+
+#[test]
+fn sound_readings_are_adequate_for_both_verbs() {
+    let observations = observations(&simulated(0.0).0);
+    let (calibration, _) = calibrated::report(&observations, None).expect("a calibration");
+    assert_eq!(calibration.verdict, Verdict::Adequate);
+    let trace = traced::report(&observations, &SearchOptions::default(), None).expect("a trace");
+    assert_eq!(trace.verdict, Verdict::Adequate);
+    assert!(trace.steps.is_empty());
+}
+
+#[test]
+fn a_bent_sensor_is_unexplained_before_the_trace_and_explained_after_it() {
+    let curvature = 0.15;
+    let observations = observations(&simulated(curvature).0);
+    let (calibration, _) = calibrated::report(&observations, None).expect("a calibration");
+    assert_eq!(calibration.verdict, Verdict::Unexplained);
+    let trace = traced::report(&observations, &SearchOptions::default(), None).expect("a trace");
+    assert_eq!(trace.verdict, Verdict::Explained);
+    assert_eq!(trace.steps.len(), 1);
+    let step = &trace.steps[0];
+    assert_eq!(step.effect.target, "a22");
+    let named = step.effect.term == "curvature";
+    assert!(named || step.also_fits.iter().any(|p| p.term == "curvature"), "{step:?}");
+    if named {
+        let found = &step.parameters[0];
+        let sd = found.sd.expect("determined");
+        assert!((found.value - curvature).abs() < 5.0 * sd, "{} ± {sd}", found.value);
+    }
+}
