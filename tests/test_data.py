@@ -706,7 +706,7 @@ def test_time_that_goes_back_is_told_with_its_line(write):
 @pytest.mark.parametrize("name", ["readings.csv", "rest.csv", "check.csv"])
 def test_the_published_hand_controllers_raise_no_suspicion(name):
     paths = sorted(SHARED.glob(f"*/{name}"))
-    assert len(paths) == 12
+    assert len(paths) >= 12, "the paper's hand controllers, and later ones beside them"
     for path in paths:
         readings = load_readings(path, RSI)
         assert readings.warnings == () and suspicions(readings, RSI) == []

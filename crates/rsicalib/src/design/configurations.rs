@@ -403,7 +403,7 @@ fn keys(mechanism: &Mechanism) -> Result<Vec<Vec<String>>, Error> {
         }
         combinations = combinations
             .iter()
-            .flat_map(|c| named.iter().map(|n| [&c[..], &[n.clone()]].concat()))
+            .flat_map(|c| named.iter().map(|n| [&c[..], std::slice::from_ref(n)].concat()))
             .collect();
     }
     Ok(combinations)

@@ -186,6 +186,9 @@ pub fn workspace(mechanism: &Mechanism, within: Option<Within>) -> Result<Within
     Ok(within)
 }
 
+/// Poses, and the readings at each.
+type Reachable = (Vec<[f64; 6]>, Vec<Vec<f64>>);
+
 /// Poses within reach, with their readings: half of the box's inside, half of its faces.
 ///
 /// The best poses are extreme ones.
@@ -196,7 +199,7 @@ fn candidates(
     options: &PlanOptions,
     within: &Within,
     random: &mut Random,
-) -> Result<(Vec<[f64; 6]>, Vec<Vec<f64>>), Error> {
+) -> Result<Reachable, Error> {
     let count = options.candidates;
     let drawn: Vec<[f64; 6]> = (0..count)
         .map(|k| {

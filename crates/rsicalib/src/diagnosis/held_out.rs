@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::stepwise::stepwise::Stepwise;
+use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 
 /// Folds of the cross-validation.

@@ -13,8 +13,8 @@ use crate::Error;
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
+use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
-use crate::diagnosis::stepwise::stepwise::Stepwise;
 use crate::diagnosis::verdict::determined;
 use crate::estimate::directions::directions;
 use crate::estimate::{Fit, Observations, fit};
@@ -24,7 +24,7 @@ use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
 
 pub use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
-pub use crate::diagnosis::stepwise::stepwise::cost;
+pub use crate::diagnosis::stepwise::moves::cost;
 
 /// One effect that was found.
 #[derive(Debug, Clone)]

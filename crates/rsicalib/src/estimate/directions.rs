@@ -17,6 +17,27 @@ pub struct Directions {
     pub weak: Vec<Direction>,
 }
 
+impl Directions {
+    /// Without the unobservable directions that move parameters of these terms alone.
+    ///
+    /// An effect that was found is named, even where the poses do not determine all of its
+    /// parameters: the calibration beside the effect is determined.
+    #[must_use]
+    pub fn beside(&self, observations: &Observations, found: &[Instance]) -> Self {
+        let name =
+            |i: &Instance| Label::of(i.term.info().id, &i.target.name(&observations.mechanism));
+        let found: Vec<String> = found.iter().map(name).collect();
+        let within = |label: &Label| found.contains(&label.name);
+        let unobservable = self.unobservable.iter().filter(|direction| match direction {
+            Direction::Absent(label) => !within(label),
+            Direction::Together(moves) | Direction::Weak { moves, .. } => {
+                !moves.iter().all(|moved| within(&moved.label))
+            }
+        });
+        Self { unobservable: unobservable.cloned().collect(), weak: self.weak.clone() }
+    }
+}
+
 /// A direction in the space of parameters.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -52,6 +73,13 @@ pub struct Label {
     pub unit: String,
 }
 
+impl Label {
+    /// How a parameter of a term at a target is named.
+    fn of(term: &str, target: &str) -> String {
+        format!("{term} {target}")
+    }
+}
+
 /// The directions that the poses cannot determine, or hardly determine.
 ///
 /// The directions are eigenvectors of the Gram matrix with unit columns. Each is described by the
@@ -65,7 +93,7 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     let names = parameter_names(observations, fit);
     let label = |&i: &usize| {
         let p = &names[i];
-        Label { name: format!("{} {}", p.term, p.target), unit: p.unit.clone() }
+        Label { name: Label::of(&p.term, &p.target), unit: p.unit.clone() }
     };
     let names: Vec<Label> = kept.iter().map(label).collect();
     let gram = Mat::from_fn(kept.len(), kept.len(), |i, j| fit.gram[(kept[i], kept[j])]);

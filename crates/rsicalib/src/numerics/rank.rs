@@ -28,6 +28,9 @@ pub struct Spaces {
     left: Mat<f64>,
 }
 
+/// Shortest solutions, one per column, and how far each is off as a fraction of its target.
+pub type Solved = (Mat<f64>, Vec<f64>);
+
 impl Spaces {
     /// Of a matrix; none where an entry is not a number.
     #[must_use]
@@ -38,7 +41,7 @@ impl Spaces {
     /// Also solves `X z = target` for each column of `targets` with the shortest `z`:
     /// returns the solutions, and how far each is off as a fraction of its target.
     #[must_use]
-    pub fn beside(x: &Mat<f64>, targets: &Mat<f64>) -> Option<(Self, (Mat<f64>, Vec<f64>))> {
+    pub fn beside(x: &Mat<f64>, targets: &Mat<f64>) -> Option<(Self, Solved)> {
         let (n, k) = (x.ncols(), targets.ncols());
         if !finite(x) || !finite(targets) {
             return None;

@@ -9,7 +9,7 @@ use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
-use crate::diagnosis::stepwise::stepwise::cost;
+use crate::diagnosis::stepwise::moves::cost;
 use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
@@ -151,7 +151,7 @@ pub fn report(
     };
     let verdict = verdict(&Evidence {
         fit: &traced.after,
-        directions: &directions,
+        directions: &directions.beside(&traced.observations, &found),
         absurd: &absurd,
         p_value,
         found: !traced.found.is_empty(),

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::diagnosis::score::scored::{self, CHARGE, Family, Scored, excluded_pose};
-use crate::diagnosis::stepwise::stepwise::{BETTER, Stepwise, cost, physical, room};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, room};
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::Error;
 use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
-use crate::diagnosis::stepwise::stepwise::{BETTER, Stepwise, cost, room};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, room};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;

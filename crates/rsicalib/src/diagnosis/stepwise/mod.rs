@@ -2,6 +2,6 @@
 
 mod alternatives;
 mod exchange;
+pub mod moves;
 mod prune;
 pub mod search;
-pub mod stepwise;

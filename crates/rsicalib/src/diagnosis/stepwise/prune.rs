@@ -4,7 +4,7 @@ use crate::Error;
 use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::scored::Scored;
-use crate::diagnosis::stepwise::stepwise::{Stepwise, cost, physical};
+use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical};
 use crate::estimate::{Fit, fit};
 use crate::model::Instance;
 

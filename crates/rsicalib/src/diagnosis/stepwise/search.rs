@@ -6,7 +6,7 @@ use crate::diagnosis::doubt::doubt;
 use crate::diagnosis::isolation::{Isolated, isolate, leave_out};
 use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
-use crate::diagnosis::stepwise::stepwise::{Stepwise, cost};
+use crate::diagnosis::stepwise::moves::{Stepwise, cost};
 use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
 use crate::model::Instance;
