@@ -157,6 +157,8 @@ RESIDUAL_LEVEL: float
 """A residual that chance would exceed less often than this is significant."""
 VERDICTS: Sequence[tuple[str, int]]
 """Every verdict, and what the command exits with."""
+WORSE: float
+"""What was not fitted must not be off by more than this many times what it was before."""
 COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]

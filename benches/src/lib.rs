@@ -11,7 +11,7 @@ pub struct Device {
     pub mechanism: Mechanism,
     /// Counts, pose by pose, rounded as a converter rounds them.
     pub counts: Vec<f64>,
-    /// True offsets [rad].
+    /// True offsets (rad).
     pub offsets: Vec<f64>,
     /// True gains [rad/count].
     pub gains: Vec<f64>,

@@ -17,6 +17,8 @@ RESIDUAL_LEVEL: float
 """A residual that chance would exceed less often than this is significant."""
 VERDICTS: Sequence[tuple[str, int]]
 """Every verdict, and what the command exits with."""
+WORSE: float
+"""What was not fitted must not be off by more than this many times what it was before."""
 COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]
@@ -25,9 +27,6 @@ MARGIN: float
 """Readings that a planned pose keeps from the ends of the range."""
 SCALINGS: tuple[str, ...]
 """Names of the scalings of a Jacobian's columns."""
-"""A residual that chance would exceed less often than this is not explained."""
-VERDICTS: list[tuple[str, int]]
-"""Each verdict with the exit code of the command."""
 
 @final
 class Channel:

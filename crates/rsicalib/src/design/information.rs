@@ -26,18 +26,18 @@ use crate::mechanism::Mechanism;
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Bound {
-    /// Standard deviation of each offset, at reading zero [rad]; infinite where
+    /// Standard deviation of each offset, at reading zero (rad); infinite where
     /// the poses cannot tell it.
     pub offset_sd: Vec<f64>,
     /// Standard deviation of each gain [rad/reading].
     pub gain_sd: Vec<f64>,
     /// Standard deviation of each joint coordinate, root mean square over the
-    /// poses themselves [rad].
+    /// poses themselves (rad).
     pub joint_sd: Vec<f64>,
 }
 
 impl Bound {
-    /// Root mean square of the offsets' standard deviations [rad].
+    /// Root mean square of the offsets' standard deviations (rad).
     #[must_use]
     pub fn offset_rms(&self) -> f64 {
         rms(&self.offset_sd)
@@ -49,7 +49,7 @@ impl Bound {
         rms(&self.gain_sd)
     }
 
-    /// Root mean square of the joint coordinates' standard deviations [rad].
+    /// Root mean square of the joint coordinates' standard deviations (rad).
     #[must_use]
     pub fn joint_rms(&self) -> f64 {
         rms(&self.joint_sd)

@@ -12,7 +12,7 @@ use crate::design::reach::readings_at;
 use crate::mechanism::Mechanism;
 use crate::numerics::random::Random;
 
-/// A box of poses: lowest and highest x, y, z [length unit], rx, ry, rz [rad].
+/// A box of poses: lowest and highest x, y, z (length unit), rx, ry, rz (rad).
 pub type Within = [[f64; 2]; 6];
 
 /// Readings that a pose keeps from the ends of the range: offsets are not known beforehand.
@@ -62,7 +62,7 @@ impl Default for PlanOptions {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Plan {
-    /// `x y z` [length unit], `rx ry rz` [rad], in an order of short ways.
+    /// `x y z` (length unit), `rx ry rz` (rad), in an order of short ways.
     pub poses: Vec<[f64; 6]>,
     /// What the channels should read there.
     pub readings: Vec<Vec<f64>>,

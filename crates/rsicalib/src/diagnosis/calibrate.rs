@@ -1,7 +1,7 @@
 //! A calibration with and without readings that are wrong.
 //!
 //! One wrong reading must neither ruin a calibration nor vanish in silence. Where readings
-//! look bad, the whole search of [`crate::trace()`] judges them beside the effects that the
+//! look bad, the whole search of [`trace`] judges them beside the effects that the
 //! model may lack, which would make good readings look bad; what it finds wrong is left out.
 
 use crate::Error;
@@ -28,7 +28,7 @@ pub struct Calibrated {
 }
 
 /// Poses of more than this are not searched for bad readings: in a long recording
-/// one row has no weight, and [`crate::trace()`] finds it.
+/// one row has no weight, and [`trace`] finds it.
 const MOST: usize = 2000;
 
 /// Fits the terms that the options ask for, without readings that are wrong.

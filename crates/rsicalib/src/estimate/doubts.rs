@@ -2,8 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::estimate::fit::Fit;
-use crate::estimate::noise::source::{Source, misdeclared};
+use crate::estimate::noise::source::{NoiseEstimate, Source, misdeclared};
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
 
@@ -50,18 +49,23 @@ fn degrees(observations: &Observations) -> Vec<usize> {
     radians.into_iter().filter(|&c| times(c) > BEYOND).collect()
 }
 
-/// What the noise of a fit is doubted for.
-pub(crate) fn of_noise(observations: &Observations, fit: &Fit) -> Vec<Suspicion> {
+/// What the noise of a fit is doubted for; `chi2` with its degrees of freedom where they can judge
+/// the noise, and whether some of it is play.
+pub(crate) fn of_noise(
+    observations: &Observations,
+    noise: &NoiseEstimate,
+    chi2: Option<[f64; 2]>,
+    play: bool,
+) -> Vec<Suspicion> {
     let mut found = Vec::new();
     let least = observations.least_noise();
-    for (channel, (least, sigma)) in least.iter().zip(&fit.noise.sigma).enumerate() {
+    for (channel, (least, sigma)) in least.iter().zip(&noise.sigma).enumerate() {
         if *least > 0.0 && least * least > RULES * sigma * sigma {
             found.push(Suspicion::Coarse { channel, step: observations.steps[channel] });
         }
     }
-    if fit.noise.source == Source::Declared && fit.dof >= 1.0 && fit.plausible {
-        let play = fit.model.play().iter().any(|p| *p > 0.0);
-        let factor = misdeclared(fit.chi2 / fit.dof, fit.dof);
+    if let (Source::Declared, Some([chi2, dof])) = (noise.source, chi2) {
+        let factor = misdeclared(chi2 / dof, dof);
         found.extend(factor.map(|factor| Suspicion::Noise { by: Witness::Fit, factor, play }));
     }
     found

@@ -247,7 +247,9 @@ fn solve(
         &groups,
     );
     if !settled {
-        fit.warnings.extend(doubts::of_noise(observations, &fit));
+        let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
+        let play = fit.model.play().iter().any(|play| *play > 0.0);
+        fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
     }
     Ok(fit)
 }

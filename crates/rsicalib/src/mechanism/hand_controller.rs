@@ -37,7 +37,7 @@ pub const THETA_0: [f64; 3] = [PI, PI / 3.0, -PI / 3.0];
 /// Joint limits of Fig. 4, rad.
 pub const LIMITS: [[f64; 2]; 3] = [[-PI / 2.0, PI / 2.0], [-PI, 0.0], [-PI / 2.0, PI / 2.0]];
 
-/// Workspace of the handle: lowest and highest x, y, z [in], rx, ry, rz [rad].
+/// Workspace of the handle: lowest and highest x, y, z (in), rx, ry, rz (rad).
 pub const WORKSPACE: [[f64; 2]; 6] = {
     let turn = PI / 6.0;
     [[-3.0, 3.0], [-3.0, 3.0], [-5.7, -0.3], [-turn, turn], [-turn, turn], [-turn, turn]]

@@ -138,7 +138,7 @@ impl Mechanism {
     }
 
     /// Workspace of a mechanism that comes along: lowest and highest x, y, z
-    /// [length unit], rx, ry, rz [rad].
+    /// (length unit), rx, ry, rz (rad).
     #[must_use]
     pub fn workspace(&self) -> Option<[[f64; 2]; 6]> {
         (self.name == "rsi").then_some(hand_controller::WORKSPACE)

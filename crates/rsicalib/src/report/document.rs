@@ -315,9 +315,9 @@ pub struct Name {
 /// What an effect does to the platform pose: root mean square over components.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Rms {
-    /// [length unit]
+    /// Position, in units of length.
     pub position: Option<f64>,
-    /// [rad]
+    /// Orientation, in radians.
     pub orientation: Option<f64>,
 }
 
@@ -363,13 +363,13 @@ pub struct Step {
     /// What the term did to the platform pose, the other parameters having absorbed what they can.
     #[serde(default)]
     pub platform_rms: Option<Rms>,
-    /// Rows of reading and correction [rad]; see `curve_over`.
+    /// Rows of reading and correction (rad); see `curve_over`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curve: Vec<Vec<f64>>,
     /// Standard deviation of each correction.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curve_sd: Vec<f64>,
-    /// `reading`, or `time`: rows are then time, 0 to 1 over the session, and correction [rad]; for
+    /// `reading`, or `time`: rows are then time, 0 to 1 over the session, and correction (rad); for
     /// the converter's reference the correction is the fraction by which all readings change.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve_over: Option<Over>,

@@ -113,7 +113,7 @@ pub struct TraceReport {
 ///
 /// # Errors
 ///
-/// As [`trace`] and [`check`].
+/// As [`trace`] and [`Known::judge`].
 pub fn report(
     observations: &Observations,
     search: &SearchOptions,

@@ -11,7 +11,7 @@ pub enum Cause {
     StuckBits {
         /// Which bits.
         kind: FaultKind,
-        /// Standard deviation of the error [count].
+        /// Standard deviation of the error (count).
         error: f64,
     },
     /// The converter is clipped.
