@@ -194,13 +194,13 @@ def test_sessions_of_one_device_are_fitted_together() -> None:
 
 
 def test_noise_is_declared_for_all_channels_or_by_name() -> None:
-    one = rsicalib.calibrate(READINGS, rest=REST, noise=2.0)
+    one = rsicalib.calibrate(READINGS, rest=REST, noise=1.0)
     assert one.noise is not None
     assert one.noise.source == "declared"
-    assert set(one.noise.sigma.values()) == {2.0}
+    assert set(one.noise.sigma.values()) == {1.0}
     assert one.noise.dof is None
     names = [c.name for c in rsicalib.load_mechanism().channels]
-    two = rsicalib.calibrate(READINGS, rest=REST, noise=dict.fromkeys(names, 2.0))
+    two = rsicalib.calibrate(READINGS, rest=REST, noise=dict.fromkeys(names, 1.0))
     np.testing.assert_array_equal(one.values, two.values)
 
 

@@ -105,6 +105,7 @@ def invented(mechanism: rsicalib.Mechanism, terms: list[str], seed: int = 0) -> 
             "reference": {
                 "centre": rng.normal(0.0, 1.0, len(channels)).tolist(),
                 "span": [[-1.0, 1.0]] * len(channels),
+                "temperature": None,
             },
             "fit": {"chi2": 1.0, "dof": 1.0, "p_value": 0.5, "rms_misclosure": 1e-5},
         }

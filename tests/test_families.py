@@ -19,12 +19,6 @@ from tests.families.power import Linear
 from tests.families.trials import drawn, make, readings_of, toml
 
 EVERY = pytest.mark.parametrize("family", list(FAMILIES))
-PLANAR_TOUCH = pytest.mark.xfail(
-    strict=True, reason="issue 12: a planar touch has one equation 0 = 0"
-)
-CALIBRATED = pytest.mark.parametrize(
-    "family", [pytest.param(f, marks=PLANAR_TOUCH if f == "fivebar" else ()) for f in FAMILIES]
-)
 
 
 @cache
@@ -79,7 +73,7 @@ def test_noncentrality_is_the_growth_of_chi_square() -> None:
     assert chi2[1] - chi2[0] == pytest.approx(150.0, abs=3.3 * 2 * np.sqrt(150.0))
 
 
-@CALIBRATED
+@EVERY
 def test_clean_devices_are_adequate_and_the_truth_is_recovered(family: str) -> None:
     for seed in range(2):
         device, _, mechanism, readings = clean(family, seed)

@@ -215,6 +215,28 @@ impl PyFit {
         Ok(pythonize(py, &view)?)
     }
 
+    /// What looks wrong with the readings or what is declared of them.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        result::warnings(&self.observations, &self.fit, &self.fit)
+    }
+
+    /// Error on known poses: `(poses, position rms, orientation rms)`.
+    #[pyo3(signature = (table, poses, align=false))]
+    fn check<'py>(
+        &self,
+        py: Python<'py>,
+        table: PyTable<'_>,
+        poses: PyReadonlyArray2<'_, f64>,
+        align: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (table, poses) = (table.table(), poses_of(&poses));
+        let check =
+            rsicalib::apply::check::check(&self.observations, &self.fit, &table, &poses, align)
+                .map_err(PyError::from)?;
+        Ok(pythonize(py, &check)?)
+    }
+
     /// Platform pose of every row of a table: shape (n, 6).
     fn forward<'py>(
         &self,

@@ -205,5 +205,5 @@ fn what_cannot_be_counted_is_an_error() {
     let found = identifiable(&bar, given(&[]), 0).expect("a model without terms");
     assert_eq!((counts(&found), found.terms.len()), ((0, 0, 0), 0));
     let table = readings::Table::default();
-    assert!(matches!(rsicalib::Readings::new(&bare, table), Err(Error::Empty(_))));
+    assert!(matches!(rsicalib::Readings::new(&bare, table), Err(Error::Mechanism { .. })));
 }

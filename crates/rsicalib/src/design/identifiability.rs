@@ -270,7 +270,7 @@ impl Open {
         // Three equations of each carried point: more rows than parameters by half.
         let samples = 10 + labels.geometric.len() / 2;
         let readings = open.open(&vec![0; samples], random)?;
-        let model = Model::new(open.mechanism(), &readings, geometric)?;
+        let model = Model::with_null_equations(open.mechanism(), &readings, geometric)?;
         let (points, effect) = linear(&model, &readings, &open.nominal(&model));
         let scale = unit(&effect);
         let targets = Mat::from_fn(points.len(), MOVES, |row, k| {
@@ -326,7 +326,7 @@ fn loops(
     let combinations = configurations.combinations();
     let every: Vec<usize> = (0..combinations).collect();
     let first = configurations.open(&every, random)?;
-    let model = Model::new(mechanism, &first, instances.to_vec())?;
+    let model = Model::with_null_equations(mechanism, &first, instances.to_vec())?;
     // As many rows of every closure as it has parameters to tell, and half as many again.
     let minimal = open.minimal(labels);
     let active = model.active();
@@ -338,7 +338,7 @@ fn loops(
     let each = own + need.max().unwrap_or(0).div_ceil(combinations);
 
     let readings = configurations.closed(each, random)?;
-    let model = Model::new(mechanism, &readings, instances.to_vec())?;
+    let model = Model::with_null_equations(mechanism, &readings, instances.to_vec())?;
     let beta = configurations.nominal(&model);
     let (_, mut x) = linear(&model, &readings, &beta);
     let sizes = configurations.sizes(&model);

@@ -201,6 +201,19 @@ impl Model {
         Ok(model)
     }
 
+    /// As [`Model::new`], with the equations that nothing can violate.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::new`].
+    pub(crate) fn with_null_equations(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+    ) -> Result<Self, Error> {
+        Self::compile(mechanism, readings, instances, &readings.mean)
+    }
+
     fn compile(
         mechanism: &Mechanism,
         readings: &Readings,

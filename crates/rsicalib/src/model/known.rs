@@ -12,6 +12,9 @@ use crate::terms::term::{Acts, Per, Role};
 /// unknown points together (rad, or length units): the same as of the rotations of a frame.
 const ROOT: f64 = 3e-3;
 
+/// A joint of a mechanism may give this many times as much as its typical joint.
+const SOFTER: f64 = 1.0;
+
 impl Model {
     /// Priors of the parameters: of free shapes, of standard deviations that the mechanism declares,
     /// and of known distances between unknown points.
@@ -62,14 +65,17 @@ impl Model {
     }
 
     /// Typical size of each parameter of an instance. What a joint gives is typical under the
-    /// largest torque about that joint in these readings.
+    /// largest torque about that joint in these readings, and at most [`SOFTER`] times what is
+    /// typical of the mechanism: readings that hardly load a joint do not say how it gives.
     fn typical(&self, instance: &Instance) -> Vec<f64> {
+        let of_mechanism = targets::typical(&self.mechanism, instance.term, instance.target);
         let torque = self.largest_torque(instance).filter(|torque| *torque > 0.0);
         match (instance.term.acts(), torque) {
             (Acts::Load(Weight::Links), Some(torque)) => {
-                instance.term.info().parameters.iter().map(|p| p.typical / torque).collect()
+                let parameters = instance.term.info().parameters.iter().zip(of_mechanism);
+                parameters.map(|(p, typical)| (p.typical / torque).min(SOFTER * typical)).collect()
             }
-            _ => targets::typical(&self.mechanism, instance.term, instance.target),
+            _ => of_mechanism,
         }
     }
 

@@ -4,7 +4,7 @@
 //! `u` is null where
 //!
 //! ```text
-//! uᵀ G = 0  and  uᵀ f = 0    in every sample                              (53)
+//! uᵀ G = 0  and  uᵀ f = 0    in every sample                              (54)
 //! ```
 //!
 //! to rounding. Such an equation says `0 = 0`: without play its variance is zero too, and
@@ -39,7 +39,7 @@ impl Model {
         self.number_equations();
     }
 
-    /// Directions of a touch that are not null, (53); none where all three count.
+    /// Directions of a touch that are not null, (54); none where all three count.
     fn directions(&self, closure: usize, readings: &Readings) -> Option<Vec<[f64; 3]>> {
         let (closure, beta) = (&self.closures[closure], self.nominal());
         let (channels, width) = (self.scales.len(), self.width());

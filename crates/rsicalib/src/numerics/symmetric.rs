@@ -48,6 +48,9 @@ pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
 #[must_use]
 pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
     let n = gram.nrows();
+    if n == 0 {
+        return Vec::new();
+    }
     let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
     let unit = Mat::from_fn(n, n, |i, j| {
         let norm = norms[i] * norms[j];

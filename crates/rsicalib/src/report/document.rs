@@ -474,6 +474,7 @@ fn parse<'de, T: Deserialize<'de>>(text: &'de str) -> Result<T, Refused> {
         let at = format!("line {}, column {}", inner.line(), inner.column());
         let message = inner.to_string();
         let message = message.split(" at line ").next().unwrap_or_default().to_owned();
+        let message = if inner.is_data() { message } else { format!("not JSON ({message})") };
         let (found, expected) = match message.split_once(", expected ") {
             Some((found, expected)) => (found.to_owned(), expected.to_owned()),
             None => (message, "a result of `rsicalib calibrate --json` or `trace --json`".into()),

@@ -54,7 +54,7 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>,
         return Ok(Vec::new());
     };
     let mut current = fit.clone();
-    let mut excluded = Vec::new();
+    let mut excluded: Vec<(Excluded, Vec<usize>)> = Vec::new();
     let all = observations.weights.iter().filter(|w| **w > 0.0).count() as f64;
     let mut left_out = 0;
     while let Some((found, rows)) = Looking::at(observations, &current, &placements).worst() {
@@ -63,11 +63,25 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>,
             break;
         }
         rows.iter().for_each(|&r| observations.weights[r] = 0.0);
-        excluded.push(found);
+        excluded.push((found, rows));
+        fold(&mut excluded, &placements);
         current =
             crate::estimate::fit(observations, current.model.instances.clone(), Some(&current))?;
     }
-    Ok(excluded)
+    Ok(excluded.into_iter().map(|(found, _)| found).collect())
+}
+
+/// Where a placement is left out whole last, what was left out of it before is part of it.
+fn fold(excluded: &mut Vec<(Excluded, Vec<usize>)>, placements: &[usize]) {
+    let Some((found, mut rows)) = excluded.pop() else { return };
+    if let Some(row) = found.placement {
+        let (own, others) = std::mem::take(excluded)
+            .into_iter()
+            .partition(|(_, rows)| rows.iter().all(|&r| placements[r] == placements[row]));
+        *excluded = others;
+        rows.extend(own.into_iter().flat_map(|(_, rows): (Excluded, Vec<usize>)| rows));
+    }
+    excluded.push((Excluded { samples: rows.len(), ..found }, rows));
 }
 
 /// A fit, as far as damage shows in it.
