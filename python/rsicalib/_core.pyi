@@ -67,6 +67,9 @@ class Fit:
     def carried_points(self, table: Mapping[str, Any]) -> Any:
         """Where the chains carry their points: shape (points, n, 3)."""
 
+    def check(self, table: Mapping[str, Any], poses: Array, align: bool = False) -> dict[str, Any]:
+        """Error on known poses: `(poses, position rms, orientation rms)`."""
+
     def forward(self, table: Mapping[str, Any]) -> Array:
         """Platform pose of every row of a table: shape (n, 6)."""
 
@@ -78,6 +81,10 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """The fit in the shape of the JSON."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What looks wrong with the readings or what is declared of them."""
 
 @final
 class Mechanism:

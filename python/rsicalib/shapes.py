@@ -285,9 +285,9 @@ class Rms(Record):
     """What an effect does to the platform pose: root mean square over components."""
 
     position: float | None
-    """[length unit]"""
+    """Position, in units of length."""
     orientation: float | None
-    """[rad]"""
+    """Orientation, in radians."""
 
 
 @dataclass(frozen=True)
@@ -314,11 +314,11 @@ class Step(Record):
     """What the term did to the platform pose, the other parameters having absorbed what they
     can."""
     curve: tuple[tuple[float, ...], ...] = field(default=(), metadata=OMIT)
-    """Rows of reading and correction [rad]; see `curve_over`."""
+    """Rows of reading and correction (rad); see `curve_over`."""
     curve_sd: tuple[float, ...] = field(default=(), metadata=OMIT)
     """Standard deviation of each correction."""
     curve_over: str | None = field(default=None, metadata=IF_KNOWN)
-    """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction [rad]; for
+    """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction (rad); for
     the converter's reference the correction is the fraction by which all readings change."""
     held_out: HeldOut | None = None
     """Error on poses left out, with this effect and those before."""
