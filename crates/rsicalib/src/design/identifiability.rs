@@ -472,7 +472,9 @@ fn hidden(
     };
     let unseen = |moves: usize| -> Option<usize> {
         let made: Vec<usize> = (0..moves).filter(|&j| open.possible[j]).collect();
-        let by: Vec<f64> = made.iter().map(|&j| most(j).max(f64::MIN_POSITIVE).recip()).collect();
+        // A motion that every loop is blind to shows rounding alone.
+        let least = |j: usize| 1e-4 * open.moves.col(j).norm_l2() + f64::MIN_POSITIVE;
+        let by: Vec<f64> = made.iter().map(|&j| most(j).max(least(j)).recip()).collect();
         let seen = Mat::from_fn(seen.nrows(), made.len(), |i, j| seen[(i, made[j])] * by[j]);
         Some(made.len() - rank(&seen, Some(1e-7))?)
     };
