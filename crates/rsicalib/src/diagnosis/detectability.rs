@@ -97,12 +97,7 @@ fn with_effect(
 ) -> Result<(Model, Vec<f64>), Error> {
     let mut instances = fit.model.instances.clone();
     instances.push(*instance);
-    let model = Model::about(
-        &observations.mechanism,
-        &observations.readings,
-        instances,
-        &observations.centre,
-    )?;
+    let model = observations.model(instances)?;
     let base = fit.model.term_parameters;
     let mut beta = model.nominal();
     for (i, value) in fit.beta.iter().enumerate() {

@@ -82,17 +82,18 @@ pub fn isolate(
             able.sort_by(|a, b| a.left().total_cmp(&b.left()));
             able.truncate(LIKELY);
         }
-        let mut alone = Vec::new();
+        let mut isolated = Vec::new();
         for mut it in able {
             if it.closes(judge, search)? && !it.needs_more(judge, found, search)? {
-                alone.push(it);
+                isolated.push(it);
             }
         }
-        let rivals: Vec<(f64, Target)> = alone.iter().map(|it| (-it.left(), it.target)).collect();
-        if let Some(&(target, sure)) = probabilities(&rivals).first()
+        let scores: Vec<(f64, Target)> =
+            isolated.iter().map(|it| (-it.left(), it.target)).collect();
+        if let Some(&(target, sure)) = probabilities(&scores).first()
             && sure >= SURE
         {
-            let it = alone.into_iter().find(|it| it.target == target);
+            let it = isolated.into_iter().find(|it| it.target == target);
             return Ok(it.map(|Released { target, p_value, wrong, .. }| Isolated {
                 target,
                 p_value,

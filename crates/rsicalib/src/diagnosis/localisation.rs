@@ -2,10 +2,10 @@
 
 use crate::diagnosis::doubt::{Doubted, doubt};
 use crate::diagnosis::isolation::taken_up;
+use crate::diagnosis::location::{Location, location};
 use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::Traced;
-use crate::diagnosis::whereabouts::{Whereabouts, whereabouts};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{SURE, probabilities};
@@ -29,7 +29,7 @@ pub enum Residual {
         /// What is at fault.
         target: Target,
         /// Where its errors lie.
-        whereabouts: Whereabouts,
+        location: Location,
         /// Probability that all else leaves so much by chance.
         p_value: f64,
     },
@@ -45,7 +45,7 @@ pub struct Structure {
     /// How much of it, in per cent.
     pub percent: f64,
     /// Where those errors would lie.
-    pub whereabouts: Whereabouts,
+    pub location: Location,
     /// With one equation a pose, any channel would take up all of it: the channels whose scatter
     /// between poses may have made it by (75), with their probabilities, likeliest first.
     pub likely: Vec<(usize, f64)>,
@@ -68,12 +68,12 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     if p_value.is_some_and(|p| p <= RESIDUAL_LEVEL) {
         return match &traced.isolated {
             Some(isolated) => {
-                let whereabouts = match isolated.target {
-                    Target::Channel(channel) => whereabouts(traced, channel),
-                    _ => Whereabouts::default(),
+                let location = match isolated.target {
+                    Target::Channel(channel) => location(traced, channel),
+                    _ => Location::default(),
                 };
                 let (target, p_value) = (isolated.target, isolated.p_value);
-                Residual::Isolated { target, whereabouts, p_value }
+                Residual::Isolated { target, location, p_value }
             }
             None => Residual::Structure(locate(traced)),
         };
@@ -137,7 +137,7 @@ fn locate(traced: &Traced) -> Structure {
             _ => Share::Chain(chain),
         },
         percent,
-        whereabouts: own.map(|c| whereabouts(traced, c)).unwrap_or_default(),
+        location: own.map(|c| location(traced, c)).unwrap_or_default(),
         likely: Vec::new(),
     }
 }
@@ -147,16 +147,16 @@ fn locate(traced: &Traced) -> Structure {
 fn by_variance(traced: &Traced) -> Structure {
     let mechanism = &traced.small.mechanism;
     let channels = 0..mechanism.channels.len();
-    let rivals: Vec<(f64, usize)> = channels.map(|c| (rise(traced, c), c)).collect();
-    let likely = probabilities(&rivals);
+    let scores: Vec<(f64, usize)> = channels.map(|c| (rise(traced, c), c)).collect();
+    let likely = probabilities(&scores);
     let (first, sure) = likely.first().copied().unwrap_or((0, 0.0));
     let share = match mechanism.chain_of(first) {
         Some(chain) if sure < SURE => Share::Chain(chain),
         _ => Share::Channel(first),
     };
-    let whereabouts = match share {
-        Share::Channel(channel) => whereabouts(traced, channel),
-        Share::Chain(_) => Whereabouts::default(),
+    let location = match share {
+        Share::Channel(channel) => location(traced, channel),
+        Share::Chain(_) => Location::default(),
     };
     let mut before = 0.0;
     let named = likely.iter().take_while(|(_, probability)| {
@@ -164,7 +164,7 @@ fn by_variance(traced: &Traced) -> Structure {
         before += probability;
         needed
     });
-    Structure { share, percent: 100.0, whereabouts, likely: named.copied().collect() }
+    Structure { share, percent: 100.0, location, likely: named.copied().collect() }
 }
 
 /// Factors of the variance of noise that are tried: of (75) only the largest matters, and

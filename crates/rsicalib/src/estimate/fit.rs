@@ -83,12 +83,7 @@ pub fn fit(
     instances: Vec<Instance>,
     from: Option<&Fit>,
 ) -> Result<Fit, Error> {
-    let model = Model::about(
-        &observations.mechanism,
-        &observations.readings,
-        instances,
-        &observations.centre,
-    )?;
+    let model = observations.model(instances)?;
     let priors = model.priors();
     let equations = model.equations() * observations.weights.iter().filter(|w| **w > 0.0).count();
     if equations + priors.len() < model.parameters {

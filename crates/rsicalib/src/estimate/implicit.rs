@@ -7,8 +7,8 @@ use crate::estimate::settle::Room;
 use crate::model::{Prior, Want};
 use crate::numerics::lanes::{Lanes, dispatch};
 use crate::numerics::linearization::{Linearization, Problem};
-use crate::numerics::lock::lock;
 use crate::numerics::normal_equations::{NormalEquations, Total, over_chunks};
+use crate::numerics::workers::lock;
 
 /// The maximum-likelihood objective (51), with priors.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::estimate::options::FitOptions;
 use crate::mechanism::Mechanism;
-use crate::model::{Instance, assembly, check_names};
+use crate::model::{Instance, Model, assembly, check_names};
 use crate::readings::{Readings, Table, codes};
 
 /// Readings of a mechanism with what is known of them: a rest pose, weights, options.
@@ -69,6 +69,15 @@ pub struct Anchor {
 }
 
 impl Observations {
+    /// The model of these readings with these terms, offsets about the mean reading.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::about`].
+    pub fn model(&self, instances: Vec<Instance>) -> Result<Model, Error> {
+        Model::about(&self.mechanism, &self.readings, instances, &self.centre)
+    }
+
     /// Checks a mechanism and its readings, and computes the rest pose and the anchors.
     ///
     /// `rest` holds readings of the rest pose, row by row, one per channel.

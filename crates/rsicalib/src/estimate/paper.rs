@@ -30,7 +30,7 @@ use crate::mechanism::{ClosureKind, Mechanism, Motion, Value};
 use crate::numerics::lanes::{Lanes, Vec3, WIDTH, dispatch, dot, minus};
 use crate::numerics::linearization::{Curvature, Linearization, Problem};
 use crate::numerics::lm::{self, Termination};
-use crate::numerics::lock::lock;
+use crate::numerics::workers::lock;
 
 /// Blocks per task; the sums of the tasks are added up in order.
 const CHUNK: usize = 64;

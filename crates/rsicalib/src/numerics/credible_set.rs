@@ -7,14 +7,14 @@ pub const AS_WELL: f64 = 6.0;
 /// Probability that the listed targets include the right one.
 pub const SURE: f64 = 0.8;
 
-/// Probability of each target of the rivals `(value, target)`, the most likely target first.
+/// Probability of each target of the scores `(value, target)`, the most likely target first.
 /// The best rival of a target stands for the target. A value is twice a log-likelihood with
 /// parameters charged. The prior probability is the same for every target.
 #[must_use]
-pub fn probabilities<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<(T, f64)> {
-    let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+pub fn probabilities<T: PartialEq + Copy>(scores: &[(f64, T)]) -> Vec<(T, f64)> {
+    let best = scores.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
     let mut targets: Vec<(T, f64)> = Vec::new();
-    for &(value, target) in rivals {
+    for &(value, target) in scores {
         let weight = (0.5 * (value - best)).exp();
         match targets.iter_mut().find(|t| t.0 == target) {
             Some(known) => known.1 = known.1.max(weight),
@@ -28,11 +28,11 @@ pub fn probabilities<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<(T, f64)> 
 }
 
 /// True for each rival in the credible set. The set takes targets by falling probability until
-/// their sum reaches [`SURE`], and within these targets the rivals within [`AS_WELL`] of the best.
+/// their sum reaches [`SURE`], and within these targets the scores within [`AS_WELL`] of the best.
 #[must_use]
-pub fn credible<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<bool> {
-    let best = rivals.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
-    let mut targets = probabilities(rivals);
+pub fn credible<T: PartialEq + Copy>(scores: &[(f64, T)]) -> Vec<bool> {
+    let best = scores.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let mut targets = probabilities(scores);
     let mut before = 0.0;
     targets.retain(|t| {
         let needed = before < SURE;
@@ -40,7 +40,7 @@ pub fn credible<T: PartialEq + Copy>(rivals: &[(f64, T)]) -> Vec<bool> {
         needed
     });
     let kept = |target: &T| targets.iter().any(|t| t.0 == *target);
-    rivals.iter().map(|(value, target)| *value > best - AS_WELL && kept(target)).collect()
+    scores.iter().map(|(value, target)| *value > best - AS_WELL && kept(target)).collect()
 }
 
 #[cfg(test)]
@@ -54,8 +54,8 @@ mod tests {
 
     #[test]
     fn probabilities_are_likelihoods_over_their_sum_best_of_each_target() {
-        let rivals = [(times(1.0), 'b'), (times(3.0), 'a'), (times(2.0), 'a')];
-        let found = probabilities(&rivals);
+        let scores = [(times(1.0), 'b'), (times(3.0), 'a'), (times(2.0), 'a')];
+        let found = probabilities(&scores);
         assert_eq!(found.iter().map(|f| f.0).collect::<String>(), "ab");
         assert!((found[0].1 - 0.75).abs() < 1e-12 && (found[1].1 - 0.25).abs() < 1e-12);
         assert!(probabilities::<char>(&[]).is_empty());

@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     /// `JᵀJ` of a dense `J` whose last columns form two islands of two columns and one of one.
-    fn arrow() -> (Mat<f64>, Vec<f64>) {
+    fn bordered() -> (Mat<f64>, Vec<f64>) {
         let n = 9;
         let mut h = Mat::<f64>::zeros(n, n);
         let mut random = 17_u64;
@@ -151,13 +151,13 @@ mod tests {
 
     #[test]
     fn islands_are_what_never_meets() {
-        let (h, _) = arrow();
+        let (h, _) = bordered();
         assert_eq!(islands(&h, 4), [vec![4, 5], vec![6, 7], vec![8]]);
     }
 
     #[test]
     fn elimination_solves_the_same_equations() {
-        let (h, g) = arrow();
+        let (h, g) = bordered();
         let scale: Vec<f64> = (0..9).map(|i| h[(i, i)].sqrt()).collect();
         for damping in [0.0, 0.3] {
             let s = solve(&h, &g, damping, &scale, &islands(&h, 4)).expect("positive definite");
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_matrix_that_is_not_positive_definite_has_no_solution() {
-        let (mut h, g) = arrow();
+        let (mut h, g) = bordered();
         h[(8, 8)] = -1.0;
         assert!(solve(&h, &g, 0.0, &[1.0; 9], &islands(&h, 4)).is_none());
     }

@@ -2,9 +2,9 @@
 
 use crate::diagnosis::doubt::{Doubt, Doubted};
 use crate::diagnosis::localisation::{Residual, Share, Structure};
+use crate::diagnosis::location::Location;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::verdict::Elsewhere;
-use crate::diagnosis::whereabouts::Whereabouts;
 use crate::estimate::directions::{Direction, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
 use crate::estimate::suspicion::{Closes, Shown, Suspicion, Witness};
@@ -272,7 +272,7 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             let (target, text) = self::doubted(mechanism, doubted);
             (Some(target), format!("nothing left above the noise, but {text}"))
         }
-        Residual::Isolated { target, whereabouts: at, p_value } => {
+        Residual::Isolated { target, location: at, p_value } => {
             let name = target.name(mechanism);
             let next = match target {
                 Target::Closure(_) => {
@@ -287,7 +287,7 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             );
             (Some(name), text)
         }
-        Residual::Structure(Structure { share, likely, whereabouts: at, .. })
+        Residual::Structure(Structure { share, likely, location: at, .. })
             if !likely.is_empty() =>
         {
             let name = match *share {
@@ -305,7 +305,7 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             );
             (Some(name), text)
         }
-        Residual::Structure(Structure { share, percent, whereabouts: at, .. }) => {
+        Residual::Structure(Structure { share, percent, location: at, .. }) => {
             let (name, what) = match *share {
                 Share::Channel(c) => {
                     let name = mechanism.channels[c].name.clone();
@@ -358,14 +358,14 @@ fn range_sentence(name: &str) -> String {
     )
 }
 
-fn in_brackets(mechanism: &Mechanism, at: &Whereabouts) -> String {
-    let words = whereabouts(mechanism, at);
+fn in_brackets(mechanism: &Mechanism, at: &Location) -> String {
+    let words = location(mechanism, at);
     if words.is_empty() { words } else { format!(" ({words})") }
 }
 
 /// Where errors of a channel would lie; empty where they would lie anywhere.
 #[must_use]
-pub fn whereabouts(mechanism: &Mechanism, at: &Whereabouts) -> String {
+pub fn location(mechanism: &Mechanism, at: &Location) -> String {
     let Some(channel) = at.channel else { return String::new() };
     let (name, unit) = (&mechanism.channels[channel].name, &mechanism.channels[channel].unit);
     let mut words = Vec::new();

@@ -18,21 +18,21 @@ pub struct Blame {
 }
 
 impl Blame {
-    /// Of rivals `(value, target)`, of which channels count.
+    /// Of scores `(value, target)`, of which channels count.
     #[must_use]
-    pub fn among(rivals: impl IntoIterator<Item = (f64, Target)>, mechanism: &Mechanism) -> Self {
+    pub fn among(scores: impl IntoIterator<Item = (f64, Target)>, mechanism: &Mechanism) -> Self {
         let of_channel = |(value, target)| match target {
             Target::Channel(channel) => Some((value, channel)),
             _ => None,
         };
-        let channels: Vec<_> = rivals.into_iter().filter_map(of_channel).collect();
+        let channels: Vec<_> = scores.into_iter().filter_map(of_channel).collect();
         Self::of(&channels, mechanism)
     }
 
-    /// Of rivals `(value, channel)`.
+    /// Of scores `(value, channel)`.
     #[must_use]
-    pub fn of(rivals: &[(f64, usize)], mechanism: &Mechanism) -> Self {
-        let channels = probabilities(rivals);
+    pub fn of(scores: &[(f64, usize)], mechanism: &Mechanism) -> Self {
+        let channels = probabilities(scores);
         let Some(&(first, sure)) = channels.first() else {
             return Self { channel: None, chain: None, likely: Vec::new() };
         };

@@ -134,7 +134,7 @@ impl<'a> Looking<'a> {
             typical: 0.0,
         };
         for row in looking.runs.concat() {
-            looking.single[row] = looking.alone(row);
+            looking.single[row] = looking.single_sample(row);
         }
         let k = looking.residuals.equations as f64;
         let scores = looking.runs.concat().iter().map(|&r| looking.single[r]).collect();
@@ -180,7 +180,7 @@ impl<'a> Looking<'a> {
     }
 
     /// Eq. (82).
-    fn alone(&self, row: usize) -> f64 {
+    fn single_sample(&self, row: usize) -> f64 {
         let (k, n) = (self.residuals.equations, self.model.parameters);
         let x = Mat::from_fn(k, n, |e, j| self.x(row)[e * n + j]);
         let hat = &x * (&self.inverse * x.transpose());

@@ -5,7 +5,7 @@ use faer::{Mat, Side};
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
 use crate::estimate::{Fit, Implicit, Observations, Part};
-use crate::model::{Instance, Model};
+use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
 use crate::terms::targets;
@@ -113,12 +113,7 @@ pub fn project_blocks(
     let mut instances = fit.model.instances.clone();
     let base = fit.model.term_parameters;
     instances.extend_from_slice(named);
-    let model = Model::about(
-        &observations.mechanism,
-        &observations.readings,
-        instances,
-        &observations.centre,
-    )?;
+    let model = observations.model(instances)?;
     let extra: usize = blocks.iter().sum();
     let nuisance = model.parameters - model.term_parameters;
     let n = base + nuisance;

@@ -1,4 +1,4 @@
-//! A lock that stays usable after a panic in another thread.
+//! What workers share: a lock that stays usable after a panic in another thread.
 
 use std::sync::Mutex;
 

@@ -35,7 +35,7 @@ impl Wrong {
 /// Where errors of a channel would lie that made what is left; nothing is known where they
 /// would lie anywhere.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Whereabouts {
+pub struct Location {
     /// The channel.
     pub channel: Option<usize>,
     /// True where the labels are of held poses, not of rows of a recording.
@@ -50,7 +50,7 @@ pub struct Whereabouts {
 
 /// Where errors of a channel would lie that made what is left.
 #[must_use]
-pub fn whereabouts(traced: &Traced, channel: usize) -> Whereabouts {
+pub fn location(traced: &Traced, channel: usize) -> Location {
     let errors = errors_of(traced, channel);
     let labels = dense(&errors).map(|(first, last, share)| {
         let labels = [errors[first].label, errors[last].label];
@@ -66,7 +66,7 @@ pub fn whereabouts(traced: &Traced, channel: usize) -> Whereabouts {
     let spread = errors.iter().map(|e| e.excess() + 1.0).sum::<f64>() / errors.len().max(1) as f64;
     let sided = weight > 0.0 && pull.abs() > SIDES * (weight * spread.max(1.0)).sqrt();
     let held = traced.small.readings.held;
-    Whereabouts { channel: Some(channel), held, labels, readings, sided }
+    Location { channel: Some(channel), held, labels, readings, sided }
 }
 
 fn errors_of(traced: &Traced, channel: usize) -> Vec<Wrong> {
