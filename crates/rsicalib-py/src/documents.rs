@@ -3,7 +3,8 @@
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::report::document::{self, Document};
+use rsicalib::report::read::{self, Document};
+use rsicalib::report::schema;
 
 mod python {
     pyo3::import_exception!(rsicalib.errors, ResultError);
@@ -12,7 +13,7 @@ mod python {
 /// A result from its JSON text, as plain values: checked against the types that made it.
 #[pyfunction]
 pub fn read_result<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
-    let read = document::read(text)
+    let read = read::read(text)
         .map_err(|e| python::ResultError::new_err((e.place, e.found, e.expected)))?;
     Ok(match read {
         Document::Calibration(result) => pythonize(py, &*result)?,
@@ -23,12 +24,12 @@ pub fn read_result<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAn
 /// JSON Schema of each format of results, as text: what can be read.
 #[pyfunction]
 pub fn schemas() -> Vec<(&'static str, String)> {
-    let text = |schema: document::Schema| schema.to_value().to_string();
-    document::schemas().into_iter().map(|(format, schema)| (format, text(schema))).collect()
+    let text = |schema: schema::Schema| schema.to_value().to_string();
+    schema::schemas().into_iter().map(|(format, schema)| (format, text(schema))).collect()
 }
 
 /// Keys of each type of a result that are always written.
 #[pyfunction]
 pub fn written_keys() -> Vec<(String, Vec<String>)> {
-    document::written_keys()
+    schema::written_keys()
 }

@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
-pub use schemars::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::check::Check;
@@ -16,6 +15,9 @@ use crate::apply::earlier::Reference;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::Verdict;
 use crate::terms::term::{Class, Over};
+
+/// Formats of results, with the version that this program writes.
+pub const FORMATS: [&str; 2] = ["rsicalib.calibration/1", "rsicalib.trace/1"];
 
 /// Declares a document: the fields that every result has, and its own.
 macro_rules! result {
@@ -86,7 +88,34 @@ macro_rules! result {
             pub groups: Option<Groups>,
             $($(#[$meta])* pub $field: $kind,)*
         }
+
+        impl Parts for $name {
+            fn parameters(&self) -> &[Parameter] {
+                &self.parameters
+            }
+            fn covariance(&self) -> &[Vec<Option<f64>>] {
+                &self.covariance
+            }
+            fn noise(&self) -> Option<&Noise> {
+                self.noise.as_ref()
+            }
+            fn reference(&self) -> Option<&Reference> {
+                self.reference.as_ref()
+            }
+        }
     };
+}
+
+/// The parts of a result that must agree with each other.
+pub(crate) trait Parts {
+    /// Estimates.
+    fn parameters(&self) -> &[Parameter];
+    /// Their covariance, row by row.
+    fn covariance(&self) -> &[Vec<Option<f64>>];
+    /// Noise of one sample.
+    fn noise(&self) -> Option<&Noise>;
+    /// The readings that the parameters refer to.
+    fn reference(&self) -> Option<&Reference>;
 }
 
 result! {
@@ -403,167 +432,4 @@ pub struct Hidden {
     /// What an effect of that size does to the platform.
     #[serde(default)]
     pub platform_rms: Option<Rms>,
-}
-
-/// A result read back from its JSON.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Document {
-    /// Of `rsicalib.calibration/1`.
-    Calibration(Box<Calibration>),
-    /// Of `rsicalib.trace/1`.
-    Trace(Box<Trace>),
-}
-
-/// Formats of results, with the version that this program writes.
-pub const FORMATS: [&str; 2] = ["rsicalib.calibration/1", "rsicalib.trace/1"];
-
-/// Why a text is not a result.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{place}: found {found}, expected {expected}")]
-pub struct Refused {
-    /// Path of the entry: `parameters[3].value`; `line 7, column 12` where the text is no JSON.
-    pub place: String,
-    /// What stands there.
-    pub found: String,
-    /// What could stand there.
-    pub expected: String,
-}
-
-#[derive(Deserialize)]
-struct Head {
-    #[serde(default)]
-    format: serde_json::Value,
-}
-
-/// Reads a result, and checks that its parts agree.
-///
-/// # Errors
-///
-/// [`Refused`] with the place.
-pub fn read(text: &str) -> Result<Document, Refused> {
-    let head: Head = parse(text)?;
-    let format = head.format.as_str().unwrap_or_default().to_owned();
-    if format == FORMATS[0] {
-        let read: Calibration = parse(text)?;
-        check_parts(
-            &read.parameters,
-            &read.covariance,
-            read.noise.as_ref(),
-            read.reference.as_ref(),
-        )?;
-        return Ok(Document::Calibration(Box::new(read)));
-    }
-    if format == FORMATS[1] {
-        let read: Trace = parse(text)?;
-        check_parts(
-            &read.parameters,
-            &read.covariance,
-            read.noise.as_ref(),
-            read.reference.as_ref(),
-        )?;
-        return Ok(Document::Trace(Box::new(read)));
-    }
-    let found = if format.is_empty() { head.format.to_string() } else { format!("{format:?}") };
-    Err(Refused { place: "format".into(), found, expected: FORMATS.join(" or ") })
-}
-
-fn parse<'de, T: Deserialize<'de>>(text: &'de str) -> Result<T, Refused> {
-    let mut from = serde_json::Deserializer::from_str(text);
-    let read = serde_path_to_error::deserialize(&mut from).map_err(|error| {
-        let (path, inner) = (error.path().to_string(), error.inner());
-        let at = format!("line {}, column {}", inner.line(), inner.column());
-        let message = inner.to_string();
-        let message = message.split(" at line ").next().unwrap_or_default().to_owned();
-        let message = if inner.is_data() { message } else { format!("not JSON ({message})") };
-        let (found, expected) = match message.split_once(", expected ") {
-            Some((found, expected)) => (found.to_owned(), expected.to_owned()),
-            None => (message, "a result of `rsicalib calibrate --json` or `trace --json`".into()),
-        };
-        let place = if path == "." { at } else { format!("{path} ({at})") };
-        Refused { place, found, expected }
-    })?;
-    from.end().map_err(|error| Refused {
-        place: format!("line {}, column {}", error.line(), error.column()),
-        found: "text after the result".into(),
-        expected: "the end".into(),
-    })?;
-    Ok(read)
-}
-
-/// Checks that names are not doubled, and that covariance, noise and reference fit each other.
-fn check_parts(
-    parameters: &[Parameter],
-    covariance: &[Vec<Option<f64>>],
-    noise: Option<&Noise>,
-    reference: Option<&Reference>,
-) -> Result<(), Refused> {
-    let refuse =
-        |place: String, found: String, expected: String| Err(Refused { place, found, expected });
-    let key = |p: &Parameter| (p.term.clone(), p.target.clone(), p.place.clone(), p.name.clone());
-    let mut seen = std::collections::HashSet::new();
-    for (k, p) in parameters.iter().enumerate() {
-        if !seen.insert(key(p)) {
-            let found = format!("{} {} {} again", p.term, p.target, p.name);
-            return refuse(format!("parameters[{k}]"), found, "each parameter once".into());
-        }
-        if p.sd.is_some_and(|sd| sd < 0.0) {
-            let found = format!("{:?}", p.sd.unwrap_or_default());
-            return refuse(format!("parameters[{k}].sd"), found, "0 or more, or null".into());
-        }
-    }
-    let n = parameters.len();
-    let square = covariance.len() == n && covariance.iter().all(|row| row.len() == n);
-    if !square {
-        let found = format!("{} rows", covariance.len());
-        return refuse("covariance".into(), found, format!("{n} rows of {n} numbers"));
-    }
-    let (Some(noise), Some(reference)) = (noise, reference) else { return Ok(()) };
-    let channels = noise.sigma.len();
-    for (place, found) in
-        [("reference.centre", reference.centre.len()), ("reference.span", reference.span.len())]
-    {
-        if found != channels {
-            let expected = format!("{channels}, one for each channel of noise.sigma");
-            return refuse(place.into(), format!("{found} entries"), expected);
-        }
-    }
-    match noise.sigma.iter().find(|(_, sigma)| **sigma <= 0.0 || !sigma.is_finite()) {
-        Some((name, sigma)) => {
-            refuse(format!("noise.sigma.{name}"), sigma.to_string(), "a number above 0".into())
-        }
-        None => Ok(()),
-    }
-}
-
-/// JSON Schema of the documents, by format.
-#[must_use]
-pub fn schemas() -> Vec<(&'static str, Schema)> {
-    let calibration = schemars::schema_for!(Calibration);
-    let trace = schemars::schema_for!(Trace);
-    vec![(FORMATS[0], calibration), (FORMATS[1], trace)]
-}
-
-/// For each type of a document, the keys that are always written: the others are left out where
-/// nothing is known.
-#[must_use]
-pub fn written_keys() -> Vec<(String, Vec<String>)> {
-    let settings = schemars::generate::SchemaSettings::draft2020_12().for_serialize();
-    let mut generator = settings.into_generator();
-    let roots = [
-        generator.root_schema_for::<Calibration>().to_value(),
-        generator.root_schema_for::<Trace>().to_value(),
-    ];
-    let required = |schema: &serde_json::Value| -> Vec<String> {
-        let keys = schema["required"].as_array().map_or(&[][..], Vec::as_slice);
-        keys.iter().filter_map(|k| k.as_str().map(str::to_owned)).collect()
-    };
-    let mut all = BTreeMap::new();
-    for root in &roots {
-        let name = root["title"].as_str().unwrap_or_default();
-        all.insert(name.to_owned(), required(root));
-        for (name, schema) in root["$defs"].as_object().into_iter().flatten() {
-            all.insert(name.clone(), required(schema));
-        }
-    }
-    all.into_iter().collect()
 }

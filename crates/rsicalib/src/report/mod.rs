@@ -3,6 +3,10 @@
 pub mod calibrated;
 #[cfg(feature = "document")]
 pub mod document;
+#[cfg(feature = "document")]
+pub mod read;
 pub mod result;
+#[cfg(feature = "document")]
+pub mod schema;
 pub mod traced;
 pub mod words;
