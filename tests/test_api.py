@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 from pathlib import Path
 
@@ -92,6 +93,19 @@ def test_json_has_the_promised_keys_and_no_nan(calibration: Calibration, traced:
     assert two["format"] == "rsicalib.trace/1"
     assert set(two["starts"][0]) >= {"from", "cost"}
     assert set(two["steps"][0]) >= {"term", "class", "target", "p_value", "parameters", "curve"}
+
+
+def test_device_note_and_date_stand_in_the_result_and_are_null_where_not_given(
+    calibration: Calibration,
+) -> None:
+    keys = ("device", "note", "valid_from")
+    assert [calibration.to_dict()[key] for key in keys] == [None, None, None]
+    day = datetime.date(2025, 3, 1)
+    for date, text in ((day, "2025-03-01"), ("2025-03-01 14:30", "2025-03-01T14:30:00")):
+        found = rsicalib.fixture(CHECK, device="number 7", note="new pot", date=date)
+        assert [found.to_dict()[key] for key in keys] == ["number 7", "new pot", text]
+    with pytest.raises(InputError, match="found '1 March', expected an ISO 8601 date"):
+        rsicalib.fixture(CHECK, date="1 March")
 
 
 def test_applying_a_result_gives_the_error_that_its_fit_reported(

@@ -73,6 +73,14 @@ def test_calibrate_and_trace_print_only_the_result_with_json() -> None:
     assert strict(done.stdout)["format"] == "rsicalib.trace/1"
 
 
+def test_device_note_and_date_reach_the_result() -> None:
+    words = ("--device", "number 7", "--note", "new pot", "--date", "2025-03-01")
+    for verb in ("calibrate", "fixture"):
+        found = json.loads(run(verb, CHECK, *words, "--json").stdout)
+        given = [found[key] for key in ("device", "note", "valid_from")]
+        assert given == ["number 7", "new pot", "2025-03-01"]
+
+
 def test_a_result_is_the_same_from_run_to_run() -> None:
     first, again = (run("trace", READINGS, "--rest", REST, "--json") for _ in range(2))
     assert first.stdout == again.stdout

@@ -9,7 +9,7 @@ from rsicalib.groups import measured
 from rsicalib.results import Calibration
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
 from rsicalib.work.job import Work
-from rsicalib.work.outcome import NOTHING
+from rsicalib.work.outcome import NOTHING, DateArg, about
 
 __all__ = ["calibrate"]
 
@@ -29,6 +29,9 @@ def calibrate(
     fit_groups: Sequence[str] | None = None,
     hold_out_groups: Sequence[str] | None = None,
     skip_bad_rows: bool = False,
+    device: str | None = None,
+    note: str | None = None,
+    date: DateArg | None = None,
     starts: int | None = None,
     max_iterations: int | None = None,
     xtol: float | None = None,
@@ -70,6 +73,10 @@ def calibrate(
         used are measured too, see `groups` of the result.
     skip_bad_rows : bool, optional
         Drop rows that cannot be used and list them in the result.
+    device, note : str, optional
+        What the device is called, and what is to be remembered of the session.
+    date : str or date, optional
+        From when the parameters hold, ISO 8601: `valid_from` of the result.
     starts : int, optional
         Upper limit of starts that are tried.
     max_iterations : int, optional
@@ -100,7 +107,7 @@ def calibrate(
     >>> found.noise.source
     'misclosure of repeats'
     """
-    job = Work(mechanism, skip_bad_rows, calibration)
+    job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
     job.take(readings, fit_groups, hold_out_groups)
     options = {
         "closures": listed(closures),

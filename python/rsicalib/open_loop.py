@@ -13,7 +13,7 @@ from rsicalib.shapes import Parameter
 from rsicalib.work.applying import posed
 from rsicalib.work.arguments import MechanismArg, ReadingsArg
 from rsicalib.work.job import Work
-from rsicalib.work.outcome import NOTHING
+from rsicalib.work.outcome import NOTHING, DateArg, about
 
 __all__ = ["fixture"]
 
@@ -25,6 +25,9 @@ def fixture(
     check: ReadingsArg | None = None,
     align: bool = False,
     skip_bad_rows: bool = False,
+    device: str | None = None,
+    note: str | None = None,
+    date: DateArg | None = None,
 ) -> Calibration:
     """Calibrate open loop, from known poses: a straight line for each channel, eq. (13).
 
@@ -38,7 +41,7 @@ def fixture(
         Other known poses, for the error of the platform.
     align : bool, optional
         As in `calibrate`.
-    skip_bad_rows : bool, optional
+    skip_bad_rows, device, note, date : optional
         As in `calibrate`.
 
     Returns
@@ -52,7 +55,7 @@ def fixture(
     InputError
         A pose is out of reach, or there are none.
     """
-    job = Work(mechanism, skip_bad_rows, None)
+    job = Work(mechanism, skip_bad_rows, None, about(device, note, date))
     job.take(readings, None, None, known_poses=True)
     table, poses = posed(job.readings[0], job.mechanism)
     try:

@@ -364,6 +364,12 @@ class ResultShape(Record):
     """Name of the mechanism."""
     length_unit: str
     """Unit of every length."""
+    device: str | None = None
+    """The device that was calibrated, as the user calls it."""
+    note: str | None = None
+    """What the user noted of the session."""
+    valid_from: str | None = None
+    """Date, or date and time, from which the parameters hold: ISO 8601."""
     readings: Data
     """The readings that the result is about."""
     method: str = "implicit_loop"

@@ -9,7 +9,7 @@ from rsicalib.groups import measured
 from rsicalib.results import Trace
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
 from rsicalib.work.job import Work
-from rsicalib.work.outcome import NOTHING
+from rsicalib.work.outcome import NOTHING, DateArg, about
 
 __all__ = ["trace"]
 
@@ -29,6 +29,9 @@ def trace(
     fit_groups: Sequence[str] | None = None,
     hold_out_groups: Sequence[str] | None = None,
     skip_bad_rows: bool = False,
+    device: str | None = None,
+    note: str | None = None,
+    date: DateArg | None = None,
     alpha: float | None = None,
     seed: int | None = None,
     starts: int | None = None,
@@ -50,7 +53,7 @@ def trace(
         As in `calibrate`; `terms` are those to begin with.
     without : sequence of str, optional
         Terms that are not candidates.
-    align, fit_groups, hold_out_groups, skip_bad_rows : optional
+    align, fit_groups, hold_out_groups, skip_bad_rows, device, note, date : optional
         As in `calibrate`.
     alpha : float, optional
         Probability of naming anything where nothing is missing.
@@ -77,7 +80,7 @@ def trace(
     >>> [(step.klass, step.target) for step in found.steps]
     [('sensor', 'a22')]
     """
-    job = Work(mechanism, skip_bad_rows, calibration)
+    job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
     job.take(readings, fit_groups, hold_out_groups)
     options = {
         "closures": listed(closures),

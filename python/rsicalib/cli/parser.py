@@ -112,6 +112,7 @@ def make_parser() -> argparse.ArgumentParser:
         )
         sub.add_argument("--seed", type=int, help="of every random draw")
         _add_skip(sub)
+        _add_about(sub)
         _add_out(sub)
 
     sub = verb(fixture)
@@ -119,6 +120,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_mechanism(sub)
     _add_check(sub)
     _add_skip(sub)
+    _add_about(sub)
     _add_out(sub)
 
     sub = verb(forward)
@@ -179,6 +181,13 @@ def _add_check(sub: argparse.ArgumentParser) -> None:
 def _add_skip(sub: argparse.ArgumentParser) -> None:
     words = "drop rows that cannot be used, and list them in the result"
     sub.add_argument("--skip-bad-rows", action="store_true", help=words)
+
+
+def _add_about(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--device", metavar="NAME", help="the device, for the result and the report")
+    sub.add_argument("--note", metavar="TEXT", help="what is to be remembered of the session")
+    words = "from when the parameters hold: 2025-03-01, or with a time"
+    sub.add_argument("--date", metavar="DATE", help=words)
 
 
 def _add_out(sub: argparse.ArgumentParser) -> None:

@@ -59,6 +59,9 @@ def fixture(args: Args) -> int:
         check=args.check,
         align=args.align,
         skip_bad_rows=args.skip_bad_rows,
+        device=args.device,
+        note=args.note,
+        date=args.date,
     )
     return show(args, found)
 
@@ -205,5 +208,5 @@ def mechanism(args: Args) -> int:
 def _session(args: Args) -> dict[str, Any]:
     """Options that `calibrate` and `trace` share, by the names they have in Python."""
     names = """mechanism rest check terms closures noise calibration align fit_groups
-        hold_out_groups skip_bad_rows"""
+        hold_out_groups skip_bad_rows device note date"""
     return {name: getattr(args, name) for name in names.split()}

@@ -38,7 +38,11 @@ class Work:
     """One call of a verb."""
 
     def __init__(
-        self, mechanism: MechanismArg, skip: bool, calibration: CalibrationArg | None
+        self,
+        mechanism: MechanismArg,
+        skip: bool,
+        calibration: CalibrationArg | None,
+        about: Mapping[str, str | None],
     ) -> None:
         self.mechanism = open_mechanism(mechanism)
         self.skip = skip
@@ -50,6 +54,8 @@ class Work:
         self.selected: tuple[list[str] | None, list[str] | None] | None = None
         """Groups to use, and to leave out."""
         self.warnings: list[str] = []
+        self.about = about
+        """Device, note and date, by the keys of the result."""
 
     def take(
         self,
@@ -145,6 +151,7 @@ class Work:
             "version": _core.__version__,
             "mechanism": self.mechanism.name,
             "length_unit": self.mechanism.length_unit,
+            **self.about,
             "readings": described(readings),
             **found,
             "warnings": [*self.warnings, *found.get("warnings", []), *found.get("remarks", [])],

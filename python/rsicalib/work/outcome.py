@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
+import contextlib
+import datetime
 import hashlib
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from rsicalib import _core
+from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Result
 from rsicalib.shapes import Data, Moved, Parameter, Skipped
 
-__all__ = ["NOTHING", "described", "moved_parameters", "reference_of"]
+__all__ = ["NOTHING", "DateArg", "about", "described", "moved_parameters", "reference_of"]
+
+DateArg: TypeAlias = str | datetime.date
 
 NOTHING: dict[str, Any] = {"chi2": None, "dof": None, "p_value": None, "rms_misclosure": None}
 """A fit of which nothing is known but its error on known poses."""
+
+
+def about(device: str | None, note: str | None, date: DateArg | None) -> dict[str, str | None]:
+    """What the user says of a session, by the keys of the result."""
+    return {"device": device, "note": note, "valid_from": None if date is None else _iso(date)}
+
+
+def _iso(date: DateArg) -> str:
+    """A date, or a date and a time, as ISO 8601 has it."""
+    if isinstance(date, datetime.date):
+        return date.isoformat()
+    for kind in (datetime.date, datetime.datetime):
+        with contextlib.suppress(ValueError):
+            return kind.fromisoformat(date).isoformat()
+    expected = "an ISO 8601 date such as 2025-03-01 or 2025-03-01T14:30"
+    raise InputError(f"date: found {date!r}, expected {expected}")
 
 
 def described(readings: Sequence[Readings]) -> Data:

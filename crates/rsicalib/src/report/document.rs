@@ -34,6 +34,15 @@ macro_rules! result {
             pub mechanism: String,
             /// Unit of every length.
             pub length_unit: String,
+            /// The device that was calibrated, as the user calls it.
+            #[serde(default)]
+            pub device: Option<String>,
+            /// What the user noted of the session.
+            #[serde(default)]
+            pub note: Option<String>,
+            /// Date, or date and time, from which the parameters hold: ISO 8601.
+            #[serde(default)]
+            pub valid_from: Option<String>,
             /// The readings that the result is about.
             pub readings: Data,
             /// How the parameters were found.
