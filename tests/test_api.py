@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import datetime
+import importlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -298,3 +302,26 @@ def test_results_print_in_one_line(calibration: Calibration, traced: Trace) -> N
     assert repr(calibration).count("\n") == 0
     assert "unexplained" in repr(calibration)
     assert "explained" in repr(traced)
+
+
+def test_every_public_name_has_one_home_and_is_there() -> None:
+    tree = ast.parse(Path(rsicalib.__file__).read_text(encoding="utf-8"))
+    typed = {
+        alias.name: node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rsicalib")
+        for alias in node.names
+    }
+    homes = {name: module for module, names in rsicalib._HOMES.items() for name in names.split()}
+    assert homes == typed
+    assert sorted(homes) == sorted(rsicalib.__all__)
+    for name, module in homes.items():
+        assert getattr(rsicalib, name) is getattr(importlib.import_module(module), name)
+
+
+def test_importing_the_package_imports_nothing_that_it_does_not_need_yet() -> None:
+    code = "import sys, rsicalib; print(sorted({'numpy', 'rsicalib._core'} & set(sys.modules)))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout == "[]\n"
+    with pytest.raises(AttributeError, match="no attribute 'calibrat'"):
+        rsicalib.calibrat  # noqa: B018

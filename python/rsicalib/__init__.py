@@ -10,30 +10,36 @@
 'explained'
 """
 
-from rsicalib._core import Channel, Mechanism, __version__
-from rsicalib.api import (
-    DEMO,
-    calibrate,
-    demo,
-    fixture,
-    forward,
-    forward_sd,
-    inverse,
-    load_mechanism,
-    load_readings,
-    terms,
-    trace,
-)
-from rsicalib.errors import InputError, RsicalibError, UndeterminedError
-from rsicalib.export import export_toml, export_urdf
-from rsicalib.identifiability import identifiable
-from rsicalib.io.readings import Readings
-from rsicalib.measures import observability
-from rsicalib.planning import plan
-from rsicalib.reproduction.paper import paper
-from rsicalib.results import Calibration, Trace, load_calibration
-from rsicalib.shapes import Parameter, Step
-from rsicalib.simulation import simulate
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rsicalib._core import Channel, Mechanism, __version__
+    from rsicalib.api import (
+        DEMO,
+        calibrate,
+        demo,
+        fixture,
+        forward,
+        forward_sd,
+        inverse,
+        load_mechanism,
+        load_readings,
+        terms,
+        trace,
+    )
+    from rsicalib.errors import InputError, RsicalibError, UndeterminedError
+    from rsicalib.export import export_toml, export_urdf
+    from rsicalib.identifiability import identifiable
+    from rsicalib.io.readings import Readings
+    from rsicalib.measures import observability
+    from rsicalib.planning import plan
+    from rsicalib.reproduction.paper import paper
+    from rsicalib.results import Calibration, Trace, load_calibration
+    from rsicalib.shapes import Parameter, Step
+    from rsicalib.simulation import simulate
 
 __all__ = [
     "DEMO",
@@ -67,3 +73,32 @@ __all__ = [
     "terms",
     "trace",
 ]
+
+_HOMES = {
+    "rsicalib._core": "Channel Mechanism __version__",
+    "rsicalib.api": """DEMO calibrate demo fixture forward forward_sd inverse load_mechanism
+        load_readings terms trace""",
+    "rsicalib.errors": "InputError RsicalibError UndeterminedError",
+    "rsicalib.export": "export_toml export_urdf",
+    "rsicalib.identifiability": "identifiable",
+    "rsicalib.io.readings": "Readings",
+    "rsicalib.measures": "observability",
+    "rsicalib.planning": "plan",
+    "rsicalib.reproduction.paper": "paper",
+    "rsicalib.results": "Calibration Trace load_calibration",
+    "rsicalib.shapes": "Parameter Step",
+    "rsicalib.simulation": "simulate",
+}
+"""Names by the module that has them; a module is imported where its first name is used."""
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        for module, names in _HOMES.items():
+            if name in names.split():
+                value = globals()[name] = getattr(importlib.import_module(module), name)
+                return value
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

@@ -17,7 +17,7 @@ from typing import Any
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.io.mechanisms import BUILTIN
+from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.urdf import write_urdf
 from rsicalib.results import Result
 from rsicalib.work.applying import as_applied

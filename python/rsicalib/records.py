@@ -6,9 +6,9 @@ import dataclasses
 import json
 import math
 import types
-from collections.abc import Mapping
-from functools import cache
-from typing import Any, Self, Union, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from typing import Any, Self, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -49,9 +49,7 @@ class Record:
         KeyError
             Something that has no default is missing.
         """
-        kinds = _hints(cls)  # type: ignore[arg-type]
-        keys = {f.name: f.metadata.get("key", f.name) for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
-        return cls(**{n: _read(kinds[n], data[key]) for n, key in keys.items() if key in data})
+        return cls(**{n: read(data[key]) for n, key, read in _fields(cls) if key in data})  # type: ignore[arg-type]
 
     def to_dict(self) -> dict[str, Any]:
         """Write the record as plain values: dictionaries, lists, numbers, text, None.
@@ -108,24 +106,48 @@ def _lines(value: Any, indent: str) -> str:
     return "[\n" + ",\n".join(inner + _lines(v, inner) for v in value) + f"\n{indent}]"
 
 
+Reader: TypeAlias = Callable[[Any], Any]
+
+
 @cache
-def _hints(cls: type) -> dict[str, Any]:
-    return get_type_hints(cls)
+def _fields(cls: type[Record]) -> tuple[tuple[str, str, Reader], ...]:
+    """Name, key and reader of each field."""
+    kinds = get_type_hints(cls)
+    fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+    return tuple((f.name, f.metadata.get("key", f.name), _reader(kinds[f.name])) for f in fields)
 
 
-def _read(kind: Any, value: Any) -> Any:
-    """The value as its annotation says: a record, a tuple of them, an array."""
+@cache
+def _reader(kind: Any) -> Reader:
+    """What reads a value as its annotation says: a record, a tuple of them, an array."""
+    if get_origin(kind) in (Union, types.UnionType):
+        return _reader(next(k for k in get_args(kind) if k is not type(None)))
+    if isinstance(kind, type) and issubclass(kind, Record):
+        return partial(_record, kind)
+    if get_origin(kind) is tuple:
+        return partial(_tuple, _reader(get_args(kind)[0]))
+    if get_origin(kind) in (np.ndarray, npt.NDArray):  # an alias from numpy 2.5 on
+        return _array
+    return _as_it_is
+
+
+def _record(kind: type[Record], value: Any) -> Any:
+    return value if value is None or isinstance(value, kind) else kind.from_dict(value)
+
+
+def _tuple(read: Reader, value: Any) -> Any:
+    if read is _as_it_is:
+        return None if value is None else tuple(value)
+    return None if value is None else tuple(map(read, value))
+
+
+def _array(value: Any) -> Any:
     if value is None:
         return None
-    if get_origin(kind) in (Union, types.UnionType):
-        options = [k for k in get_args(kind) if k is not type(None)]
-        return _read(options[0], value)
-    if isinstance(kind, type) and issubclass(kind, Record):
-        return value if isinstance(value, kind) else kind.from_dict(value)
-    if get_origin(kind) is tuple:
-        return tuple(_read(get_args(kind)[0], v) for v in value)
-    if get_origin(kind) in (np.ndarray, npt.NDArray):  # an alias from numpy 2.5 on
-        array = np.array(value, dtype=np.float64)  # None becomes NaN
-        array.flags.writeable = False
-        return array
+    array = np.array(value, dtype=np.float64)  # None becomes NaN
+    array.flags.writeable = False
+    return array
+
+
+def _as_it_is(value: Any) -> Any:
     return value

@@ -14,7 +14,6 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, ResultError
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
-from rsicalib.report import html, summary
 from rsicalib.report.words import quality, worse_groups
 from rsicalib.shapes import CalibrationShape, FitQuality, Groups, Parameter, ResultShape, TraceShape
 from rsicalib.verdicts import EXIT_CODES
@@ -69,10 +68,14 @@ class Result(ResultShape):
 
     def summary(self) -> str:
         """Summary for a terminal, 25 lines at most."""
+        from rsicalib.report.terminal import summary
+
         return summary(self)
 
     def report(self) -> str:
         """Report as one HTML file that needs no network."""
+        from rsicalib.report.page import html
+
         return html(self)
 
     def with_groups(self, groups: Groups) -> Self:

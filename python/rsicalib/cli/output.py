@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rsicalib.errors import InputError
-from rsicalib.export import calibrated_files
 from rsicalib.io.files import write_text
 from rsicalib.results import Calibration, Result, Trace
 
@@ -30,6 +29,8 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
 
 
 def _write(folder: Path, result: Result, mechanism: str) -> None:
+    from rsicalib.export import calibrated_files
+
     files = {
         "result.json": result.to_json(),
         "report.txt": result.summary() + "\n",

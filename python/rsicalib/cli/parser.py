@@ -22,7 +22,6 @@ from rsicalib.cli.verbs import (
     trace,
 )
 from rsicalib.errors import InputError
-from rsicalib.planning import CRITERIA
 
 __all__ = ["make_parser"]
 
@@ -144,7 +143,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--beside", metavar="READINGS", help="poses that are visited already")
     sub.add_argument("--noise", type=float, default=1.0, help="of one reading, for the bound (1)")
     sub.add_argument(
-        "--criterion", choices=CRITERIA, default=CRITERIA[0], help="what is made small"
+        "--criterion", choices=_core.CRITERIA, default=_core.CRITERIA[0], help="what is made small"
     )
     sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
     sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")

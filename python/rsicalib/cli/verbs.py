@@ -1,4 +1,7 @@
-"""The verbs: each takes the parsed arguments, and returns the exit code."""
+"""The verbs: each takes the parsed arguments, and returns the exit code.
+
+A verb imports what it alone needs: a command that calibrates does not wait for the others.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +10,11 @@ import sys
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
-
 from rsicalib import _core, api
 from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import progress_line, show, warn, write_files
 from rsicalib.errors import InputError
-from rsicalib.identifiability import COMPLETE, identifiable
-from rsicalib.io.mechanisms import expansion_notes
-from rsicalib.places import places, readings_for
-from rsicalib.planning import plan as plan_poses
 from rsicalib.records import to_json
-from rsicalib.reproduction.paper import paper as compute_paper
-from rsicalib.simulation import simulate as simulate_device
-from rsicalib.work.arguments import earlier_result
 
 __all__ = [
     "Args",
@@ -75,6 +69,11 @@ def demo(args: Args) -> int:
 
 def forward(args: Args) -> int:
     """Readings to platform poses under a calibration, CSV on standard output."""
+    import numpy as np
+
+    from rsicalib.places import places, readings_for
+    from rsicalib.work.arguments import earlier_result
+
     mechanism = api.load_mechanism(args.mechanism)
     readings = readings_for(args.readings, mechanism, args.skip_bad_rows)
     warn(args, readings.warnings)
@@ -108,6 +107,8 @@ def forward(args: Args) -> int:
 
 def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
+    from rsicalib.simulation import simulate as simulate_device
+
     made = simulate_device(
         args.out,
         args.mechanism,
@@ -126,6 +127,8 @@ def simulate(args: Args) -> int:
 
 def plan(args: Args) -> int:
     """Which poses to visit."""
+    from rsicalib.planning import plan as plan_poses
+
     found = plan_poses(
         args.mechanism,
         args.poses,
@@ -147,6 +150,8 @@ def plan(args: Args) -> int:
 
 def paper(args: Args) -> int:
     """Every table of the paper computed again, beside the printed one."""
+    from rsicalib.reproduction.paper import paper as compute_paper
+
     shown = None if args.quiet or not sys.stderr.isatty() else progress_line
     found = compute_paper(args.trials, seed=args.seed, progress=shown, workers=args.workers)
     if args.out is not None:
@@ -187,6 +192,9 @@ def terms(args: Args) -> int:
 
 def mechanism(args: Args) -> int:
     """Show a built-in mechanism, or check a file: what it says, and what can be identified."""
+    from rsicalib.identifiability import COMPLETE, identifiable
+    from rsicalib.io.mechanisms import expansion_notes
+
     loaded = api.load_mechanism(args.name)
     counts = []
     try:

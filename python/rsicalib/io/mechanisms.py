@@ -12,13 +12,11 @@ from typing import Any
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, Where
+from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.urdf import UrdfChain, chain_from_urdf, masses_from_toml, read_toml
 from rsicalib.io.urdf_tree import listed, refuse
 
-__all__ = ["BUILTIN", "expansion_notes", "load_mechanism", "read_mechanism"]
-
-BUILTIN = ("rsi",)
-"""Mechanisms that the core brings along."""
+__all__ = ["expansion_notes", "load_mechanism", "read_mechanism"]
 
 URDF_KEYS = ("name", "urdf", "base", "tip", "channels", "masses")
 """What a chain given as URDF may have."""
@@ -50,7 +48,7 @@ def load_mechanism(name_or_path: str | os.PathLike[str]) -> Mechanism:
     """
     file = os.fspath(name_or_path)
     if file in BUILTIN:
-        return Mechanism.rsi()
+        return BUILTIN[file]()
     document = _read(file)
     expanded, _ = _expanded(document, file)
     try:

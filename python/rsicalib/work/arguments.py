@@ -10,7 +10,7 @@ import numpy as np
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.io.mechanisms import load_mechanism
+from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.results import Result, load_calibration
 
@@ -38,7 +38,13 @@ CalibrationArg: TypeAlias = PathLike | Result
 
 def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
     """A mechanism by name, from a file, or as it is."""
-    return name_or_path if isinstance(name_or_path, Mechanism) else load_mechanism(name_or_path)
+    if isinstance(name_or_path, Mechanism):
+        return name_or_path
+    if name_or_path in BUILTIN:
+        return BUILTIN[os.fspath(name_or_path)]()
+    from rsicalib.io.mechanisms import load_mechanism
+
+    return load_mechanism(name_or_path)
 
 
 def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:
