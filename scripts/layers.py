@@ -46,6 +46,7 @@ PYTHON = (
     "planning",
     "identifiability",
     "export",
+    "fleets",
     "reproduction",
     "api",
     "cli",

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     )
     from rsicalib.errors import InputError, RsicalibError, UndeterminedError
     from rsicalib.export import export_toml, export_urdf
+    from rsicalib.fleets.devices import calibrate_devices
+    from rsicalib.fleets.run import Fleet, fleet
     from rsicalib.identifiability import identifiable
     from rsicalib.io.readings import Readings
     from rsicalib.measures import observability
@@ -45,6 +47,7 @@ __all__ = [
     "DEMO",
     "Calibration",
     "Channel",
+    "Fleet",
     "InputError",
     "Mechanism",
     "Parameter",
@@ -55,10 +58,12 @@ __all__ = [
     "UndeterminedError",
     "__version__",
     "calibrate",
+    "calibrate_devices",
     "demo",
     "export_toml",
     "export_urdf",
     "fixture",
+    "fleet",
     "forward",
     "forward_sd",
     "identifiable",
@@ -80,6 +85,8 @@ _HOMES = {
         load_readings terms trace""",
     "rsicalib.errors": "InputError RsicalibError UndeterminedError",
     "rsicalib.export": "export_toml export_urdf",
+    "rsicalib.fleets.devices": "calibrate_devices",
+    "rsicalib.fleets.run": "Fleet fleet",
     "rsicalib.identifiability": "identifiable",
     "rsicalib.io.readings": "Readings",
     "rsicalib.measures": "observability",

@@ -194,6 +194,23 @@ def bound_at(
 ) -> dict[str, Any]:
     """The Cramér-Rao bound for poses of shape (n, 6) that are to be visited."""
 
+def calibrate_devices(
+    mechanism: Mechanism,
+    tables: Any,
+    rests: Any,
+    *,
+    terms: Sequence[str] | None = None,
+    closures: Sequence[str] | None = None,
+    noise: Sequence[float] | None = None,
+    trace: Any = True,
+    held_out: Any = False,
+) -> Any:
+    """Calibrates devices one after the other, column by column in the order of the tables.
+
+    `rests` holds readings of the rest pose, shape (n, C), or None, for each table. A device that
+    cannot be calibrated has a message and no numbers.
+    """
+
 def calibrated_sensors(mechanism: Mechanism, applied: Mapping[str, Any]) -> Mechanism:
     """The mechanism with the gains and offsets that a result has found."""
 

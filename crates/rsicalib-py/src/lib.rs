@@ -2,6 +2,7 @@
 
 mod apply;
 mod design;
+mod devices;
 mod documents;
 mod error;
 mod experiments;
@@ -46,6 +47,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(experiments::readings_at, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::bound, module)?)?;
     module.add_function(wrap_pyfunction!(design::identifiable, module)?)?;
+    module.add_function(wrap_pyfunction!(devices::calibrate_devices, module)?)?;
     module.add_function(wrap_pyfunction!(design::plan, module)?)?;
     module.add_function(wrap_pyfunction!(design::bound_at, module)?)?;
     module.add_function(wrap_pyfunction!(design::workspace, module)?)?;

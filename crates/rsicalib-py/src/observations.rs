@@ -83,6 +83,28 @@ fn known(check: Option<PyKnown<'_>>, align: bool) -> Option<Known> {
     check.map(|(table, poses)| Known { table: table.table(), poses: poses_of(&poses), align })
 }
 
+/// Options of a fit by their names in Python; what is not given is as in Rust.
+pub fn fit_options(
+    terms: Option<Vec<String>>,
+    closures: Option<Vec<String>>,
+    method: Option<&str>,
+    noise: Option<Vec<f64>>,
+) -> Result<FitOptions, PyError> {
+    let method = match method {
+        None | Some("implicit_loop") => Method::ImplicitLoop,
+        Some("algebraic") => Method::Algebraic,
+        Some(other) => {
+            return Err(rsicalib::Error::Option {
+                name: "method",
+                found: other.into(),
+                expected: "implicit_loop or algebraic".into(),
+            }
+            .into());
+        }
+    };
+    Ok(FitOptions { terms, closures, noise, method, ..FitOptions::default() })
+}
+
 #[pymethods]
 impl PyObservations {
     /// Checks readings against a mechanism and gathers the options.
@@ -102,19 +124,7 @@ impl PyObservations {
         max_iterations: Option<usize>,
         xtol: Option<f64>,
     ) -> Result<Self, PyError> {
-        let mut options = FitOptions { terms, closures, noise, ..FitOptions::default() };
-        options.method = match method {
-            None | Some("implicit_loop") => Method::ImplicitLoop,
-            Some("algebraic") => Method::Algebraic,
-            Some(other) => {
-                return Err(rsicalib::Error::Option {
-                    name: "method",
-                    found: other.into(),
-                    expected: "implicit_loop or algebraic".into(),
-                }
-                .into());
-            }
-        };
+        let mut options = fit_options(terms, closures, method, noise)?;
         options.starts = starts.unwrap_or(options.starts);
         options.lm.max_iterations = max_iterations.unwrap_or(options.lm.max_iterations);
         options.lm.xtol = xtol.unwrap_or(options.lm.xtol);

@@ -13,6 +13,7 @@ from rsicalib.cli.verbs import (
     calibrate,
     demo,
     fixture,
+    fleet,
     forward,
     mechanism,
     paper,
@@ -148,6 +149,24 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
     sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")
     sub.add_argument("--out", metavar="FILE", type=Path, help="write the poses as CSV")
+
+    sub = verb(fleet)
+    sub.add_argument("dataset", metavar="DATASET", help="Parquet or CSV, a file or a folder")
+    sub.add_argument("--by", metavar="COLUMN", default="device", help="names the device (device)")
+    _add_mechanism(sub)
+    sub.add_argument("--terms", metavar="TERM,…", type=_names, help="terms to identify")
+    sub.add_argument("--noise", metavar="COUNTS|a11=1.2,…", type=_noise, help="of one sample")
+    sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
+    words = "do not trace the residual where it is significant"
+    sub.add_argument("--no-trace", dest="trace", action="store_false", help=words)
+    words = "add the error on poses that are left out in turn"
+    sub.add_argument("--held-out", action="store_true", help=words)
+    sub.add_argument("--workers", type=int, help="threads; all cores where not given")
+    sub.add_argument("--dask", metavar="ADDRESS", help="the workers of this scheduler compute")
+    words = "keep the rows of devices whose readings are the same"
+    sub.add_argument("--resume", action="store_true", help=words)
+    words = "folder for fleet.parquet and fleet.html"
+    sub.add_argument("--out", metavar="FOLDER", type=Path, required=True, help=words)
 
     sub = verb(paper)
     words = "of every simulated cell (1000)"

@@ -21,6 +21,7 @@ __all__ = [
     "calibrate",
     "demo",
     "fixture",
+    "fleet",
     "forward",
     "mechanism",
     "paper",
@@ -146,6 +147,21 @@ def plan(args: Args) -> int:
     elif not args.quiet:
         sys.stdout.write(found.text())
     return 0
+
+
+def fleet(args: Args) -> int:
+    """Many devices: a row of results each, and a page with those that stand out."""
+    from rsicalib.fleets.run import fleet as calibrate_fleet
+
+    shown = None if args.quiet or not sys.stderr.isatty() else progress_line
+    names = "mechanism out by terms closures noise trace held_out workers dask resume".split()
+    options = {name: getattr(args, name) for name in names}
+    found = calibrate_fleet(args.dataset, **options, progress=shown)
+    if args.json:
+        sys.stdout.write(to_json(found.to_dict()))
+    elif not args.quiet:
+        sys.stdout.write(found.text())
+    return found.exit_code
 
 
 def paper(args: Args) -> int:

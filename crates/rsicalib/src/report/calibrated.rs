@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::diagnosis::calibrate::{Calibrated, calibrate};
-use crate::diagnosis::held_out::{averaged, held_out};
+use crate::diagnosis::held_out::{HeldOut, averaged, held_out};
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::verdict::{Evidence, Verdict, verdict};
 use crate::estimate::Observations;
@@ -51,7 +51,37 @@ pub fn report(
     known: Option<&Known>,
 ) -> Result<(CalibrationReport, Calibrated), Error> {
     let calibrated = calibrate(observations)?;
-    let Calibrated { observations: used, fit, excluded: out, with } = &calibrated;
+    let mut report = of(observations, &calibrated);
+    report.fit.held_out = error_held_out(&calibrated)?;
+    if let Some(known) = known {
+        known.judge(&calibrated.observations, &calibrated.fit, &mut report.fit)?;
+        if let (Some(whole), Some(with)) = (&calibrated.with, &mut report.with_excluded) {
+            known.judge(observations, whole, &mut with.fit)?;
+        }
+    }
+    Ok((report, calibrated))
+}
+
+/// Error on poses that are left out in turn; none where nothing was fitted, or where there are
+/// too many poses to fit without some of them again.
+///
+/// # Errors
+///
+/// As [`calibrate`].
+pub fn error_held_out(calibrated: &Calibrated) -> Result<Option<HeldOut>, Error> {
+    let Calibrated { observations, fit, .. } = calibrated;
+    let few = observations.readings.poses() <= MOST_HELD_OUT;
+    if !(fit.termination.converged() && fit.plausible && fit.dof >= 1.0 && few) {
+        return Ok(None);
+    }
+    let (small, fitted) = averaged(observations, fit)?;
+    Ok(held_out(&small, &fitted))
+}
+
+/// The report of a calibration, without errors on other poses: those held out, and known ones.
+#[must_use]
+pub fn of(observations: &Observations, calibrated: &Calibrated) -> CalibrationReport {
+    let Calibrated { observations: used, fit, excluded: out, with } = calibrated;
     let directions = directions(used, fit);
     let absurd = absurdities(used, fit, &[]);
     let verdict = verdict(&Evidence {
@@ -62,41 +92,25 @@ pub fn report(
         found: false,
         doubtful: false,
     });
-    let mut report = FitReport::of(fit);
-    let poses = used.readings.poses();
-    if fit.termination.converged() && fit.plausible && fit.dof >= 1.0 && poses <= MOST_HELD_OUT {
-        let (small, fitted) = averaged(used, fit)?;
-        report.held_out = held_out(&small, &fitted);
-    }
-    if let Some(known) = known {
-        known.judge(used, fit, &mut report)?;
-    }
-    let with_excluded = match with {
-        Some(whole) => {
-            let mut report = FitReport::of(whole);
-            if let Some(known) = known {
-                known.judge(observations, whole, &mut report)?;
-            }
-            let parameters = result::parameters(observations, whole);
-            Some(WithExcluded { fit: report, parameters })
-        }
-        None => None,
-    };
+    let with_excluded = with.as_ref().map(|whole| WithExcluded {
+        fit: FitReport::of(whole),
+        parameters: result::parameters(observations, whole),
+    });
     let mut estimates = estimates(used, fit, &directions);
     if fit.dof < 1.0 {
+        let poses = used.readings.poses();
         estimates.unobservable.insert(0, words::nothing_left(fit.beta.len(), poses));
     }
-    let report = CalibrationReport {
+    CalibrationReport {
         verdict,
         implausible: result::implausible(used, &absurd),
         warnings: result::warnings(used, fit, fit),
         excluded: out.iter().map(|e| excluded(used, e)).collect(),
         with_excluded,
-        fit: report,
+        fit: FitReport::of(fit),
         estimates,
-        after_residuals: by_pose(&calibrated),
-    };
-    Ok((report, calibrated))
+        after_residuals: by_pose(calibrated),
+    }
 }
 
 /// Residuals of poses from those of samples: their sum over the root of how many there are.

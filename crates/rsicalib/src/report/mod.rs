@@ -1,6 +1,7 @@
 //! Results as users hold them: plain structs in the shape of the JSON, and words.
 
 pub mod calibrated;
+pub mod device;
 #[cfg(feature = "document")]
 pub mod document;
 #[cfg(feature = "document")]

@@ -1,0 +1,110 @@
+//! One device of many: what a row about it says.
+
+use crate::Error;
+use crate::diagnosis::calibrate::calibrate;
+use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::verdict::Verdict;
+use crate::estimate::Observations;
+use crate::estimate::directions::ParameterReport;
+use crate::report::calibrated;
+use crate::report::result::{ExcludedReport, FitReport};
+use crate::report::traced::{self, StepReport};
+
+/// A calibration of one device of many, and what was missing from it.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DeviceReport {
+    /// The verdict: of the trace where there is one, else of the calibration.
+    pub verdict: Verdict,
+    /// What a reader of the verdict must know, in sentences; empty where all is well.
+    pub message: String,
+    /// How well the final model fits.
+    pub fit: FitReport,
+    /// Estimates of the final model, without the parameters of `steps`.
+    pub parameters: Vec<ParameterReport>,
+    /// Effects that were found missing.
+    pub steps: Vec<StepReport>,
+}
+
+/// What to compute beside the calibration of a device.
+#[derive(Debug, Clone, Default)]
+pub struct DeviceOptions {
+    /// Trace the residual where it is significant.
+    pub trace: Option<SearchOptions>,
+    /// Error on poses that are left out in turn, which takes as long as the calibration.
+    pub held_out: bool,
+}
+
+/// Calibrates one device of many.
+///
+/// The numbers are those of [`calibrated::report`], and of [`traced::report`] where the
+/// calibration leaves a significant residual and [`DeviceOptions::trace`] asks for it.
+///
+/// # Errors
+///
+/// As [`calibrate`].
+pub fn report(observations: &Observations, options: &DeviceOptions) -> Result<DeviceReport, Error> {
+    let calibrated = calibrate(observations)?;
+    let found = calibrated::of(observations, &calibrated);
+    if found.verdict == Verdict::Unexplained
+        && let Some(search) = &options.trace
+    {
+        return traced(observations, search);
+    }
+    let mut fit = found.fit;
+    if options.held_out {
+        fit.held_out = calibrated::error_held_out(&calibrated)?;
+    }
+    let message = message(&[
+        &found.estimates.unobservable,
+        &found.implausible,
+        &found.warnings,
+        &reasons(&found.excluded),
+    ]);
+    let parameters = found.estimates.parameters;
+    Ok(DeviceReport { verdict: found.verdict, message, fit, parameters, steps: Vec::new() })
+}
+
+fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceReport, Error> {
+    let found = traced::report(observations, search, None)?;
+    let left = match found.verdict {
+        Verdict::Explained | Verdict::Adequate => Vec::new(),
+        _ => vec![found.unexplained.text],
+    };
+    let message = message(&[
+        &found.estimates.unobservable,
+        &found.implausible,
+        &left,
+        &found.warnings,
+        &reasons(&found.excluded),
+    ]);
+    let of_step = |p: &ParameterReport| {
+        found.steps.iter().any(|step| {
+            let effect = &step.effect;
+            (&effect.term, &effect.target, &effect.place) == (&p.term, &p.target, &p.place)
+        })
+    };
+    let parameters = found.estimates.parameters.iter().filter(|p| !of_step(p)).cloned().collect();
+    let (verdict, fit, steps) = (found.verdict, found.after, found.steps);
+    Ok(DeviceReport { verdict, message, fit, parameters, steps })
+}
+
+fn reasons(excluded: &[ExcludedReport]) -> Vec<String> {
+    excluded.iter().map(left_out).collect()
+}
+
+/// Which reading was left out, and why.
+fn left_out(excluded: &ExcludedReport) -> String {
+    let ExcludedReport { pose, sample, group, chain, channel, reason, .. } = excluded;
+    let mut place: Vec<String> = Vec::new();
+    place.extend(pose.map(|pose| format!("pose {pose}")));
+    place.extend(sample.map(|sample| format!("sample {sample}")));
+    place.extend(group.as_ref().map(|group| format!("group {group}")));
+    place.extend(chain.clone());
+    place.extend(channel.clone());
+    format!("left out: {}: {reason}", place.join(" "))
+}
+
+fn message(parts: &[&[String]]) -> String {
+    parts.concat().join("; ")
+}

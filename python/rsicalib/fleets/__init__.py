@@ -1,0 +1,1 @@
+"""Many devices: one row of results each, by threads or by Dask."""

@@ -1,0 +1,247 @@
+"""Readings of many devices in files: partitions of whole devices, one after the other."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsicalib.errors import InputError
+from rsicalib.fleets.frames import Columns, columns_of, joined
+from rsicalib.io.tables import PARQUET, Table, read_table, text
+
+__all__ = ["Dataset", "Partition", "pyarrow_modules"]
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Devices that are calibrated together; no device is in two partitions."""
+
+    frame: Columns
+    """Rows of the devices."""
+    rest: Columns | None
+    """Readings of their rest poses, where these are in other files."""
+    refused: dict[Any, str] = field(default_factory=dict)
+    """Devices whose files cannot be read, and why."""
+    apart: bool = False
+    """True where each device has files of its own: a missing column is then its own fault."""
+
+
+class Dataset:
+    """A file or a folder with the readings of many devices.
+
+    - Parquet, a file or a folder of parts, with the column `by`;
+    - a CSV file, or a folder of them, with the column `by`;
+    - a folder of CSV files without the column: a device each, named as the file;
+    - a folder of folders with `readings.csv` and perhaps `rest.csv`: a device each, named as
+      its folder.
+
+    Beside the first three, `rest.csv` or `rest.parquet` with the column `by` holds readings of
+    the rest poses.
+
+    Parameters
+    ----------
+    path : path
+        The file or folder.
+    by : str
+        Column that says which device a row belongs to.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or nothing in it that could be read.
+    """
+
+    def __init__(self, path: Path, by: str) -> None:
+        self.path, self.by = path, by
+        if not path.exists():
+            raise InputError.at(str(path), found="no such file", expected="a file or a folder")
+        files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+        tables = [p for p in files if p.stem != "rest" or path.is_file()]
+        self.parquet = [p for p in tables if p.suffix.lower() in PARQUET]
+        self.folders = sorted(p.parent for p in tables if p.name == "readings.csv")
+        self.csv = [p for p in tables if p.suffix.lower() == ".csv"] if not self.folders else []
+        kinds = [kind for kind in (self.parquet, self.folders, self.csv) if kind]
+        if len(kinds) != 1:
+            found = "Parquet and CSV files" if kinds else "no Parquet and no CSV file"
+            raise InputError.at(str(path), found=found, expected="one kind of files of readings")
+        folder = path.parent if path.is_file() else path
+        beside = [folder / f"rest{suffix}" for suffix in (".csv", ".parquet")]
+        found_rest = [p for p in beside if p.is_file() and p != path and not self.folders]
+        self.rest = _columns(read_table(found_rest[0]), by) if found_rest else None
+
+    def partitions(self, size: int) -> Iterator[Partition]:
+        """Partitions of about `size` devices, in the order of the files."""
+        if self.parquet:
+            return self._cut(_row_groups(self.parquet, self.by), size)
+        if self.folders:
+            return self._of_folders(size)
+        first = read_table(self.csv[0])
+        if self.by in first.names:
+            tables = [first, *(read_table(path) for path in self.csv[1:])]
+            frames = [_columns(table, self.by) for table in tables]
+            last = dict.fromkeys((label for f in frames for label in _labels(f, self.by)), 0)
+            return self._cut([(joined(frames), last)], size)
+        return self._of_files(((p.stem, p, None) for p in self.csv), size)
+
+    def _cut(
+        self, groups: Iterable[tuple[Columns, dict[Any, int]]], size: int
+    ) -> Iterator[Partition]:
+        """Cut chunks of rows into partitions; a device waits for the chunk of its last row."""
+        rest = None if self.rest is None else _by_device(self.rest, self.by)
+        waiting: Columns | None = None
+        for k, (chunk, last) in enumerate(groups):
+            waiting = chunk if waiting is None else joined([waiting, chunk])
+            devices = _by_device(waiting, self.by)
+            final = k == max(last.values(), default=0)
+            whole = [label for label in devices if last[label] <= k]
+            count = len(whole) if final else len(whole) // size * size
+            for start in range(0, count, size):
+                labels = whole[start : min(start + size, count)]
+                frame = _take(waiting, [i for label in labels for i in devices[label]])
+                at_rest = None
+                if rest is not None and self.rest is not None:
+                    at_rest = _take(self.rest, [i for label in labels for i in rest.get(label, [])])
+                yield Partition(frame, at_rest)
+            for label in whole[:count]:
+                del devices[label]
+            waiting = _take(waiting, [i for rows in devices.values() for i in rows])
+
+    def _of_folders(self, size: int) -> Iterator[Partition]:
+        def rest(folder: Path) -> Path | None:
+            return folder / "rest.csv" if (folder / "rest.csv").is_file() else None
+
+        return self._of_files(((f.name, f / "readings.csv", rest(f)) for f in self.folders), size)
+
+    def _of_files(
+        self, devices: Iterable[tuple[str, Path, Path | None]], size: int
+    ) -> Iterator[Partition]:
+        """Files of a device each; those with the same columns are calibrated together."""
+        frames: list[Columns] = []
+        rests: list[Columns] = []
+        refused: dict[Any, str] = {}
+
+        def made() -> Partition:
+            of_rest = joined(rests) if rests else self._rest_of(frames)
+            return Partition(
+                joined(frames) if frames else {self.by: []}, of_rest, dict(refused), True
+            )
+
+        for label, file, at_rest in devices:
+            try:
+                frame = _labelled(read_table(file), self.by, label)
+                resting = None
+                if at_rest is not None:
+                    resting = _labelled(read_table(at_rest), self.by, label)
+            except InputError as error:
+                refused[label] = error.message
+                continue
+            unlike = any(list(frame) != list(f) for f in frames[:1])
+            unlike |= any(resting is not None and list(resting) != list(r) for r in rests[:1])
+            if unlike or len(frames) == size:
+                yield made()
+                frames, rests, refused = [], [], {}
+            frames.append(frame)
+            if resting is not None:
+                rests.append(resting)
+        if frames or refused:
+            yield made()
+
+    def _rest_of(self, frames: Sequence[Columns]) -> Columns | None:
+        if self.rest is None:
+            return None
+        rows = _by_device(self.rest, self.by)
+        labels = [frame[self.by][0] for frame in frames if len(frame[self.by])]
+        return _take(self.rest, [i for label in labels for i in rows.get(label, [])])
+
+
+def pyarrow_modules(source: str) -> tuple[Any, Any]:
+    """The modules `pyarrow` and `pyarrow.parquet`.
+
+    Raises
+    ------
+    InputError
+        They are not installed.
+    """
+    try:
+        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    except ImportError:
+        hint = "Install it with: pip install rsicalib[parquet]"
+        raise InputError.at(
+            source, found="no pyarrow", expected="pyarrow for Parquet", hint=hint
+        ) from None
+
+
+def _row_groups(files: Sequence[Path], by: str) -> Iterator[tuple[Columns, dict[Any, int]]]:
+    """Rows of each row group, and the number of the last row group of every device."""
+    pyarrow, parquet = pyarrow_modules(str(files[0]))
+    last: dict[Any, int] = {}
+    places: list[tuple[Path, int]] = []
+    for file in files:
+        try:
+            opened = parquet.ParquetFile(file)
+            if by not in opened.schema_arrow.names:
+                found = f"no column {by!r} ({', '.join(opened.schema_arrow.names)})"
+                raise InputError.at(str(file), found=found, expected="one that names the device")
+            for group in range(opened.num_row_groups):
+                column = opened.read_row_group(group, columns=[by]).column(0)
+                last |= dict.fromkeys(column.unique().to_pylist(), len(places))
+                places.append((file, group))
+        except (pyarrow.ArrowException, OSError) as error:
+            found = f"what pyarrow cannot read ({error})"
+            raise InputError.at(str(file), found=found, expected="a Parquet file") from None
+    for file, group in places:
+        yield columns_of(parquet.ParquetFile(file).read_row_group(group)), last
+
+
+def _columns(table: Table, by: str) -> Columns:
+    """Columns of a file; labels of devices without surrounding spaces."""
+    if table.ragged:
+        row, misfit = min(table.ragged.items())
+        raise InputError.at(
+            table.source,
+            line=int(table.lines[row]),
+            found=misfit.found,
+            expected=misfit.expected,
+            line_word=table.line_word,
+        )
+    columns: Columns = dict(zip(table.names, table.columns, strict=True))
+    cells = columns.get(by)
+    if cells is not None and not isinstance(cells, np.ndarray):
+        columns[by] = _texts(cells)
+    return columns
+
+
+def _texts(cells: Sequence[Any]) -> list[Any]:
+    return [text(cell) if isinstance(cell, str) else cell for cell in cells]
+
+
+def _labelled(table: Table, by: str, label: str) -> Columns:
+    return {**_columns(table, by), by: [label] * len(table.lines)}
+
+
+def _labels(frame: Columns, by: str) -> list[Any]:
+    if by not in frame:
+        raise InputError(f"found no column {by!r} in every file, expected one")
+    cells = frame[by]
+    return cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
+
+
+def _by_device(frame: Columns, by: str) -> dict[Any, list[int]]:
+    """Rows of each device, in the order of their first rows."""
+    rows: dict[Any, list[int]] = {}
+    for i, label in enumerate(_labels(frame, by)):
+        rows.setdefault(label, []).append(i)
+    return rows
+
+
+def _take(frame: Columns, rows: list[int]) -> Columns:
+    at = np.array(rows, dtype=np.intp)
+    return {
+        name: cells[at] if isinstance(cells, np.ndarray) else [cells[i] for i in rows]
+        for name, cells in frame.items()
+    }

@@ -1,0 +1,300 @@
+"""Calibrations of many devices that stand in one table: `calibrate_devices`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.errors import InputError
+from rsicalib.fleets.frames import TEXT, Cells, Columns, Frame, columns_of, frame_like
+from rsicalib.io.cells import Fault, MechanismLike, read_cells, read_header
+from rsicalib.io.tables import Table, text
+from rsicalib.records import plain
+from rsicalib.work.arguments import Bare, MechanismArg, listed, noise_of_channels, open_mechanism
+
+__all__ = ["REST", "calibrate_devices", "digests", "without"]
+
+NUMBERS = ("poses", "samples", "chi2", "dof", "p_value", "rms_misclosure")
+"""Columns of the results that hold numbers, beside the parameters."""
+
+REST = "rest"
+"""What stands in the column `pose` of a row that reads the rest pose."""
+
+
+def calibrate_devices(
+    frame: Frame,
+    mechanism: MechanismArg = "rsi",
+    *,
+    by: str = "device",
+    rest: Frame | None = None,
+    terms: Sequence[str] | None = None,
+    closures: Sequence[str] | None = None,
+    noise: float | Mapping[str, float] | None = None,
+    trace: bool = True,
+    held_out: bool = False,
+) -> Frame:
+    """Calibrate every device in a table: rows of readings in, one row for each device out.
+
+    Knows nothing of engines: a partition of a table goes in, its results come out, so Dask, Ray
+    and Spark map it over partitions that hold devices whole. The interpreter's lock is released
+    while the core computes. A device that cannot be calibrated is a row, too.
+
+    Parameters
+    ----------
+    frame : DataFrame, pyarrow Table, or mapping of str to array
+        `n` samples, columns as in a file of readings, and the column `by`. Rows of one device
+        keep their order and need not be neighbours.
+    mechanism : str, path or Mechanism
+        What all devices are.
+    by : str
+        Column that says which device a row belongs to.
+    rest : as `frame`, optional
+        Readings of rest poses, with the columns `by` and the channels; rows of `frame` whose
+        `pose` is `rest` are the same.
+    terms, closures, noise : optional
+        As in `calibrate`.
+    trace : bool
+        Trace the residual of devices where it is significant.
+    held_out : bool
+        Add the error on poses that are left out in turn, which takes as long again.
+
+    Returns
+    -------
+    as `frame`
+        A row for each device, in the order of their first rows. Text: `verdict` (None where
+        a device cannot be used), `message`, `steps` (what was traced, JSON), `sha256` of
+        the device's rows. Numbers, NaN where unknown: `poses`, `samples`, `chi2`, `dof`,
+        `p_value`, `rms_misclosure` [length unit], and for each parameter its value and `_sd` in
+        its unit, such as `gain@a11` and `gain@a11_sd` [rad/count].
+
+    Raises
+    ------
+    InputError
+        The table as a whole cannot be used: a column is missing.
+
+    Examples
+    --------
+    >>> import rsicalib
+    >>> made = [rsicalib.simulate(poses=24, samples=4, seed=seed).readings for seed in (1, 2)]
+    >>> frame = {"device": np.repeat(["a", "b"], 96), "pose": np.tile(made[0].pose, 2)}
+    >>> for k, name in enumerate(made[0].channels):
+    ...     frame[name] = np.concatenate([one.values[:, k] for one in made])
+    >>> calibrate_devices(frame)["verdict"].tolist()
+    ['adequate', 'adequate']
+    """
+    mechanism = open_mechanism(mechanism)
+    if by in (*TEXT, *NUMBERS):
+        raise InputError(f"by: found {by!r}, a column of the results, expected another name")
+    devices = _devices(columns_of(frame), None if rest is None else columns_of(rest), mechanism, by)
+    usable = [one for one in devices if one.refused is None]
+    found = _core.calibrate_devices(
+        mechanism,
+        [one.table for one in usable],
+        [one.rest for one in usable],
+        terms=listed(terms),
+        closures=listed(closures),
+        noise=noise_of_channels(noise, mechanism),
+        trace=trace,
+        held_out=held_out,
+    )
+    found["steps"] = [json.dumps(plain(steps), ensure_ascii=False) for steps in found["steps"]]
+    rows = {
+        by: [one.label for one in devices],
+        "poses": [one.poses for one in devices],
+        "samples": [one.samples for one in devices],
+        **{name: _spread(cells, devices) for name, cells in found.items()},
+        "sha256": [one.sha256 for one in devices],
+    }
+    rows["message"] = [
+        found if one.refused is None else one.refused
+        for one, found in zip(devices, rows["message"], strict=True)
+    ]
+    return frame_like(frame, rows, by)
+
+
+def _spread(cells: list[Any], devices: Sequence[_Device]) -> list[Any]:
+    """Results of the usable devices, in rows of all devices."""
+    of_usable = iter(cells)
+    return [next(of_usable) if one.refused is None else None for one in devices]
+
+
+def digests(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str) -> dict[Any, str]:
+    """Digest of each device's rows, as `calibrate_devices` writes it."""
+    return {one.label: one.sha256 for one in _devices(frame, rest, mechanism, by)}
+
+
+def without(frame: Columns, by: str, labels: set[Any]) -> Columns:
+    """A table without the rows of some devices."""
+    keep = np.array([label not in labels for label in _cells(frame[by])], dtype=np.bool_)
+    return _select(frame, np.flatnonzero(keep))
+
+
+@dataclass(frozen=True)
+class _Device:
+    """Readings of one device."""
+
+    label: Any
+    table: dict[str, Any]
+    rest: FloatArray | None
+    poses: int
+    samples: int
+    refused: str | None
+    sha256: str
+
+
+def _devices(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str) -> list[_Device]:
+    """The devices of a table, in the order of their first rows."""
+    frame, at_rest = _rest_rows(frame, by)
+    rests = _rest_readings([r for r in (at_rest, rest) if r is not None], mechanism, by)
+    read = _Read.of(frame, mechanism, by)
+    return [read.device(label, rows, rests.get(label)) for label, rows in read.rows()]
+
+
+def _rest_rows(frame: Columns, by: str) -> tuple[Columns, Columns | None]:
+    """The rows of poses, and those of rest poses."""
+    if by not in frame:
+        found = ", ".join(frame)[:200]
+        raise InputError(f"found no column {by!r} ({found}), expected one that names the device")
+    pose = frame.get("pose")
+    if pose is None or isinstance(pose, np.ndarray):
+        return frame, None
+    resting = np.array([text(cell) == REST for cell in pose], dtype=np.bool_)
+    if not resting.any():
+        return frame, None
+    return _select(frame, np.flatnonzero(~resting)), _select(frame, np.flatnonzero(resting))
+
+
+def _select(frame: Columns, rows: IntArray) -> Columns:
+    of = rows.tolist()
+    return {
+        name: cells[rows] if isinstance(cells, np.ndarray) else [cells[i] for i in of]
+        for name, cells in frame.items()
+    }
+
+
+def _cells(cells: Cells) -> list[Any]:
+    return cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
+
+
+def _rest_readings(
+    frames: Sequence[Columns], mechanism: Mechanism, by: str
+) -> dict[Any, FloatArray | str]:
+    """Readings of the rest pose of each device, shape (n, C); or what is wrong with them."""
+    out: dict[Any, FloatArray | str] = {}
+    for frame in frames:
+        if by not in frame:
+            found = ", ".join(frame)[:200]
+            raise InputError(f"rest: found no column {by!r} ({found}), expected one")
+        bare = {name: cells for name, cells in frame.items() if name != "pose"}
+        read = _Read.of(bare, Bare(mechanism), by)
+        for label, rows in read.rows():
+            fault = read.fault(rows)
+            out[label] = read.values[rows] if fault is None else f"rest pose, {fault}"
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """A table after the same checks as a file of readings, all devices at once."""
+
+    columns: Columns
+    mechanism: MechanismLike
+    labels: list[Any]
+    values: FloatArray
+    cells: dict[str, FloatArray]
+    faults: dict[int, Fault]
+
+    @classmethod
+    def of(cls, frame: Columns, mechanism: MechanismLike, by: str) -> _Read:
+        labels = _cells(frame[by])
+        lines = np.arange(1, len(labels) + 1, dtype=np.int64)
+        columns = {name: cells for name, cells in frame.items() if name != by}
+        table = Table(list(columns), list(columns.values()), lines, "row", "devices", "")
+        index, _ = read_header(table, mechanism)
+        cells, faults = read_cells(table, mechanism, index)
+        channels = [channel.name for channel in mechanism.channels]
+        values = np.column_stack([cells[name] for name in channels])
+        return cls(columns, mechanism, labels, np.ascontiguousarray(values), cells, faults)
+
+    def rows(self) -> Iterator[tuple[Any, Any]]:
+        """Label and rows of each device: a slice where its rows are neighbours."""
+        labels = self.labels
+        ends = [i for i in range(1, len(labels)) if labels[i] != labels[i - 1]]
+        bounds = [0, *ends, len(labels)] if labels else [0]
+        runs: dict[Any, list[slice]] = {}
+        for start, end in pairwise(bounds):
+            runs.setdefault(labels[start], []).append(slice(start, end))
+        for label, parts in runs.items():
+            one = parts[0] if len(parts) == 1 else np.r_[tuple(parts)]
+            yield label, one
+
+    def fault(self, rows: Any) -> str | None:
+        """What is wrong with the rows of a device."""
+        if not self.faults:
+            return None
+        of = np.arange(len(self.labels))[rows].tolist()
+        for number, row in enumerate(of, start=1):
+            if row in self.faults:
+                f = self.faults[row]
+                bad = sum(1 for r in of if r in self.faults)
+                more = f" ({bad} rows cannot be used)" if bad > 1 else ""
+                return (
+                    f"row {number}, column {f.column}: found {f.found}, expected {f.expected}{more}"
+                )
+        return None
+
+    def device(self, label: Any, rows: Any, rest: FloatArray | str | None) -> _Device:
+        """One device as the core takes it."""
+        values = self.values[rows]
+        pose = self.cells["pose"][rows] if "pose" in self.cells else None
+        refused, runs = self.fault(rows), len(values)
+        if refused is None and pose is not None:
+            pose = pose.astype(np.int64)
+            starts = np.flatnonzero(pose[1:] != pose[:-1])
+            runs = len(starts) + 1
+            if len(set(pose[starts].tolist()) | {int(pose[-1])}) < runs:
+                found = "a pose that begins again after another one"
+                refused = (
+                    f"column pose: found {found}, expected the rows of a pose next to each other"
+                )
+        if isinstance(rest, str):
+            refused, rest = refused or rest, None
+        table = {
+            "values": values,
+            "pose": pose if refused is None else None,
+            "time": self._optional("time_s", rows),
+            "temperature": self._optional("temperature_c", rows),
+            "session": None,
+            "keys": [self._texts(name, rows) for name in self.mechanism.key_columns],
+            "columns": [self.cells[name][rows].tolist() for name in self.mechanism.value_columns],
+        }
+        sha256 = _digest(label, table, rest)
+        return _Device(label, table, rest, runs, len(values), refused, sha256)
+
+    def _optional(self, name: str, rows: Any) -> FloatArray | None:
+        return self.cells[name][rows] if name in self.cells else None
+
+    def _texts(self, name: str, rows: Any) -> list[str]:
+        cells = self.columns[name]
+        of = np.arange(len(self.labels))[rows].tolist()
+        return [text(cells[i]) for i in of]
+
+
+def _digest(label: Any, table: Mapping[str, Any], rest: FloatArray | None) -> str:
+    """SHA-256 of what a device is calibrated from."""
+    sha = hashlib.sha256(str(label).encode())
+    for name in ("values", "pose", "time", "temperature"):
+        array = table[name]
+        sha.update(f"\0{name}\0".encode() + (b"" if array is None else array.tobytes()))
+    sha.update(repr([table["keys"], table["columns"]]).encode())
+    sha.update(b"" if rest is None else rest.tobytes())
+    return sha.hexdigest()

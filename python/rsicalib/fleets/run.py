@@ -1,0 +1,199 @@
+"""A fleet from files to files: calibrated partition by partition, resumed where it was left."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rsicalib import _core
+from rsicalib.cores import available_cores
+from rsicalib.errors import InputError
+from rsicalib.fleets.dataset import Dataset, Partition
+from rsicalib.fleets.devices import digests, without
+from rsicalib.fleets.engines import Job, Rows, over_dask, over_threads
+from rsicalib.fleets.page import page
+from rsicalib.fleets.store import Store
+from rsicalib.work.arguments import MechanismArg, PathLike, listed, open_mechanism
+
+__all__ = ["Fleet", "fleet"]
+
+PARTITION = 100
+"""Devices of a partition: a fifth of a second of work, which is what a lost worker costs."""
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """Results of many devices.
+
+    Attributes
+    ----------
+    rows : dict of str to list
+        Columns of `fleet.parquet`, a row for each device.
+    by : str
+        The column that names the device.
+    files : tuple of Path
+        What was written.
+    """
+
+    rows: Rows
+    by: str
+    files: tuple[Path, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows[self.by])
+
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """Number of devices by verdict; `refused` where there is none."""
+        words = (verdict or "refused" for verdict in self.rows["verdict"])
+        return dict(Counter(words).most_common())
+
+    @property
+    def exit_code(self) -> int:
+        """What the command returns: 0 unless no device could be calibrated."""
+        none = {"refused", "undetermined"} >= self.verdicts.keys()
+        return 3 if none else 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Numbers of devices, and the files."""
+        head = {"format": "rsicalib.fleet/1", "version": _core.__version__}
+        return {
+            **head,
+            "devices": len(self),
+            "verdicts": self.verdicts,
+            "files": [str(path) for path in self.files],
+        }
+
+    def text(self) -> str:
+        """A few lines for the terminal."""
+        counts = ", ".join(f"{count} {word}" for word, count in self.verdicts.items())
+        return "\n".join([f"{len(self)} devices: {counts}", *map(str, self.files)]) + "\n"
+
+
+def fleet(
+    dataset: PathLike,
+    mechanism: MechanismArg = "rsi",
+    *,
+    out: PathLike,
+    by: str = "device",
+    terms: Sequence[str] | None = None,
+    closures: Sequence[str] | None = None,
+    noise: float | Mapping[str, float] | None = None,
+    trace: bool = True,
+    held_out: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Calibrate the devices of a dataset: one row each.
+
+    Parameters
+    ----------
+    dataset : path
+        Parquet (a file, or a folder of parts) or CSV (a file, a folder of them, or a folder with
+        a folder for each device); see `docs/fleet.md`.
+    mechanism : str, path or Mechanism
+        What all devices are.
+    out : path
+        Folder for `fleet.parquet`, `fleet.html` and `run.json`.
+    by : str
+        Column that says which device a row belongs to.
+    terms, closures, noise, trace, held_out : optional
+        As in `calibrate_devices`.
+    workers : int, optional
+        Threads of this process; as many as there are cores where not given.
+    dask : str, optional
+        Address of a Dask scheduler, whose workers compute instead.
+    resume : bool
+        Keep the rows in `out` of devices whose readings are the same, also those of a run that
+        was interrupted.
+    progress : callable, optional
+        Called with a word, the devices that are done, and how many are known so far.
+
+    Returns
+    -------
+    Fleet
+        The rows, in the order of the dataset, and the files.
+
+    Raises
+    ------
+    InputError
+        The dataset, the options or the folder cannot be used. A device that cannot be used
+        is a row.
+    """
+    options = {
+        "terms": listed(terms),
+        "closures": listed(closures),
+        "noise": dict(noise) if isinstance(noise, Mapping) else noise,
+        "trace": trace,
+        "held_out": held_out,
+    }
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: found {workers}, expected 1 or more")
+    job = Job(open_mechanism(mechanism), by, options)
+    source = Dataset(Path(dataset), by)
+    store = Store(Path(out), by, _run(job))
+    known = store.begin(resume)
+    order: dict[Any, int] = {}
+    kept: list[Any] = []
+
+    def new() -> Iterator[Partition]:
+        for partition in source.partitions(PARTITION):
+            for label in (*partition.frame[by], *partition.refused):
+                order.setdefault(label, len(order))
+            part, same = _unknown(partition, known, job)
+            kept.extend(same)
+            if len(part.frame[by]) or part.refused:
+                yield part
+
+    engine = (
+        over_threads(job, new(), workers or available_cores())
+        if dask is None
+        else over_dask(job, new(), dask)
+    )
+    done = 0
+    for _, rows in engine:
+        store.keep(rows)
+        done += len(rows[by])
+        if progress is not None:
+            progress("devices", done, max(len(order) - len(kept), done))
+    rows = store.finish(order)
+    if not rows.get(by):
+        raise InputError.at(str(dataset), found="no device", expected="at least one")
+    html = page(rows, by, job.mechanism)
+    return Fleet(rows, by, store.write_page(html))
+
+
+def _unknown(
+    partition: Partition, known: Mapping[Any, str], job: Job
+) -> tuple[Partition, list[Any]]:
+    """The devices of a partition that are to be calibrated, and those that are known already."""
+    if not known or not len(partition.frame[job.by]):
+        return partition, []
+    try:
+        found = digests(partition.frame, partition.rest, job.mechanism, job.by)
+    except InputError:  # a row will say so
+        return partition, []
+    same = [label for label, digest in found.items() if known.get(label) == digest]
+    frame = without(partition.frame, job.by, set(same))
+    return replace(partition, frame=frame), same
+
+
+def _run(job: Job) -> dict[str, Any]:
+    """What the rows of a run depend on, beside the readings."""
+    toml = job.mechanism.to_toml()
+    return {
+        "format": "rsicalib.fleet/1",
+        "version": _core.__version__,
+        "mechanism": job.mechanism.name,
+        "mechanism_sha256": hashlib.sha256(toml.encode()).hexdigest(),
+        "by": job.by,
+        **job.options,
+    }
