@@ -51,6 +51,7 @@ PARAMETERS = {
     "plan.starts": "int",
     "pose": "Sequence[float]",
     "poses": "Array",
+    "progress": "Callable[[str, float], object] | None",
     "rest": "Array | None",
     "rsi_forward.angles": "Sequence[Sequence[float]]",
     "scaling": "str",
@@ -59,6 +60,7 @@ PARAMETERS = {
     "sensors": "Mapping[str, tuple[float, float]]",
     "sigma": "Array",
     "place": "str | None",
+    "source": "str | os.PathLike[str] | Mapping[str, Any]",
     "specs": "Sequence[Spec]",
     "start": "Sequence[int]",
     "starts": "int | None",
@@ -100,6 +102,7 @@ RETURNS = {
     "Mechanism.with_sensors": "Mechanism",
     "Session.calibrate": "tuple[dict[str, Any], Fit, Fit | None]",
     "Session.fit": "Fit",
+    "mechanism_schema": "str",
     "read_result": "dict[str, Any]",
     "schemas": "Sequence[tuple[str, str]]",
     "written_keys": "Sequence[tuple[str, Sequence[str]]]",
@@ -142,7 +145,8 @@ HEAD = '''\
 
 # Written by `python -m scripts.make_stub`; a test compares.
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np

@@ -2,7 +2,8 @@
 
 # Written by `python -m scripts.make_stub`; a test compares.
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -90,13 +91,14 @@ class Fit:
 class Mechanism:
     """A mechanism: channels, chains, points, closures, platform, rest."""
 
+    def __new__(cls, source: str | os.PathLike[str] | Mapping[str, Any]) -> Mechanism: ...
     @property
     def channels(self) -> list[Channel]:
         """Its sensors, in the order of the columns of readings."""
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Mechanism:
-        """Takes a mechanism from plain values, keys as in the TOML."""
+        """Takes a mechanism from plain values, keys and units as in the TOML."""
 
     @staticmethod
     def from_toml(text: str) -> Mechanism:
@@ -122,7 +124,7 @@ class Mechanism:
         """The RSI 6-DOF hand controller."""
 
     def to_dict(self) -> dict[str, Any]:
-        """The mechanism as plain values, keys as in the TOML."""
+        """The mechanism as plain values, keys and units as in the TOML."""
 
     def to_toml(self) -> str:
         """The mechanism as TOML text that `from_toml` reads back."""
@@ -151,6 +153,7 @@ class Session:
         starts: int | None = None,
         max_iterations: int | None = None,
         xtol: float | None = None,
+        progress: Callable[[str, float], object] | None = None,
     ) -> Session: ...
     def calibrate(
         self, check: tuple[Mapping[str, Any], Array] | None = None, align: bool = False
@@ -264,6 +267,9 @@ def jacobian(
 
 def lasting(specs: Sequence[Spec]) -> list[str]:
     """The terms of a result that a later session is identified with: `curvature@a22`, each once."""
+
+def mechanism_schema() -> str:
+    """JSON Schema of a mechanism file, as text."""
 
 def minimize(
     mechanism: Mechanism,

@@ -28,6 +28,12 @@ pub fn schemas() -> Vec<(&'static str, String)> {
     schema::schemas().into_iter().map(|(format, schema)| (format, text(schema))).collect()
 }
 
+/// JSON Schema of a mechanism file, as text.
+#[pyfunction]
+pub fn mechanism_schema() -> String {
+    rsicalib::mechanism::schema().to_value().to_string()
+}
+
 /// Keys of each type of a result that are always written.
 #[pyfunction]
 pub fn written_keys() -> Vec<(String, Vec<String>)> {

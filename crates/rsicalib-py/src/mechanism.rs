@@ -62,6 +62,14 @@ impl PyChannel {
 
 #[pymethods]
 impl PyMechanism {
+    /// Takes a mechanism from a name, a path, TOML text or plain values: see `load_mechanism`.
+    #[new]
+    fn new(py: Python<'_>, source: &Bound<'_, PyAny>) -> PyResult<Self> {
+        // Files and URDF are read in Python.
+        let load = py.import("rsicalib.io.mechanisms")?.getattr("load_mechanism")?;
+        Ok(load.call1((source,))?.cast::<Self>()?.get().clone())
+    }
+
     /// The RSI 6-DOF hand controller.
     #[staticmethod]
     fn rsi() -> Self {
@@ -76,18 +84,16 @@ impl PyMechanism {
         Ok(Self(mechanism))
     }
 
-    /// Takes a mechanism from plain values, keys as in the TOML.
+    /// Takes a mechanism from plain values, keys and units as in the TOML.
     #[staticmethod]
     fn from_dict(values: &Bound<'_, PyAny>) -> Result<Self, PyError> {
-        let found = serde_path_to_error::deserialize(&mut Depythonizer::from_object(values));
-        let mechanism: Mechanism = found.map_err(|error| {
-            let path = error.path().to_string();
-            let place = if path == "." { "top level".into() } else { path };
-            rsicalib::Error::Entry { place, why: error.inner().to_string() }
-        })?;
-        mechanism.validate()?;
-        check_names(&mechanism)?;
-        Ok(Self(mechanism))
+        Self::checked(plain(values)?.with_gains_per_degree())
+    }
+
+    /// Takes a mechanism from the values that a pickle holds.
+    #[staticmethod]
+    fn _restored(values: &Bound<'_, PyAny>) -> Result<Self, PyError> {
+        Self::checked(plain(values)?)
     }
 
     /// Copies and pickles by the plain values.
@@ -95,7 +101,7 @@ impl PyMechanism {
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyAny>,))> {
         let values = pythonize(slf.py(), &slf.get().0)?;
-        Ok((slf.get_type().getattr("from_dict")?, (values,)))
+        Ok((slf.get_type().getattr("_restored")?, (values,)))
     }
 
     /// The mechanism as TOML text that `from_toml` reads back.
@@ -103,9 +109,9 @@ impl PyMechanism {
         self.0.to_toml()
     }
 
-    /// The mechanism as plain values, keys as in the TOML.
+    /// The mechanism as plain values, keys and units as in the TOML.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(pythonize(py, &self.0)?)
+        Ok(pythonize(py, &self.0.clone().with_gains_per_radian())?)
     }
 
     /// What people call it.
@@ -155,8 +161,38 @@ impl PyMechanism {
     }
 
     fn __repr__(&self) -> String {
-        format!("Mechanism({:?})", self.0.name)
+        let Mechanism { name, length_unit, channels, chains, closures, .. } = &self.0;
+        let count = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
+        format!(
+            "<Mechanism '{name}': {}, {}, {}, lengths in {length_unit}>",
+            count(channels.len(), "channel"),
+            count(chains.len(), "chain"),
+            count(closures.len(), "closure"),
+        )
     }
+
+    /// What a notebook shows.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("rsicalib.io.mechanisms")?.getattr("mechanism_html")?.call1((slf,))
+    }
+}
+
+impl PyMechanism {
+    fn checked(mechanism: Mechanism) -> Result<Self, PyError> {
+        mechanism.validate()?;
+        check_names(&mechanism)?;
+        Ok(Self(mechanism))
+    }
+}
+
+/// A mechanism as its values are given, not checked.
+fn plain(values: &Bound<'_, PyAny>) -> Result<Mechanism, PyError> {
+    let found = serde_path_to_error::deserialize(&mut Depythonizer::from_object(values));
+    found.map_err(|error| {
+        let path = error.path().to_string();
+        let place = if path == "." { "top level".into() } else { path };
+        rsicalib::Error::Entry { place, why: error.inner().to_string() }.into()
+    })
 }
 
 #[derive(Serialize)]

@@ -1,7 +1,7 @@
 //! Sessions and fits.
 
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -9,6 +9,7 @@ use pyo3::types::PyAny;
 use pythonize::pythonize;
 use rsicalib::diagnosis::options::SearchOptions;
 use rsicalib::estimate::directions::directions;
+use rsicalib::estimate::progress::Progress;
 use rsicalib::estimate::{Fit, FitOptions, Method, Observations};
 use rsicalib::readings::Table;
 use rsicalib::report::calibrated;
@@ -23,7 +24,37 @@ use crate::mechanism::PyMechanism;
 
 /// Readings of one mechanism, with what is known beside them.
 #[pyclass(frozen, skip_from_py_object, name = "Session", module = "rsicalib._core")]
-pub struct PyObservations(pub Arc<Observations>);
+pub struct PyObservations {
+    observations: Arc<Observations>,
+    listener: Option<Listener>,
+}
+
+/// A Python function that is told how far a job is.
+struct Listener {
+    function: Arc<Py<PyAny>>,
+    /// What it raised first; it is not called again then.
+    raised: Arc<Mutex<Option<PyErr>>>,
+}
+
+impl Listener {
+    fn new(function: Py<PyAny>) -> Self {
+        Self { function: Arc::new(function), raised: Arc::default() }
+    }
+
+    fn progress(&self) -> Progress {
+        let (function, raised) = (Arc::clone(&self.function), Arc::clone(&self.raised));
+        Progress::heard_by(move |stage, share| {
+            Python::attach(|py| {
+                // Not locked while Python runs: it may let another thread of the core in.
+                let first = || raised.lock().unwrap_or_else(PoisonError::into_inner);
+                let quiet = first().is_none();
+                if quiet && let Err(error) = function.call1(py, (stage.words(), share)) {
+                    first().get_or_insert(error);
+                }
+            });
+        })
+    }
+}
 
 /// A fitted model.
 #[pyclass(frozen, skip_from_py_object, name = "Fit", module = "rsicalib._core")]
@@ -110,7 +141,7 @@ impl PyObservations {
     /// Checks readings against a mechanism and gathers the options.
     #[new]
     #[pyo3(signature = (mechanism, table, *, rest=None, terms=None, closures=None, method=None,
-                        noise=None, starts=None, max_iterations=None, xtol=None))]
+                        noise=None, starts=None, max_iterations=None, xtol=None, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new(
         mechanism: &PyMechanism,
@@ -123,23 +154,29 @@ impl PyObservations {
         starts: Option<usize>,
         max_iterations: Option<usize>,
         xtol: Option<f64>,
+        progress: Option<Py<PyAny>>,
     ) -> Result<Self, PyError> {
         let mut options = fit_options(terms, closures, method, noise)?;
         options.starts = starts.unwrap_or(options.starts);
         options.lm.max_iterations = max_iterations.unwrap_or(options.lm.max_iterations);
         options.lm.xtol = xtol.unwrap_or(options.lm.xtol);
+        let listener = progress.map(Listener::new);
+        if let Some(listener) = &listener {
+            options.progress = listener.progress();
+        }
         let rest = rest.map(|r| r.as_array().iter().copied().collect());
-        Ok(Self(Arc::new(Observations::new(&mechanism.0, table.table(), rest, options)?)))
+        let observations = Observations::new(&mechanism.0, table.table(), rest, options)?;
+        Ok(Self { observations: Arc::new(observations), listener })
     }
 
     /// What reported parameters refer to: `centre` and `span` of each channel, `temperature`.
     fn reference<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(pythonize(py, &rsicalib::apply::earlier::Reference::of(&self.0.readings))?)
+        Ok(pythonize(py, &rsicalib::apply::earlier::Reference::of(&self.observations.readings))?)
     }
 
     /// Terms that are no candidates here, and what they need: `{id: needs}`.
     fn lacking(&self) -> HashMap<&'static str, &'static str> {
-        let Observations { mechanism, readings, .. } = &*self.0;
+        let Observations { mechanism, readings, .. } = &*self.observations;
         let lacks = |term: &&'static dyn Term| match provided(*term, mechanism, readings) {
             Err(rsicalib::Error::Context { term, needs }) => Some((term, needs)),
             _ => None,
@@ -164,10 +201,11 @@ impl PyObservations {
             without: without.unwrap_or_default(),
             ..default
         };
-        let session = Arc::clone(&self.0);
+        let session = Arc::clone(&self.observations);
         let report = py
             .detach(|| rsicalib::report::traced::report(&session, &search, known.as_ref()))
             .map_err(PyError::from)?;
+        self.heard()?;
         Ok(pythonize(py, &report)?)
     }
 
@@ -181,11 +219,12 @@ impl PyObservations {
         check: Option<PyKnown<'_>>,
         align: bool,
     ) -> PyResult<Calibration<'py>> {
-        let observations = Arc::clone(&self.0);
+        let observations = Arc::clone(&self.observations);
         let known = known(check, align);
         let (report, calibrated) = py
             .detach(|| calibrated::report(&observations, known.as_ref()))
             .map_err(PyError::from)?;
+        self.heard()?;
         let with = calibrated.with.map(|fit| PyFit { observations, fit });
         let fit = PyFit { observations: Arc::new(calibrated.observations), fit: calibrated.fit };
         Ok((pythonize(py, &report)?, fit, with))
@@ -193,11 +232,20 @@ impl PyObservations {
 
     /// Fits the terms that the options ask for.
     fn fit(&self, py: Python<'_>) -> PyResult<PyFit> {
-        let session = Arc::clone(&self.0);
+        let session = Arc::clone(&self.observations);
         let fit = py
             .detach(|| session.instances().and_then(|i| rsicalib::fit(&session, i, None)))
             .map_err(PyError::from)?;
         Ok(PyFit { observations: session, fit })
+    }
+}
+
+impl PyObservations {
+    /// Raises what the listener raised.
+    fn heard(&self) -> PyResult<()> {
+        let Some(listener) = &self.listener else { return Ok(()) };
+        let raised = listener.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
+        raised.map_or(Ok(()), Err)
     }
 }
 

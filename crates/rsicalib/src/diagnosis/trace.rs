@@ -17,6 +17,7 @@ use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
 use crate::diagnosis::verdict::determined;
 use crate::estimate::directions::directions;
+use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::screening::converter;
@@ -73,14 +74,18 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
     let all = observations;
     let base = all.instances()?;
     let before = fit(all, base.clone(), None)?;
+    let progress = &all.options.progress;
+    progress.enter(Stage::Screening);
     let mut observations = all.clone();
     let (mut clean, mut excluded) = sound(&mut observations, &before)?;
+    progress.enter(Stage::Search);
     let mut searched = search_once(&observations, &clean, &base, search)?;
     for _ in 0..JUDGED_AGAIN {
         let Some(again) = judge_again(all, &observations, &base, &searched)? else { break };
         (observations, clean, excluded) = again;
         searched = search_once(&observations, &clean, &base, search)?;
     }
+    progress.enter(Stage::Refit);
     let (stepwise, pursued, isolated) = searched;
     let Searched { current, found, poses, wrong, left, .. } = pursued;
     excluded.extend(poses.iter().map(|step| stepwise.excluded(step)));

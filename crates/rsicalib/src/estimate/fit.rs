@@ -178,6 +178,7 @@ fn solve(
     let mut apart = 0;
     let mut answer = None;
     for round in 0..ROUNDS {
+        observations.options.progress.step();
         let mut parts = vec![(part, noise.clone())];
         if let Some((model, readings)) = &held {
             parts.push((Part { model, readings, weights: None }, noise.clone()));

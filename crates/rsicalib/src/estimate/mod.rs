@@ -11,6 +11,7 @@ mod objective;
 mod observations;
 mod options;
 pub mod paper;
+pub mod progress;
 pub mod search;
 mod settle;
 pub mod start;

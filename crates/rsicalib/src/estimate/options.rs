@@ -1,5 +1,6 @@
 //! How to fit.
 
+use crate::estimate::progress::Progress;
 use crate::numerics::lm;
 
 /// Which objective.
@@ -34,6 +35,8 @@ pub struct FitOptions {
     pub good_start: f64,
     /// The solver.
     pub lm: lm::SolverOptions,
+    /// Who is told how far the job is.
+    pub progress: Progress,
 }
 
 impl Default for FitOptions {
@@ -48,6 +51,7 @@ impl Default for FitOptions {
             starts: 40,
             good_start: 50.0,
             lm: lm::SolverOptions { xtol: 1e-10, ftol: 1e-12, ..lm::SolverOptions::default() },
+            progress: Progress::default(),
         }
     }
 }

@@ -14,6 +14,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 /// [`Mechanism::validate`] checks names and numbers.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Mechanism {
     /// Name of the mechanism.
@@ -49,6 +50,7 @@ pub struct Mechanism {
 /// A sensor: `angle = gain * reading + offset`, eq. (9).
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Channel {
     /// Name of the column of the readings.
@@ -57,8 +59,8 @@ pub struct Channel {
     ///
     /// In a mechanism file, readings in `deg` are converted to radians before the gain acts:
     /// `angle = gain * reading * π/180 + offset`. There `range` and `noise` are in degrees, as
-    /// readings are; `offset` and `limits` in radians, as the joint is. In this value `gain` has
-    /// the factor in it.
+    /// readings are; `offset` and `limits` in radians, as the joint is. The Rust value
+    /// has the factor in `gain`.
     pub unit: String,
     /// Lowest and highest reading, if bounded.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
@@ -111,6 +113,7 @@ impl Channel {
 /// How a joint moves about or along its z axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum Motion {
     /// Turns; its coordinate is an angle in radians.
@@ -129,6 +132,7 @@ pub enum Motion {
 /// Denavit-Hartenberg rows use `theta`, `d`, `a` and `alpha`; URDF links use `xyz` and `rpy`.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
 pub struct Row {
     /// Name of the link, for reports.
@@ -190,6 +194,7 @@ impl Row {
 /// A serial chain of rows, base first.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Chain {
     /// Name of the chain in reports.
@@ -202,6 +207,7 @@ pub struct Chain {
 /// A point on a chain, fixed in the base, or unknown but constant.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
 pub struct Point {
     /// Name of the point, for closures and the platform.
@@ -220,6 +226,7 @@ pub struct Point {
 /// The kind of equation of a closure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum ClosureKind {
     /// `|a - b|² - value² = 0`, eq. (10): one equation.
@@ -242,6 +249,7 @@ impl ClosureKind {
 /// A known distance in length units: a number, or a column of the readings.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(untagged))]
 pub enum Value {
     /// A distance that is the same in every pose.
@@ -253,6 +261,7 @@ pub enum Value {
 /// An equation between two points that holds in every pose.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Closure {
     /// Name of the closure in reports.
@@ -275,6 +284,7 @@ pub struct Closure {
 /// A platform pose that is known without a measurement.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Rest {
     /// `x y z` in length units, `rx ry rz` in radians, eq. (1).
@@ -288,6 +298,7 @@ pub struct Rest {
 /// The terms that a calibration identifies by default.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
 pub struct ModelSection {
     /// Ids of terms.

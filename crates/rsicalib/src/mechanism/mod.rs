@@ -1,5 +1,6 @@
 //! Mechanisms as data: channels, chains, points, closures, platform, rest.
 
+mod degrees;
 mod drawing;
 pub mod hand_controller;
 mod queries;
@@ -7,6 +8,13 @@ mod target;
 #[cfg(feature = "toml")]
 mod toml;
 mod validation;
+
+/// JSON Schema of a mechanism file: keys, types and what they mean.
+#[cfg(feature = "document")]
+#[must_use]
+pub fn schema() -> schemars::Schema {
+    schemars::schema_for!(Mechanism)
+}
 
 pub use drawing::{
     Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Motion, Point, Rest, Row, Value,

@@ -20,7 +20,9 @@ const CHANCE: f64 = 1e-6;
 pub fn step(readings: impl Iterator<Item = f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = readings.collect();
     sorted.sort_by(f64::total_cmp);
+    let all = sorted.len();
     sorted.dedup();
+    let once_each = sorted.len() == all;
     let gaps: Vec<f64> = sorted.windows(2).map(|w| w[1] - w[0]).collect();
     // The smallest gap is the first guess; it gives the first multiple, and says nothing.
     let told = gaps.len().saturating_sub(1) as i32;
@@ -29,7 +31,10 @@ pub fn step(readings: impl Iterator<Item = f64>) -> Option<f64> {
     }
     // Where readings are few, no two of them need be neighbours.
     let least = gaps.iter().copied().fold(f64::INFINITY, f64::min);
-    (1..=4).find_map(|parts| fitted(&gaps, least / f64::from(parts)))
+    let step = (1..=4).find_map(|parts| fitted(&gaps, least / f64::from(parts)))?;
+    // Even steps of whoever placed the joint are no codes: a sensor repeats some and skips others.
+    let even = gaps.iter().all(|gap| (gap / step).round() == (gaps[0] / step).round());
+    (!once_each || !even).then_some(step)
 }
 
 /// Eq. (60) from a first guess, small gaps first: each makes the step sharper for the next.
@@ -73,6 +78,12 @@ mod tests {
         let found = step((0..150).map(|i| printed((anywhere(i) / code).round() * code)));
         // Rounded to 1e-6, of a step of 1.5e-3: 150 gaps tell the step to 1e-5.
         assert!(found.is_some_and(|s| (s / code - 1.0).abs() < 1e-4), "{found:?}");
+    }
+
+    #[test]
+    fn poses_at_even_steps_are_no_codes() {
+        let turned = |i: usize| 0.1 * i as f64 + 1e-4 * (odd(i) - 3.0); // by hand, and read finely
+        assert!(step((0..60).map(turned)).is_none());
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::verdict::{Evidence, Verdict, verdict};
 use crate::estimate::Observations;
 use crate::estimate::directions::directions;
+use crate::estimate::progress::{Job, Stage};
 use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, Known, WithExcluded, estimates, excluded,
 };
@@ -50,7 +51,10 @@ pub fn report(
     observations: &Observations,
     known: Option<&Known>,
 ) -> Result<(CalibrationReport, Calibrated), Error> {
+    let progress = &observations.options.progress;
+    progress.begin(Job::Calibrate);
     let calibrated = calibrate(observations)?;
+    progress.enter(Stage::HeldOut);
     let mut report = of(observations, &calibrated);
     report.fit.held_out = error_held_out(&calibrated)?;
     if let Some(known) = known {

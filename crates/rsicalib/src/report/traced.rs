@@ -13,6 +13,7 @@ use crate::diagnosis::stepwise::moves::cost;
 use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
+use crate::estimate::progress::{Job, Stage};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::report::result::{
@@ -119,7 +120,10 @@ pub fn report(
     search: &SearchOptions,
     known: Option<&Known>,
 ) -> Result<TraceReport, Error> {
+    let progress = &observations.options.progress;
+    progress.begin(Job::Trace);
     let traced = trace(observations, search)?;
+    progress.enter(Stage::HeldOut);
     let small_before =
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
     let mut before = FitReport::of(&traced.before);
@@ -172,6 +176,8 @@ pub fn report(
         Some(worse) => format!("{}; {text}", words::elsewhere(&observations.mechanism, worse)),
         None => text,
     };
+    progress.enter(Stage::Detectability);
+    let hidden = could_hide(&traced, search)?;
     Ok(TraceReport {
         verdict,
         implausible: result::implausible(&traced.observations, &absurd),
@@ -182,7 +188,7 @@ pub fn report(
         steps,
         after,
         unexplained: Unexplained { p_value, target, text },
-        could_hide: could_hide(&traced, search)?,
+        could_hide: hidden,
         estimates: estimates(&traced.observations, &traced.after, &directions),
         before_residuals: by_pose(&traced.small, &small_before),
         after_residuals: by_pose(&traced.small, &traced.last),

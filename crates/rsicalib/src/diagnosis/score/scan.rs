@@ -33,6 +33,7 @@ pub fn scan(
     judge: &Judge,
     without: &[String],
 ) -> Result<Vec<Scored>, Error> {
+    observations.options.progress.step();
     let named = candidates(observations, fit, without);
     let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
     let mut scored = projection::score(observations, fit, judge, &inverse, &named)?;

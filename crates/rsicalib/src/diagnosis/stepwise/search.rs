@@ -7,6 +7,7 @@ use crate::diagnosis::isolation::{Isolated, isolate, leave_out};
 use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::{Stepwise, cost};
+use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
 use crate::model::Instance;
@@ -89,6 +90,7 @@ pub fn search_effects(
     let mut open = search_once(stepwise, start.clone(), most.min(FEW_EFFECTS + 1))?;
     let mut at_fault = None;
     if !open.settled(stepwise) {
+        stepwise.small.options.progress.enter(Stage::Isolation);
         let found: Vec<Instance> = open.effects().map(|step| step.scored.instance).collect();
         at_fault =
             isolate(&stepwise.all(), start, &stepwise.judge(start), &found, stepwise.search)?;
