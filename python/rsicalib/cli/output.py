@@ -7,11 +7,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from rsicalib.cli.colours import painted, wants_colour
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
 from rsicalib.results import Calibration, Result, Trace
 
-__all__ = ["progress_line", "show", "warn", "write_files"]
+__all__ = ["show", "warn", "write_files"]
 
 
 def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
@@ -22,7 +23,10 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     if args.json:
         sys.stdout.write(result.to_json())
     elif not args.quiet:
-        print(result.summary())
+        summary = result.summary()
+        if wants_colour(sys.stdout):
+            summary = painted(summary, result.exit_code == 0)
+        print(summary)
         if args.out is not None:
             print(f"\n{args.out / 'report.html'}")
     return result.exit_code
@@ -57,9 +61,3 @@ def warn(args: argparse.Namespace, warnings: Sequence[str]) -> None:
     if not args.quiet:
         for warning in warnings:
             print(f"warning: {warning}", file=sys.stderr)
-
-
-def progress_line(what: str, done: int, total: int) -> None:
-    """Print progress on one line that is written again and again."""
-    end = "\n" if done >= total else ""
-    print(f"\r\x1b[K{what}: {done} of {total}", end=end, file=sys.stderr, flush=True)

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from rsicalib import _core
+from rsicalib.cli.completion import SHELLS
 from rsicalib.cli.verbs import (
     Args,
     calibrate,
+    completion,
     demo,
     fixture,
     fleet,
@@ -183,6 +185,10 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument(
         "name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given"
     )
+
+    sub = verb(completion)
+    sub.add_argument("shell", choices=SHELLS, help="for whom the script is")
+    sub.set_defaults(parser=parser)
     return parser
 
 

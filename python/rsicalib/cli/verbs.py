@@ -6,19 +6,24 @@ A verb imports what it alone needs: a command that calibrates does not wait for 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from rsicalib import _core, api
+from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
-from rsicalib.cli.output import progress_line, show, warn, write_files
+from rsicalib.cli.output import show, warn, write_files
+from rsicalib.cli.progress import progress_of
 from rsicalib.errors import InputError
 from rsicalib.records import to_json
 
 __all__ = [
     "Args",
     "calibrate",
+    "completion",
     "demo",
     "fixture",
     "fleet",
@@ -33,17 +38,19 @@ __all__ = [
 
 Args: TypeAlias = argparse.Namespace
 
+T = TypeVar("T")
+
 
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
     options = {**_session(args), "method": args.method}
-    return show(args, interruptible(lambda: api.calibrate(args.readings, **options)))
+    return show(args, _heard(args, lambda line: api.calibrate(args.readings, **options, **line)))
 
 
 def trace(args: Args) -> int:
     """Close the loop: residual, missing term, error before and after."""
     options = {**_session(args), "without": args.without, "seed": args.seed}
-    return show(args, interruptible(lambda: api.trace(args.readings, **options)))
+    return show(args, _heard(args, lambda line: api.trace(args.readings, **options, **line)))
 
 
 def fixture(args: Args) -> int:
@@ -65,7 +72,7 @@ def demo(args: Args) -> int:
     """The main job on data that come with the package; writes a report, prints its path."""
     if args.out is None:
         args.out = Path("rsicalib-demo")
-    return show(args, interruptible(api.demo))
+    return show(args, _heard(args, lambda line: api.demo(**line)))
 
 
 def forward(args: Args) -> int:
@@ -153,10 +160,11 @@ def fleet(args: Args) -> int:
     """Many devices: a row of results each, and a page with those that stand out."""
     from rsicalib.fleets.run import fleet as calibrate_fleet
 
-    shown = None if args.quiet or not sys.stderr.isatty() else progress_line
     names = "mechanism out by terms closures noise trace held_out workers dask resume".split()
     options = {name: getattr(args, name) for name in names}
-    found = calibrate_fleet(args.dataset, **options, progress=shown)
+    with progress_of(args) or contextlib.nullcontext() as line:
+        told = None if line is None else line.counted
+        found = calibrate_fleet(args.dataset, **options, progress=told)
     if args.json:
         sys.stdout.write(to_json(found.to_dict()))
     elif not args.quiet:
@@ -168,8 +176,9 @@ def paper(args: Args) -> int:
     """Every table of the paper computed again, beside the printed one."""
     from rsicalib.reproduction.paper import paper as compute_paper
 
-    shown = None if args.quiet or not sys.stderr.isatty() else progress_line
-    found = compute_paper(args.trials, seed=args.seed, progress=shown, workers=args.workers)
+    with progress_of(args) or contextlib.nullcontext() as line:
+        told = None if line is None else line.counted
+        found = compute_paper(args.trials, seed=args.seed, progress=told, workers=args.workers)
     if args.out is not None:
         write_files(args.out, {"paper.json": to_json(found.to_dict()), "paper.txt": found.text()})
     if args.json:
@@ -206,6 +215,12 @@ def terms(args: Args) -> int:
     return 0
 
 
+def completion(args: Args) -> int:
+    """Completion of verbs and options in your shell: source <(rsicalib completion bash)."""
+    sys.stdout.write(script(args.parser, args.shell))
+    return 0
+
+
 def mechanism(args: Args) -> int:
     """Show a built-in mechanism, or check a file: what it says, and what can be identified."""
     from rsicalib.identifiability import COMPLETE, identifiable
@@ -227,6 +242,12 @@ def mechanism(args: Args) -> int:
     for count in counts:
         sys.stdout.write("\n" + "".join(f"# {line}\n" for line in count.text().splitlines()))
     return 0
+
+
+def _heard(args: Args, job: Callable[[dict[str, Any]], T]) -> T:
+    """Run a job that Ctrl-C interrupts, with its progress shown to whoever waits."""
+    with progress_of(args) or contextlib.nullcontext() as line:
+        return interruptible(lambda: job({} if line is None else {"progress": line}))
 
 
 def _session(args: Args) -> dict[str, Any]:

@@ -77,8 +77,8 @@ def _next(text: str) -> list[str]:
 def _errors(result: ResultShape) -> list[str]:
     heads, rows = comparison(result)
     rows = [row for row in rows if row[0] != "p-value"]  # it stands in the first line
-    # What has the least to say comes last, where lines are short.
-    rows.sort(key=lambda row: row[0].startswith(("held-out", "misclosure")))
+    # What has the least to say comes last, where lines are cut.
+    rows.sort(key=lambda row: row[0].startswith("held-out"))
     if not rows:
         return []
     wide = max(len(row[0]) for row in rows) + 2
@@ -147,7 +147,7 @@ def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
         lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>28}")
     for p in others:
         name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
-        lines.append(_cut(f"  {p.target:10}{name} = {_estimate(p)} {p.unit}"))
+        lines.append(_cut(f"  {p.target:9} {name} = {_estimate(p)} {p.unit}"))
     if len(lines) > room:
         lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
     return lines

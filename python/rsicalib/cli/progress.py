@@ -1,0 +1,106 @@
+"""Progress on one line of standard error, with the time that is left.
+
+By hand: `rich` would be four packages (with markdown-it-py, mdurl and pygments) for one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import TextIO
+
+__all__ = ["ProgressLine", "duration", "progress_of"]
+
+PATIENCE = 1.0
+"""What takes less than this needs no progress [s]."""
+PAUSE = 0.1
+"""Least time between two lines [s]."""
+
+
+class ProgressLine:
+    """A line that is written again and again, and gone in the end.
+
+    Parameters
+    ----------
+    stream : text file
+        Where to: a terminal.
+    clock : callable
+        Seconds; the process's own clock where not given.
+    """
+
+    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
+        self.stream = stream
+        self.clock = clock
+        self.began = self.told = clock()
+        self.length = 0
+
+    def __call__(self, what: str, share: float) -> None:
+        """Show what is done, and the time that is left at the pace so far."""
+        now = self.clock()
+        spent = now - self.began
+        if spent < PATIENCE or now - self.told < PAUSE:
+            return
+        self.told = now
+        left = f", about {duration(spent * (1 - share) / share)} left" if share > 0.02 else ""
+        words = f"{what}: {100 * share:.0f} %, {duration(spent)}{left}"
+        self._write(words[: max(20, _width(self.stream) - 1)])
+
+    def counted(self, what: str, done: int, total: int) -> None:
+        """Show progress that is counted."""
+        if done == 0:
+            self.began = self.clock()
+        self(what, done / max(total, 1))
+
+    def __enter__(self) -> ProgressLine:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self.length:
+            self._write("")
+            self.stream.write("\r")
+
+    def _write(self, words: str) -> None:
+        """Write over what stands there."""
+        self.stream.write(f"\r{words:{self.length}}")
+        self.stream.flush()
+        self.length = len(words)
+
+
+def progress_of(args: argparse.Namespace) -> ProgressLine | None:
+    """Return the line to show progress on: none with --quiet, or where nobody would see it."""
+    seen = not args.quiet and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+    return ProgressLine(sys.stderr) if seen else None
+
+
+def duration(seconds: float) -> str:
+    """Seconds in a few characters.
+
+    Examples
+    --------
+    >>> duration(7.2), duration(75), duration(4000)
+    ('7 s', '1:15 min', '1:07 h')
+    """
+    whole = math.ceil(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes}:{rest:02d} min"
+    return f"{minutes // 60}:{minutes % 60:02d} h"
+
+
+def _width(stream: TextIO) -> int:
+    try:
+        return os.get_terminal_size(stream.fileno()).columns
+    except (OSError, ValueError):
+        return 80

@@ -1,0 +1,171 @@
+"""What people see in a terminal: the story, progress, colours, completion."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+from argparse import Namespace
+
+import pytest
+
+import rsicalib
+from rsicalib import DEMO
+from rsicalib.cli import colours, completion, progress
+from rsicalib.cli.parser import make_parser
+from rsicalib.cli.progress import ProgressLine, progress_of
+
+READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+# ------------------------------------------------------------------ the story
+
+
+def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
+    whole = rsicalib.load_readings(READINGS)
+    found = [
+        rsicalib.demo(),
+        rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True),
+        rsicalib.calibrate(READINGS),
+        rsicalib.trace(whole.select(whole.sample == 1)),
+    ]
+    for result in found:
+        lines = result.summary().splitlines()
+        assert len(lines) <= 25 and max(map(len, lines)) <= 100
+        (line,) = (text for text in lines if "misclosure, rms [in]" in text)
+        rms = result.quality.rms_misclosure
+        assert rms is not None
+        assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits
+
+
+# ------------------------------------------------------------------ progress
+
+
+def told(pace: list[tuple[float, float]]) -> list[str]:
+    """Lines that a terminal shows, from seconds and shares."""
+    stream = Terminal()
+    clock = iter([0.0, *(seconds for seconds, _ in pace)])
+    with ProgressLine(stream, lambda: next(clock)) as line:
+        for _, share in pace:
+            line("search", share)
+    return [text.rstrip() for text in stream.getvalue().split("\r")]
+
+
+def test_the_time_that_is_left_is_that_of_the_pace_so_far() -> None:
+    assert told([(20.0, 0.25)])[1] == "search: 25 %, 20 s, about 1:00 min left"
+    assert told([(30.0, 0.75)])[1] == "search: 75 %, 30 s, about 10 s left"
+    assert told([(30.0, 0.0)])[1] == "search: 0 %, 30 s"  # nobody knows yet
+
+
+def test_what_is_quick_needs_no_progress_and_no_line_is_left_behind() -> None:
+    assert told([(0.2, 0.1), (0.9, 0.9)]) == [""]
+    shown = told([(2.0, 0.5), (2.05, 0.6), (3.0, 0.7)])
+    assert len([text for text in shown if text]) == 2  # the second came too soon after the first
+    assert shown[-2:] == ["", ""]  # spaces over it, then the start of the line
+
+
+def test_progress_is_for_a_terminal_that_somebody_looks_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert progress_of(Namespace(quiet=False)) is not None
+    assert progress_of(Namespace(quiet=True)) is None
+    monkeypatch.setenv("TERM", "dumb")
+    assert progress_of(Namespace(quiet=False)) is None
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    monkeypatch.setenv("TERM", "xterm")
+    assert progress_of(Namespace(quiet=False)) is None
+
+
+def test_a_long_trace_shows_its_progress_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rsicalib.cli import main
+
+    stream = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "PAUSE", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    with pytest.raises(SystemExit) as done:
+        main(["trace", READINGS, "--rest", REST])
+    assert done.value.code == 0
+    assert re.search(r"search for missing effects: \d+ %, ", stream.getvalue())
+    assert stream.getvalue().endswith("\r")
+    assert "\r" not in capsys.readouterr().out
+
+
+# ------------------------------------------------------------------ colours
+
+
+def test_colours_are_for_terminals_and_for_those_who_want_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    assert not colours.wants_colour(io.StringIO())
+    if os.name != "nt":
+        assert colours.wants_colour(Terminal())
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert colours.wants_colour(io.StringIO())
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert not colours.wants_colour(Terminal())
+
+
+def test_a_coloured_summary_is_the_same_text() -> None:
+    text = rsicalib.demo().summary()
+    painted = colours.painted(text, True)
+    assert painted != text
+    assert re.sub(r"\x1b\[\d+m", "", painted) == text
+    assert painted.startswith("\x1b[1m\x1b[32mExplained\x1b[0m:")
+    assert colours.painted(text, False).startswith("\x1b[1m\x1b[31m")
+
+
+def test_a_pipe_has_no_colours() -> None:
+    command = [sys.executable, "-m", "rsicalib", "calibrate", READINGS, "--rest", REST]
+    done = subprocess.run(command, capture_output=True, timeout=300)
+    assert b"\x1b" not in done.stdout + done.stderr
+    assert b"\r" not in done.stderr.replace(b"\r\n", b"\n")
+
+
+# ------------------------------------------------------------------ completion
+
+
+def completed(words: str) -> list[str]:
+    """What bash offers at the end of a line."""
+    text = completion.script(make_parser(), "bash")
+    line = [*words.split(), *([""] if words.endswith(" ") else [])]
+    quoted = " ".join(f"'{word}'" for word in line)
+    ask = f"COMP_WORDS=({quoted}); COMP_CWORD={len(line) - 1}; _rsicalib; printf '%s\\n' "
+    shell = ["bash", "--norc", "-c", f'{text}\n{ask}"${{COMPREPLY[@]}}"']
+    done = subprocess.run(shell, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_bash_completes_verbs_options_and_values() -> None:
+    assert completed("rsicalib tr") == ["trace"]
+    assert {"calibrate", "forward", "paper"} <= set(completed("rsicalib "))
+    assert set(completed("rsicalib trace --w")) == {"--without"}
+    assert completed("rsicalib calibrate r.csv --method ") == ["implicit_loop", "algebraic"]
+    assert completed("rsicalib completion ") == ["bash", "zsh", "fish"]
+    assert completed("rsicalib calibrate ") == []  # files, by the shell itself
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_read_their_script(shell: str) -> None:
+    text = completion.script(make_parser(), shell)
+    assert "calibrate" in text and "without" in text
+    if shutil.which(shell):
+        subprocess.run([shell, "-n", "-c", text], check=True, timeout=60)
+    else:
+        pytest.skip(f"no {shell} to read it")
