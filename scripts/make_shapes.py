@@ -31,8 +31,8 @@ _core = _compiled()
 RENAMED = {"class": "klass", "from": "origin"}
 """Keys that are words of Python, or say little as the name of an attribute."""
 
-MIXINS = {"Parameter": "Estimate"}
-"""Behaviour of a class that has some: see `rsicalib.estimates`."""
+MIXINS = {"Parameter": "Estimate", "Step": "Effect"}
+"""Behaviour of a class that has some, its `repr` included: see `rsicalib.estimates`."""
 
 ROOTS = ("Calibration", "Trace")
 
@@ -48,7 +48,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rsicalib.arrays import FloatArray
-from rsicalib.estimates import Estimate
+from rsicalib.estimates import Effect, Estimate
+from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 '''
 
@@ -84,7 +85,8 @@ def shapes() -> str:
     for name in _ordered(records):
         bases = f"{MIXINS[name]}, Record" if name in MIXINS else "Record"
         fields = _fields(records[name], set(written[name]), records)
-        parts.append(_class(name, bases, records[name], fields, "frozen=True"))
+        options = "frozen=True, repr=False" if name in MIXINS else "frozen=True"
+        parts.append(_class(name, bases, records[name], fields, options))
     options = "frozen=True, eq=False, repr=False, kw_only=True"
     first, second = (roots[name] for name in ROOTS)
     shared = [k for k in first["properties"] if k in second["properties"]]
@@ -188,7 +190,7 @@ def _kind(key: str, value: dict[str, Any], records: dict[str, Any]) -> tuple[str
     (kind,) = [t for t in types if t != "null"]
     if kind == "array":
         if key == "covariance":
-            return "FloatArray", "default=()"
+            return "Labelled", "default=()"
         inner = _kind("", value["items"], records)[0]
         return f"tuple[{inner}, ...]{optional}", "default=None" if optional else "default=()"
     if kind == "object":

@@ -242,8 +242,8 @@ def test_the_next_calibration_takes_the_terms_that_outlast_their_session() -> No
     made = rsicalib.calibrate(READINGS, rest=REST, terms=["offset", "gain", "crosstalk@a22:a21"])
     slip = ("slip", "a22", "17", "step", 0.03)
     told = with_parameters(made, *OF_A_SESSION, slip)
-    job = Work("rsi", False, told)
-    assert job.terms(None) == Work("rsi", False, made).terms(None)
+    job = Work("rsi", False, told, {})
+    assert job.terms(None) == Work("rsi", False, made, {}).terms(None)
     assert "crosstalk@a22:a21" in (job.terms(None) or [])
     assert job.terms(["drift"]) == ["drift"]
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from rsicalib.io.readings import Readings
     from rsicalib.measures import observability
     from rsicalib.planning import plan
+    from rsicalib.platform_sd import workspace
     from rsicalib.reproduction.paper import paper
     from rsicalib.results import Calibration, Trace, load_calibration
     from rsicalib.shapes import Parameter, Step
@@ -77,6 +78,7 @@ __all__ = [
     "simulate",
     "terms",
     "trace",
+    "workspace",
 ]
 
 _HOMES = {
@@ -91,6 +93,7 @@ _HOMES = {
     "rsicalib.io.readings": "Readings",
     "rsicalib.measures": "observability",
     "rsicalib.planning": "plan",
+    "rsicalib.platform_sd": "workspace",
     "rsicalib.reproduction.paper": "paper",
     "rsicalib.results": "Calibration Trace load_calibration",
     "rsicalib.shapes": "Parameter Step",

@@ -5,6 +5,7 @@ Options that default to None mean "as in Rust": a default is written once, there
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ from rsicalib._core import Mechanism
 from rsicalib.calibration import calibrate
 from rsicalib.io.readings import Readings
 from rsicalib.io.readings import load_readings as read_readings
+from rsicalib.io.tables import Frame
 from rsicalib.kinematics import forward, forward_sd, inverse
 from rsicalib.open_loop import fixture
 from rsicalib.results import Trace
 from rsicalib.tracing import trace
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
+from rsicalib.work.listening import ProgressArg
 
 __all__ = [
     "DEMO",
@@ -37,13 +40,14 @@ DEMO = Path(__file__).with_name("demo")
 """Folder of the session that comes with the package: readings.csv, rest.csv, check.csv."""
 
 
-def load_mechanism(name_or_path: MechanismArg = "rsi") -> Mechanism:
-    """Load a mechanism: a built-in one by its name, or a TOML file.
+def load_mechanism(source: MechanismArg = "rsi") -> Mechanism:
+    """Load a mechanism; `Mechanism(source)` does the same.
 
     Parameters
     ----------
-    name_or_path : str, path or Mechanism
-        `rsi`, or the path of a mechanism file; a mechanism is returned as it is.
+    source : str, path, mapping or Mechanism
+        The name of a built-in mechanism (`rsi`), the path of a TOML file, TOML text (more than one
+        line), or plain values with the keys of the TOML; a mechanism is returned as it is.
 
     Returns
     -------
@@ -53,26 +57,30 @@ def load_mechanism(name_or_path: MechanismArg = "rsi") -> Mechanism:
     Raises
     ------
     InputError
-        There is no such mechanism, or the file contradicts itself.
+        There is no such mechanism, or what is given contradicts itself.
 
     Examples
     --------
     >>> load_mechanism("rsi").length_unit
     'in'
     """
-    return open_mechanism(name_or_path)
+    return open_mechanism(source)
 
 
 def load_readings(
-    path: PathLike, mechanism: MechanismArg = "rsi", *, skip_bad_rows: bool = False
+    source: PathLike | Frame | Mapping[str, Any],
+    mechanism: MechanismArg = "rsi",
+    *,
+    skip_bad_rows: bool = False,
 ) -> Readings:
-    """Load a file of readings: one row per sample, one column per channel.
+    """Load readings: one row per sample, one column per channel.
 
     Parameters
     ----------
-    path : path
-        CSV, or Parquet if it ends in `.parquet` or `.pq`.
-    mechanism : str, path or Mechanism
+    source : path, data frame or mapping of str to array_like
+        CSV, or Parquet if it ends in `.parquet` or `.pq`; or columns by name, as pandas and polars
+        have them.
+    mechanism : str, path, mapping or Mechanism
         Mechanism whose channels are the columns.
     skip_bad_rows : bool, optional
         Drop rows that cannot be used and list them in `skipped`.
@@ -80,14 +88,14 @@ def load_readings(
     Returns
     -------
     Readings
-        Values exactly as they stand in the file.
+        Values exactly as they are given.
 
     Raises
     ------
     InputError
-        The file cannot be used; the message says where, and what was expected.
+        The readings cannot be used; the message says where, and what was expected.
     """
-    return read_readings(path, load_mechanism(mechanism), skip_bad_rows=skip_bad_rows)
+    return read_readings(source, load_mechanism(mechanism), skip_bad_rows=skip_bad_rows)
 
 
 def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:
@@ -107,12 +115,18 @@ def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:
     return found
 
 
-def demo() -> Trace:
+def demo(*, progress: ProgressArg | None = None) -> Trace:
     """Trace the session that comes with the package, as the command `demo` does.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        As in `calibrate`.
 
     Returns
     -------
     Trace
         Of `DEMO`.
     """
-    return trace(DEMO / "readings.csv", rest=DEMO / "rest.csv", check=DEMO / "check.csv")
+    readings, rest, check = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
+    return trace(readings, rest=rest, check=check, progress=progress)

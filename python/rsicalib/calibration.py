@@ -9,6 +9,7 @@ from rsicalib.groups import measured
 from rsicalib.results import Calibration
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
 from rsicalib.work.job import Work
+from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
 
 __all__ = ["calibrate"]
@@ -35,6 +36,7 @@ def calibrate(
     starts: int | None = None,
     max_iterations: int | None = None,
     xtol: float | None = None,
+    progress: ProgressArg | None = None,
 ) -> Calibration:
     """Find the parameters of a closed mechanism from its joint readings alone.
 
@@ -44,10 +46,10 @@ def calibrate(
 
     Parameters
     ----------
-    readings : path, Readings, or a sequence of them
+    readings : path, Readings, data frame, or a sequence of them
         `n` samples each; several are sessions of one device.
-    mechanism : str, path or Mechanism
-        What is read.
+    mechanism : str, path, mapping or Mechanism
+        What is read, as `load_mechanism` takes it.
     rest : path or Readings, optional
         A reading of the rest pose: where the search starts.
     check : path or Readings, optional
@@ -83,6 +85,9 @@ def calibrate(
         Steps of the solver.
     xtol : float, optional
         Relative step below which the solver has converged.
+    progress : callable, optional
+        Called with the stage in words and the share that is done, 0 to 1: an estimate that
+        never falls. What it raises is raised when the job is done.
 
     Returns
     -------
@@ -116,6 +121,7 @@ def calibrate(
         "starts": starts,
         "max_iterations": max_iterations,
         "xtol": xtol,
+        "progress": listener(progress),
     }
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)
@@ -128,4 +134,4 @@ def calibrate(
         found["nominal"] = {**NOTHING, "check": job.nominal_error(known, align=False)}
         if align:
             found["nominal"] |= {"aligned": job.nominal_error(known, align=True)}
-    return measured(job, Calibration.from_dict(job.result(Calibration, found, session)))
+    return finished(measured(job, Calibration.from_dict(job.result(Calibration, found, session))))

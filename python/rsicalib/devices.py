@@ -32,7 +32,7 @@ MARGIN = _core.MARGIN
 """Readings that a pose keeps from the ends of the range: offsets are not known beforehand."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Device:
     """A mechanism whose offsets and gains are known.
 
@@ -49,6 +49,9 @@ class Device:
     mechanism: Mechanism
     offsets: FloatArray
     gains: FloatArray
+
+    def __repr__(self) -> str:
+        return f"<Device of {self.mechanism.name!r}: {len(self.gains)} offsets and gains>"
 
     @classmethod
     def drawn(

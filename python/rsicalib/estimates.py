@@ -1,10 +1,25 @@
-"""What follows from the estimate of one parameter."""
+"""What follows from the estimate of one parameter, and from one effect that was found."""
 
 from __future__ import annotations
 
-from rsicalib import _core
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
-__all__ = ["Estimate"]
+from rsicalib import _core
+from rsicalib.plots import curve as draw_curve
+from rsicalib.plots import on_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Effect", "Estimate"]
+
+
+def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
+    """`0.0529 ± 0.011 rad`, with the half width of 95 %; a dash where it is not known."""
+    known = "–" if value is None else f"{value:.6g}"
+    half = "" if sd is None else f" ± {1.96 * sd:.2g}"
+    return f"{known}{half}{'' if unit == '1' else f' {unit}'}"
 
 
 class Estimate:
@@ -12,8 +27,10 @@ class Estimate:
 
     term: str
     target: str
+    name: str
     value: float | None
     sd: float | None
+    unit: str
     place: str | None
 
     @property
@@ -32,3 +49,92 @@ class Estimate:
     def spec(self) -> str:
         """The term at its place, as `terms=[…]` takes it: `curvature@a22`."""
         return _core.spec(*self.at)
+
+    @property
+    def key(self) -> str:
+        """The parameter's own name in a result: `gain@a11`, `curvature@a22.c2`."""
+        return self.spec if self.name == self.term else f"{self.spec}.{self.name}"
+
+    def __repr__(self) -> str:
+        return f"<{self.key} = {estimate_words(self.value, self.sd, self.unit)}>"
+
+
+class Size(Protocol):
+    """A parameter of an effect."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def value(self) -> float | None:
+        """The estimate."""
+
+    @property
+    def sd(self) -> float | None:
+        """Its standard deviation."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of both."""
+
+
+class Effect:
+    """Name and drawing of an effect that has the fields of `shapes.Step`."""
+
+    term: str
+    klass: str
+    target: str
+    place: str | None
+    p_value: float | None
+    curve: tuple[tuple[float, ...], ...]
+    curve_sd: tuple[float, ...]
+    curve_over: str | None
+
+    if TYPE_CHECKING:
+
+        @property
+        def parameters(self) -> Sequence[Size]:
+            """Estimates."""
+
+    @property
+    def spec(self) -> str:
+        """The term at its place, as `terms=[…]` takes it: `curvature@a22`."""
+        return _core.spec(self.term, self.target, self.place)
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the correction over the reading, or over time, with its 95 % band.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to; a new figure where not given. Needs matplotlib (`rsicalib[plot]`).
+
+        Returns
+        -------
+        Axes
+            Corrections in mrad; of a converter's reference in thousandths of the reading.
+
+        Raises
+        ------
+        ValueError
+            The effect is no curve.
+        """
+        if not self.curve:
+            raise ValueError(f"{self.spec} is no curve; its parameters are {self.parameters}")
+        over = "time, 0 to 1 over the session"
+        unit = "‰" if self.klass == "electronics" else "mrad"
+        return draw_curve(
+            on_axes(ax),
+            self.curve,
+            self.curve_sd,
+            name=self.spec,
+            x_words=over if self.curve_over == "time" else f"reading of {self.target}",
+            y_words=f"correction [{unit}]",
+        )
+
+    def __repr__(self) -> str:
+        chance = "" if self.p_value is None else f", p = {self.p_value:.2g}"
+        sizes = [f"{p.name} = {estimate_words(p.value, p.sd, p.unit)}" for p in self.parameters]
+        shown = ", ".join(sizes[:3]) + (f" and {len(sizes) - 3} more" if len(sizes) > 3 else "")
+        return f"<{self.spec}: {shown}{chance}>"

@@ -7,8 +7,6 @@ for (a curvature, a compliance) is named, and not put in.
 
 from __future__ import annotations
 
-import os
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +15,7 @@ from typing import Any
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.io.builtin import BUILTIN
+from rsicalib.io.mechanisms import mechanism_document
 from rsicalib.io.urdf import write_urdf
 from rsicalib.results import Result
 from rsicalib.work.applying import as_applied
@@ -155,11 +153,10 @@ def export_urdf(mechanism: MechanismArg, calibration: CalibrationArg) -> dict[st
 
 def _sources(mechanism: MechanismArg) -> list[tuple[Path, dict[str, Any]]]:
     """Chains that a mechanism file takes from URDF, with the path of the document."""
-    if isinstance(mechanism, Mechanism) or os.fspath(mechanism) in BUILTIN:
+    if isinstance(mechanism, Mechanism):
         return []
-    file = Path(mechanism)
-    document = tomllib.loads(file.read_bytes().decode("utf-8-sig"))
-    return [(file.parent / c["urdf"], c) for c in document["chain"] if "urdf" in c]
+    folder, document = mechanism_document(mechanism)
+    return [(folder / c["urdf"], c) for c in document.get("chain", []) if "urdf" in c]
 
 
 def calibrated_files(

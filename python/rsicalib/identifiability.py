@@ -16,9 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rsicalib import _core
 from rsicalib.records import Record
+from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, open_mechanism
 
 __all__ = ["COMPLETE", "Counted", "Identifiable", "identifiable"]
@@ -40,8 +42,8 @@ class Counted(Record):
     """Rank with every other parameter unknown."""
 
 
-@dataclass(frozen=True)
-class Identifiable(Record):
+@dataclass(frozen=True, repr=False)
+class Identifiable(Tabular, Record):
     """What readings of a mechanism could tell.
 
     Attributes
@@ -65,6 +67,16 @@ class Identifiable(Record):
     known: int
     hidden: tuple[str, ...]
     configurations: int
+
+    def _table(self) -> dict[str, Any]:
+        names = ("term", "parameters", "alone", "beside")
+        return {name: [getattr(count, name) for count in self.terms] for name in names}
+
+    def __repr__(self) -> str:
+        return (
+            f"<Identifiable: {self.model} model, {self.known} of {self.minimal} minimal "
+            "parameters can be known>"
+        )
 
     def text(self) -> str:
         """A few lines for the terminal."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,9 @@ from rsicalib.arrays import FloatArray
 from rsicalib.devices import nominal
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
-from rsicalib.records import Record
+from rsicalib.plots import lines, on_axes
+from rsicalib.records import NOT_WRITTEN, Record
+from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,
@@ -23,6 +26,9 @@ from rsicalib.work.arguments import (
     load,
     open_mechanism,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["SCALINGS", "Measures", "Observability", "observability"]
 
@@ -70,8 +76,8 @@ class Measures(Record):
     singular_values: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Observability(Record):
+@dataclass(frozen=True, repr=False)
+class Observability(Tabular, Record):
     """What poses can tell of the paper's parameters.
 
     Attributes
@@ -87,7 +93,11 @@ class Observability(Record):
         Directions in the space of parameters that the poses cannot determine, in words.
     weak : tuple of str
         Directions that the poses determine badly, for one unit of noise per reading.
+    channels : tuple of str
+        Names of the `C` channels; not in the JSON.
     """
+
+    ROWS: ClassVar[str | None] = "channel"
 
     samples: int
     scalings: tuple[Measures, ...]
@@ -95,6 +105,7 @@ class Observability(Record):
     gain_sd: FloatArray
     unobservable: tuple[str, ...]
     weak: tuple[str, ...]
+    channels: tuple[str, ...] = field(default=(), metadata=NOT_WRITTEN)
 
     def __getitem__(self, scaling: str) -> Measures:
         """The measures under one scaling."""
@@ -103,6 +114,39 @@ class Observability(Record):
                 return measures
         known = ", ".join(m.scaling for m in self.scalings)
         raise KeyError(f"no scaling {scaling!r}; there are {known}")
+
+    def plot(self, scaling: str | None = None, *, ax: Axes | None = None) -> Axes:
+        """Draw the singular values, largest first; needs matplotlib (`rsicalib[plot]`).
+
+        Parameters
+        ----------
+        scaling : str, optional
+            One of `scalings`; all of them where not given.
+        ax : Axes, optional
+            Where to; a new figure where not given.
+
+        Returns
+        -------
+        Axes
+            A gap of many decades separates what the poses cannot tell.
+
+        Raises
+        ------
+        KeyError
+            There is no such scaling.
+        """
+        chosen = self.scalings if scaling is None else (self[scaling],)
+        rows = {m.scaling.replace("_", " "): m.singular_values for m in chosen}
+        return lines(on_axes(ax), rows, "number", "singular value of the Jacobian")
+
+    def _table(self) -> dict[str, Any]:
+        names = self.channels or tuple(map(str, range(1, len(self.offset_sd) + 1)))
+        return {"channel": names, "offset_sd": self.offset_sd, "gain_sd": self.gain_sd}
+
+    def __repr__(self) -> str:
+        told = f"{len(self.unobservable)} directions cannot be told" if self.unobservable else ""
+        worst = max((m.condition for m in self.scalings), default=float("nan"))
+        return f"<Observability of {self.samples} samples: {told or f'condition {worst:.3g}'}>"
 
     def text(self) -> str:
         """A table of the measures, and the directions in words."""
@@ -184,6 +228,7 @@ def observability(
         known_sd(bound["gain_sd"]),
         tuple(found["unobservable"]),
         tuple(found["weak"]),
+        tuple(c.name for c in opened.channels),
     )
 
 

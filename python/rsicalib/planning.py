@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,9 @@ from rsicalib.arrays import FloatArray
 from rsicalib.devices import Within, workspace
 from rsicalib.io.files import write_text
 from rsicalib.measures import counts_of, known_sd, parameters_of
+from rsicalib.plots import on_axes, scatter
 from rsicalib.records import Record
+from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,
@@ -22,6 +25,9 @@ from rsicalib.work.arguments import (
     ReadingsArg,
     open_mechanism,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["CRITERIA", "Bound", "Plan", "bound", "plan"]
 
@@ -69,8 +75,8 @@ class Bound(Record):
         return _rms(self.joint_sd)
 
 
-@dataclass(frozen=True)
-class Plan(Record):
+@dataclass(frozen=True, repr=False)
+class Plan(Tabular, Record):
     """Poses to visit.
 
     Attributes
@@ -99,6 +105,35 @@ class Plan(Record):
     readings: FloatArray
     bound: Bound
     before: Bound | None = None
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw where the poses are in x and z, coloured by their order; needs matplotlib.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to; a new figure where not given.
+
+        Returns
+        -------
+        Axes
+            With a colour bar beside it.
+        """
+        order = np.arange(1.0, len(self.poses) + 1)
+        names = (f"x [{self.length_unit}]", f"z [{self.length_unit}]", "pose")
+        ax = on_axes(ax, figsize=(6, 5))
+        ax.plot(self.poses[:, 0], self.poses[:, 2], color="0.8", lw=0.8, zorder=0)
+        return scatter(ax, self.poses[:, 0], self.poses[:, 2], order, names)
+
+    def _table(self) -> dict[str, Any]:
+        columns: dict[str, Any] = {"pose": range(1, len(self.poses) + 1)}
+        return columns | {name: self.poses[:, k] for k, name in enumerate(POSE)}
+
+    def __repr__(self) -> str:
+        return (
+            f"<Plan of {self.mechanism!r}: {len(self.poses)} poses, offsets to "
+            f"{self.bound.offset_rms:.2g} rad per {self.bound.noise:g} of noise>"
+        )
 
     def csv(self) -> str:
         """The poses as CSV: pose, x, y, z, rx, ry, rz."""

@@ -13,6 +13,8 @@ from typing import Any, Self, TypeAlias, Union, get_args, get_origin, get_type_h
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib.labels import Labelled
+
 __all__ = ["IF_KNOWN", "NOT_WRITTEN", "OMIT", "Record", "plain", "to_json"]
 
 OMIT: dict[str, Any] = {"omit": (None, [], {})}
@@ -126,6 +128,8 @@ def _reader(kind: Any) -> Reader:
         return partial(_record, kind)
     if get_origin(kind) is tuple:
         return partial(_tuple, _reader(get_args(kind)[0]))
+    if kind is Labelled:
+        return _labelled
     if get_origin(kind) in (np.ndarray, npt.NDArray):  # an alias from numpy 2.5 on
         return _array
     return _as_it_is
@@ -147,6 +151,11 @@ def _array(value: Any) -> Any:
     array = np.array(value, dtype=np.float64)  # None becomes NaN
     array.flags.writeable = False
     return array
+
+
+def _labelled(value: Any) -> Any:
+    array = _array(value)
+    return None if array is None else array.view(Labelled)  # the names are not known here
 
 
 def _as_it_is(value: Any) -> Any:

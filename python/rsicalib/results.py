@@ -12,30 +12,20 @@ import numpy as np
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, ResultError
+from rsicalib.interactive import Interactive
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
 from rsicalib.report.words import quality, worse_groups
-from rsicalib.shapes import CalibrationShape, FitQuality, Groups, Parameter, ResultShape, TraceShape
+from rsicalib.shapes import CalibrationShape, FitQuality, Groups, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["Calibration", "Result", "Trace", "load_calibration"]
 
 
-class Result(ResultShape):
+class Result(Interactive):
     """What a calibration and a traced calibration have in common."""
 
     FORMAT: ClassVar[str]
-
-    def __getitem__(self, key: tuple[str, ...]) -> Parameter:
-        """The parameter of a term at a target; its name as well where there are several."""
-        found = [p for p in self.parameters if (p.term, p.target, p.name)[: len(key)] == key]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            names = ", ".join(p.name for p in found)
-            raise KeyError(f"{key}: the term has several parameters; add one of {names}")
-        known = ", ".join(dict.fromkeys(p.spec for p in self.parameters))
-        raise KeyError(f"{key}: not among the parameters; there are {known}")
 
     @property
     def values(self) -> FloatArray:
@@ -113,8 +103,10 @@ class Calibration(Result, CalibrationShape):
     >>> import rsicalib
     >>> from rsicalib import DEMO
     >>> calibration = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv")
-    >>> calibration["gain", "a11"].unit
+    >>> calibration["gain@a11"].unit
     'rad/count'
+    >>> [p.key for p in calibration if p.target == "a11"]
+    ['offset@a11', 'gain@a11']
     """
 
     FORMAT: ClassVar[str] = "rsicalib.calibration/1"

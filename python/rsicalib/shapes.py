@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rsicalib.arrays import FloatArray
-from rsicalib.estimates import Estimate
+from rsicalib.estimates import Effect, Estimate
+from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 
 __all__ = [
@@ -145,7 +146,7 @@ class FitQuality(Record):
     """As `check`, after the best rigid motion of the instrument."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Parameter(Estimate, Record):
     """An estimate: `value` ± 1.96 `sd` covers the truth 95 times in 100."""
 
@@ -290,8 +291,8 @@ class Rms(Record):
     """Orientation, in radians."""
 
 
-@dataclass(frozen=True)
-class Step(Record):
+@dataclass(frozen=True, repr=False)
+class Step(Effect, Record):
     """A missing term that was found."""
 
     term: str
@@ -388,7 +389,7 @@ class ResultShape(Record):
     """What is absurd beside the size of the mechanism."""
     parameters: tuple[Parameter, ...]
     """Estimates."""
-    covariance: FloatArray
+    covariance: Labelled
     """Covariance of the parameters, in their order and units; null where unknown."""
     unobservable: tuple[str, ...] = ()
     """Directions in the space of parameters that the data cannot tell."""

@@ -28,7 +28,7 @@ POSE_S, SAMPLE_S = 15.0, 0.02
 """Between two held poses, and between two samples of one [s]."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Simulated:
     """A session of a simulated device.
 
@@ -51,6 +51,13 @@ class Simulated:
     rest: Readings | None
     check: Readings
     truth: dict[str, Any]
+
+    def __repr__(self) -> str:
+        name, seed = self.device.mechanism.name, self.truth["seed"]
+        return f"<Simulated {name!r}, seed {seed}: {self.readings.n_poses} poses>"
+
+    def _repr_html_(self) -> str:
+        return self.readings._repr_html_()
 
     def save(self, folder: PathLike) -> list[Path]:
         """Write readings.csv, rest.csv, check.csv, truth.json and mechanism.toml.

@@ -9,6 +9,7 @@ from rsicalib.groups import measured
 from rsicalib.results import Trace
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
 from rsicalib.work.job import Work
+from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
 
 __all__ = ["trace"]
@@ -37,6 +38,7 @@ def trace(
     starts: int | None = None,
     max_iterations: int | None = None,
     xtol: float | None = None,
+    progress: ProgressArg | None = None,
 ) -> Trace:
     """Trace the residual of a calibration to the effect that the model lacks.
 
@@ -59,7 +61,7 @@ def trace(
         Probability of naming anything where nothing is missing.
     seed : int, optional
         Nothing is drawn at random here: the same readings give the same result.
-    starts, max_iterations, xtol : optional
+    starts, max_iterations, xtol, progress : optional
         As in `calibrate`.
 
     Returns
@@ -88,6 +90,7 @@ def trace(
         "starts": starts,
         "max_iterations": max_iterations,
         "xtol": xtol,
+        "progress": listener(progress),
     }
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)
@@ -97,4 +100,6 @@ def trace(
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
     lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
-    return measured(job, Trace.from_dict(job.result(Trace, report, session) | lacking), session)
+    return finished(
+        measured(job, Trace.from_dict(job.result(Trace, report, session) | lacking), session)
+    )

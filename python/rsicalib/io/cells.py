@@ -18,6 +18,7 @@ from rsicalib.errors import InputError
 from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
 
 __all__ = [
+    "COLUMNS",
     "POSE",
     "TEXTS",
     "ChannelLike",
@@ -30,6 +31,18 @@ __all__ = [
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
+COLUMNS = {
+    "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
+    "every row is a pose of its own: a recording.",
+    "sample": "Number of the sample within its pose, a whole number; for messages.",
+    "time_s": "Time [s]. Without it, drift and slips are no candidates of a trace.",
+    "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",
+    "group": "Text: the placement, or whatever `--fit-groups` chooses from.",
+    "at": "Text: which unknown point is touched.",
+    **{name: "Position of the platform where it is known [length unit]." for name in "xyz"},
+    **{f"r{a}": "Orientation of the platform where it is known [rad], eq. (1)." for a in "xyz"},
+}
+"""Columns that a file may have beside those that its mechanism needs, and what they hold."""
 EXACT = 2.0**53
 """Beyond this not every integer is a float64, and two labels could become one."""
 
@@ -98,8 +111,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
         A column that is needed is missing, or one that is used is doubled.
     """
     needed = needed_columns(mechanism)
-    optional = ("pose", "sample", "time_s", "temperature_c", *TEXTS, *POSE)
-    used = dict.fromkeys([*needed, *optional])
+    used = dict.fromkeys([*needed, *COLUMNS])
     line = 1 if table.line_word == "line" else None
 
     def refuse(column: str, found: str, expected: str, hint: str = "") -> InputError:

@@ -13,22 +13,44 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, Where
 from rsicalib.io.builtin import BUILTIN
-from rsicalib.io.urdf import UrdfChain, chain_from_urdf, masses_from_toml, read_toml
+from rsicalib.io.urdf import (
+    UrdfChain,
+    chain_from_urdf,
+    masses_from_toml,
+    parse_toml,
+    read_text,
+)
 from rsicalib.io.urdf_tree import listed, refuse
+from rsicalib.tabular import html_table
 
-__all__ = ["expansion_notes", "load_mechanism", "read_mechanism"]
+__all__ = [
+    "expansion_notes",
+    "load_mechanism",
+    "mechanism_document",
+    "mechanism_html",
+    "read_mechanism",
+]
 
-URDF_KEYS = ("name", "urdf", "base", "tip", "channels", "masses")
+URDF_KEYS = {
+    "name": "Name of the chain in reports.",
+    "urdf": "Path of the description, relative to the mechanism file; its lengths are metres.",
+    "base": "Link that the chain begins at.",
+    "tip": "Link that the chain ends at; points of the chain are in its frame.",
+    "channels": "Channel of each joint on the way, `{joint = channel}`.",
+    "masses": "Path of a TOML file with masses: `link = {mass = 4.97, com = [0, 0, -0.05]}`.",
+}
 """What a chain given as URDF may have."""
 
 
-def load_mechanism(name_or_path: str | os.PathLike[str]) -> Mechanism:
-    """Load a mechanism: a built-in one by its name, or a file.
+def load_mechanism(source: str | os.PathLike[str] | Mapping[str, Any]) -> Mechanism:
+    """Load a mechanism: a built-in one by its name, a file, TOML text, or plain values.
 
     Parameters
     ----------
-    name_or_path : str or path
-        The name of a built-in mechanism, or the path of a mechanism file.
+    source : str, path or mapping
+        The name of a built-in mechanism, the path of a mechanism file, TOML text of more than one
+        line, or values as `tomllib` reads them. Paths in text and in values are relative to the
+        working folder.
 
     Returns
     -------
@@ -39,25 +61,80 @@ def load_mechanism(name_or_path: str | os.PathLike[str]) -> Mechanism:
     ------
     InputError
         A file cannot be read or contradicts itself, or a chain given as URDF cannot be
-        expanded. Of a file without URDF the message names line and column.
+        expanded. Of text without URDF the message names line and column.
 
     See Also
     --------
     read_mechanism : the same as a dictionary.
     expansion_notes : what the rows could not take in.
     """
-    file = os.fspath(name_or_path)
+    if isinstance(source, Mapping):
+        return Mechanism.from_dict(_expanded(dict(source), "mechanism")[0])
+    if isinstance(source, str) and "\n" in source:
+        return _of_text(source, "mechanism")
+    file = os.fspath(source)
+    return BUILTIN[file]() if file in BUILTIN else _of_text(_read(file), file)
+
+
+def mechanism_document(
+    source: str | os.PathLike[str] | Mapping[str, Any],
+) -> tuple[Path, dict[str, Any]]:
+    """The folder that the paths of a mechanism are relative to, and its values, not expanded.
+
+    Parameters
+    ----------
+    source : str, path or mapping
+        As for `load_mechanism`.
+
+    Returns
+    -------
+    Path, dict
+        Nothing in the dictionary for a built-in mechanism.
+    """
+    if isinstance(source, Mapping):
+        return Path(), dict(source)
+    if isinstance(source, str) and "\n" in source:
+        return Path(), parse_toml(source, "mechanism")
+    file = os.fspath(source)
     if file in BUILTIN:
-        return BUILTIN[file]()
-    document = _read(file)
-    expanded, _ = _expanded(document, file)
+        return Path(), {}
+    return Path(file).parent, parse_toml(_read(file), file)
+
+
+def _of_text(text: str, name: str) -> Mechanism:
+    """The mechanism of a file's text; messages begin with the name."""
+    document = parse_toml(text, name)
+    expanded, _ = _expanded(document, name)
     try:
         if expanded is document:
-            return Mechanism.from_toml(Path(file).read_bytes().decode("utf-8-sig"))
+            return Mechanism.from_toml(text)
         return Mechanism.from_dict(expanded)
     except InputError as error:
-        where = Where(file=file, line=None, column=None, found=None, expected=None)
-        raise InputError(f"{file}: {error.message}", where) from None
+        where = Where(file=name, line=None, column=None, found=None, expected=None)
+        raise InputError(f"{name}: {error.message}", where) from None
+
+
+def mechanism_html(mechanism: Mechanism) -> str:
+    """What a notebook shows of a mechanism: its channels, and how they are closed."""
+    channels = mechanism.channels
+    names = ("name", "unit", "gain", "offset", "range", "limits", "noise")
+    table = html_table(
+        {name: [_short(getattr(c, name)) for c in channels] for name in names}, repr(mechanism)
+    )
+    closures = {
+        c["name"]: f"{c['kind']} of {', '.join(c['between'])}" for c in _closures(mechanism)
+    }
+    closed = {"closure": list(closures), "": list(closures.values())}
+    return f"<div>{table}{html_table(closed)}</div>"
+
+
+def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
+    closures: list[dict[str, Any]] = mechanism.to_dict()["closure"]
+    return closures
+
+
+def _short(value: Any) -> Any:
+    return " … ".join(f"{v:.6g}" for v in value) if isinstance(value, tuple) else value
 
 
 def expansion_notes(name_or_path: str | os.PathLike[str]) -> list[str]:
@@ -78,8 +155,8 @@ def expansion_notes(name_or_path: str | os.PathLike[str]) -> list[str]:
     InputError
         As for `read_mechanism`.
     """
-    file = os.fspath(name_or_path)
-    notes = [] if file in BUILTIN else _expanded(_read(file), file)[1]
+    _, document = mechanism_document(name_or_path)
+    notes = _expanded(document, os.fspath(name_or_path))[1]
     return [" ".join(note.split()) for note in notes]
 
 
@@ -107,14 +184,14 @@ def read_mechanism(path: str | os.PathLike[str]) -> dict[str, Any]:
         A file cannot be read, or a chain given as URDF cannot be expanded.
     """
     file = os.fspath(path)
-    return _expanded(_read(file), file)[0]
+    return _expanded(parse_toml(_read(file), file), file)[0]
 
 
-def _read(file: str) -> dict[str, Any]:
+def _read(file: str) -> str:
     if not Path(file).is_file():
         expected = f"a mechanism file, or a built-in mechanism: {listed(BUILTIN)}"
         refuse(file, "mechanism", found="no such file", expected=expected)
-    return read_toml(file)
+    return read_text(file)
 
 
 def _tables(document: Mapping[str, Any], key: str) -> list[dict[str, Any]]:

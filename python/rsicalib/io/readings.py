@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TextIO
 
@@ -30,13 +30,22 @@ from rsicalib.io.files import whole_file
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.samples import Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
-from rsicalib.io.tables import Table, read_table, table_of_arrays, text
+from rsicalib.io.tables import (
+    Frame,
+    Table,
+    is_frame,
+    read_table,
+    table_of_arrays,
+    table_of_frame,
+    text,
+)
+from rsicalib.tabular import Tabular
 
 __all__ = ["Readings", "load_readings"]
 
 
-@dataclass(frozen=True, eq=False)
-class Readings(Samples):
+@dataclass(frozen=True, eq=False, repr=False)
+class Readings(Samples, Tabular):
     """Samples of all channels, one row each: `n` samples of `C` channels.
 
     All arrays are read-only. Make one with `load_readings` or `from_arrays`.
@@ -184,25 +193,36 @@ class Readings(Samples):
             self._write(file)
 
     def _write(self, file: TextIO) -> None:
-        table: dict[str, Iterable[str]] = {}
-        single = {"sample": self.sample, "time_s": self.time_s, "temperature_c": self.temperature_c}
-        if self.held:
-            table["pose"] = _written(self.pose)
-        table |= {name: _written(cells) for name, cells in single.items() if cells is not None}
-        table |= self.keys
-        table |= {name: _written(column) for name, column in self.columns.items()}
-        if self.poses is not None:
-            table |= {name: _written(self.poses[:, k]) for k, name in enumerate(POSE)}
-        table |= {name: _written(self.values[:, k]) for k, name in enumerate(self.channels)}
+        table = {name: _written(cells) for name, cells in self._table().items()}
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
         writer.writerows(zip(*table.values(), strict=True))
 
+    def _table(self) -> dict[str, Any]:
+        """The columns of the file, in their order."""
+        table: dict[str, Any] = {"pose": self.pose} if self.held else {}
+        single = {"sample": self.sample, "time_s": self.time_s, "temperature_c": self.temperature_c}
+        table |= {name: cells for name, cells in single.items() if cells is not None}
+        table |= self.keys
+        table |= self.columns
+        if self.poses is not None:
+            table |= {name: self.poses[:, k] for k, name in enumerate(POSE)}
+        return table | {name: self.values[:, k] for k, name in enumerate(self.channels)}
+
+    def __repr__(self) -> str:
+        poses = f" of {self.n_poses} poses" if self.held else ", a recording"
+        known = "" if self.poses is None else ", poses known"
+        channels = f"{len(self.channels)} channel{'s' * (len(self.channels) != 1)}"
+        return f"<Readings {self.source!r}: {len(self)} samples{poses}, {channels}{known}>"
+
 
 def load_readings(
-    path: str | os.PathLike[str], mechanism: MechanismLike, *, skip_bad_rows: bool = False
+    path: str | os.PathLike[str] | Frame | Mapping[str, Any],
+    mechanism: MechanismLike,
+    *,
+    skip_bad_rows: bool = False,
 ) -> Readings:
-    """Load a file of readings: one row per sample, one column per channel.
+    """Load a file or a data frame of readings: one row per sample, one column per channel.
 
     Columns are found by name: the mechanism's channels, and where present
     `pose`, `sample`, `time_s`, `temperature_c`, the known pose `x y z rx ry rz`,
@@ -210,8 +230,9 @@ def load_readings(
 
     Parameters
     ----------
-    path : path
-        Parquet if it ends in `.parquet` or `.pq`, else CSV in UTF-8 with a header line.
+    path : path, data frame or mapping of str to array_like
+        Parquet if it ends in `.parquet` or `.pq`, else CSV in UTF-8 with a header line; or columns
+        by name, as pandas and polars have them.
     mechanism : MechanismLike
         Names, units and ranges of its channels.
     skip_bad_rows : bool, optional
@@ -228,7 +249,8 @@ def load_readings(
         The file cannot be used; `where` says file, line, column, what was found and
         what was expected.
     """
-    return _readings(read_table(path), mechanism, skip_bad_rows)
+    table = table_of_frame(path) if is_frame(path) else read_table(path)  # type: ignore[arg-type]
+    return _readings(table, mechanism, skip_bad_rows)
 
 
 def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Readings:
@@ -307,6 +329,8 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
     )
 
 
-def _written(array: npt.NDArray[Any]) -> list[str]:
-    """Shortest text that is read back as the same number; empty for NaN."""
-    return ["" if math.isnan(v) else repr(v).removesuffix(".0") for v in array.tolist()]
+def _written(cells: Sequence[Any]) -> Sequence[str]:
+    """Text as it is; shortest text that is read back as the same number; empty for NaN."""
+    if not isinstance(cells, np.ndarray):
+        return cells
+    return ["" if math.isnan(v) else repr(v).removesuffix(".0") for v in cells.tolist()]

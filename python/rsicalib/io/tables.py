@@ -11,10 +11,10 @@ import importlib
 import io
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -23,17 +23,37 @@ from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 
 __all__ = [
+    "Frame",
     "Ragged",
     "Table",
     "is_blank",
+    "is_frame",
     "numbers",
     "quoted",
     "read_table",
     "table_of_arrays",
+    "table_of_frame",
     "text",
 ]
 
 PARQUET = {".parquet", ".pq"}
+
+
+@runtime_checkable
+class Frame(Protocol):
+    """A data frame, as pandas and polars have them."""
+
+    @property
+    def columns(self) -> Iterable[Any]:
+        """Names of the columns."""
+
+    def __getitem__(self, name: Any, /) -> Any:
+        """One column."""
+
+
+def is_frame(given: object) -> TypeGuard[Frame | Mapping[str, Any]]:
+    """Whether something is a data frame, or a mapping of names to columns."""
+    return isinstance(given, Mapping | Frame)
 
 
 @dataclass(frozen=True)
@@ -232,6 +252,38 @@ def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> 
             digest.update(cells.tobytes() if plain else repr(cells.tolist()).encode())
     lines = np.arange(1, rows + 1, dtype=np.int64)
     return Table(names, columns, lines, "row", source, digest.hexdigest())
+
+
+def table_of_frame(frame: Frame | Mapping[str, Any], source: str = "data frame") -> Table:
+    """A data frame, or a mapping of names to columns, as a table.
+
+    Parameters
+    ----------
+    frame : Frame or mapping of str to array_like, shape (n,)
+        Columns by name; what stands in a column that is not asked for does not matter.
+    source : str
+        What messages call it.
+
+    Returns
+    -------
+    Table
+        Its index is no column.
+    """
+    names = frame if isinstance(frame, Mapping) else frame.columns
+    return table_of_arrays([([str(name)], _cells(frame[name])) for name in names], source)
+
+
+def _cells(column: Any) -> object:
+    """A column as an array; None where nothing is known."""
+    if isinstance(column, np.ma.MaskedArray):
+        return column
+    array = np.asarray(column)
+    if array.dtype.kind in "iufU":
+        return array
+    try:
+        return column.to_numpy(dtype=object, na_value=None)  # pandas: NA is no value
+    except (AttributeError, TypeError):
+        return array.astype(object)
 
 
 def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:

@@ -227,16 +227,27 @@ def read_toml(file: str) -> dict[str, Any]:
     InputError
         The file cannot be read, or is not TOML.
     """
+    return parse_toml(read_text(file), file)
+
+
+def read_text(file: str) -> str:
+    """Read a text file in UTF-8; `InputError` where that cannot be done."""
     try:
-        return tomllib.loads(Path(file).read_bytes().decode("utf-8-sig"))
+        return Path(file).read_bytes().decode("utf-8-sig")
     except OSError as error:
         found = error.strerror or str(error)
         refuse(file, "file", found=found, expected="a file that can be read")
     except UnicodeDecodeError as error:
         found = f"bytes that are not UTF-8 at offset {error.start}"
         refuse(file, "file", found=found, expected="UTF-8 text")
+
+
+def parse_toml(text: str, name: str) -> dict[str, Any]:
+    """What `tomllib` makes of a text; `InputError` where it is not TOML."""
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        refuse(file, "file", found=str(error), expected="TOML")
+        refuse(name, "file", found=str(error), expected="TOML")
 
 
 def write_urdf(

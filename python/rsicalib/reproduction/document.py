@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 
 from rsicalib.records import Record
 
@@ -110,7 +111,7 @@ class Misprint(Record):
     evidence: dict[str, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Paper(Record):
     """Everything that the paper prints, computed again.
 
@@ -139,6 +140,15 @@ class Paper(Record):
             if one.id == table:
                 return one
         raise KeyError(f"no table {table!r}; there are {', '.join(t.id for t in self.tables)}")
+
+    def __repr__(self) -> str:
+        return (
+            f"<Paper: {len(self.tables)} tables, {len(self.misprints)} misprints, "
+            f"{self.trials} trials, seed {self.seed}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.text())}</pre>"
 
     def text(self) -> str:
         """Every table and every misprint for people."""

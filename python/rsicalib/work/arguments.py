@@ -12,6 +12,7 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.readings import Readings, load_readings
+from rsicalib.io.tables import Frame
 from rsicalib.results import Result, load_calibration
 
 __all__ = [
@@ -30,18 +31,18 @@ __all__ = [
 ]
 
 PathLike: TypeAlias = str | os.PathLike[str]
-MechanismArg: TypeAlias = PathLike | Mechanism
-ReadingsArg: TypeAlias = PathLike | Readings
+MechanismArg: TypeAlias = PathLike | Mapping[str, Any] | Mechanism
+ReadingsArg: TypeAlias = PathLike | Readings | Frame | Mapping[str, Any]
 SessionsArg: TypeAlias = ReadingsArg | Sequence[ReadingsArg]
 CalibrationArg: TypeAlias = PathLike | Result
 
 
 def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
-    """A mechanism by name, from a file, or as it is."""
+    """A mechanism by name, from a file, from text, from plain values, or as it is."""
     if isinstance(name_or_path, Mechanism):
         return name_or_path
-    if name_or_path in BUILTIN:
-        return BUILTIN[os.fspath(name_or_path)]()
+    if isinstance(name_or_path, str) and name_or_path in BUILTIN:
+        return BUILTIN[name_or_path]()
     from rsicalib.io.mechanisms import load_mechanism
 
     return load_mechanism(name_or_path)
@@ -74,7 +75,7 @@ class Bare:
 
 
 def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
-    """Readings as they are, or from their file; refused if the channels are not the mechanism's."""
+    """Readings as they are, from a file or a data frame; refused if they have other channels."""
     if not isinstance(readings, Readings):
         return load_readings(readings, mechanism, skip_bad_rows=skip)
     names = tuple(channel.name for channel in mechanism.channels)

@@ -13,6 +13,7 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.readings import Readings
+from rsicalib.io.tables import is_frame
 from rsicalib.results import Result
 from rsicalib.shapes import Parameter
 from rsicalib.work.applying import Known, as_applied, as_table, posed
@@ -67,7 +68,7 @@ class Work:
         """Load the sessions, and keep the groups that are asked for."""
         keep, leave = listed(fit_groups), listed(hold_out_groups)
         self.selected = None if keep is None and leave is None else (keep, leave)
-        single = isinstance(readings, str | os.PathLike | Readings)
+        single = isinstance(readings, str | os.PathLike | Readings) or is_frame(readings)
         several: Iterable[ReadingsArg] = [readings] if single else readings  # type: ignore[list-item, assignment]
         for one in several:
             loaded = load(one, self.mechanism, self.skip)

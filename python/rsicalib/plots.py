@@ -1,0 +1,180 @@
+"""Drawings for matplotlib: plain numbers in, axes out. matplotlib is loaded when one is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["bars", "curve", "dots", "lines", "on_axes", "scatter"]
+
+OLD, NEW = "#b0562f", "#1f5f8b"
+"""Before and after: told apart by the colour-blind, and in print."""
+
+
+def on_axes(ax: Axes | None, **size: Any) -> Axes:
+    """Return the axes to draw on: those given, or those of a new figure.
+
+    Parameters
+    ----------
+    ax : Axes, optional
+        Axes of the caller.
+    size : optional
+        As `matplotlib.pyplot.subplots` takes it, for a new figure.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    ImportError
+        matplotlib is not installed.
+    """
+    if ax is not None:
+        return ax
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise ImportError("a plot needs matplotlib: pip install rsicalib[plot]") from error
+    new: Axes = pyplot.subplots(**{"layout": "constrained", **size})[1]
+    return new
+
+
+def dots(ax: Axes, rows: Mapping[str, npt.ArrayLike], x_words: str) -> Axes:
+    """Draw residuals in units of noise over their number, with the band of ± 2.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to.
+    rows : mapping of str to array_like, shape (n, k)
+        By name: the first in the colour of what was, the last in that of what is.
+    x_words : str
+        What is counted.
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    ax.axhspan(-2, 2, color=NEW, alpha=0.1, lw=0)
+    ax.axhline(0, color="0.6", lw=0.8)
+    for (name, given), colour in zip(rows.items(), (OLD, NEW)[-len(rows) :], strict=False):
+        values = np.atleast_2d(np.asarray(given, dtype=np.float64))
+        numbers = np.repeat(np.arange(1, len(values) + 1), values.shape[1])
+        size = 14 if len(values) <= 300 else 3
+        ax.scatter(numbers, values.ravel(), s=size, color=colour, alpha=0.7, lw=0, label=name)
+    ax.set(xlabel=x_words, ylabel="residual / noise")
+    if len(rows) > 1:
+        ax.legend(frameon=False, ncols=len(rows), loc="upper right")
+    return ax
+
+
+def curve(
+    ax: Axes,
+    rows: Sequence[Sequence[float]],
+    sd: Sequence[float],
+    *,
+    name: str,
+    x_words: str,
+    y_words: str,
+    scale: float = 1e3,
+) -> Axes:
+    """Draw a correction over its variable, with its 95 % band.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to.
+    rows : sequence of (float, float)
+        Variable and correction.
+    sd : sequence of float
+        Standard deviation of each correction; may be empty.
+    name, x_words, y_words : str
+        Labels.
+    scale : float
+        Corrections are drawn times this.
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    x, y = np.array(rows, dtype=np.float64).T
+    y = scale * y
+    ax.axhline(0, color="0.6", lw=0.8)
+    if len(sd) == len(x):
+        half = 1.96 * scale * np.asarray(sd)
+        ax.fill_between(x, y - half, y + half, color=NEW, alpha=0.15, lw=0)
+    ax.plot(x, y, color=NEW, label=name)
+    ax.set(xlabel=x_words, ylabel=y_words, title=name)
+    return ax
+
+
+def bars(
+    ax: Axes,
+    names: Sequence[str],
+    values: npt.ArrayLike,
+    x_words: str,
+    *,
+    hollow: Sequence[bool] = (),
+    whiskers: npt.ArrayLike | None = None,
+) -> Axes:
+    """Draw horizontal bars, the first on top.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to.
+    names : sequence of str
+        One for each bar.
+    values : array_like, shape (n,)
+        Lengths.
+    x_words : str
+        What they are.
+    hollow : sequence of bool
+        Which are drawn as outlines.
+    whiskers : array_like, shape (n,), optional
+        Half widths of intervals.
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    places = np.arange(len(names))
+    empty = [*hollow, *[False] * (len(names) - len(hollow))]
+    faces = ["none" if h else NEW for h in empty]
+    ax.barh(places, np.asarray(values), color=faces, edgecolor=NEW, xerr=whiskers, height=0.65)
+    ax.set_yticks(places, labels=list(names))
+    ax.invert_yaxis()
+    ax.set(xlabel=x_words)
+    return ax
+
+
+def lines(ax: Axes, rows: Mapping[str, Sequence[float]], x_words: str, y_words: str) -> Axes:
+    """Draw positive numbers on a logarithmic scale, one line for each name."""
+    for name, values in rows.items():
+        ax.semilogy(np.arange(1, len(values) + 1), values, marker="o", ms=4, label=name)
+    ax.set(xlabel=x_words, ylabel=y_words)
+    ax.legend(frameon=False)
+    return ax
+
+
+def scatter(
+    ax: Axes, x: FloatArray, y: FloatArray, colour: FloatArray, labels: Sequence[str]
+) -> Axes:
+    """Draw points coloured by a number; `labels` are those of x, y and the colour."""
+    drawn = ax.scatter(x, y, c=colour, s=18, cmap="viridis")
+    ax.figure.colorbar(drawn, ax=ax, label=labels[2])
+    ax.set(xlabel=labels[0], ylabel=labels[1], aspect="equal")
+    return ax
