@@ -1,13 +1,7 @@
-"""Put into README.md what the commands print: `python -m scripts.make_readme`.
-
-Also draws its picture, `docs/residual.svg`.
-"""
+"""Draw the picture of the README, `docs/residual.svg`: `python -m scripts.make_readme`."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
 from pathlib import Path
 
 import rsicalib
@@ -15,7 +9,6 @@ from rsicalib.io.files import write_text
 from rsicalib.report.page import residual_figure
 
 ROOT = Path(__file__).parents[1]
-README = ROOT / "README.md"
 PICTURE = ROOT / "docs" / "residual.svg"
 
 STYLE = """<style>
@@ -35,24 +28,5 @@ def picture() -> str:
     return f"{head}\n{STYLE}\n{body}\n"
 
 
-def printed(code: str) -> str:
-    """What a piece of Python prints, from the folder of the demo's files."""
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.chdir(rsicalib.DEMO):
-        exec(compile(code, "README.md", "exec"), {})
-    return out.getvalue()
-
-
-def text(readme: str) -> str:
-    """The README with its output made again: each `text` block after a `python` block."""
-
-    def again(match: re.Match[str]) -> str:
-        return f"{match[1]}{match[2]}{match[3]}{printed(match[2])}```"
-
-    blocks = re.compile(r"(```python\n)(.*?)(```\n\n```text\n).*?```", re.S)
-    return blocks.sub(again, readme)
-
-
 if __name__ == "__main__":
-    write_text(README, text(README.read_text(encoding="utf-8")))
     write_text(PICTURE, picture())

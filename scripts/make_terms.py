@@ -1,4 +1,4 @@
-"""Write `docs/terms.md` from the registry: `python -m scripts.make_terms`."""
+"""Write `docs/terms.md` and its pictures from the registry: `python -m scripts.make_terms`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import rsicalib
 from rsicalib.io.files import write_text
+from scripts.term_pictures import picture
 
 PAGE = Path(__file__).parents[1] / "docs" / "terms.md"
 
@@ -16,6 +17,9 @@ HEAD = """\
 Written by `python -m scripts.make_terms` from the registry; a test compares. The targets are those
 of the hand controller. `length` is the mechanism's unit, `reading` the channel's. A term is asked
 for by its name, `--terms offset,gain,curvature@a22`, and printed by `rsicalib terms curvature`.
+[Units](formats.md#units-of-parameters) are those of the formats. The pictures are drawn with
+parameters of the
+typical size, with signs in turn; those of arms are many times enlarged.
 
 | term | class | parameters | |
 |---|---|---|---|
@@ -24,7 +28,9 @@ for by its name, `--terms offset,gain,curvature@a22`, and printed by `rsicalib t
 
 def section(term: dict[str, Any]) -> str:
     """One term in full."""
-    lines = [f"## {term['id']}", "", term["doc"].strip(), ""]
+    name = term["id"]
+    words = f"What {name.replace('_', ' ')} does"
+    lines = [f"## {name}", "", term["doc"].strip(), "", f"![{words}](terms/{name}.svg)", ""]
     lines += ["| parameter | unit | typical size |", "|---|---|---|"]
     lines += [f"| `{p['name']}` | {p['unit']} | {p['typical']:g} |" for p in term["parameters"]]
     lines += ["", f"Needs: {term['needs']}. Targets: {', '.join(term['targets']) or 'none'}."]
@@ -42,5 +48,13 @@ def text() -> str:
     return HEAD + "\n".join(rows) + "\n\n" + "\n".join(section(term) for term in terms)
 
 
+def files() -> dict[Path, str]:
+    """The page and its pictures, by path."""
+    pictures = {PAGE.parent / "terms" / f"{t['id']}.svg": picture(t) for t in rsicalib.terms()}
+    return {PAGE: text(), **pictures}
+
+
 if __name__ == "__main__":
-    write_text(PAGE, text())
+    PAGE.with_suffix("").mkdir(exist_ok=True)
+    for path, content in files().items():
+        write_text(path, content)

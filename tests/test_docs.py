@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 import rsicalib
-from scripts import make_demo, make_readme, make_stub, make_terms
+from scripts import (
+    make_commands,
+    make_demo,
+    make_docs,
+    make_formats,
+    make_notebook,
+    make_stub,
+    make_terms,
+)
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -20,13 +29,72 @@ def test_the_stub_is_what_the_compiled_module_says() -> None:
 
 
 def test_the_page_of_terms_is_what_the_registry_says() -> None:
-    found = make_terms.PAGE.read_text(encoding="utf-8")
-    assert found == make_terms.text(), "run python -m scripts.make_terms"
+    for path, made in make_terms.files().items():
+        assert path.read_text(encoding="utf-8") == made, f"{path.name}: run scripts.make_terms"
 
 
-def test_the_readme_shows_what_the_commands_print() -> None:
-    found = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert found == make_readme.text(found), "run python -m scripts.make_readme"
+@pytest.mark.parametrize("path", make_docs.pages(), ids=lambda p: p.name)
+def test_the_code_of_a_page_runs_and_prints_what_stands_below_it(path: Path) -> None:
+    with make_docs.page(path) as page:
+        text = page.text()
+    assert path.read_text(encoding="utf-8") == text, "run python -m scripts.make_docs"
+
+
+@pytest.mark.parametrize("path", make_formats.files(), ids=lambda p: p.name)
+def test_the_reference_of_the_formats_is_what_the_types_say(path: Path) -> None:
+    found, made = path.read_text(encoding="utf-8"), make_formats.files()[path]
+    assert found == made, "run python -m scripts.make_formats"
+
+
+def test_the_notebook_has_the_cells_of_its_page() -> None:
+    found = make_notebook.NOTEBOOK.read_text(encoding="utf-8")
+    assert found == make_notebook.text(), "run python -m scripts.make_notebook"
+    cells = json.loads(found)["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    page = make_notebook.PAGE.read_text(encoding="utf-8")
+    assert code == [block.strip() for block in re.findall(r"```python\n(.*?)```", page, re.S)]
+    assert "plan" in code[-4] and len(code) > 10
+
+
+def test_the_reference_of_the_commands_is_what_the_parser_says() -> None:
+    found = make_commands.PAGE.read_text(encoding="utf-8")
+    assert found == make_commands.text(), "run python -m scripts.make_commands"
+
+
+def test_documents_have_the_keys_that_the_reference_lists(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rsicalib.cli import main
+
+    def keys(*words: str) -> dict[str, object]:
+        with pytest.raises(SystemExit):
+            main([*words, "--json"])
+        out: dict[str, object] = json.loads(capsys.readouterr().out)
+        return out
+
+    rest = str(rsicalib.DEMO / "rest.csv")
+    seen = {
+        "rsicalib.poses/1": keys("forward", rest),
+        "rsicalib.terms/1": keys("terms"),
+        "rsicalib.error/1": keys("calibrate", str(tmp_path / "nowhere.csv")),
+        "rsicalib.plan/1": keys("plan", "--poses", "10"),
+    }
+    for name, document in seen.items():
+        assert document["format"] == name
+        listed = make_formats.documented(name)
+        assert set(document) <= set(listed), name
+    assert set(make_formats.BY_HAND) < set(seen)
+
+
+def test_the_reference_has_the_unit_of_every_parameter() -> None:
+    units = {p["unit"] for term in rsicalib.terms() for p in term["parameters"]}
+    assert units == set(make_formats.UNITS)
+
+
+def test_every_page_is_in_the_navigation_of_the_site() -> None:
+    listed = set(re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
+    there = {str(path.relative_to(ROOT / "docs")) for path in ROOT.glob("docs/**/*.md")}
+    assert listed == there
 
 
 def test_the_session_of_the_package_is_made_from_its_seed() -> None:
@@ -57,6 +125,16 @@ def test_every_equation_that_the_code_cites_is_on_the_page_of_the_model() -> Non
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_to_files_that_are_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
-        if "://" not in target:
-            assert (page.parent / target).exists(), target
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)(#[^)\s]+)?[^)]*\)", text):
+        if "://" in target:
+            continue
+        file = page.parent / target if target else page
+        assert file.exists(), target
+        if anchor and file.suffix == ".md":
+            assert anchor[1:] in anchors(file), f"{target}{anchor}"
+
+
+def anchors(page: Path) -> set[str]:
+    """Names of the headings of a page, as GitHub and the site make them."""
+    heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"\s+", "-", re.sub(r"[^\w\s-]", "", head.lower()).strip()) for head in heads}

@@ -1,0 +1,170 @@
+"""Run the code of the documentation, and put into the pages what it prints.
+
+Run as `python -m scripts.make_docs`, with the paths of pages or for all.
+
+The blocks of a page run in their order, in one empty folder and in one Python session:
+
+    python   is executed
+    sh       is run by a shell
+    text     directly below one of these is what it printed, and is written again
+    toml     with a title is written to that file; if it is a mechanism, it must load
+    csv      with a title is written to that file
+    json     must be JSON
+
+Blocks of other languages are for reading. A test runs this and compares.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import io
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import rsicalib
+from rsicalib.io.files import write_text
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+READ_ONLY = {"console", "rust", "math", "bibtex", "yaml"}
+"""Languages of blocks that are not run: commands that change the reader's machine, and excerpts."""
+
+ELSEWHERE = "# not run here"
+"""First line of a block of Python that needs what a test does not have: it must be Python."""
+
+NOT_RUN = ("CONTRIBUTING.md", "docs/releasing.md")
+"""Pages for those who work on rsicalib itself: what they run is `check` and the workflows."""
+
+BLOCK = re.compile(r"^( *)```(\w*)([^\n`]*)\n(.*?)^\1```$", re.M | re.S)
+
+NEXT = re.compile(r"\s*\Z")
+
+
+@dataclass
+class Page:
+    """A page whose blocks are run."""
+
+    path: Path
+    folder: Path
+    names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
+
+    def text(self) -> str:
+        """The page with what its code prints."""
+        source = self.path.read_text(encoding="utf-8")
+        out, end, printed = [], 0, None
+        for match in BLOCK.finditer(source):
+            between = source[end : match.start()]
+            indent, language, title, code = match.groups()
+            out.append(between)
+            if language == "text" and printed is not None and NEXT.fullmatch(between):
+                out.append(f"{indent}```text{title}\n{_indented(printed, indent)}{indent}```")
+                printed = None
+            else:
+                printed = self.run(language, title, _dedented(code, indent))
+                out.append(match[0])
+            end = match.end()
+        return "".join([*out, source[end:]])
+
+    def run(self, language: str, title: str, code: str) -> str | None:
+        """Run one block; what it prints, or None where it is none that prints."""
+        named = re.search(r'title="([^"]+)"', title)
+        if language == "python" and code.startswith(ELSEWHERE):
+            ast.parse(code, self.path.name)
+        elif language == "python":
+            return self.python(code)
+        if language == "sh":
+            return self.shell(code)
+        if language in ("toml", "csv") and named:
+            write_text(self.folder / named[1], code)
+        if language == "toml":
+            document = tomllib.loads(code)
+            if "closure" in document and "length_unit" in document:
+                rsicalib.Mechanism(code)
+        if language == "json":
+            json.loads(code)
+        if language not in ("python", "sh", "toml", "csv", "json", "text") and (
+            language not in READ_ONLY
+        ):
+            raise ValueError(f"{self.path.name}: found a block of {language!r}")
+        return None
+
+    def python(self, code: str) -> str:
+        """Execute code; the value of a last expression is printed, as a notebook does."""
+        body = ast.parse(code, self.path.name)
+        last = body.body.pop() if body.body and isinstance(body.body[-1], ast.Expr) else None
+        assert last is None or isinstance(last, ast.Expr)
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.chdir(self.folder):
+            exec(compile(body, self.path.name, "exec"), self.names)
+            if last is not None:
+                value = eval(
+                    compile(ast.Expression(last.value), self.path.name, "eval"), self.names
+                )
+                if value is not None:
+                    print(value if isinstance(value, str) else repr(value))
+        return out.getvalue()
+
+    def shell(self, code: str) -> str:
+        """Run commands; what cannot be used, or is a defect, stops everything."""
+        bin_ = str(Path(sys.executable).parent)
+        path = f"{bin_}{os.pathsep}{os.environ.get('PATH', '')}"
+        done = subprocess.run(
+            ["sh", "-c", code],
+            cwd=self.folder,
+            env={**os.environ, "PATH": path, "NO_COLOR": "1", "COLUMNS": "100"},
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode not in (0, 3, 4):
+            raise RuntimeError(f"{self.path.name}:\n{code}\n{done.stdout}{done.stderr}")
+        return done.stdout
+
+
+def _dedented(code: str, indent: str) -> str:
+    return "".join(line.removeprefix(indent) for line in code.splitlines(keepends=True))
+
+
+def _indented(text: str, indent: str) -> str:
+    text = re.sub(r"[ \t]+$", "", text, flags=re.M)
+    return "".join(
+        f"{indent}{line}" if line.strip() else line for line in text.splitlines(keepends=True)
+    )
+
+
+@contextlib.contextmanager
+def page(path: Path) -> Iterator[Page]:
+    """A page with a folder of its own; that of the README has the session of the package."""
+    with tempfile.TemporaryDirectory() as folder:
+        if path.name == "README.md":
+            for file in rsicalib.DEMO.glob("*.csv"):
+                shutil.copy(file, folder)
+        yield Page(path, Path(folder))
+
+
+def pages() -> list[Path]:
+    """Every page that has code in it."""
+    found = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+    return [path for path in found if str(path.relative_to(ROOT)) not in NOT_RUN]
+
+
+def main(names: list[str]) -> None:
+    """Write the pages that are named, or all."""
+    for path in [Path(name).resolve() for name in names] or pages():
+        with page(path) as one:
+            write_text(path, one.text())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,296 @@
+"""Write `docs/formats.md` and the schema of mechanism files: `python -m scripts.make_formats`.
+
+Keys, types and meanings are those of the core (mechanisms and results), of the columns that
+readings may have, and of the docstrings of the other documents; a test compares.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rsicalib import _core
+from rsicalib.io.cells import COLUMNS
+from rsicalib.io.files import write_text
+from rsicalib.io.mechanisms import URDF_KEYS
+from rsicalib.planning import Bound, Plan
+from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "formats.md"
+SCHEMA = ROOT / "python" / "rsicalib" / "schema" / "mechanism.json"
+
+SECTIONS = {
+    "Mechanism": ("The whole file", ""),
+    "Channel": ("`[[channel]]`: a sensor", "channel"),
+    "Chain": ("`[[chain]]`: links and joints in a row", "chain"),
+    "Row": ("`dh = […]`: one row of a chain", "dh"),
+    "Point": ("`[[point]]`: a place", "point"),
+    "Closure": ("`[[closure]]`: what holds in every pose", "closure"),
+    "Rest": ("`[rest]`: a pose that is known without a measurement", "rest"),
+    "ModelSection": ("`[model]`: what `calibrate` identifies", "model"),
+}
+"""Types of a mechanism file in the order of the page."""
+
+OTHERS = {
+    "rsicalib.plan/1": (Plan, Bound),
+    "rsicalib.paper/1": (Paper, Table, Row, Cell, Misprint),
+}
+"""Documents whose keys are those of classes."""
+
+BY_HAND = {
+    "rsicalib.poses/1": {
+        "format": "`rsicalib.poses/1`.",
+        "version": "Version of the program.",
+        "mechanism": "Name of the mechanism.",
+        "length_unit": "Unit of every length.",
+        "columns": "`pose`, and `sample` and `time_s` where the readings have them; `x y z` "
+        "[length unit] and `rx ry rz` [rad], or `ball.x ball.y ball.z` for each point that a chain "
+        "carries; under a calibration their standard deviations `sd_…`. One list each.",
+    },
+    "rsicalib.terms/1": {
+        "format": "`rsicalib.terms/1`.",
+        "version": "Version of the program.",
+        "terms": "A list: `id`, `class`, `doc`, `needs`, `parameters` (`name`, `unit`, `typical`) "
+        "and `targets`.",
+    },
+    "rsicalib.error/1": {
+        "format": "`rsicalib.error/1`.",
+        "message": "What was found, what was expected, and what to do.",
+        "where": "`file`, `line`, `column`, `found`, `expected`, each null where it does not "
+        "apply; null where the fault has no place.",
+    },
+}
+"""Documents that a command writes as they come; a test compares the keys with the command's."""
+
+HEAD = """\
+# File formats
+
+Every key, column and unit. Written by `python -m scripts.make_formats` from the types that read
+the files; a test compares. Lengths are in the mechanism's `length_unit`, angles in radians,
+readings in the unit of their channel; [conventions](conventions.md) has frames and signs.
+
+## Mechanism: TOML
+
+A key that is not listed here is refused. `rsicalib mechanism FILE` checks a file. The JSON Schema
+is `rsicalib/schema/mechanism.json` in the package: editors complete and check with it.
+
+"""
+
+URDF = """\
+### `[[chain]]` from a URDF
+
+In place of `dh`, a chain may name a robot description. Channels that its joints name and the file
+does not
+declare are filled in: readings in rad (m for a slide), gain 1, offset 0, limits of the description.
+
+"""
+
+READINGS = """\
+## Readings: CSV or Parquet
+
+CSV in UTF-8 with a header line, commas and decimal points; or Parquet, if the name ends in
+`.parquet` or
+`.pq`; or a data frame. One row is one sample of all channels. Columns are found by name, in any
+order; other columns
+are ignored with a warning. A cell that cannot be used makes the file refused, with line and column.
+
+Needed are one column for each channel of the mechanism, in the channel's unit and within its
+`range`; one text
+column for each name in `unknown` of a point; and one column of distances for each closure whose
+`value` is a name
+[length unit]. These are optional:
+
+| column | |
+|---|---|
+"""
+
+UNITS = {
+    "rad": "Angle.",
+    "length": "The mechanism's `length_unit`.",
+    "reading": "Unit of the channel.",
+    "rad/reading": "Joint angle per reading; results name the channel's unit: `rad/count`.",
+    "1": "A ratio.",
+    "s": "Time.",
+    "1/K": "Fraction per kelvin from the mean temperature of the readings.",
+    "rad/K": "Angle per kelvin from the mean temperature of the readings.",
+    "1/session": "Fraction from the beginning of a session to its end.",
+    "rad/session": "Angle from the beginning of a session to its end.",
+    "rad/torque": "Angle per torque about the joint. A torque is **mass × length**, in the unit of "
+    "the links' `mass` and in `length_unit`, without g: a kilogram at a metre is 1. To have it per "
+    "newton metre, divide by 9.81 m/s².",
+    "rad/length": "Angle per torque of a **unit weight** at the points that the chain carries: the "
+    "torque of a weight of 1 is the length of its lever.",
+}
+"""Units of the parameters of terms, which the core names; a test compares."""
+
+RESULTS = """\
+## Results: JSON
+
+`--json` prints one document on standard output; `--out` writes it as `result.json`. JSON holds no
+NaN: what is not known
+is null. Readers skip keys that they do not know ([what stays](stability.md)). The JSON Schemas
+are in the package,
+`rsicalib/schema/`.
+
+"""
+
+
+def text() -> str:
+    """The whole page."""
+    parts = [HEAD, *mechanism(), URDF, keys_table(URDF_KEYS), "\n"]
+    parts += [READINGS, *(f"| `{name}` | {words} |\n" for name, words in COLUMNS.items()), "\n"]
+    parts += ["## Units of parameters\n\n", keys_table(UNITS).replace("| key |", "| unit |"), "\n"]
+    parts += ["The parameters of each term, with their units: [terms](terms.md).\n\n"]
+    parts += [RESULTS, *results()]
+    for name, keys in BY_HAND.items():
+        parts += [f"### `{name}`\n\n", keys_table(keys), "\n"]
+    for name, classes in OTHERS.items():
+        parts += [f"### `{name}`\n\n"]
+        parts += [keys_table(documented(name)), "\n"]
+        for cls in classes[1:]:
+            parts += [f"`{cls.__name__}`: {_sentence(cls)}\n\n", keys_table(_attributes(cls)), "\n"]
+    return "".join(parts).rstrip() + "\n"
+
+
+def mechanism() -> Iterator[str]:
+    """Tables of the keys of a mechanism file."""
+    schema = json.loads(_core.mechanism_schema())
+    types = {**schema["$defs"], "Mechanism": schema}
+    for name, (title, _) in SECTIONS.items():
+        about = _prose(types[name]["description"])
+        yield f"### {title}\n\n{about}\n\n{schema_table(types[name], types)}\n"
+
+
+def results() -> Iterator[str]:
+    """Tables of the keys of results."""
+    schemas = {name: json.loads(schema) for name, schema in _core.schemas()}
+    done: set[str] = set()
+    for name, schema in schemas.items():
+        yield f"### `{name}`\n\n{_prose(schema['description'])}\n\n"
+        yield schema_table(schema, schema["$defs"]) + "\n"
+        for kind, definition in schema["$defs"].items():
+            if "properties" in definition and kind not in done:
+                done.add(kind)
+                yield f"#### {kind}\n\n{_prose(definition['description'])}\n\n"
+                yield schema_table(definition, schema["$defs"]) + "\n"
+
+
+def schema_table(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:
+    """A table of the keys of one type."""
+    needed = set(schema.get("required", ()))
+    lines = ["| key | | type | |", "|---|---|---|---|"]
+    for key, value in schema["properties"].items():
+        must = "" if key not in needed else "needed"
+        words = _prose(value.get("description", "")).replace("\n\n", " ").replace("|", "\\|")
+        lines.append(f"| `{key}` | {must} | {_kind(value, types)} | {words}{_default(value)} |")
+    return "\n".join(lines) + "\n"
+
+
+def keys_table(keys: Mapping[str, str]) -> str:
+    """A table of keys and what they mean."""
+    lines = ["| key | |", "|---|---|"]
+    lines += [f"| `{key}` | {' '.join(words.split())} |" for key, words in keys.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _kind(value: Mapping[str, Any], types: Mapping[str, Any]) -> str:
+    """A type in words."""
+    if "$ref" in value:
+        name = value["$ref"].rpartition("/")[2]
+        found = types.get(name, {})
+        choices = _choices(found)
+        if choices:
+            return choices
+        if "anyOf" in found:
+            return " or ".join(_kind(v, types) for v in found["anyOf"])
+        return str(name)
+    if "anyOf" in value:
+        kinds = [_kind(v, types) for v in value["anyOf"] if v.get("type") != "null"]
+        return " or ".join(kinds)
+    if "allOf" in value:
+        return _kind(value["allOf"][0], types)
+    plain = {
+        "string": "text",
+        "integer": "whole number",
+        "number": "number",
+        "boolean": "yes or no",
+    }
+    kinds = value.get("type", "object")
+    names = [k for k in ([kinds] if isinstance(kinds, str) else kinds) if k != "null"]
+    if names == ["array"]:
+        count = value.get("minItems")
+        inner = _kind(value.get("items", {}), types)
+        return (
+            f"{count} × {inner}" if count and count == value.get("maxItems") else f"list of {inner}"
+        )
+    if names == ["object"] and isinstance(value.get("additionalProperties"), dict):
+        return f"table of {_kind(value['additionalProperties'], types)}"
+    return " or ".join(plain.get(name, name) for name in names)
+
+
+def _choices(schema: Mapping[str, Any]) -> str:
+    """The values of an enumeration."""
+    values = list(schema.get("enum", ()))
+    values += [v["const"] for v in schema.get("oneOf", ()) if "const" in v]
+    values += [e for v in schema.get("oneOf", ()) for e in v.get("enum", ())]
+    return " or ".join(f'`"{value}"`' for value in values)
+
+
+def _default(value: Mapping[str, Any]) -> str:
+    default = value.get("default")
+    if default in (None, "", [], {}) or isinstance(default, dict):
+        return ""
+    return f" Default: `{json.dumps(default)}`."
+
+
+def _prose(doc: str) -> str:
+    """A doc comment as Markdown: paragraphs joined, links of Rust as plain code."""
+    doc = re.sub(r"\[`([^`\]]*)`\](?:\([^)]*\))?", r"`\1`", doc)
+    doc = re.sub(r"[^.\n]*`\w+::[^.]*\.", "", doc)  # what concerns Rust alone
+    doc = doc.replace("`None` for", "left out for").replace("`None`:", "left out:")
+    fenced = re.split(r"(```.*?```)", doc, flags=re.S)
+    parts = [p if p.startswith("```") else re.sub(r"(?<!\n)\n(?!\n)", " ", p) for p in fenced]
+    return "".join(parts).strip()
+
+
+def _sentence(cls: type) -> str:
+    return (cls.__doc__ or "").strip().split("\n\n")[0]
+
+
+def _attributes(cls: type) -> dict[str, str]:
+    """Keys and their words, from the section Attributes of a docstring."""
+    doc = re.sub(r"^ {4}", "", cls.__doc__ or "", flags=re.M)
+    _, _, section = doc.partition("Attributes\n----------\n")
+    found: dict[str, str] = {}
+    for names, words in re.findall(r"^(\S[^:\n]*?) :[^\n]*\n((?:    .*\n?)+)", section, re.M):
+        for name in names.split(","):
+            found[name.strip()] = " ".join(words.split())
+    return found
+
+
+def documented(name: str) -> dict[str, str]:
+    """Keys of a document that is no result, with those that a command adds."""
+    if name in BY_HAND:
+        return BY_HAND[name]
+    head = {"format": f"`{name}`.", "version": "Version of the program."}
+    return head | _attributes(OTHERS[name][0])
+
+
+def files() -> dict[Path, str]:
+    """Everything that is written, by path."""
+    schema = json.loads(_core.mechanism_schema())
+    return {PAGE: text(), SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n"}
+
+
+def main(paths: Iterable[tuple[Path, str]]) -> None:
+    """Write the files."""
+    for path, content in paths:
+        write_text(path, content)
+
+
+if __name__ == "__main__":
+    main(files().items())
