@@ -47,6 +47,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
 from rsicalib.estimates import Effect, Estimate
 from rsicalib.labels import Labelled
@@ -57,6 +58,8 @@ RESIDUALS = '''    before_residuals: FloatArray | None = field(default=None, met
     """Residuals in units of noise, shape (poses, equations), before; not in the JSON."""
     after_residuals: FloatArray | None = field(default=None, metadata=NOT_WRITTEN)
     """The same of the final model."""
+    source: EvidenceSource | None = field(default=None, metadata=NOT_WRITTEN)
+    """What gathers the evidence for a report; None where the result was read from a file."""
 '''
 
 
@@ -78,7 +81,9 @@ def files() -> dict[Path, str]:
 def shapes() -> str:
     """The module of the data classes."""
     roots = {s["title"]: s for s in schemas().values()}
-    types = {k: v for root in roots.values() for k, v in root["$defs"].items()}
+    evidence = json.loads(_core.evidence_schema())
+    types = {k: v for root in (*roots.values(), evidence) for k, v in root["$defs"].items()}
+    types[evidence["title"]] = evidence
     written = dict(_core.written_keys())
     records = {k: v for k, v in types.items() if "properties" in v}
     parts = []

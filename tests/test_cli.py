@@ -59,7 +59,7 @@ def test_the_demo_explains_a_device_and_prints_the_path_of_its_report(tmp_path: 
     path = tmp_path / done.stdout.splitlines()[-1]
     assert path.name == "report.html"
     written = {f.name for f in path.parent.iterdir()}
-    assert written == {"report.html", "report.txt", "result.json", "calibrated.toml"}
+    assert written == {"report.html", "report.txt", "result.json", "calibrated.toml", "figures"}
     assert strict((path.parent / "result.json").read_text())["verdict"] == "explained"
     assert len((path.parent / "report.txt").read_text().splitlines()) <= 25
 

@@ -62,6 +62,13 @@ class Channel:
         """Unit of a reading: `count`, `rad`, `m`, ..."""
 
 @final
+class EvidenceSource:
+    """What a report is drawn from, gathered where a report is asked for."""
+
+    def gather(self) -> dict[str, Any]:
+        """The evidence in the shape of its schema."""
+
+@final
 class Fit:
     """A fitted model."""
 
@@ -225,6 +232,9 @@ def check(
     align: bool = False,
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
+
+def evidence_schema() -> str:
+    """JSON Schema of the evidence that a report is drawn from, as text."""
 
 def exported(
     mechanism: Mechanism, applied: Mapping[str, Any]

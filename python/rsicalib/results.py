@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -16,7 +17,7 @@ from rsicalib.interactive import Interactive
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
 from rsicalib.report.words import quality, worse_groups
-from rsicalib.shapes import CalibrationShape, FitQuality, Groups, TraceShape
+from rsicalib.shapes import CalibrationShape, Evidence, FitQuality, Groups, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["Calibration", "Result", "Trace", "load_calibration"]
@@ -42,6 +43,11 @@ class Result(Interactive):
         """What the command returns: 0 usable, 3 undetermined, 4 a residual is left or absurd."""
         return EXIT_CODES[self.verdict]
 
+    @cached_property
+    def evidence(self) -> Evidence | None:
+        """What the report is drawn from, gathered once; None for a result read from a file."""
+        return None if self.source is None else Evidence.from_dict(self.source.gather())
+
     def to_json(self) -> str:
         """The result as JSON text, as `--json` prints it."""
         return to_json(self.to_dict())
@@ -66,7 +72,13 @@ class Result(Interactive):
         """Report as one HTML file that needs no network."""
         from rsicalib.report.page import html
 
-        return html(self)
+        return html(self, self.evidence)
+
+    def figures(self) -> dict[str, str]:
+        """Figures of the report as SVG files: name without an ending, and text."""
+        from rsicalib.report.page import figures
+
+        return figures(self, self.evidence)
 
     def with_groups(self, groups: Groups) -> Self:
         """The same result with the measure of its groups.

@@ -9,31 +9,46 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
 from rsicalib.estimates import Effect, Estimate
 from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 
 __all__ = [
+    "Against",
+    "Alternative",
     "CalibrationShape",
     "Check",
     "Data",
+    "Drawing",
+    "EffectEvidence",
+    "Evidence",
     "Excluded",
     "FitQuality",
     "Groups",
     "HeldOut",
     "Hidden",
+    "Law",
     "Moved",
     "Name",
+    "Node",
     "Noise",
     "Parameter",
     "Reference",
+    "Reliability",
     "ResultShape",
     "Rms",
+    "Score",
     "Skipped",
+    "Slice",
     "Start",
     "Step",
     "StepParameter",
+    "Switch",
+    "SwitchFit",
+    "SwitchParameter",
+    "Switchboard",
     "TraceShape",
     "Unexplained",
     "WithExcluded",
@@ -353,6 +368,230 @@ class Hidden(Record):
     """What an effect of that size does to the platform."""
 
 
+@dataclass(frozen=True)
+class Alternative(Record):
+    """A law that fits as well."""
+
+    effect: Name
+    """The effect."""
+    line: tuple[tuple[float, ...], ...]
+    """Variable and correction."""
+
+
+@dataclass(frozen=True)
+class Law(Record):
+    """An effect as a law of one variable."""
+
+    over: str
+    """The variable: `reading of a22`, `time`."""
+    unit: str
+    """Unit of the variable."""
+    correction_unit: str
+    """Unit of the correction."""
+    dots: tuple[tuple[float, ...], ...]
+    """The variable, the correction that the law gives and the residual asks for, and its standard
+    deviation."""
+    per_dot: int
+    """Poses whose weighted mean one dot is."""
+    line: tuple[tuple[float, ...], ...]
+    """The law: variable and correction."""
+    alternatives: tuple[Alternative, ...]
+    """What these poses cannot tell from it, each with the offset and gain of its own fit."""
+
+
+@dataclass(frozen=True)
+class Against(Record):
+    """The residual against a variable of the configuration."""
+
+    over: str
+    """The variable: `angle of a22`, `pose`."""
+    unit: str
+    """Unit of the variable."""
+    dots: tuple[tuple[float, ...], ...]
+    """The variable, the residual without the effect, and what the effect explains of it, in units
+    of noise."""
+
+
+@dataclass(frozen=True)
+class Score(Record):
+    """How far a candidate stands out."""
+
+    effect: Name
+    """The candidate."""
+    score: float
+    """By how much χ² would fall with it, to first order, eq. (72)."""
+    charged: float
+    """The same less the charge for its parameters and for the places looked at."""
+    dof: float
+    """Degrees of freedom of the score."""
+    p_value: float
+    """Probability by chance, corrected for the places looked at."""
+    chosen: bool
+    """True for what was found, or what these poses cannot tell from it."""
+
+
+@dataclass(frozen=True)
+class EffectEvidence(Record):
+    """Evidence of one effect."""
+
+    law: Law | None
+    """The effect as a law of one variable; null where it is no such law."""
+    against: Against | None
+    """The residual against a variable; null beside a law."""
+    added_variable: tuple[tuple[float, ...], ...]
+    """Added-variable plot: what the effect explains, and the residual without it, in units of
+    noise."""
+    per_dot: int
+    """Equations whose mean one dot of `added_variable` is."""
+    scores: tuple[Score, ...]
+    """Scores of all candidates without the effect, best first."""
+
+
+@dataclass(frozen=True)
+class Reliability(Record):
+    """Reliability of single readings, after Baarda: channel by channel, pose by pose; null where no
+    other reading checks one.
+    """
+
+    detectable: tuple[tuple[float | None, ...], ...]
+    """Minimum detectable error of the channel's mean reading in the pose, in its unit: seen at the
+    level 0.001 in four sessions of five."""
+    external: tuple[tuple[float | None, ...], ...]
+    """External reliability: what an error of that size does to the worst-hit combination of
+    parameters, in its standard deviations."""
+
+
+@dataclass(frozen=True)
+class Node(Record):
+    """A joint, or a point that a chain carries."""
+
+    name: str
+    """Channel of the joint, or name of the point."""
+    chain: str
+    """The chain."""
+    joint: bool
+    """True for a joint."""
+
+
+@dataclass(frozen=True)
+class Drawing(Record):
+    """The mechanism in its poses."""
+
+    nodes: tuple[Node, ...]
+    """Joints, and points that chains carry."""
+    edges: tuple[tuple[int, ...], ...]
+    """Pairs of nodes that a body or a closure joins."""
+    poses: tuple[int, ...]
+    """Number of the pose of each row of `at`."""
+    at: tuple[tuple[float, ...], ...]
+    """Coordinates of all nodes in a pose: x, y, z of the first, of the second, … [length unit]."""
+    places: tuple[tuple[float, ...], ...]
+    """Position of the platform, or of the first point that a chain carries [length unit]."""
+    weakest: tuple[tuple[float, ...], ...]
+    """Direction in which the parameters determine the position least, one standard deviation long
+    [length unit]."""
+
+
+@dataclass(frozen=True)
+class Slice(Record):
+    """A plane of the workspace, orientation zero."""
+
+    axes: tuple[str, ...]
+    """Names of the two coordinates that change."""
+    fixed: str
+    """Name of the third coordinate."""
+    value: float
+    """Its value [length unit]."""
+    step: tuple[float, ...]
+    """Distance of neighbouring cells along both axes [length unit]."""
+    cells: tuple[tuple[float, ...], ...]
+    """Both coordinates of a cell, and the standard deviation of the platform's position there, root
+    mean square of x, y and z, noise of the reading not counted [length unit]."""
+
+
+@dataclass(frozen=True)
+class Switch(Record):
+    """A suspect."""
+
+    effect: Name | None
+    """The effect; on: it is in the model. Null for readings."""
+    pose: int | None
+    """Label of the pose; on: its readings are left out. Null for an effect."""
+    channel: str | None
+    """The channel at fault, where it can be told."""
+
+
+@dataclass(frozen=True)
+class SwitchParameter(Record):
+    """Name of a parameter of a switchboard."""
+
+    term: str
+    """Id of the term."""
+    target: str
+    """What the term belongs to."""
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """Unit of the parameter."""
+
+
+@dataclass(frozen=True)
+class SwitchFit(Record):
+    """One fit of a switchboard."""
+
+    chi2: float
+    """χ² between poses."""
+    dof: float
+    """Its degrees of freedom."""
+    p_value: float | None
+    """Probability of a larger one by chance; null where lack of fit cannot be judged."""
+    rms_misclosure: float
+    """Error of the closures [length unit]."""
+    values: tuple[float | None, ...]
+    """Estimates in the order of `parameters`; null where not in the model."""
+    sd: tuple[float | None, ...]
+    """Their standard deviations; null where unknown."""
+    residuals: tuple[float, ...]
+    """Residuals in units of noise, pose by pose, equation by equation."""
+
+
+@dataclass(frozen=True)
+class Switchboard(Record):
+    """The fits with and without each suspect, on averages of the samples of each pose."""
+
+    switches: tuple[Switch, ...]
+    """The suspects."""
+    parameters: tuple[SwitchParameter, ...]
+    """What each parameter is: of the terms of any fit."""
+    fits: tuple[SwitchFit, ...]
+    """Number `n` has switch `i` on where bit `i` of `n` is set."""
+
+
+@dataclass(frozen=True)
+class Evidence(Record):
+    """What the pictures of a report are drawn from, beyond the result itself.
+
+    Residuals are those of the search, which averages the samples of a held pose.
+    """
+
+    equations: tuple[str, ...]
+    """Closure of each equation; a touch has several."""
+    poses: tuple[int, ...]
+    """Label of each pose; empty for a recording, whose poses are its rows."""
+    effects: tuple[EffectEvidence, ...]
+    """One for each effect that was found, in the order of `steps`."""
+    left: tuple[Score, ...]
+    """Scores of what is not in the final model, best first."""
+    reliability: Reliability | None
+    """What a wrong reading would have to be to be seen; null for a long recording."""
+    drawing: Drawing | None
+    """The mechanism in its poses; null where no chain carries a point."""
+    workspace: tuple[Slice, ...]
+    """Slices of the workspace, where it is known."""
+    switchboard: Switchboard | None
+    """The fits with and without each suspect; null where nothing is suspected."""
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ResultShape(Record):
     """What a calibration and a traced calibration have in common."""
@@ -413,6 +652,8 @@ class ResultShape(Record):
     """Residuals in units of noise, shape (poses, equations), before; not in the JSON."""
     after_residuals: FloatArray | None = field(default=None, metadata=NOT_WRITTEN)
     """The same of the final model."""
+    source: EvidenceSource | None = field(default=None, metadata=NOT_WRITTEN)
+    """What gathers the evidence for a report; None where the result was read from a file."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

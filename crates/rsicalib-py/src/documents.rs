@@ -34,6 +34,12 @@ pub fn mechanism_schema() -> String {
     rsicalib::mechanism::schema().to_value().to_string()
 }
 
+/// JSON Schema of the evidence that a report is drawn from, as text.
+#[pyfunction]
+pub fn evidence_schema() -> String {
+    schema::evidence().to_value().to_string()
+}
+
 /// Keys of each type of a result that are always written.
 #[pyfunction]
 pub fn written_keys() -> Vec<(String, Vec<String>)> {

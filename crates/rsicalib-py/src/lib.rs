@@ -34,9 +34,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<mechanism::PyChannel>()?;
     module.add_class::<observations::PyObservations>()?;
     module.add_class::<observations::PyFit>()?;
+    module.add_class::<observations::PyEvidenceSource>()?;
     module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
     module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
     module.add_function(wrap_pyfunction!(documents::mechanism_schema, module)?)?;
+    module.add_function(wrap_pyfunction!(documents::evidence_schema, module)?)?;
     module.add_function(wrap_pyfunction!(documents::written_keys, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::terms, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_inverse, module)?)?;

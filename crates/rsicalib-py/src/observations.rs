@@ -5,14 +5,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyAny;
+use pyo3::types::{PyAny, PyTuple};
 use pythonize::pythonize;
 use rsicalib::diagnosis::options::SearchOptions;
+use rsicalib::diagnosis::trace::Traced;
 use rsicalib::estimate::directions::directions;
 use rsicalib::estimate::progress::Progress;
 use rsicalib::estimate::{Fit, FitOptions, Method, Observations};
 use rsicalib::readings::Table;
 use rsicalib::report::calibrated;
+use rsicalib::report::evidence::gather;
 use rsicalib::report::result::{self, Estimates, FitReport, Known, estimates};
 use rsicalib::terms::ALL;
 use rsicalib::terms::targets::provided;
@@ -60,7 +62,7 @@ impl Listener {
 #[pyclass(frozen, skip_from_py_object, name = "Fit", module = "rsicalib._core")]
 pub struct PyFit {
     pub observations: Arc<Observations>,
-    pub fit: Fit,
+    pub fit: Arc<Fit>,
 }
 
 /// One table of readings, as Python holds it.
@@ -202,11 +204,12 @@ impl PyObservations {
             ..default
         };
         let session = Arc::clone(&self.observations);
-        let report = py
-            .detach(|| rsicalib::report::traced::report(&session, &search, known.as_ref()))
+        let (report, traced) = py
+            .detach(|| rsicalib::report::traced::traced(&session, &search, known.as_ref()))
             .map_err(PyError::from)?;
         self.heard()?;
-        Ok(pythonize(py, &report)?)
+        let source = PyEvidenceSource(Found::Traced(Box::new(traced), search));
+        with_source(pythonize(py, &report)?, source)
     }
 
     /// Fits the terms that the options ask for, without readings that are wrong.
@@ -225,9 +228,11 @@ impl PyObservations {
             .detach(|| calibrated::report(&observations, known.as_ref()))
             .map_err(PyError::from)?;
         self.heard()?;
-        let with = calibrated.with.map(|fit| PyFit { observations, fit });
-        let fit = PyFit { observations: Arc::new(calibrated.observations), fit: calibrated.fit };
-        Ok((pythonize(py, &report)?, fit, with))
+        let with = calibrated.with.map(|fit| PyFit { observations, fit: Arc::new(fit) });
+        let (used, fit) = (Arc::new(calibrated.observations), Arc::new(calibrated.fit));
+        let source = PyEvidenceSource(Found::Calibrated(Arc::clone(&used), Arc::clone(&fit)));
+        let report = with_source(pythonize(py, &report)?, source)?;
+        Ok((report, PyFit { observations: used, fit }, with))
     }
 
     /// Fits the terms that the options ask for.
@@ -236,7 +241,46 @@ impl PyObservations {
         let fit = py
             .detach(|| session.instances().and_then(|i| rsicalib::fit(&session, i, None)))
             .map_err(PyError::from)?;
-        Ok(PyFit { observations: session, fit })
+        Ok(PyFit { observations: session, fit: Arc::new(fit) })
+    }
+}
+
+/// A result in the shape of the JSON, with the source of its evidence beside it.
+fn with_source<'py>(
+    report: Bound<'py, PyAny>,
+    source: PyEvidenceSource,
+) -> PyResult<Bound<'py, PyAny>> {
+    report.set_item("source", Bound::new(report.py(), source)?)?;
+    Ok(report)
+}
+
+/// What evidence is gathered from.
+enum Found {
+    Traced(Box<Traced>, SearchOptions),
+    Calibrated(Arc<Observations>, Arc<Fit>),
+}
+
+/// What a report is drawn from, gathered where a report is asked for.
+#[pyclass(frozen, skip_from_py_object, name = "EvidenceSource", module = "rsicalib._core")]
+pub struct PyEvidenceSource(Found);
+
+#[pymethods]
+impl PyEvidenceSource {
+    /// The evidence in the shape of its schema.
+    fn gather<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let found = py
+            .detach(|| match &self.0 {
+                Found::Traced(traced, search) => gather::of_trace(traced, search),
+                Found::Calibrated(observations, fit) => gather::of_calibration(observations, fit),
+            })
+            .map_err(PyError::from)?;
+        Ok(pythonize(py, &found)?)
+    }
+
+    /// A pickle does not keep it: None.
+    fn __reduce__(&self, py: Python<'_>) -> PyResult<(Py<PyAny>, Py<PyAny>)> {
+        let nothing = py.None().bind(py).get_type().into_any().unbind();
+        Ok((nothing, PyTuple::empty(py).into_any().unbind()))
     }
 }
 

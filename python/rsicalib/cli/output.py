@@ -41,6 +41,7 @@ def _write(folder: Path, result: Result, mechanism: str) -> None:
         "report.html": result.report(),
     }
     write_files(folder, files)
+    write_files(folder / "figures", {f"{k}.svg": text for k, text in result.figures().items()})
     for path, text in calibrated_files(folder, mechanism, result):
         write_text(path, text)
 

@@ -1,1 +1,1 @@
-"""The report of a result: one HTML file (`page`), and the summary for a terminal (`terminal`)."""
+"""The report of a result: one HTML file and its figures (`page`), and the terminal's summary."""

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 
-import numpy as np
-
-from rsicalib.report import svg
+from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
+from rsicalib.report.effects import effect_figures, scores_figure
+from rsicalib.report.figure import STYLE, Figure
+from rsicalib.report.mechanism import mechanism_figure, workspace_figure
+from rsicalib.report.residuals import dots_of, normal_figure, residual_figure
+from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
     advice,
     comparison,
-    curve_unit,
     excluded_words,
     name_of,
     noise_words,
@@ -23,110 +26,88 @@ from rsicalib.report.words import (
     size_words,
     subject,
 )
-from rsicalib.shapes import ResultShape, Step, TraceShape
+from rsicalib.shapes import Evidence, ResultShape, Step, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
-__all__ = ["html", "residual_figure"]
+__all__ = ["document", "figures", "html", "listed", "section", "table"]
 
-STYLE = """
-:root { color-scheme: light dark; --ink: #1c1c1a; --paper: #fdfdfb; --faint: #6d6d66;
-  --rule: #dcdcd4; --accent: #1f5f8b; --soft: #1f5f8b26; --good: #2e6b3a; --bad: #a33b20; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e6e6e0; --paper: #171816; --faint: #9a9a92;
-  --rule: #363732; --accent: #7db8e0; --soft: #7db8e033; --good: #86c493; --bad: #ec9176; } }
-* { box-sizing: border-box; }
-body { margin: 0 auto; padding: 2.5rem 1.25rem 4rem; max-width: 50rem; background: var(--paper);
-  color: var(--ink); font: 16px/1.55 Charter, "Bitstream Charter", Georgia, serif; }
-h1 { font-size: 1.05rem; font-weight: normal; color: var(--faint); margin: 0 0 .6rem; }
-h2 { font-size: 1.15rem; margin: 2.6rem 0 .6rem; padding-top: .7rem;
-  border-top: 1px solid var(--rule); }
-p.verdict { font-size: 1.5rem; line-height: 1.35; margin: 0 0 1rem; padding-left: .9rem; }
-p.good { border-left: .25rem solid var(--good); } p.bad { border-left: .25rem solid var(--bad); }
-p, li { max-width: 42rem; }
-.faint, figcaption { color: var(--faint); font-size: .9rem; }
-table { border-collapse: collapse; width: 100%; font-size: .92rem;
-  font-variant-numeric: tabular-nums; }
-th { font-weight: normal; color: var(--faint); text-align: left; }
-th, td { padding: .22rem .7rem .22rem 0; border-bottom: 1px solid var(--rule);
-  vertical-align: top; }
-td.n, th.n { text-align: right; white-space: nowrap; }
-.wide { overflow-x: auto; }
-figure { margin: 1rem 0; } svg { width: 100%; height: auto; display: block; }
-svg text { font: 12px ui-sans-serif, system-ui, sans-serif; fill: var(--faint); }
-svg text.title { font-size: 13px; fill: var(--ink); }
-svg .grid { stroke: var(--rule); } svg .zero, svg .axis { stroke: var(--faint); }
-svg .dot { fill: var(--accent); fill-opacity: .75; } svg .noise, svg .band { fill: var(--soft); }
-svg .curve { fill: none; stroke: var(--accent); stroke-width: 2; }
-code { font: .88em ui-monospace, monospace; overflow-wrap: anywhere; }
-@media print { body { font-size: 11pt; padding: 0; max-width: none; } h2 { break-after: avoid; }
-  figure, tr { break-inside: avoid; } }
-"""
-
-MOST_DOTS = 300
-"""A longer recording is drawn in blocks."""
+SCRIPT = Path(__file__).with_name("script.js").read_text(encoding="utf-8")
 
 
-def html(result: ResultShape) -> str:
+def html(result: ResultShape, evidence: Evidence | None = None) -> str:
     """Write the report as one HTML file that needs no network.
 
     Parameters
     ----------
     result : Calibration or Trace
         What was found.
+    evidence : Evidence, optional
+        What the pictures are drawn from; there are fewer without it.
 
     Returns
     -------
     str
         The document.
     """
-    good = "good" if EXIT_CODES[result.verdict] == 0 else "bad"
     parts = [
-        f"<h1>Calibration of {escape(result.mechanism)}</h1>",
-        f'<p class="verdict {good}">{escape(sentence(result))}</p>',
-        f'<p class="faint">{escape(_data(result))}</p>',
-        _errors(result),
-        _residuals(result),
+        _first_screen(result, evidence),
+        _found(result, evidence) if isinstance(result, TraceShape) else "",
+        _switchboard(result, evidence),
+        _mechanism(result, evidence),
+        _excluded(result),
+        _moved(result),
+        _parameters(result),
+        _readings(result, evidence),
+        _hidden(result) if isinstance(result, TraceShape) else "",
+        _warnings(result),
+        _about(result),
     ]
+    return document(f"{result.mechanism}: {result.verdict or 'calibrated'}", parts)
+
+
+def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, str]:
+    """Every figure of the report as an SVG file, by name.
+
+    Parameters
+    ----------
+    result : Calibration or Trace
+        What was found.
+    evidence : Evidence, optional
+        As in `html`.
+
+    Returns
+    -------
+    dict of str to str
+        Name without an ending, and the text of the file.
+    """
+    found = [residual_figure(result, evidence), normal_figure(result)]
     if isinstance(result, TraceShape):
-        parts.append(_found(result))
-    parts += [_excluded(result), _moved(result), _parameters(result)]
-    if isinstance(result, TraceShape):
-        parts.append(_hidden(result))
-    parts += [_next(result), _warnings(result), _about(result)]
+        found += _effects(result, evidence)
+    if evidence is not None:
+        found.append(mechanism_figure(result, evidence, dots_of(result, evidence)))
+        found.append(workspace_figure(evidence.workspace, result.length_unit))
+        if evidence.reliability is not None:
+            found.append(reliability_figure(result, evidence.reliability))
+    if result.noise is not None and result.noise.sigma:
+        found.append(noise_figure(result.noise))
+    return {figure.name: figure.svg() for figure in found if figure is not None}
+
+
+def document(title: str, parts: Iterable[str]) -> str:
+    """A page of these parts."""
     body = "\n".join(part for part in parts if part)
-    title = escape(f"{result.mechanism}: {result.verdict or 'calibrated'}")
+    script = f"<script>\n{SCRIPT}</script>\n"
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{STYLE}</style>\n</head>\n"
+        f"<body>\n<main>\n{body}\n</main>\n{script}</body>\n</html>\n"
     )
 
 
-def residual_figure(result: ResultShape) -> str:
-    """Draw the residual of every pose in units of noise, before and after; empty if not known."""
-    panels = [
-        (title, _blocks(rows))
-        for title, rows in (("before", result.before_residuals), ("after", result.after_residuals))
-        if rows is not None and rows.size
-    ]
-    if len(panels) == 1:
-        panels = [("every closure of every pose", panels[0][1])]
-    count = len(panels[0][1]) if panels else 0
-    whole = count == result.readings.poses
-    words = "pose, in the order of the readings" if whole else "block of the recording"
-    return svg.residuals(panels, words) if panels else ""
-
-
-def _blocks(rows: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[list[float]]:
-    """Residuals of blocks of rows, still in units of noise."""
-    size = -(-len(rows) // MOST_DOTS)
-    if size == 1:
-        return np.asarray(rows).tolist()  # type: ignore[no-any-return]
-    starts = np.arange(0, len(rows), size)
-    sizes = np.diff(np.append(starts, len(rows)))
-    return (np.add.reduceat(rows, starts, axis=0) / np.sqrt(sizes)[:, None]).tolist()  # type: ignore[no-any-return]
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], text: int = 1) -> str:
+def table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], text: int = 1, words: str = ""
+) -> str:
     """A table whose first `text` columns are words, the others numbers."""
 
     def cells(row: Sequence[str], tag: str) -> str:
@@ -137,24 +118,63 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], text: int = 1) -
 
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
     head = f"<thead><tr>{cells(heads, 'th')}</tr></thead>"
-    return f'<div class="wide"><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
+    named = f' role="region" aria-label="{escape(words)}" tabindex="0"' if words else ""
+    return f'<div class="scroll"{named}><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
 
 
-def _section(title: str, *parts: str) -> str:
+def section(title: str, *parts: str) -> str:
+    """A titled section; nothing where there is nothing in it."""
     inner = "\n".join(part for part in parts if part)
-    return f"<h2>{escape(title)}</h2>\n{inner}" if inner else ""
+    return f"<section><h2>{escape(title)}</h2>\n{inner}</section>" if inner else ""
 
 
-def _list(items: Iterable[str]) -> str:
+def listed(items: Iterable[str], kind: str = "") -> str:
+    """A list of sentences."""
     inner = "\n".join(f"<li>{escape(item)}</li>" for item in items)
-    return f"<ul>\n{inner}\n</ul>" if inner else ""
+    return f"<ul{f' class={kind}' if kind else ''}>\n{inner}\n</ul>" if inner else ""
+
+
+def pictures(found: Iterable[Figure | None]) -> str:
+    """Figures side by side where there is room."""
+    inner = "\n".join(figure.html() for figure in found if figure is not None)
+    return f'<div class="pictures">{inner}</div>' if inner else ""
+
+
+def _folded(title: str, *parts: str) -> str:
+    inner = "\n".join(part for part in parts if part)
+    return f"<details><summary>{escape(title)}</summary>\n{inner}</details>" if inner else ""
+
+
+def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
+    good = "good" if EXIT_CODES[result.verdict] == 0 else "bad"
+    named = [result.device, result.valid_from]
+    whose = f"Calibration of {result.mechanism}" + "".join(f" · {n}" for n in named if n)
+    note = f"<p>{escape(result.note)}</p>" if result.note else ""
+    figure = residual_figure(result, evidence)
+    left = "\n".join(
+        [
+            f"<h1>{escape(whose)}</h1>",
+            f'<p class="verdict {good}">{escape(sentence(result))}</p>',
+            note,
+            _heading("Error before and after", _errors(result)),
+            _heading("What to do next", listed(advice(result), "next")),
+            f'<p class="faint">{escape(_data(result))}</p>',
+        ]
+    )
+    right = figure.html() if figure else ""
+    return f'<header class="first"><div>{left}</div>\n<div>{right}</div></header>'
+
+
+def _heading(title: str, inner: str) -> str:
+    return f"<h2>{escape(title)}</h2>\n{inner}" if inner else ""
 
 
 def _data(result: ResultShape) -> str:
     readings = result.readings
+    files = f" Files: {', '.join(readings.files)}." if readings.files else ""
     return (
         f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. "
-        f"Unit of length {result.length_unit}, of angles rad."
+        f"Unit of length {result.length_unit}, of angles rad.{files}"
     )
 
 
@@ -168,46 +188,35 @@ def _errors(result: ResultShape) -> str:
             "the platform is not known.</p>"
         )
     )
-    return _section("Error before and after", _table(["", *heads], rows) if rows else "", note)
+    found = table(["", *heads], rows, words="error before and after") if rows else ""
+    return f"{found}\n{note}" if found or note else ""
 
 
-def _residuals(result: ResultShape) -> str:
-    figure = residual_figure(result)
-    if not figure:
-        return ""
-    caption = (
-        "Each dot is one closure of one pose; the band is ± 2 σ, where 95 % belong if nothing "
-        "is missing."
-    )
-    return _section(
-        "Residual in units of noise",
-        f"<figure>{figure}<figcaption>{escape(caption)}</figcaption></figure>",
-    )
+def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | None]:
+    """Figures of all effects, in their order."""
+    found: list[Figure | None] = []
+    for k, step in enumerate(result.steps):
+        own = evidence.effects[k] if evidence and k < len(evidence.effects) else None
+        found += effect_figures(step, own, f"effect{k + 1}")
+    if evidence is not None and not result.steps:
+        found.append(scores_figure(evidence.left, "left-scores"))
+    return found
 
 
-def _found(result: TraceShape) -> str:
+def _found(result: TraceShape, evidence: Evidence | None) -> str:
     parts = []
-    for step in result.steps:
-        parts.append(f"<p><strong>{escape(subject(step))}</strong>: {escape(size_words(step))}.")
-        parts.append(escape(_cost(step, result.length_unit)) + "</p>")
-        if step.curve:
-            words = f"correction of {step.target}, with its 95 % band"
-            over = f"reading of {step.target}"
-            if step.curve_over == "time":
-                over = "time, 0 to 1 over the session"
-            figure = svg.band_curve(
-                step.curve,
-                step.curve_sd,
-                escape(words),
-                escape(over),
-                f"correction [{curve_unit(step)}]",
-            )
-            parts.append(f"<figure>{figure}</figure>")
+    for k, step in enumerate(result.steps):
+        own = evidence.effects[k] if evidence and k < len(evidence.effects) else None
+        parts.append(f"<h3>{escape(subject(step))}: {escape(size_words(step))}</h3>")
+        parts.append(f"<p>{escape(_cost(step, result.length_unit))}</p>")
+        parts.append(pictures(effect_figures(step, own, f"effect{k + 1}")))
     if result.unexplained is not None:
         left = result.unexplained
         p = "" if left.p_value is None else f" ({p_is(left.p_value)})"
         parts.append(f"<p>Left over: {escape(left.text)}{escape(p)}.</p>")
-    return _section("What was found", *parts)
+    if evidence is not None and not result.steps:
+        parts.append(pictures([scores_figure(evidence.left, "left-scores")]))
+    return section("What was found", *parts)
 
 
 def _cost(step: Step, unit: str) -> str:
@@ -225,9 +234,27 @@ def _cost(step: Step, unit: str) -> str:
     return out.strip()
 
 
+def _switchboard(result: ResultShape, evidence: Evidence | None) -> str:
+    dots = dots_of(result, evidence)
+    board = evidence.switchboard if evidence else None
+    if board is None or dots is None:
+        return ""
+    return section("Switchboard", switchboard_html(board, dots, result.length_unit))
+
+
+def _mechanism(result: ResultShape, evidence: Evidence | None) -> str:
+    if evidence is None:
+        return ""
+    drawn = [
+        mechanism_figure(result, evidence, dots_of(result, evidence)),
+        workspace_figure(evidence.workspace, result.length_unit),
+    ]
+    return section("The mechanism in its poses", pictures(drawn))
+
+
 def _excluded(result: ResultShape) -> str:
     skipped = [f"line {s.line}, {s.column}: {s.reason}" for s in result.readings.skipped]
-    return _section("Readings left out", _list([*map(excluded_words, result.excluded), *skipped]))
+    return section("Readings left out", listed([*map(excluded_words, result.excluded), *skipped]))
 
 
 def _moved(result: ResultShape) -> str:
@@ -245,10 +272,12 @@ def _moved(result: ResultShape) -> str:
         for m in result.moved
     ]
     heads = ("term", "target", "before", "after", "sd of the difference", "unit")
-    table = (
-        _table(heads, rows, 2) if rows else "<p>No parameter moved beyond both uncertainties.</p>"
+    found = (
+        table(heads, rows, 2, "parameters that moved")
+        if rows
+        else "<p>No parameter moved beyond both uncertainties.</p>"
     )
-    return _section("Against the earlier calibration", table)
+    return section("Against the earlier calibration", found)
 
 
 def _parameters(result: ResultShape) -> str:
@@ -264,10 +293,32 @@ def _parameters(result: ResultShape) -> str:
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
         rows.append((target, name, value, half, p.unit, *[all_readings] * bool(whole)))
-    table = _table(heads, rows, 2) if rows else ""
+    found = table(heads, rows, 2, "parameters") if rows else ""
     notes = [f"Not determined: {text}" for text in result.unobservable]
     notes += [f"Weak: {text}" for text in result.weak]
-    return _section("Parameters", table, _list(notes))
+    folded = _folded(f"{len(rows)} parameters with their 95 % intervals", found) if rows else ""
+    return section("Parameters", folded, listed(notes))
+
+
+def _readings(result: ResultShape, evidence: Evidence | None) -> str:
+    drawn: list[Figure | None] = []
+    if result.noise is not None and result.noise.sigma:
+        drawn.append(noise_figure(result.noise))
+    drawn.append(normal_figure(result))
+    rows = ""
+    found = evidence.reliability if evidence else None
+    if found is not None:
+        drawn.append(reliability_figure(result, found))
+        heads = ("channel", "usual", "largest", "external, largest", "unchecked poses")
+        rows = table(heads, reliability_rows(result, found), 1, "reliability by channel")
+        rows = _folded("Minimum detectable error and external reliability by channel", rows)
+        rows += (
+            '<p class="faint">After Baarda: an error of the channel\'s mean reading in one pose is '
+            "seen from the detectable size on, at the level 0.001 in four sessions of five, in the "
+            "channel's unit. External reliability is what an error just below that size does to "
+            "the worst-hit combination of parameters, in its standard deviations.</p>"
+        )
+    return section("Readings", pictures(drawn), rows)
 
 
 def _hidden(result: TraceShape) -> str:
@@ -287,15 +338,12 @@ def _hidden(result: TraceShape) -> str:
         "How large an absent effect would have to be to be seen in these poses, and what it would "
         "do to the platform meanwhile: the costliest first."
     )
-    return _section("What could hide", f"<p>{note}</p>", _table(heads, rows, 2)) if rows else ""
-
-
-def _next(result: ResultShape) -> str:
-    return _section("What to do next", _list(advice(result)))
+    found = table(heads, rows, 2, "what could hide")
+    return section("What could hide", f"<p>{note}</p>", found) if rows else ""
 
 
 def _warnings(result: ResultShape) -> str:
-    return _section("Warnings", _list(result.warnings))
+    return section("Warnings", listed(result.warnings))
 
 
 def _about(result: ResultShape) -> str:
@@ -311,7 +359,7 @@ def _about(result: ResultShape) -> str:
         items += [f"not tried, for lack of a {needs}: {names}" for needs, names in _lacking(result)]
     code = f"<code>{escape(result.readings.sha256)}</code>"
     digest = f'<p class="faint">SHA-256 of the readings {code}</p>'
-    return _section("How", f'<div class="faint">{_list(items)}</div>', digest)
+    return section("How", f'<div class="faint">{listed(items)}</div>', digest)
 
 
 def _lacking(result: TraceShape) -> list[tuple[str, str]]:

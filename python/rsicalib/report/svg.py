@@ -1,17 +1,26 @@
-"""Figures of the report, drawn by hand: SVG text, styled by the page."""
+"""Primitives of the figures: SVG text, drawn by hand and styled by the page.
+
+A figure is drawn at two widths, so that its labels are readable on a phone and on a desk. All text
+that is drawn is escaped here.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import TypeAlias
 
-__all__ = ["band_curve", "residuals", "ticks"]
+__all__ = ["NARROW", "WIDE", "Axis", "Canvas", "Chart", "Draw", "bounds", "ticks"]
 
-Numbers = Sequence[float]
+WIDE, NARROW = 560.0, 320.0
+"""Widths at which figures are drawn, in units of their view box."""
 
-WIDTH, HEIGHT = 720.0, 220.0
-LEFT, RIGHT, TOP, BOTTOM = 64.0, 12.0, 22.0, 34.0
+Draw: TypeAlias = Callable[[float], str]
+"""A figure: an `<svg>` element for a width."""
+
+Point: TypeAlias = Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -48,114 +57,153 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
     return [round(k * step, 12) + 0.0 for k in range(first, last + 1)]
 
 
-def _text(x: float, y: float, words: str, anchor: str = "middle", kind: str = "tick") -> str:
-    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{words}</text>'
+def bounds(values: Iterable[float], room: float = 0.05) -> tuple[float, float]:
+    """Lowest and highest of the numbers with some room, never equal.
 
-
-def _line(x1: float, y1: float, x2: float, y2: float, kind: str) -> str:
-    return f'<line class="{kind}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
-
-
-def _frame(x: Axis, y: Axis, x_words: str, y_words: str, title: str) -> list[str]:
-    """Grid, ticks and labels."""
-    out = [_text(LEFT, 13, title, "start", "title")]
-    for value in ticks(y.low, y.high, 5):
-        out.append(_line(x.start, y(value), x.end, y(value), "zero" if value == 0.0 else "grid"))
-        out.append(_text(x.start - 6, y(value) + 4, f"{value:g}", "end"))
-    for value in ticks(x.low, x.high, 8):
-        out.append(_line(x(value), y.start, x(value), y.start + 4, "axis"))
-        out.append(_text(x(value), y.start + 17, f"{value:g}"))
-    out.append(_line(x.start, y.start, x.end, y.start, "axis"))
-    out.append(_text((x.start + x.end) / 2, y.start + 31, x_words, kind="label"))
-    middle = (y.start + y.end) / 2
-    turn = f'transform="rotate(-90 14 {middle:.1f})"'
-    out.append(
-        f'<text class="label" x="14" y="{middle:.1f}" text-anchor="middle" {turn}>{y_words}</text>'
-    )
-    return out
-
-
-def _svg(body: Sequence[str], height: float, words: str) -> str:
-    inner = "\n".join(body)
-    return (
-        f'<svg viewBox="0 0 {WIDTH:g} {height:g}" role="img" aria-label="{words}" '
-        f'xmlns="http://www.w3.org/2000/svg">\n{inner}\n</svg>'
-    )
-
-
-def residuals(panels: Sequence[tuple[str, Sequence[Numbers]]], x_words: str = "pose") -> str:
-    """Draw residuals in units of noise, one panel below the other, on one scale.
-
-    Parameters
-    ----------
-    panels : sequence of (str, sequence of sequence of float)
-        Title, and for each pose its residuals.
-    x_words : str
-        What is counted along x.
-
-    Returns
-    -------
-    str
-        An `<svg>` element.
+    Examples
+    --------
+    >>> bounds([0.0, 10.0], room=0.1)
+    (-1.0, 11.0)
     """
-    largest = max((abs(v) for _, rows in panels for row in rows for v in row), default=1.0)
-    bound = max(3.5, 1.05 * largest)
-    count = max(len(rows) for _, rows in panels)
-    body = []
-    for number, (title, rows) in enumerate(panels):
-        shift = number * HEIGHT
-        x = Axis(0.0, count + 1.0, LEFT, WIDTH - RIGHT)
-        y = Axis(-bound, bound, HEIGHT - BOTTOM, TOP)
-        size = f'width="{x.end - x.start:g}" height="{y(-2.0) - y(2.0):.1f}"'
-        band = f'<rect class="noise" x="{x.start:g}" y="{y(2.0):.1f}" {size}/>'
-        radius = 3.0 if count <= 120 else 1.6
-        dots = [
-            f'<circle class="dot" cx="{x(pose + 1):.1f}" cy="{y(v):.1f}" r="{radius:g}"/>'
-            for pose, row in enumerate(rows)
-            for v in row
-        ]
-        frame = _frame(x, y, x_words, "residual / noise", title)
-        body.append(
-            f'<g transform="translate(0 {shift:g})">{band}{"".join(frame)}{"".join(dots)}</g>'
+    known = [v for v in values if math.isfinite(v)] or [0.0]
+    low, high = min(known), max(known)
+    more = room * (high - low) or 0.05 * abs(high) or 1.0
+    return low - more, high + more
+
+
+@dataclass
+class Canvas:
+    """Room for one figure."""
+
+    width: float
+    height: float
+    parts: list[str] = field(default_factory=list)
+
+    def text(
+        self, x: float, y: float, words: str, *, anchor: str = "start", kind: str = "tick"
+    ) -> None:
+        """Write words, which may be anything."""
+        self.parts.append(
+            f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">'
+            f"{escape(words)}</text>"
         )
-    return _svg(body, HEIGHT * len(panels), "residuals in units of noise, before and after")
+
+    def line(self, x1: float, y1: float, x2: float, y2: float, kind: str) -> None:
+        """Draw a straight line."""
+        self.parts.append(
+            f'<line class="{kind}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
+        )
+
+    def dot(
+        self,
+        x: float,
+        y: float,
+        radius: float = 3.0,
+        kind: str = "dot",
+        said: str = "",
+        **data: int,
+    ) -> None:
+        """Draw a dot; `said` is shown where the pointer rests."""
+        more = "".join(f' data-{key}="{value}"' for key, value in data.items())
+        head = f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"{more}'
+        self.parts.append(f"{head}><title>{escape(said)}</title></circle>" if said else f"{head}/>")
+
+    def rect(
+        self, x: float, y: float, width: float, height: float, kind: str, said: str = ""
+    ) -> None:
+        """Draw a rectangle; `said` is shown where the pointer rests."""
+        head = (
+            f'<rect class="{kind}" x="{x:.1f}" y="{y:.1f}" width="{max(width, 0.0):.1f}" '
+            f'height="{max(height, 0.0):.1f}"'
+        )
+        self.parts.append(f"{head}><title>{escape(said)}</title></rect>" if said else f"{head}/>")
+
+    def path(self, points: Iterable[Point], kind: str, *, closed: bool = False) -> None:
+        """Draw a line through points, or the area that they bound."""
+        where = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        self.parts.append(
+            f'<{"polygon" if closed else "polyline"} class="{kind}" points="{where}"/>'
+        )
+
+    def svg(self, words: str) -> str:
+        """The `<svg>` element; `words` describe it to who cannot see it."""
+        inner = "\n".join(self.parts)
+        return (
+            f'<svg viewBox="0 0 {self.width:g} {self.height:g}" role="img" '
+            f'aria-label="{escape(words)}" xmlns="http://www.w3.org/2000/svg">\n{inner}\n</svg>'
+        )
 
 
-def band_curve(
-    rows: Sequence[Numbers],
-    sd: Numbers,
-    title: str,
-    x_words: str,
-    y_words: str = "correction [mrad]",
-) -> str:
-    """Draw a correction over its reading or over time, with its 95 % band.
+@dataclass(frozen=True)
+class Chart:
+    """A frame with two axes on a canvas."""
 
-    Parameters
-    ----------
-    rows : sequence of (float, float)
-        Where, and correction.
-    sd : sequence of float
-        Standard deviation of each correction; may be empty.
-    title, x_words, y_words : str
-        Labels.
+    canvas: Canvas
+    x: Axis
+    y: Axis
 
-    Returns
-    -------
-    str
-        An `<svg>` element; corrections in thousandths.
-    """
-    readings = [row[0] for row in rows]
-    middle = [1e3 * row[1] for row in rows]
-    half = [1.96e3 * s for s in sd] if len(sd) == len(rows) else [0.0] * len(rows)
-    high = max(0.0, *(m + h for m, h in zip(middle, half, strict=True)))
-    low = min(0.0, *(m - h for m, h in zip(middle, half, strict=True)))
-    room = 0.06 * (high - low) or 1.0
-    x = Axis(min(readings), max(readings), LEFT, WIDTH - RIGHT)
-    y = Axis(low - room, high + room, HEIGHT - BOTTOM, TOP)
-    up = [f"{x(r):.1f},{y(m + h):.1f}" for r, m, h in zip(readings, middle, half, strict=True)]
-    down = [f"{x(r):.1f},{y(m - h):.1f}" for r, m, h in zip(readings, middle, half, strict=True)]
-    line = " ".join(f"{x(r):.1f},{y(m):.1f}" for r, m in zip(readings, middle, strict=True))
-    body = _frame(x, y, x_words, y_words, title)
-    body.append(f'<polygon class="band" points="{" ".join(up + down[::-1])}"/>')
-    body.append(f'<polyline class="curve" points="{line}"/>')
-    return _svg(body, HEIGHT, title)
+    @classmethod
+    def on(
+        cls,
+        canvas: Canvas,
+        x: tuple[float, float],
+        y: tuple[float, float],
+        words: tuple[str, str],
+        *,
+        title: str = "",
+        top: float = 0.0,
+        height: float = 220.0,
+        x_ticks: bool = True,
+    ) -> Chart:
+        """Draw grid, ticks and labels.
+
+        Parameters
+        ----------
+        canvas : Canvas
+            Where to.
+        x, y : (float, float)
+            Lowest and highest number of both axes.
+        words : (str, str)
+            Labels of both axes.
+        title : str
+            What stands above the frame.
+        top, height : float
+            Part of the canvas that the chart has.
+        x_ticks : bool
+            Whether the numbers along x are written.
+        """
+        narrow = canvas.width < WIDE
+        left, bottom = (46.0, 36.0) if narrow else (64.0, 36.0)
+        across = Axis(*x, left, canvas.width - 10.0)
+        up = Axis(*y, top + height - bottom, top + 24.0)
+        if title:
+            canvas.text(2.0, top + 13.0, title, kind="title")
+        for value in ticks(*y, 5):
+            kind = "zero" if value == 0.0 else "grid"
+            canvas.line(across.start, up(value), across.end, up(value), kind)
+            canvas.text(left - 6.0, up(value) + 4.0, f"{value:g}", anchor="end")
+        canvas.line(across.start, up.start, across.end, up.start, "axis")
+        for value in ticks(*x, 4 if narrow else 8) if x_ticks else ():
+            canvas.line(across(value), up.start, across(value), up.start + 4.0, "axis")
+            canvas.text(across(value), up.start + 17.0, f"{value:g}", anchor="middle")
+        middle = (across.start + across.end) / 2
+        canvas.text(middle, up.start + 32.0, words[0], anchor="middle", kind="label")
+        half = (up.start + up.end) / 2
+        canvas.parts.append(
+            f'<text class="label" x="11" y="{half:.1f}" text-anchor="middle" '
+            f'transform="rotate(-90 11 {half:.1f})">{escape(words[1])}</text>'
+        )
+        return cls(canvas, across, up)
+
+    def at(self, point: Point) -> tuple[float, float]:
+        """The pixels of a pair of numbers."""
+        return self.x(point[0]), self.y(point[1])
+
+    def band(self, low: float, high: float, kind: str = "noise") -> None:
+        """Draw a band across the frame."""
+        width = self.x.end - self.x.start
+        self.canvas.rect(self.x.start, self.y(high), width, self.y(low) - self.y(high), kind)
+
+    def curve(self, points: Iterable[Point], kind: str) -> None:
+        """Draw a line through pairs of numbers."""
+        self.canvas.path([self.at(point) for point in points], kind)

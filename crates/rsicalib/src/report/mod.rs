@@ -5,6 +5,8 @@ pub mod device;
 #[cfg(feature = "document")]
 pub mod document;
 #[cfg(feature = "document")]
+pub mod evidence;
+#[cfg(feature = "document")]
 pub mod read;
 pub mod result;
 #[cfg(feature = "document")]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 pub use schemars::Schema;
 
 use crate::report::document::{Calibration, FORMATS, Trace};
+use crate::report::evidence::shapes::Evidence;
 
 /// JSON Schema of the documents, by format.
 #[must_use]
@@ -12,6 +13,12 @@ pub fn schemas() -> Vec<(&'static str, Schema)> {
     let calibration = schemars::schema_for!(Calibration);
     let trace = schemars::schema_for!(Trace);
     vec![(FORMATS[0], calibration), (FORMATS[1], trace)]
+}
+
+/// JSON Schema of the evidence that a report is drawn from.
+#[must_use]
+pub fn evidence() -> Schema {
+    schemars::schema_for!(Evidence)
 }
 
 /// For each type of a document, the keys that are always written: the others are left out where
@@ -23,6 +30,7 @@ pub fn written_keys() -> Vec<(String, Vec<String>)> {
     let roots = [
         generator.root_schema_for::<Calibration>().to_value(),
         generator.root_schema_for::<Trace>().to_value(),
+        generator.root_schema_for::<Evidence>().to_value(),
     ];
     let required = |schema: &serde_json::Value| -> Vec<String> {
         let keys = schema["required"].as_array().map_or(&[][..], Vec::as_slice);

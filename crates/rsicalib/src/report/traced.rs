@@ -120,6 +120,19 @@ pub fn report(
     search: &SearchOptions,
     known: Option<&Known>,
 ) -> Result<TraceReport, Error> {
+    Ok(traced(observations, search, known)?.0)
+}
+
+/// Traces a session; what the search found stands beside the report.
+///
+/// # Errors
+///
+/// As [`report`].
+pub fn traced(
+    observations: &Observations,
+    search: &SearchOptions,
+    known: Option<&Known>,
+) -> Result<(TraceReport, Traced), Error> {
     let progress = &observations.options.progress;
     progress.begin(Job::Trace);
     let traced = trace(observations, search)?;
@@ -178,7 +191,7 @@ pub fn report(
     };
     progress.enter(Stage::Detectability);
     let hidden = could_hide(&traced, search)?;
-    Ok(TraceReport {
+    let report = TraceReport {
         verdict,
         implausible: result::implausible(&traced.observations, &absurd),
         warnings: result::warnings(observations, &traced.before, &traced.after),
@@ -192,7 +205,8 @@ pub fn report(
         estimates: estimates(&traced.observations, &traced.after, &directions),
         before_residuals: by_pose(&traced.small, &small_before),
         after_residuals: by_pose(&traced.small, &traced.last),
-    })
+    };
+    Ok((report, traced))
 }
 
 /// What poses that the fit has not seen say against what was found: known poses, or those left

@@ -1,0 +1,76 @@
+//! Gathers the evidence of a trace, and of a calibration.
+
+use crate::Error;
+use crate::diagnosis::held_out::averaged;
+use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::trace::{Found, Traced};
+use crate::estimate::{Fit, Observations};
+use crate::model::Instance;
+use crate::report::evidence::added_variable::added_variable;
+use crate::report::evidence::against::against;
+use crate::report::evidence::drawing::{drawing, workspace};
+use crate::report::evidence::laws::law;
+use crate::report::evidence::reliability::reliability;
+use crate::report::evidence::scores::scores;
+use crate::report::evidence::shapes::{EffectEvidence, Evidence};
+use crate::report::evidence::switchboard::switchboard;
+
+/// Evidence of a trace.
+///
+/// # Errors
+///
+/// As [`crate::fit`].
+pub fn of_trace(traced: &Traced, search: &SearchOptions) -> Result<Evidence, Error> {
+    let evidence = of_fit(&traced.small, &traced.last)?;
+    let effects = traced.found.iter().map(|found| effect(traced, search, found));
+    Ok(Evidence {
+        effects: effects.collect::<Result<_, _>>()?,
+        left: scores(traced, search, &traced.last, &[])?,
+        switchboard: switchboard(traced)?,
+        ..evidence
+    })
+}
+
+/// Evidence of a calibration.
+///
+/// # Errors
+///
+/// As [`crate::fit`].
+pub fn of_calibration(observations: &Observations, fit: &Fit) -> Result<Evidence, Error> {
+    let (small, fit) = averaged(observations, fit)?;
+    of_fit(&small, &fit)
+}
+
+fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {
+    let readings = &small.readings;
+    Ok(Evidence {
+        equations: equations(fit),
+        poses: if readings.held { readings.labels.clone() } else { Vec::new() },
+        effects: Vec::new(),
+        left: Vec::new(),
+        reliability: reliability(small, fit),
+        drawing: drawing(small, fit),
+        workspace: workspace(small, fit)?,
+        switchboard: None,
+    })
+}
+
+fn effect(traced: &Traced, search: &SearchOptions, found: &Found) -> Result<EffectEvidence, Error> {
+    let (small, last) = (&traced.small, &traced.last);
+    let law = law(small, found, last)?;
+    let against = law.is_none().then(|| against(small, &found.instance, &found.without, last));
+    let (added_variable, per_dot) = added_variable(small, &found.without, last);
+    let chosen: Vec<Instance> =
+        std::iter::once(found.instance).chain(found.also.iter().copied()).collect();
+    let scores = scores(traced, search, &found.without, &chosen)?;
+    Ok(EffectEvidence { law, against, added_variable, per_dot, scores })
+}
+
+/// Name of the closure of each equation.
+fn equations(fit: &Fit) -> Vec<String> {
+    let closures = fit.model.mechanism.closures.iter().enumerate();
+    let names = closures.flat_map(|(k, closure)| {
+        std::iter::repeat_n(closure.name.clone(), fit.model.equations_of(k))
+    });
+    names.collect()
+}

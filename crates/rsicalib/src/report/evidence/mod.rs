@@ -1,0 +1,14 @@
+//! What the pictures of a report are drawn from, beyond the result itself.
+
+mod added_variable;
+mod against;
+mod angles;
+mod drawing;
+pub mod gather;
+mod laws;
+mod points;
+mod reliability;
+mod scores;
+pub mod shapes;
+mod switchboard;
+mod thinned;

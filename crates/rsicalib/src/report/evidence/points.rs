@@ -1,0 +1,73 @@
+//! Joints and carried points of a mechanism in base coordinates, row by row.
+
+use nalgebra::Vector3;
+
+use crate::estimate::{Implicit, Noise, Part};
+use crate::kinematics::elements::Source;
+use crate::kinematics::rigid::rigid_fit;
+use crate::model::{Model, Want, Workspace};
+use crate::numerics::lanes::Vec3;
+use crate::readings::Readings;
+
+/// One row: its number, the coordinates of all nodes, and the place of what is carried.
+pub struct Row {
+    pub row: usize,
+    pub nodes: Vec<[f64; 3]>,
+    pub place: [f64; 3],
+}
+
+/// Nodes in every `stride`-th block: for each chain its joints, base first, then the points that
+/// it carries. Readings are first moved onto the closures, as far as their noise allows.
+pub fn points(
+    model: &Model,
+    readings: &Readings,
+    beta: &[f64],
+    noise: &Noise,
+    stride: usize,
+) -> Vec<Row> {
+    let part = Part { model, readings, weights: None };
+    let problem = Implicit::new(vec![(part, noise.clone())], &[]);
+    let mechanism = &model.mechanism;
+    let mut rows = Vec::new();
+    let mut ws = Workspace::default();
+    for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
+        let settled = problem.settled(block, beta);
+        model.evaluate(readings, block, &settled, beta, Want { x: false, a: false }, &mut ws);
+        let carried = model.points(&ws);
+        let mut nodes: Vec<Vec3> = Vec::new();
+        for (chain, posture) in ws.postures.iter().enumerate() {
+            let joints = posture.levers.iter();
+            let read = joints.filter(|lever| matches!(lever.source, Source::Channel(_)));
+            nodes.extend(read.map(|lever| lever.origin));
+            nodes.extend(of_chain(model, chain).filter_map(|p| carried[p]));
+        }
+        for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+            let at = |v: &Vec3| v.map(|coordinate| coordinate.0[lane]);
+            let on_platform = mechanism.points.iter().zip(&carried).filter_map(|(point, v)| {
+                let own = mechanism.platform.get(&point.name)?;
+                Some((Vector3::from(*own), Vector3::from(at(v.as_ref()?))))
+            });
+            let (own, there): (Vec<_>, Vec<_>) = on_platform.unzip();
+            let place = match own.is_empty() {
+                false => rigid_fit(&own, &there)[..3].try_into().unwrap_or([f64::NAN; 3]),
+                true => {
+                    let first = (0..mechanism.chains.len()).flat_map(|c| of_chain(model, c)).next();
+                    first.and_then(|p| carried[p]).map_or([f64::NAN; 3], |v| at(&v))
+                }
+            };
+            rows.push(Row { row, nodes: nodes.iter().map(at).collect(), place });
+        }
+    }
+    rows
+}
+
+/// The points that a chain carries.
+pub fn of_chain(model: &Model, chain: usize) -> impl Iterator<Item = usize> + '_ {
+    let mechanism = &model.mechanism;
+    let name = &mechanism.chains[chain].name;
+    let carried = move |&p: &usize| {
+        let point = &mechanism.points[p];
+        point.chain.as_ref() == Some(name) && point.at.is_some()
+    };
+    (0..mechanism.points.len()).filter(carried)
+}

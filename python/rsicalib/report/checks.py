@@ -1,0 +1,97 @@
+"""Figures of the readings: noise by channel, and what a wrong one would have to be to be seen."""
+
+from __future__ import annotations
+
+from rsicalib.report.figure import Figure
+from rsicalib.report.svg import WIDE, Canvas
+from rsicalib.report.words import number
+from rsicalib.shapes import Noise, Reliability, ResultShape
+
+__all__ = ["noise_figure", "reliability_figure", "reliability_rows"]
+
+
+def noise_figure(noise: Noise) -> Figure:
+    """Draw the standard deviation of a sample of each channel as a bar."""
+    names = list(noise.sigma)
+    largest = max(noise.sigma.values())
+
+    def draw(width: float) -> str:
+        left = 90.0
+        room = width - left - 64.0
+        canvas = Canvas(width, 20.0 * len(names) + 8.0)
+        for k, name in enumerate(names):
+            y, sigma = 4.0 + 20.0 * k, noise.sigma[name]
+            canvas.text(left - 6.0, y + 12.0, name[:12], anchor="end")
+            canvas.rect(left, y, room * sigma / largest, 15.0, "bar", f"{name}: {sigma}")
+            canvas.text(left + room * sigma / largest + 4.0, y + 12.0, number(sigma))
+        return canvas.svg("noise of each channel")
+
+    caption = (
+        "Standard deviation of one sample of each channel, rounding included, from the "
+        f"{noise.source}. A channel far above the others is a sensor or a wire to look at."
+    )
+    return Figure("noise", draw, caption)
+
+
+def reliability_rows(result: ResultShape, found: Reliability) -> list[tuple[str, ...]]:
+    """Channel by channel: usual and largest detectable error, largest external reliability."""
+    rows: list[tuple[str, ...]] = []
+    names = list(result.noise.sigma) if result.noise else []
+    for name, errors, harm in zip(names, found.detectable, found.external, strict=False):
+        known = sorted(e for e in errors if e is not None)
+        worst = [h for h in harm if h is not None]
+        blind = sum(e is None for e in errors)
+        rows.append(
+            (
+                name,
+                number(known[len(known) // 2]) if known else "–",
+                number(known[-1]) if known else "–",
+                number(max(worst)) if worst else "–",
+                str(blind),
+            )
+        )
+    return rows
+
+
+def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None:
+    """Draw the minimum detectable error of every channel in every pose as a map."""
+    names = list(result.noise.sigma) if result.noise else []
+    values = [e for errors in found.detectable for e in errors if e is not None]
+    if not names or not values or len(names) != len(found.detectable):
+        return None
+    middle = sorted(values)[len(values) // 2]
+
+    def draw(width: float) -> str:
+        left = 90.0 if width == WIDE else 60.0
+        poses = len(found.detectable[0])
+        size = (width - left - 8.0) / max(poses, 1)
+        canvas = Canvas(width, 18.0 * len(names) + 40.0)
+        for c, name in enumerate(names):
+            canvas.text(left - 6.0, 18.0 * c + 13.0, name[:12], anchor="end")
+            for p, error in enumerate(found.detectable[c]):
+                said = f"{name}, pose {p + 1} in order: "
+                said += "not checked" if error is None else number(error)
+                kind = f"level{_level(error, middle)}"
+                canvas.rect(left + size * p, 18.0 * c, size + 0.3, 17.0, kind, said)
+        y = 18.0 * len(names) + 14.0
+        canvas.text(left, y, "pose, in the order of the readings", kind="label")
+        words = ("half of the usual", "usual", "twice", "four times", "not checked")
+        step = (width - left) / (len(words) + 0.5)
+        for k, label in enumerate(words):
+            if width == WIDE:
+                canvas.rect(left + step * k, y + 8.0, 11.0, 11.0, f"level{k}")
+                canvas.text(left + step * k + 15.0, y + 18.0, label)
+        return canvas.svg("minimum detectable error by channel and pose")
+
+    caption = (
+        f"Minimum detectable error of each channel in each pose; {number(middle)} is usual. Dark "
+        "cells are readings that few others check: an error there passes unseen."
+    )
+    return Figure("reliability", draw, caption)
+
+
+def _level(error: float | None, middle: float) -> int:
+    """Shade of a cell, 0 to 4."""
+    if error is None:
+        return 4
+    return sum(error > middle * times for times in (0.7, 1.4, 2.8))

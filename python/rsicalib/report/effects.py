@@ -1,0 +1,222 @@
+"""Figures of one effect: its law, what it explains, and how far it stands out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rsicalib.report.figure import Figure
+from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
+from rsicalib.report.words import curve_unit, name_of, number, subject
+from rsicalib.shapes import Against, EffectEvidence, Law, Score, Step
+
+__all__ = ["effect_figures", "scores_figure"]
+
+HEIGHT = 240.0
+
+BARS = 10
+"""Candidates whose bar has a label; the others have thin bars."""
+
+
+def effect_figures(step: Step, evidence: EffectEvidence | None, name: str) -> list[Figure]:
+    """The figures of an effect; from its result alone where no evidence was gathered."""
+    if evidence is None:
+        return [_curve_figure(step, name)] if step.curve else []
+    figures = []
+    if evidence.law is not None:
+        figures.append(_law_figure(step, evidence.law, name))
+    elif evidence.against is not None:
+        figures.append(_against_figure(evidence.against, name))
+    figures.append(_added_variable_figure(step, evidence, name))
+    scores = scores_figure(evidence.scores, f"{name}-scores")
+    return [*figures, *([scores] if scores else [])]
+
+
+def _per_dot(count: int, what: str) -> str:
+    return f"one {what}" if count == 1 else f"the mean of {count} neighbouring {what}s"
+
+
+def _thousandths(law: Law) -> tuple[float, str]:
+    """Factor and unit in which a correction is drawn."""
+    if law.correction_unit == "rad":
+        return 1e3, "mrad"
+    if law.correction_unit == "1":
+        return 1e3, "‰ of all readings"
+    return 1.0, law.correction_unit
+
+
+def _band(step: Step, times: float) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+    """The curve of a result with its 95 % band: both edges."""
+    if len(step.curve_sd) != len(step.curve):
+        return [], []
+    rows = list(zip(step.curve, step.curve_sd, strict=True))
+    upper = [(row[0], times * (row[1] + 1.96 * sd)) for row, sd in rows]
+    lower = [(row[0], times * (row[1] - 1.96 * sd)) for row, sd in rows]
+    return upper, lower
+
+
+def _curve_figure(step: Step, name: str) -> Figure:
+    """The correction with its band, without the readings behind it."""
+    over = "time, 0 to 1 over the session" if step.curve_over == "time" else ""
+    points = [(row[0], 1e3 * row[1]) for row in step.curve]
+    upper, lower = _band(step, 1e3)
+
+    def draw(width: float) -> str:
+        canvas = Canvas(width, HEIGHT)
+        x = min(p[0] for p in points), max(p[0] for p in points)
+        y = bounds([0.0, *(p[1] for p in [*points, *upper, *lower])])
+        words = over or f"reading of {step.target}", f"correction [{curve_unit(step)}]"
+        chart = Chart.on(canvas, x, y, words, height=HEIGHT)
+        canvas.path([chart.at(p) for p in [*upper, *lower[::-1]]], "band", closed=True)
+        chart.curve(points, "law")
+        return canvas.svg(f"{subject(step)}: correction with its 95 % band")
+
+    caption = "The line is the correction, the band its 95 % interval."
+    return Figure(f"{name}-law", draw, caption)
+
+
+def _law_figure(step: Step, law: Law, name: str) -> Figure:
+    times, unit = _thousandths(law)
+    dots = [(x, times * y, times * sd) for x, y, sd in law.dots]
+    lines = [[(x, times * y) for x, y in line] for line in _lines(law)]
+    on_reading = step.curve_over != "time"
+    upper, lower = _band(step, times) if step.curve and on_reading else ([], [])
+    if step.curve and on_reading:
+        lines[0] = [(row[0], times * row[1]) for row in step.curve]
+    others = [subject(a.effect) for a in law.alternatives]
+
+    def draw(width: float) -> str:
+        canvas = Canvas(width, HEIGHT + 16.0 * (1 + len(others)))
+        x = bounds(d[0] for d in dots)
+        usual = sorted(d[2] for d in dots)[len(dots) // 2] if dots else 0.0
+        shown = [d for d in dots if d[2] <= 3.0 * usual]
+        y = bounds([0.0, *(d[1] for d in shown), *(p[1] for line in lines for p in line)])
+        words = (f"{law.over} [{law.unit}]" if law.unit else law.over, f"correction [{unit}]")
+        chart = Chart.on(canvas, x, y, words, height=HEIGHT)
+        if upper:
+            canvas.path([chart.at(p) for p in [*upper, *lower[::-1]]], "band", closed=True)
+        for at, value, sd in shown:
+            px, py = chart.at((at, value))
+            canvas.line(px, chart.y(value - sd), px, chart.y(value + sd), "whisker")
+            canvas.dot(px, py, 2.6, "dot" if sd <= 1.5 * usual else "dot faint")
+        for k, line in enumerate(lines[1:]):
+            chart.curve(line, f"rival rival{k}")
+        chart.curve(lines[0], "law")
+        _legend(canvas, HEIGHT, [subject(step), *others])
+        return canvas.svg(f"{subject(step)}: law and residual over {law.over}")
+
+    caption = (
+        f"Each dot is the correction that {_per_dot(law.per_dot, 'pose')} asks for, with its "
+        "standard deviation: what the law gives there and what is left. Dots that follow the line "
+        "are evidence for the law."
+    )
+    if others:
+        caption += (
+            " The broken lines are what these poses cannot tell from it: where they part, a "
+            "reading would decide."
+        )
+    return Figure(f"{name}-law", draw, caption)
+
+
+def _lines(law: Law) -> list[Sequence[Sequence[float]]]:
+    return [law.line, *(a.line for a in law.alternatives)]
+
+
+def _legend(canvas: Canvas, top: float, names: Sequence[str]) -> None:
+    """A line for each name, below the frame."""
+    for k, words in enumerate(names):
+        y = top + 12.0 + 16.0 * k
+        kind = "law" if k == 0 else f"rival rival{k - 1}"
+        canvas.path([(20.0, y - 4.0), (52.0, y - 4.0)], kind)
+        canvas.text(58.0, y, words)
+
+
+def _against_figure(against: Against, name: str) -> Figure:
+    def draw(width: float) -> str:
+        canvas = Canvas(width, HEIGHT)
+        x = bounds(d[0] for d in against.dots)
+        y = bounds(v for d in against.dots for v in d[1:])
+        unit = f" [{against.unit}]" if against.unit else ""
+        words = (against.over + unit, "residual / noise")
+        chart = Chart.on(canvas, x, y, words, height=HEIGHT)
+        chart.band(-2.0, 2.0)
+        for at, residual, _ in against.dots:
+            canvas.dot(*chart.at((at, residual)), 2.6)
+        for at, _, explained in against.dots:
+            canvas.dot(*chart.at((at, explained)), 2.6, "ring")
+        return canvas.svg(f"residual over {against.over}, and what the effect explains")
+
+    return Figure(
+        f"{name}-law",
+        draw,
+        "Dots are the residual without the effect, rings what the effect makes of it: dots that "
+        "follow the rings are evidence for the effect.",
+    )
+
+
+def _added_variable_figure(step: Step, evidence: EffectEvidence, name: str) -> Figure:
+    dots = evidence.added_variable
+
+    def draw(width: float) -> str:
+        canvas = Canvas(width, HEIGHT)
+        x, y = bounds(d[0] for d in dots), bounds(d[1] for d in dots)
+        words = ("what it explains / noise", "residual without it / noise")
+        chart = Chart.on(canvas, x, y, words, height=HEIGHT)
+        low, high = max(x[0], y[0]), min(x[1], y[1])
+        for dot in dots:
+            canvas.dot(*chart.at(dot), 2.4)
+        chart.curve([(low, low), (high, high)], "law")
+        return canvas.svg(f"added-variable plot of {subject(step)}")
+
+    caption = (
+        f"Added-variable plot, {_per_dot(evidence.per_dot, 'equation')} to a dot: the steeper the "
+        "cloud along the line of slope one, the more the readings ask for the effect; a few dots "
+        "far out that make the slope alone would be no evidence."
+    )
+    return Figure(f"{name}-added", draw, caption)
+
+
+def scores_figure(scores: Sequence[Score], name: str) -> Figure | None:
+    """Draw the score of every candidate as a bar, the best first."""
+    shown = [s for s in scores if s.charged > 0.0]
+    few, rest = shown[:BARS], shown[BARS:]
+    if not few:
+        return None
+    largest = few[0].charged
+
+    def draw(width: float) -> str:
+        left = 210.0 if width == WIDE else 140.0
+        room = width - left - 56.0
+        canvas = Canvas(width, 20.0 * len(few) + min(2.0 * len(rest), 160.0) + 34.0)
+        for k, score in enumerate(few):
+            y = 8.0 + 20.0 * k
+            words = _short(score, width)
+            canvas.text(left - 6.0, y + 12.0, words, anchor="end", kind="tick")
+            said = (
+                f"{subject(score.effect)}: score {number(score.score)}, p {number(score.p_value)}"
+            )
+            kind = "bar chosen" if score.chosen else "bar"
+            canvas.rect(left, y, room * score.charged / largest, 15.0, kind, said)
+            end = left + room * score.charged / largest + 4.0
+            canvas.text(end, y + 12.0, number(score.charged))
+        step = min(2.0, 160.0 / max(len(rest), 1))
+        for k, score in enumerate(rest):
+            y = 8.0 + 20.0 * len(few) + step * k
+            canvas.rect(left, y, room * score.charged / largest, 0.7 * step, "bar")
+        y = canvas.height - 12.0
+        others = len(scores) - len(few)
+        canvas.text(left, y, f"{others} others score less", kind="label")
+        return canvas.svg("scores of all candidates")
+
+    return Figure(
+        name,
+        draw,
+        "By how much χ² would fall with each candidate, less the charge for its parameters and for "
+        f"the places looked at; {len(scores)} were tried. Dark bars are what was named and what "
+        "cannot be told from it: the shorter the others, the surer the name.",
+    )
+
+
+def _short(score: Score, width: float) -> str:
+    words = f"{name_of(score.effect.term)} {score.effect.target}"
+    most = 34 if width == WIDE else 22
+    return words if len(words) <= most else f"{words[: most - 1]}…"

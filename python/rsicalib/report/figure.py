@@ -1,0 +1,48 @@
+"""A figure of a page: its drawing at two widths, and the sentence that says what to see in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from rsicalib.report.svg import NARROW, WIDE, Draw
+
+__all__ = ["STYLE", "Figure"]
+
+STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
+"""Style of pages and figures."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure.
+
+    Attributes
+    ----------
+    name : str
+        Name of its file and of its element.
+    draw : callable
+        An `<svg>` element for a width.
+    caption : str
+        What to see in it, in a sentence.
+    """
+
+    name: str
+    draw: Draw
+    caption: str
+
+    def html(self) -> str:
+        """The figure in a page: the page shows the width that fits."""
+        return (
+            f'<figure id="{self.name}"><div class="wide">{self.draw(WIDE)}</div>'
+            f'<div class="narrow">{self.draw(NARROW)}</div>'
+            f"<figcaption>{escape(self.caption)}</figcaption></figure>"
+        )
+
+    def svg(self) -> str:
+        """The figure as a file of its own, in light and dark."""
+        drawn = self.draw(WIDE)
+        end = drawn.index(">") + 1
+        style = STYLE.replace("]]>", "")
+        return f"{drawn[:end]}\n<style><![CDATA[\n{style}]]></style>{drawn[end:]}\n"
