@@ -12,7 +12,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError, ResultError
+from rsicalib.errors import InputError, ResultError, UndeterminedError
 from rsicalib.interactive import Interactive
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
@@ -45,8 +45,16 @@ class Result(Interactive):
 
     @cached_property
     def evidence(self) -> Evidence | None:
-        """What the report is drawn from, gathered once; None for a result read from a file."""
-        return None if self.source is None else Evidence.from_dict(self.source.gather())
+        """What the report is drawn from, gathered once; None where nothing can be gathered.
+
+        A result that was read from a file has none, nor has one of too few readings.
+        """
+        if self.source is None:
+            return None
+        try:
+            return Evidence.from_dict(self.source.gather())
+        except UndeterminedError:
+            return None
 
     def to_json(self) -> str:
         """The result as JSON text, as `--json` prints it."""

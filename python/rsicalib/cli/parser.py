@@ -175,7 +175,9 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--trials", type=int, default=1000, help=words)
     sub.add_argument("--seed", type=int, default=1995, help="same seed, same figures (1995)")
     sub.add_argument("--workers", type=int, help="threads; all cores where not given")
-    sub.add_argument("--out", metavar="DIR", type=Path, help="write paper.json and paper.txt there")
+    sub.add_argument(
+        "--out", metavar="DIR", type=Path, help="write paper.json, paper.txt and paper.html there"
+    )
 
     sub = verb(terms)
     sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")

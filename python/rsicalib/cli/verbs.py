@@ -174,13 +174,15 @@ def fleet(args: Args) -> int:
 
 def paper(args: Args) -> int:
     """Every table of the paper computed again, beside the printed one."""
+    from rsicalib.reproduction.page import html
     from rsicalib.reproduction.paper import paper as compute_paper
 
     with progress_of(args) or contextlib.nullcontext() as line:
         told = None if line is None else line.counted
         found = compute_paper(args.trials, seed=args.seed, progress=told, workers=args.workers)
     if args.out is not None:
-        write_files(args.out, {"paper.json": to_json(found.to_dict()), "paper.txt": found.text()})
+        files = {"paper.json": to_json(found.to_dict()), "paper.txt": found.text()}
+        write_files(args.out, {**files, "paper.html": html(found)})
     if args.json:
         sys.stdout.write(to_json(found.to_dict()))
     elif not args.quiet:

@@ -12,7 +12,7 @@ from typing import Any
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.fleets.standing_out import Remark, Spread, remarks, spreads
-from rsicalib.report.page import STYLE
+from rsicalib.report.figure import STYLE
 
 __all__ = ["page"]
 
@@ -72,7 +72,7 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
     head = f"<thead><tr>{cells(heads, 'th')}</tr></thead>"
-    return f'<div class="wide"><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
+    return f'<div class="scroll"><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
 
 
 def _verdicts(rows: Mapping[str, Sequence[Any]]) -> str:

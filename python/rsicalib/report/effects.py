@@ -93,7 +93,8 @@ def _law_figure(step: Step, law: Law, name: str) -> Figure:
         words = (f"{law.over} [{law.unit}]" if law.unit else law.over, f"correction [{unit}]")
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         if upper:
-            canvas.path([chart.at(p) for p in [*upper, *lower[::-1]]], "band", closed=True)
+            edge = [(u, min(max(v, y[0]), y[1])) for u, v in [*upper, *lower[::-1]]]
+            canvas.path([chart.at(p) for p in edge], "band", closed=True)
         for at, value, sd in shown:
             px, py = chart.at((at, value))
             canvas.line(px, chart.y(value - sd), px, chart.y(value + sd), "whisker")

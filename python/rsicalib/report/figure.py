@@ -35,8 +35,8 @@ class Figure:
     def html(self) -> str:
         """The figure in a page: the page shows the width that fits."""
         return (
-            f'<figure id="{self.name}"><div class="wide">{self.draw(WIDE)}</div>'
-            f'<div class="narrow">{self.draw(NARROW)}</div>'
+            f'<figure id="{self.name}"><div class="desk">{self.draw(WIDE)}</div>'
+            f'<div class="phone">{self.draw(NARROW)}</div>'
             f"<figcaption>{escape(self.caption)}</figcaption></figure>"
         )
 

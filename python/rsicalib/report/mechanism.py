@@ -28,12 +28,16 @@ LONGEST = 0.07
 """Length of the longest line of uncertainty, of the width of the drawing."""
 
 
-def _culprits(result: ResultShape) -> dict[str, str]:
-    """Channels at fault, and of what."""
-    found = {e.channel: "wrong reading" for e in result.excluded if e.channel}
+def _culprits(result: ResultShape, drawing: Drawing) -> tuple[set[str], set[str], str]:
+    """Joints and chains at fault, and what is wrong with them."""
+    found = {f"wrong reading of {e.channel}": e.channel for e in result.excluded if e.channel}
     if isinstance(result, TraceShape):
-        found |= {step.target: subject(step) for step in result.steps}
-    return found
+        found |= {subject(step): step.target for step in result.steps}
+    joints = {node.name for node in drawing.nodes if node.joint}
+    chains = {node.chain for node in drawing.nodes}
+    part = {words: at.partition("/")[0] for words, at in found.items()}
+    words = [words for words, at in part.items() if at in joints | chains]
+    return joints & set(part.values()), chains & set(part.values()), ", ".join(words)
 
 
 def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None) -> Figure | None:
@@ -49,7 +53,7 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
     longest = float(np.linalg.norm(weakest, axis=1).max())
     span = float(np.ptp(nodes.reshape(-1, 3), axis=0).max()) or 1.0
     times = LONGEST * span / longest if longest > 0.0 else 0.0
-    culprits = _culprits(result)
+    joints, chains, wrong = _culprits(result, drawing)
 
     def draw(width: float) -> str:
         views = [("from the side", _side)] + [("from above", _above)] * (width == WIDE)
@@ -67,7 +71,9 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
                     canvas.line(*ghost[a], *ghost[b], "ghost")
             usual = int(np.argmin(np.linalg.norm(places - np.median(places, axis=0), axis=1)))
             for a, b in drawing.edges:
-                canvas.line(*at[usual][a], *at[usual][b], "body")
+                own = {drawing.nodes[a].chain, drawing.nodes[b].chain}
+                kind = "body culprit" if len(own) == 1 and own <= chains else "body"
+                canvas.line(*at[usual][a], *at[usual][b], kind)
             for (u, v), (ahead, behind), pose, size in zip(
                 where, zip(*ends, strict=True), drawing.poses, sizes, strict=True
             ):
@@ -76,7 +82,7 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
                 said = f"{name}: residual {size:.1f} σ"
                 canvas.dot(x(u), y(v), 3.4, f"heat{_heat(size)}", said)
             for node, place in zip(drawing.nodes, at[usual], strict=True):
-                culprit = node.name in culprits and node.joint
+                culprit = node.name in joints and node.joint
                 if node.joint:
                     canvas.dot(
                         *place, 5.0 if culprit else 2.6, "joint culprit" if culprit else "joint"
@@ -99,8 +105,8 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
             f"one standard deviation drawn {number(times, 2)} times too long: the longest is "
             f"{number(longest, 2)} {result.length_unit}. "
         )
-    if culprits:
-        caption += f"Marked joints are at fault: {', '.join(culprits)}."
+    if wrong:
+        caption += f"What is marked is at fault: {wrong}."
     return Figure("mechanism", draw, caption.strip())
 
 

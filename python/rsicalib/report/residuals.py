@@ -63,7 +63,7 @@ class Dots:
         """What is counted along x."""
         if self.size == 1:
             return "pose, in the order of the readings"
-        return f"row of the recording, {self.size} to a dot"
+        return f"block of {self.size} rows of the recording"
 
 
 def dots_of(result: ResultShape, evidence: Evidence | None) -> Dots | None:
@@ -107,6 +107,8 @@ def residual_figure(result: ResultShape, evidence: Evidence | None = None) -> Fi
         f"Each dot is the residual of {what}. Inside the band of ± 2 σ lie 95 % of the dots if "
         "nothing is missing; structure outside it is what the model lacks."
     )
+    if len(set(_scales([rows for _, rows in panels], dots))) > 1:
+        caption += " The panels have scales of their own."
     if dots.out:
         caption += " Rings are readings that were left out."
     return Figure("residuals", lambda width: draw_residuals(panels, dots, width), caption)
@@ -119,7 +121,7 @@ def draw_residuals(
     *,
     numbered: bool = False,
 ) -> str:
-    """Draw residuals in units of noise, one panel below the other, on one scale.
+    """Draw residuals in units of noise, one panel below the other.
 
     Parameters
     ----------
@@ -137,12 +139,10 @@ def draw_residuals(
     str
         An `<svg>` element.
     """
-    used = [np.delete(rows, list(dots.out), axis=0) for _, rows in panels]
-    largest = max((float(np.nanmax(np.abs(rows))) for rows in used if rows.size), default=1.0)
-    bound = max(3.5, 1.12 * largest)
+    scales = _scales([rows for _, rows in panels], dots)
     count = max(len(rows) for _, rows in panels)
     canvas = Canvas(width, HEIGHT * len(panels))
-    for place, (title, rows) in enumerate(panels):
+    for place, ((title, rows), bound) in enumerate(zip(panels, scales, strict=True)):
         chart = Chart.on(
             canvas,
             (0.0, count + 1.0),
@@ -171,19 +171,40 @@ def draw_residuals(
                 kind = f"{kind} far" if culprit else kind
                 number = {"k": pose * len(row) + e} if numbered else {}
                 canvas.dot(x, y, radius, kind, said, **number)
-        for (pose, e), words in far.items():
-            value = float(rows[pose][e])
-            x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
-            words += f" ({value:.0f} σ)" if abs(value) > bound else ""
-            right = x > 0.6 * width
-            canvas.text(
-                x - 6.0 if right else x + 6.0,
-                y + 4.0,
-                words,
-                anchor="end" if right else "start",
-                kind="culprit",
-            )
+        _label(chart, rows, far, bound)
     return canvas.svg("residuals in units of noise, before and after")
+
+
+def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], bound: float) -> None:
+    """Write what the worst dots are, one below the other where they would overlap."""
+    taken: list[float] = []
+    width = chart.canvas.width
+    for (pose, e), words in far.items():
+        value = float(rows[pose][e])
+        x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
+        while any(abs(y - other) < 13.0 for other in taken):
+            y += 13.0
+        taken.append(y)
+        words += f" ({value:.0f} σ)" if abs(value) > bound else ""
+        long = LETTER * len(words)
+        at = x + 6.0 if x + 6.0 + long < width else max(x - 6.0 - long, 2.0)
+        chart.canvas.text(at, y + 4.0, words, kind="culprit")
+
+
+LETTER = 6.9
+"""Width of a letter of a label, at most on average."""
+
+ONE_SCALE = 6.0
+"""Panels whose largest residuals differ by more than this factor have scales of their own."""
+
+
+def _scales(panels: Sequence[FloatArray], dots: Dots) -> list[float]:
+    """Largest residual that each panel shows: of what was used, not of what was left out."""
+    used = [np.delete(rows, list(dots.out), axis=0) for rows in panels]
+    found = [max(3.5, 1.12 * float(np.nanmax(np.abs(rows)))) if rows.size else 3.5 for rows in used]
+    if max(found) <= ONE_SCALE * min(found):
+        return [max(found)] * len(found)
+    return found
 
 
 def _far(rows: FloatArray, dots: Dots) -> dict[tuple[int, int], str]:
@@ -191,8 +212,10 @@ def _far(rows: FloatArray, dots: Dots) -> dict[tuple[int, int], str]:
     worst = np.argmax(np.abs(np.nan_to_num(rows)), axis=1)
     sizes = np.abs(np.nan_to_num(rows))[np.arange(len(rows)), worst]
     found = {}
+    # Beside a wrong reading the others are off for its sake.
+    blamed = [pose for pose in dots.out if sizes[pose] > FAR]
     for pose in np.argsort(-sizes)[:LABELLED].tolist():
-        if sizes[pose] > FAR or (pose in dots.out and sizes[pose] > 2.0):
+        if sizes[pose] > FAR and (pose in blamed or not blamed):
             name = dots.out.get(pose, dots.labels[pose])
             e = int(worst[pose])
             found[pose, e] = f"{name} · {dots.equations[e]}"

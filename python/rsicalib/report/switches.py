@@ -94,8 +94,8 @@ def switchboard_html(board: Switchboard, dots: Dots, unit: str) -> str:
         f"where the residual grows (the largest of all these fits is {number(largest)} σ).",
     )
     return (
-        "<p>Fits with and without each suspect, on the average of the samples of each pose; "
-        "figures of the full fit may differ in the last digit.</p>"
+        "<p>Fits with and without each suspect. They are fits to the mean of the samples of each "
+        "pose, whose misclosure is smaller than that of single samples.</p>"
         f'<fieldset id="switches"><legend>Suspects</legend>{boxes}</fieldset>'
         '<p id="switched-words" role="status" aria-live="polite">All switches are on.</p>'
         f'<div class="scroll" role="region" aria-label="error as switched" tabindex="0"><table>'

@@ -28,6 +28,13 @@ class Cell(Record):
     printed: float | None = None
     sd: float | None = None
 
+    def text(self) -> str:
+        """Our figure ± its standard error, the printed one in parentheses."""
+        out = "-" if self.computed is None else f"{self.computed:.4g}"
+        if self.sd is not None:
+            out += f" ± {self.sd:.1g}"
+        return out if self.printed is None else f"{out} ({self.printed:.4g})"
+
 
 @dataclass(frozen=True)
 class Row(Record):
@@ -77,7 +84,7 @@ class Table(Record):
     def text(self) -> str:
         """The table for people: computed figures, printed ones in parentheses."""
         head = ["", *self.columns]
-        body = [[row.label, *(_figure(cell) for cell in row.cells)] for row in self.rows]
+        body = [[row.label, *(cell.text() for cell in row.cells)] for row in self.rows]
         body = [line + [""] * (len(head) - len(line)) for line in body]
         widths = [max(len(line[k]) for line in [head, *body]) for k in range(len(head))]
         name = f"Table {self.id}" if self.id.isupper() else self.id.capitalize()
@@ -163,10 +170,3 @@ class Paper(Record):
         for m in self.misprints:
             out += ["", f"{m.where}: {m.printed}  ->  {m.right}", f"  {m.why}"]
         return "\n".join(out) + "\n"
-
-
-def _figure(cell: Cell) -> str:
-    out = "-" if cell.computed is None else f"{cell.computed:.4g}"
-    if cell.sd is not None:
-        out += f" ± {cell.sd:.1g}"
-    return out if cell.printed is None else f"{out} ({cell.printed:.4g})"

@@ -14,7 +14,7 @@ use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
 use crate::estimate::progress::{Job, Stage};
-use crate::estimate::{Fit, Observations, fit};
+use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
 use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, Known, WithExcluded, estimates, excluded,
@@ -287,9 +287,20 @@ fn step(
     })
 }
 
-/// Whitened residuals pose by pose, in the order of the poses.
+/// Whitened residuals pose by pose, in the order of the poses. What was left out has the residual
+/// that it would have with the weight of the others.
 fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let k = fit.residuals.equations;
-    let rows = observations.readings.rows_of_poses();
-    rows.iter().map(|r| fit.residuals.whitened[r[0] * k..(r[0] + 1) * k].to_vec()).collect()
+    let out = |row: usize| observations.weights[row] <= 0.0;
+    let readings = &observations.readings;
+    let rows = readings.rows_of_poses();
+    let part = Part { model: &fit.model, readings, weights: None };
+    let all = rows.iter().any(|r| out(r[0])).then(|| {
+        Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, false).whitened
+    });
+    let of = |row: usize| match &all {
+        Some(all) if out(row) => all[row * k..(row + 1) * k].to_vec(),
+        _ => fit.residuals.whitened[row * k..(row + 1) * k].to_vec(),
+    };
+    rows.iter().map(|r| of(r[0])).collect()
 }

@@ -1,0 +1,186 @@
+"""Reports in a real browser: no script error, every picture drawn, every switch, every number."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, Trace
+from rsicalib.shapes import Excluded
+from tests.browser import look, needs_chromium
+
+pytestmark = needs_chromium
+
+WRONG = '<img src=x onerror="wrong.push(1)"></script><script>wrong.push(2)</script>'
+
+PICTURES = """
+const shown = [...document.querySelectorAll("figure svg")].filter((s) => s.getClientRects().length);
+const size = (t) => t.getBoundingClientRect().height;
+return {
+  names: [...document.querySelectorAll("figure")].map((f) => f.id),
+  shown: shown.map((s) => ({
+    figure: s.closest("figure").id,
+    shapes: s.querySelectorAll("circle, rect, polyline, polygon").length,
+    wide: s.getBoundingClientRect().width,
+    inside: s.getBBox().x >= -1 && s.getBBox().x + s.getBBox().width <= s.viewBox.baseVal.width + 1,
+    broken: /NaN|undefined|Infinity/.test(s.outerHTML),
+    smallest: Math.min(...[...s.querySelectorAll("text")].map(size).filter((h) => h > 0)),
+  })),
+  captions: [...document.querySelectorAll("figcaption")].filter((c) => !c.textContent).length,
+  beyond: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  images: document.querySelectorAll("img").length,
+};
+"""
+
+SWITCHES = """
+const boxes = [...document.querySelectorAll("#switches input")];
+const text = (query) => [...document.querySelectorAll(query)].map((c) => c.textContent);
+const states = [];
+for (let n = 0; n < 1 << boxes.length; n++) {
+  boxes.forEach((box, i) => { if (box.checked !== Boolean(n >> i & 1)) box.click(); });
+  states.push([".desk", ".phone"].map((which) => {
+    const svg = document.querySelector("#switched " + which + " svg");
+    const scale = svg.querySelector(".scale").dataset;
+    return [...svg.querySelectorAll("[data-k]")].map((dot) =>
+      [(dot.getAttribute("cy") - scale.zero) / scale.unit, +scale.bound, Math.abs(1 / scale.unit)]);
+  }).concat([text("[data-error]"), text("[data-value]"), text("[data-half]")]));
+}
+return states;
+"""
+
+TABLES = """
+const rows = (words) => [...document.querySelectorAll(`[aria-label="${words}"] tbody tr`)]
+  .map((row) => [...row.cells].map((cell) => cell.textContent));
+return { parameters: rows("parameters"), errors: rows("error before and after"),
+  hidden: rows("what could hide") };
+"""
+
+
+@pytest.fixture(scope="module")
+def traced() -> Trace:
+    """The demo with two readings that are wrong."""
+    whole = rsicalib.load_readings(DEMO / "readings.csv")
+    values = whole.values.copy()
+    values[whole.pose == 17, 2] += 60.0
+    values[whole.pose == 30, 7] -= 400.0
+    readings = dataclasses.replace(whole, values=values)
+    return rsicalib.trace(
+        readings, rest=DEMO / "rest.csv", check=DEMO / "check.csv", device=WRONG, note=WRONG
+    )
+
+
+def shown_as(text: str, value: float | None) -> bool:
+    """Whether a text is this number, to the last digit that it has."""
+    if value is None:
+        return text == "–"
+    if text.startswith("<"):
+        return value < float(text[1:])
+    digits = text.lower().partition("e")
+    places = len(digits[0].partition(".")[2])
+    half = 0.5 * 10.0 ** (int(digits[2] or 0) - places)
+    return abs(float(text) - value) <= half * (1 + 1e-6) + 1e-12 * abs(value)
+
+
+@pytest.mark.parametrize("width", [1280, 500, 340])
+def test_every_picture_is_drawn_at_every_width_without_a_script_error(
+    traced: Trace, tmp_path: Path, width: int
+) -> None:
+    found, errors = look(traced.report(), PICTURES, tmp_path, width)
+    assert errors == []
+    names = {"residuals", "effect1-law", "effect1-added", "effect1-scores", "switched"}
+    names |= {"mechanism", "workspace", "noise", "normal", "reliability"}
+    assert set(found["names"]) == names
+    assert sorted(s["figure"] for s in found["shown"]) == sorted(names)  # one of two widths each
+    for picture in found["shown"]:
+        assert picture["shapes"] >= 7 and picture["wide"] > 250, picture
+        assert picture["inside"] and not picture["broken"], picture
+        assert picture["smallest"] >= 10.0, picture  # height of a line: letters of 9 px
+    assert found["captions"] == 0
+    assert found["beyond"] <= 0
+    assert found["images"] == 0  # the name of the device is text
+
+
+def test_every_switch_shows_the_fit_without_its_suspect(traced: Trace, tmp_path: Path) -> None:
+    states, errors = look(traced.report(), SWITCHES, tmp_path)
+    assert errors == []
+    assert traced.evidence is not None and traced.evidence.switchboard is not None
+    board = traced.evidence.switchboard
+    assert [s.pose for s in board.switches if s.pose is not None] == [
+        e.pose for e in traced.excluded
+    ]
+    assert len(states) == len(board.fits) == 8
+    for (wide, narrow, error, values, halves), fit in zip(states, board.fits, strict=True):
+        for dots in (wide, narrow):
+            for (value, bound, pixel), true in zip(dots, fit.residuals, strict=True):
+                # Pixels are written to a tenth, residuals in the page to a hundredth.
+                expected = float(np.clip(true, -bound, bound))
+                assert value == pytest.approx(expected, abs=0.05 * pixel + 0.006)
+        chi2, dof = error[0].split(" / ")
+        assert shown_as(chi2, fit.chi2) and shown_as(dof, fit.dof)
+        assert shown_as(error[1].replace("< ", "<"), fit.p_value)
+        assert shown_as(error[2], fit.rms_misclosure)
+        assert all(map(shown_as, values, fit.values))
+        assert all(
+            shown_as(half, None if sd is None else 1.96 * sd)
+            for half, sd in zip(halves, fit.sd, strict=True)
+        )
+
+
+def test_the_fit_with_all_switches_on_is_the_result_and_all_off_what_it_began_with(
+    traced: Trace,
+) -> None:
+    assert traced.evidence is not None and traced.evidence.switchboard is not None
+    fits = traced.evidence.switchboard.fits
+    # Means of samples instead of samples: to second order in the noise the same.
+    assert fits[-1].chi2 == pytest.approx(traced.after.chi2, rel=0.01)
+    assert fits[0].chi2 == pytest.approx(traced.before.chi2, rel=0.01)
+    assert (fits[-1].dof, fits[0].dof) == pytest.approx((traced.after.dof, traced.before.dof))
+
+
+def test_each_number_of_the_tables_is_that_of_the_json(traced: Trace, tmp_path: Path) -> None:
+    found, _ = look(traced.report(), TABLES, tmp_path)
+    result: dict[str, Any] = json.loads(traced.to_json())
+    assert len(found["parameters"]) == len(result["parameters"])
+    for row, p in zip(found["parameters"], result["parameters"], strict=True):
+        assert row[0].split(" at ")[0] == p["target"] and row[4] == p["unit"]
+        assert shown_as(row[2], p["value"])
+        assert shown_as(row[3], None if p["sd"] is None else 1.96 * p["sd"])
+    before, after = result["before"], result["after"]
+    errors = {row[0]: row[1:] for row in found["errors"]}
+    keys = {"misclosure, rms [in]": "rms_misclosure", "p-value": "p_value"}
+    for words, key in keys.items():
+        shown = [text.replace("< ", "<") for text in errors[words]]
+        assert shown_as(shown[0], before[key]) and shown_as(shown[1], after[key])
+    for shown, fit in zip(errors["χ² / degrees of freedom"], (before, after), strict=True):
+        chi2, dof = shown.split(" / ")
+        assert shown_as(chi2, fit["chi2"]) and shown_as(dof, fit["dof"])
+    for row, hidden in zip(found["hidden"], result["could_hide"], strict=False):
+        size, unit = row[2].split(" ", 1)
+        assert unit == hidden["unit"] and shown_as(size, hidden["detectable"])
+        if hidden["platform_rms"] is not None:
+            assert shown_as(row[3], hidden["platform_rms"]["position"])
+            assert shown_as(row[4], hidden["platform_rms"]["orientation"])
+
+
+def test_text_of_any_kind_stays_text(traced: Trace, tmp_path: Path) -> None:
+    bad = Excluded(3, None, WRONG, None, WRONG, WRONG)
+    assert traced.evidence is not None and traced.evidence.switchboard is not None
+    board = traced.evidence.switchboard
+    switch = dataclasses.replace(board.switches[1], channel=WRONG)
+    board = dataclasses.replace(board, switches=(board.switches[0], switch, *board.switches[2:]))
+    evidence = dataclasses.replace(
+        traced.evidence, switchboard=board, equations=(WRONG,) * len(traced.evidence.equations)
+    )
+    step = dataclasses.replace(traced.steps[0], target=WRONG)
+    result = dataclasses.replace(
+        traced, excluded=(bad,), warnings=(WRONG,), mechanism=WRONG, steps=(step,)
+    )
+    result.__dict__["evidence"] = evidence
+    found, errors = look(result.report(), PICTURES, tmp_path)
+    assert errors == [] and found["images"] == 0
