@@ -12,6 +12,9 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Trace
+from rsicalib.report.poses import poses_html
+from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
+from rsicalib.reproduction.page import html as paper_html
 from rsicalib.shapes import Excluded
 from tests.browser import look, needs_chromium
 
@@ -49,7 +52,8 @@ for (let n = 0; n < 1 << boxes.length; n++) {
     const scale = svg.querySelector(".scale").dataset;
     return [...svg.querySelectorAll("[data-k]")].map((dot) =>
       [(dot.getAttribute("cy") - scale.zero) / scale.unit, +scale.bound, Math.abs(1 / scale.unit)]);
-  }).concat([text("[data-error]"), text("[data-value]"), text("[data-half]")]));
+  }).concat([text("[data-error]"), text("[data-value]"), text("[data-half]"),
+    text("#mechanism .desk [data-p] title").map((t) => +t.match(/([0-9.]+) σ$/)[1])]));
 }
 return states;
 """
@@ -115,7 +119,12 @@ def test_every_switch_shows_the_fit_without_its_suspect(traced: Trace, tmp_path:
         e.pose for e in traced.excluded
     ]
     assert len(states) == len(board.fits) == 8
-    for (wide, narrow, error, values, halves), fit in zip(states, board.fits, strict=True):
+    assert traced.evidence.drawing is not None
+    poses = list(traced.evidence.drawing.poses) * 2  # two views
+    for (wide, narrow, error, values, halves, heats), fit in zip(states, board.fits, strict=True):
+        rows = np.array(fit.residuals).reshape(48, 3)
+        sizes = np.sqrt((rows**2).mean(axis=1))[poses]
+        np.testing.assert_allclose(heats, sizes, atol=0.06)
         for dots in (wide, narrow):
             for (value, bound, pixel), true in zip(dots, fit.residuals, strict=True):
                 # Pixels are written to a tenth, residuals in the page to a hundredth.
@@ -184,3 +193,38 @@ def test_text_of_any_kind_stays_text(traced: Trace, tmp_path: Path) -> None:
     result.__dict__["evidence"] = evidence
     found, errors = look(result.report(), PICTURES, tmp_path)
     assert errors == [] and found["images"] == 0
+
+
+def test_the_page_of_a_plan_has_a_row_and_a_dot_for_each_pose(tmp_path: Path) -> None:
+    found = rsicalib.plan(poses=12, candidates=300, starts=1)
+    said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
+    probe = """
+    return [[...document.querySelectorAll("tbody tr")].map((r) => +r.cells[1].textContent),
+      document.querySelectorAll(".desk circle").length];
+    """
+    (x, dots), errors = look(poses_html(*said), probe, tmp_path)
+    assert errors == []
+    np.testing.assert_allclose(x, found.poses[:, 0], atol=5e-5)
+    assert dots == 2 * 12
+
+
+def test_the_page_of_the_paper_has_every_table_and_every_misprint(tmp_path: Path) -> None:
+    rows = (Row("1", (Cell(2.0, 1.0), Cell(0.5, 0.5, 0.1))), Row(WRONG, (Cell(1.0, 50.0),)))
+    tables = (Table("I", "lengths", ("a", "b"), rows, "reproduced", (WRONG,)),)
+    misprint = Misprint("eq. (4)", "-", "+", WRONG, {})
+    page = paper_html(Paper("rsicalib.paper/1", "0", 2, 0, tables, (misprint,)))
+    probe = """
+    const zero = +document.querySelector(".desk .zero").getAttribute("y1");
+    return [[...document.querySelectorAll("td")].map((cell) => cell.textContent),
+      [...document.querySelectorAll(".desk circle")].map((c) => zero - c.getAttribute("cy"))];
+    """
+    (cells, heights), errors = look(page, probe, tmp_path)
+    assert errors == []
+    assert cells == [
+        *("1", "2 (1)", "0.5 ± 0.1 (0.5)"),
+        *(WRONG, "1 (50)", ""),
+        *("eq. (4)", "-", "+", WRONG),
+    ]
+    twice, same, beyond = heights
+    assert same == pytest.approx(0.0, abs=0.1) and twice > 0.0
+    assert beyond == pytest.approx(-twice / np.log10(2.0), abs=0.5)  # at the edge, a tenth

@@ -60,6 +60,8 @@ def test_the_demo_explains_a_device_and_prints_the_path_of_its_report(tmp_path: 
     assert path.name == "report.html"
     written = {f.name for f in path.parent.iterdir()}
     assert written == {"report.html", "report.txt", "result.json", "calibrated.toml", "figures"}
+    figures = {f.name for f in (path.parent / "figures").iterdir()}
+    assert {"residuals.svg", "mechanism.svg", "effect1-law.svg"} <= figures
     assert strict((path.parent / "result.json").read_text())["verdict"] == "explained"
     assert len((path.parent / "report.txt").read_text().splitlines()) <= 25
 

@@ -16,6 +16,7 @@ use rsicalib::readings::Table;
 use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
 use rsicalib::report::result::{self, Estimates, FitReport, Known, estimates};
+use rsicalib::screening::excluded::Excluded;
 use rsicalib::terms::ALL;
 use rsicalib::terms::targets::provided;
 use rsicalib::terms::term::Term;
@@ -230,7 +231,8 @@ impl PyObservations {
         self.heard()?;
         let with = calibrated.with.map(|fit| PyFit { observations, fit: Arc::new(fit) });
         let (used, fit) = (Arc::new(calibrated.observations), Arc::new(calibrated.fit));
-        let source = PyEvidenceSource(Found::Calibrated(Arc::clone(&used), Arc::clone(&fit)));
+        let found = Found::Calibrated(Arc::clone(&used), Arc::clone(&fit), calibrated.excluded);
+        let source = PyEvidenceSource(found);
         let report = with_source(pythonize(py, &report)?, source)?;
         Ok((report, PyFit { observations: used, fit }, with))
     }
@@ -257,7 +259,7 @@ fn with_source<'py>(
 /// What evidence is gathered from.
 enum Found {
     Traced(Box<Traced>, SearchOptions),
-    Calibrated(Arc<Observations>, Arc<Fit>),
+    Calibrated(Arc<Observations>, Arc<Fit>, Vec<Excluded>),
 }
 
 /// What a report is drawn from, gathered where a report is asked for.
@@ -271,7 +273,9 @@ impl PyEvidenceSource {
         let found = py
             .detach(|| match &self.0 {
                 Found::Traced(traced, search) => gather::of_trace(traced, search),
-                Found::Calibrated(observations, fit) => gather::of_calibration(observations, fit),
+                Found::Calibrated(observations, fit, excluded) => {
+                    gather::of_calibration(observations, fit, excluded)
+                }
             })
             .map_err(PyError::from)?;
         Ok(pythonize(py, &found)?)

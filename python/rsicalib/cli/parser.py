@@ -150,7 +150,9 @@ def make_parser() -> argparse.ArgumentParser:
     )
     sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
     sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")
-    sub.add_argument("--out", metavar="FILE", type=Path, help="write the poses as CSV")
+    sub.add_argument(
+        "--out", metavar="FILE", type=Path, help="write the poses as CSV, and a page beside it"
+    )
 
     sub = verb(fleet)
     sub.add_argument("dataset", metavar="DATASET", help="Parquet or CSV, a file or a folder")

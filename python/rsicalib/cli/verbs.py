@@ -18,6 +18,7 @@ from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import show, warn, write_files
 from rsicalib.cli.progress import progress_of
 from rsicalib.errors import InputError
+from rsicalib.io.files import write_text
 from rsicalib.records import to_json
 
 __all__ = [
@@ -136,6 +137,7 @@ def simulate(args: Args) -> int:
 def plan(args: Args) -> int:
     """Which poses to visit."""
     from rsicalib.planning import plan as plan_poses
+    from rsicalib.report.poses import poses_html
 
     found = plan_poses(
         args.mechanism,
@@ -148,6 +150,8 @@ def plan(args: Args) -> int:
     )
     if args.out is not None:
         found.save(args.out)
+        said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
+        write_text(args.out.with_suffix(".html"), poses_html(*said))
     if args.json:
         head = {"format": "rsicalib.plan/1", "version": _core.__version__}
         sys.stdout.write(to_json({**head, **found.to_dict()}))

@@ -84,8 +84,8 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
         return canvas.svg("minimum detectable error by channel and pose")
 
     caption = (
-        f"Minimum detectable error of each channel in each pose; {number(middle)} is usual. Dark "
-        "cells are readings that few others check: an error there passes unseen."
+        f"Minimum detectable error of each channel in each pose; {number(middle)} is usual. Strong "
+        "colours are readings that few others check: an error there passes unseen."
     )
     return Figure("reliability", draw, caption)
 

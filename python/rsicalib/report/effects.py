@@ -212,7 +212,7 @@ def scores_figure(scores: Sequence[Score], name: str) -> Figure | None:
         name,
         draw,
         "By how much χ² would fall with each candidate, less the charge for its parameters and for "
-        f"the places looked at; {len(scores)} were tried. Dark bars are what was named and what "
+        f"the places looked at; {len(scores)} were tried. Strong bars are what was named and what "
         "cannot be told from it: the shorter the others, the surer the name.",
     )
 

@@ -80,7 +80,7 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
                 canvas.line(*(x(ahead[0]), y(ahead[1])), *(x(behind[0]), y(behind[1])), "weak")
                 name = dots.labels[pose] if dots and pose < len(dots.labels) else f"pose {pose + 1}"
                 said = f"{name}: residual {size:.1f} σ"
-                canvas.dot(x(u), y(v), 3.4, f"heat{_heat(size)}", said)
+                canvas.dot(x(u), y(v), 3.4, f"heat{_heat(size)}", said, p=pose)
             for node, place in zip(drawing.nodes, at[usual], strict=True):
                 culprit = node.name in joints and node.joint
                 if node.joint:
@@ -190,7 +190,7 @@ def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
     caption = (
         "How well the calibration places the platform: standard deviation of its position, noise "
         f"of a reading not counted, from {number(low, 2)} to {number(high, 2)} {unit} at "
-        "orientation zero. Dark cells are where poses are lacking."
+        "orientation zero. Strong colours are where poses are lacking."
     )
     return Figure("workspace", draw, caption)
 

@@ -120,6 +120,7 @@ def draw_residuals(
     width: float,
     *,
     numbered: bool = False,
+    at_least: float = 3.5,
 ) -> str:
     """Draw residuals in units of noise, one panel below the other.
 
@@ -133,13 +134,15 @@ def draw_residuals(
         Width of the view box.
     numbered : bool
         Whether dots carry their number, for a script that moves them.
+    at_least : float
+        Residual that every panel has room for.
 
     Returns
     -------
     str
         An `<svg>` element.
     """
-    scales = _scales([rows for _, rows in panels], dots)
+    scales = [max(s, at_least) for s in _scales([rows for _, rows in panels], dots)]
     count = max(len(rows) for _, rows in panels)
     canvas = Canvas(width, HEIGHT * len(panels))
     for place, ((title, rows), bound) in enumerate(zip(panels, scales, strict=True)):

@@ -14,7 +14,7 @@
 
   const source = document.getElementById("switchboard-data");
   if (!source) return;
-  const { fits } = JSON.parse(source.textContent);
+  const { fits, poses, equations } = JSON.parse(source.textContent);
   const boxes = [...document.querySelectorAll("#switches input")];
   const full = fits[fits.length - 1];
   const write = (cell, text, before) => {
@@ -47,6 +47,14 @@
         const said = dot.querySelector("title");
         said.textContent = said.textContent.replace(/: [^:]*$/, `: ${value.toFixed(2)}`);
       });
+    });
+    each("#mechanism [data-p]", (dot) => {
+      if (!poses) return;
+      const row = fit.residuals.slice(dot.dataset.p * equations, (+dot.dataset.p + 1) * equations);
+      const size = Math.sqrt(row.reduce((sum, r) => sum + r * r, 0) / row.length);
+      dot.setAttribute("class", `heat${(size > 1.5) + (size > 3)}`);
+      const said = dot.querySelector("title");
+      said.textContent = said.textContent.replace(/[^ ]* σ$/, `${size.toFixed(1)} σ`);
     });
     const off = boxes.filter((box) => !box.checked).length;
     const words = `${off} of ${boxes.length} switches off: χ² / degrees of freedom ${fit.error[0]}.`;

@@ -17,6 +17,10 @@ from rsicalib.shapes import Switch, Switchboard, SwitchFit
 __all__ = ["data_of", "script_data", "switchboard_html", "words_of"]
 
 
+MOST = 10.0
+"""The panel has room for residuals of this size at most; what is beyond lies at its edge."""
+
+
 def words_of(switch: Switch) -> str:
     """What a switch does, in words."""
     if switch.effect is not None:
@@ -52,7 +56,8 @@ def data_of(board: Switchboard, dots: Dots) -> dict[str, Any]:
         }
         for fit in board.fits
     ]
-    return {"fits": fits}
+    # A dot of the mechanism is a pose; blocks of a recording have no dot there.
+    return {"fits": fits, "poses": dots.size == 1, "equations": len(dots.equations)}
 
 
 def script_data(data: dict[str, Any]) -> str:
@@ -89,7 +94,13 @@ def switchboard_html(board: Switchboard, dots: Dots, unit: str) -> str:
     largest = max(float(np.abs(residuals_of(f, len(dots.equations))).max()) for f in board.fits)
     picture = Figure(
         "switched",
-        lambda width: _panel(dots.blocks(panel), dots, width),
+        lambda width: draw_residuals(
+            [("as switched", dots.blocks(panel))],
+            dots,
+            width,
+            numbered=True,
+            at_least=min(1.1 * largest, MOST),
+        ),
         "The residual of the fit as switched: take out an effect or take back a reading, and see "
         f"where the residual grows (the largest of all these fits is {number(largest)} σ).",
     )
@@ -111,7 +122,3 @@ def switchboard_html(board: Switchboard, dots: Dots, unit: str) -> str:
 
 def _name(term: str, name: str) -> str:
     return name_of(term) if term == name else f"{name_of(term)} {name}"
-
-
-def _panel(rows: FloatArray, dots: Dots, width: float) -> str:
-    return draw_residuals([("as switched", rows)], dots, width, numbered=True)

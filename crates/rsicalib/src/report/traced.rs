@@ -289,7 +289,7 @@ fn step(
 
 /// Whitened residuals pose by pose, in the order of the poses. What was left out has the residual
 /// that it would have with the weight of the others.
-fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
+pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let k = fit.residuals.equations;
     let out = |row: usize| observations.weights[row] <= 0.0;
     let readings = &observations.readings;

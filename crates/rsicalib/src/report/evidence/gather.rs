@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::diagnosis::held_out::averaged;
 use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::trace::{Found, Traced};
 use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
@@ -13,7 +14,8 @@ use crate::report::evidence::laws::law;
 use crate::report::evidence::reliability::reliability;
 use crate::report::evidence::scores::scores;
 use crate::report::evidence::shapes::{EffectEvidence, Evidence};
-use crate::report::evidence::switchboard::switchboard;
+use crate::report::evidence::switchboard::{Full, switchboard};
+use crate::screening::excluded::Excluded;
 
 /// Evidence of a trace.
 ///
@@ -23,22 +25,36 @@ use crate::report::evidence::switchboard::switchboard;
 pub fn of_trace(traced: &Traced, search: &SearchOptions) -> Result<Evidence, Error> {
     let evidence = of_fit(&traced.small, &traced.last)?;
     let effects = traced.found.iter().map(|found| effect(traced, search, found));
+    let full = Full {
+        small: &traced.small,
+        last: &traced.last,
+        found: traced.found.iter().map(|found| found.instance).collect(),
+        excluded: &traced.excluded,
+        judge: traced.judge,
+    };
     Ok(Evidence {
         effects: effects.collect::<Result<_, _>>()?,
         left: scores(traced, search, &traced.last, &[])?,
-        switchboard: switchboard(traced)?,
+        switchboard: switchboard(&full)?,
         ..evidence
     })
 }
 
-/// Evidence of a calibration.
+/// Evidence of a calibration without the readings that were left out.
 ///
 /// # Errors
 ///
 /// As [`crate::fit`].
-pub fn of_calibration(observations: &Observations, fit: &Fit) -> Result<Evidence, Error> {
-    let (small, fit) = averaged(observations, fit)?;
-    of_fit(&small, &fit)
+pub fn of_calibration(
+    observations: &Observations,
+    fit: &Fit,
+    excluded: &[Excluded],
+) -> Result<Evidence, Error> {
+    let (small, last) = averaged(observations, fit)?;
+    let residual_dof = (!fit.noise.source.independent()).then_some(last.dof);
+    let judge = Judge { noise_dof: fit.noise.dof, residual_dof };
+    let full = Full { small: &small, last: &last, found: Vec::new(), excluded, judge };
+    Ok(Evidence { switchboard: switchboard(&full)?, ..of_fit(&small, &last)? })
 }
 
 fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {

@@ -1,13 +1,15 @@
 //! The fits with and without each suspect: effects that were found, and readings left out.
 
 use crate::Error;
+use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::score::scored::is_data;
-use crate::diagnosis::trace::Traced;
-use crate::estimate::directions::{parameter_names, reported};
-use crate::estimate::{Fit, fit};
+use crate::estimate::directions::{ParameterReport, parameter_names, reported};
+use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::report::evidence::scores::name;
 use crate::report::evidence::shapes::{Switch, SwitchFit, SwitchParameter, Switchboard};
+use crate::report::traced::by_pose;
+use crate::screening::excluded::Excluded;
 
 /// Most switches.
 const MOST_SWITCHES: usize = 6;
@@ -24,15 +26,29 @@ enum Suspect {
     Pose(usize),
 }
 
+/// What a switchboard is made from.
+pub struct Full<'a> {
+    /// One sample for each held pose.
+    pub small: &'a Observations,
+    /// The fit with everything that was found.
+    pub last: &'a Fit,
+    /// Effects that were found.
+    pub found: Vec<Instance>,
+    /// Readings that were left out.
+    pub excluded: &'a [Excluded],
+    /// How lack of fit is judged.
+    pub judge: Judge,
+}
+
 /// The fits with and without each suspect; none where nothing is suspected, or a session is too
 /// long to be fitted again.
 ///
 /// # Errors
 ///
 /// As [`fit`].
-pub fn switchboard(traced: &Traced) -> Result<Option<Switchboard>, Error> {
-    let small = &traced.small;
-    let mut suspects = suspects(traced);
+pub fn switchboard(full: &Full) -> Result<Option<Switchboard>, Error> {
+    let (small, last) = (full.small, full.last);
+    let mut suspects = suspects(full);
     let samples = small.readings.samples.max(1);
     let most = (0..=MOST_SWITCHES).rev().find(|k| samples << k <= MOST_SAMPLES).unwrap_or(0);
     suspects.truncate(most);
@@ -41,9 +57,9 @@ pub fn switchboard(traced: &Traced) -> Result<Option<Switchboard>, Error> {
     }
     let mut fits = Vec::with_capacity(1 << suspects.len());
     for set in 0..1_usize << suspects.len() {
-        let on = |i: usize| set >> i & 1 == 1;
+        let on = |i: usize| (set >> i) & 1 == 1;
         let mut session = small.clone();
-        let mut instances = traced.last.model.instances.clone();
+        let mut instances = last.model.instances.clone();
         for (i, suspect) in suspects.iter().enumerate() {
             match *suspect {
                 Suspect::Instance(instance) if !on(i) => instances.retain(|i| *i != instance),
@@ -51,45 +67,43 @@ pub fn switchboard(traced: &Traced) -> Result<Option<Switchboard>, Error> {
                 _ => {}
             }
         }
-        fits.push(fit(&session, instances, Some(&traced.last))?);
+        let one = fit(&session, instances, Some(last))?;
+        fits.push(summary(full, &session, &one));
     }
-    let full = &traced.last;
-    let terms = full.model.term_parameters;
-    let parameters = parameter_names(small, full).into_iter().take(terms);
-    let named = |p: crate::estimate::directions::ParameterReport| SwitchParameter {
+    let terms = last.model.term_parameters;
+    let parameters = parameter_names(small, last).into_iter().take(terms);
+    let named = |p: ParameterReport| SwitchParameter {
         term: p.term,
         target: p.target,
         name: p.name,
         unit: p.unit,
     };
     Ok(Some(Switchboard {
-        switches: suspects.iter().map(|suspect| switch(traced, suspect)).collect(),
+        switches: suspects.iter().map(|suspect| switch(small, suspect)).collect(),
         parameters: parameters.map(named).collect(),
-        fits: fits.iter().map(|one| summary(traced, full, one)).collect(),
+        fits,
     }))
 }
 
 /// Effects, then readings that were left out.
-fn suspects(traced: &Traced) -> Vec<Suspect> {
-    let last = &traced.last.model.instances;
-    let effects = traced.found.iter().map(|found| found.instance).filter(|i| last.contains(i));
+fn suspects(full: &Full) -> Vec<Suspect> {
+    let last = &full.last.model.instances;
+    let effects = full.found.iter().copied().filter(|i| last.contains(i));
     let readings = last.iter().copied().filter(is_data);
-    let poses = traced.excluded.iter().filter_map(|e| match (e.pose, e.row, e.channel) {
-        (Some(pose), None, None) if traced.small.weights[pose] == 0.0 => Some(Suspect::Pose(pose)),
+    let poses = full.excluded.iter().filter_map(|e| match (e.pose, e.row, e.channel) {
+        (Some(pose), None, None) if full.small.weights[pose] == 0.0 => Some(Suspect::Pose(pose)),
         _ => None,
     });
-    let readings = readings.map(Suspect::Instance);
-    effects.map(Suspect::Instance).chain(readings).chain(poses).collect()
+    effects.chain(readings).map(Suspect::Instance).chain(poses).collect()
 }
 
-fn switch(traced: &Traced, suspect: &Suspect) -> Switch {
-    let (small, mechanism) = (&traced.small, &traced.small.mechanism);
+fn switch(small: &Observations, suspect: &Suspect) -> Switch {
     let label = |pose: usize| small.readings.labels.get(pose).copied();
     match *suspect {
         Suspect::Instance(instance) if is_data(&instance) => Switch {
             effect: None,
             pose: label(instance.place),
-            channel: Some(instance.target.name(mechanism)),
+            channel: Some(instance.target.name(&small.mechanism)),
         },
         Suspect::Instance(instance) => {
             Switch { effect: Some(name(small, &instance)), pose: None, channel: None }
@@ -98,22 +112,23 @@ fn switch(traced: &Traced, suspect: &Suspect) -> Switch {
     }
 }
 
-fn summary(traced: &Traced, full: &Fit, one: &Fit) -> SwitchFit {
+fn summary(full: &Full, session: &Observations, one: &Fit) -> SwitchFit {
     let (values, covariance) = reported(one);
+    let model = &full.last.model;
     let column = |k: usize| -> Option<usize> {
-        let at = full.model.first.iter().rposition(|first| *first <= k)?;
-        let own = one.model.instances.iter().position(|i| *i == full.model.instances[at])?;
-        Some(one.model.first[own] + k - full.model.first[at])
+        let at = model.first.iter().rposition(|first| *first <= k)?;
+        let own = one.model.instances.iter().position(|i| *i == model.instances[at])?;
+        Some(one.model.first[own] + k - model.first[at])
     };
-    let columns: Vec<Option<usize>> = (0..full.model.term_parameters).map(column).collect();
+    let columns: Vec<Option<usize>> = (0..model.term_parameters).map(column).collect();
     let deviation = |c: usize| (!one.unknowable[c]).then(|| covariance[(c, c)].max(0.0).sqrt());
     SwitchFit {
         chi2: one.chi2,
         dof: one.dof,
-        p_value: traced.judge.lack_of_fit(one),
+        p_value: full.judge.lack_of_fit(one),
         rms_misclosure: one.rms_misclosure,
         values: columns.iter().map(|c| c.map(|c| values[c])).collect(),
         sd: columns.iter().map(|c| c.and_then(deviation)).collect(),
-        residuals: one.residuals.whitened.clone(),
+        residuals: by_pose(session, one).concat(),
     }
 }

@@ -1,0 +1,89 @@
+"""The page of a plan: the poses, where they are, and what is to be expected of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from html import escape
+
+import numpy as np
+
+from rsicalib.arrays import FloatArray
+from rsicalib.report.figure import Figure
+from rsicalib.report.page import document, listed, section, table
+from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
+
+__all__ = ["poses_figure", "poses_html"]
+
+
+def poses_html(mechanism: str, unit: str, rows: str, said: str, poses: FloatArray | None) -> str:
+    """Write a plan as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    mechanism, unit : str
+        Name of the mechanism, and unit of x, y, z.
+    rows : str
+        The plan as CSV.
+    said : str
+        The plan for people: what follows the first empty line is what it brings.
+    poses : ndarray, shape (n, 6), or None
+        The poses, in their order; None for a mechanism without a platform.
+
+    Returns
+    -------
+    str
+        The document.
+    """
+    heads, *lines = list(csv.reader(io.StringIO(rows)))
+    words = sum(head in ("group", "at") for head in heads)
+    numbers = [k for k, head in enumerate(heads) if head not in ("group", "at", "why")]
+    order = [k for k in range(len(heads)) if k not in numbers] + numbers
+    shown = [[line[k] for k in order] for line in lines]
+    brings = [line.strip() for line in said.partition("\n\n")[2].splitlines() if line.strip()]
+    text = words + sum(head == "why" for head in heads)
+    figure = poses_figure(poses, unit) if poses is not None and len(poses) else None
+    return document(
+        f"{mechanism}: plan",
+        [
+            f"<h1>Plan for {escape(mechanism)}</h1>",
+            f'<p class="verdict good">{len(lines)} poses to visit, in this order.</p>',
+            section("What they bring", listed(brings)),
+            section("Where they are", figure.html() if figure else ""),
+            section(
+                "The poses", table([heads[k] for k in order], shown, max(text, 0), "poses to visit")
+            ),
+        ],
+    )
+
+
+def poses_figure(poses: FloatArray, unit: str) -> Figure:
+    """Draw the positions of poses from above and from the side, with the way between them."""
+
+    def draw(width: float) -> str:
+        across = 2 if width == WIDE else 1
+        room, height = width / across, 250.0
+        canvas = Canvas(width, height * (2 // across))
+        for k, (u, v, title) in enumerate(((0, 1, "from above"), (0, 2, "from the side"))):
+            part = Canvas(room, 0.0)
+            names = "xyz"
+            x, y = bounds(poses[:, u], 0.12), bounds(poses[:, v], 0.12)
+            words = (f"{names[u]} [{unit}]", f"{names[v]} [{unit}]")
+            chart = Chart.on(part, x, y, words, title=title, height=height)
+            chart.curve([(p[u], p[v]) for p in poses.tolist()], "whisker way")
+            for number, pose in enumerate(poses.tolist(), start=1):
+                place = chart.at((pose[u], pose[v]))
+                angles = ", ".join(f"{value:.0f}°" for value in np.degrees(pose[3:]))
+                part.dot(*place, 3.4, said=f"pose {number}: rx, ry, rz {angles}")
+                part.text(place[0] + 5.0, place[1] - 4.0, str(number))
+            column, row = k % across, k // across
+            move = f"translate({room * column:.1f} {height * row:.1f})"
+            canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
+        return canvas.svg("positions of the poses")
+
+    return Figure(
+        "poses",
+        draw,
+        "Each dot is a pose with its number, the line the way from one to the next; rest on a dot "
+        "for its orientation.",
+    )
