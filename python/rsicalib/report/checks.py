@@ -68,19 +68,20 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
         canvas = Canvas(width, 18.0 * len(names) + 40.0)
         for c, name in enumerate(names):
             canvas.text(left - 6.0, 18.0 * c + 13.0, name[:12], anchor="end")
-            for p, error in enumerate(found.detectable[c]):
+            for p, (error, harm) in enumerate(
+                zip(found.detectable[c], found.external[c], strict=True)
+            ):
                 said = f"{name}, pose {p + 1} in order: "
-                said += "not checked" if error is None else number(error)
+                said += f"{number(error)}, external reliability {number(harm)}"
                 kind = f"level{_level(error, middle)}"
                 canvas.rect(left + size * p, 18.0 * c, size + 0.3, 17.0, kind, said)
         y = 18.0 * len(names) + 14.0
         canvas.text(left, y, "pose, in the order of the readings", kind="label")
-        words = ("half of the usual", "usual", "twice", "four times", "not checked")
-        step = (width - left) / (len(words) + 0.5)
+        words = ("half", "usual", "2 ×", "4 ×", "unchecked")
+        step = (width - left) / (len(words) + 0.3)
         for k, label in enumerate(words):
-            if width == WIDE:
-                canvas.rect(left + step * k, y + 8.0, 11.0, 11.0, f"level{k}")
-                canvas.text(left + step * k + 15.0, y + 18.0, label)
+            canvas.rect(left + step * k, y + 8.0, 11.0, 11.0, f"level{k}")
+            canvas.text(left + step * k + 14.0, y + 18.0, label)
         return canvas.svg("minimum detectable error by channel and pose")
 
     caption = (

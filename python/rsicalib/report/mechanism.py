@@ -81,7 +81,9 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
                 name = dots.labels[pose] if dots and pose < len(dots.labels) else f"pose {pose + 1}"
                 said = f"{name}: residual {size:.1f} σ"
                 canvas.dot(x(u), y(v), 3.4, f"heat{_heat(size)}", said, p=pose)
-            for node, place in zip(drawing.nodes, at[usual], strict=True):
+            nodes_at = list(zip(drawing.nodes, at[usual], strict=True))
+            # Joints that meet in a point must not hide the one at fault.
+            for node, place in sorted(nodes_at, key=lambda pair: pair[0].name in joints):
                 culprit = node.name in joints and node.joint
                 if node.joint:
                     canvas.dot(
