@@ -77,7 +77,7 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
                 canvas.rect(left + size * p, 18.0 * c, size + 0.3, 17.0, kind, said)
         y = 18.0 * len(names) + 14.0
         canvas.text(left, y, "pose, in the order of the readings", kind="label")
-        words = ("half", "usual", "2 ×", "4 ×", "unchecked")
+        words = ("half", "usual", "2 ×", "4 ×", "none")
         step = (width - left) / (len(words) + 0.3)
         for k, label in enumerate(words):
             canvas.rect(left + step * k, y + 8.0, 11.0, 11.0, f"level{k}")
@@ -85,7 +85,8 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
         return canvas.svg("minimum detectable error by channel and pose")
 
     caption = (
-        f"Minimum detectable error of each channel in each pose; {number(middle)} is usual. Strong "
+        f"Minimum detectable error of each channel in each pose; {number(middle)} is usual, and "
+        "“none” is checked by no other reading. Strong "
         "colours are readings that few others check: an error there passes unseen."
     )
     return Figure("reliability", draw, caption)

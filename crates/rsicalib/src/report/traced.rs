@@ -13,7 +13,7 @@ use crate::diagnosis::stepwise::moves::cost;
 use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
-use crate::estimate::progress::{Job, Stage};
+use crate::estimate::progress::{Job, Progress, Stage};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
 use crate::report::result::{
@@ -135,7 +135,7 @@ pub fn traced(
 ) -> Result<(TraceReport, Traced), Error> {
     let progress = &observations.options.progress;
     progress.begin(Job::Trace);
-    let traced = trace(observations, search)?;
+    let mut traced = trace(observations, search)?;
     progress.enter(Stage::HeldOut);
     let small_before =
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
@@ -206,6 +206,10 @@ pub fn traced(
         before_residuals: by_pose(&traced.small, &small_before),
         after_residuals: by_pose(&traced.small, &traced.last),
     };
+    // Whoever listened has been told that the job is done.
+    for session in [&mut traced.observations, &mut traced.small] {
+        session.options.progress = Progress::default();
+    }
     Ok((report, traced))
 }
 

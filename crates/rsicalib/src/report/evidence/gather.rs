@@ -5,6 +5,7 @@ use crate::diagnosis::held_out::averaged;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::trace::{Found, Traced};
+use crate::estimate::progress::Progress;
 use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 use crate::report::evidence::added_variable::added_variable;
@@ -50,7 +51,10 @@ pub fn of_calibration(
     fit: &Fit,
     excluded: &[Excluded],
 ) -> Result<Evidence, Error> {
-    let (small, last) = averaged(observations, fit)?;
+    // Whoever listened has been told that the job is done.
+    let mut observations = observations.clone();
+    observations.options.progress = Progress::default();
+    let (small, last) = averaged(&observations, fit)?;
     let residual_dof = (!fit.noise.source.independent()).then_some(last.dof);
     let judge = Judge { noise_dof: fit.noise.dof, residual_dof };
     let full = Full { small: &small, last: &last, found: Vec::new(), excluded, judge };
