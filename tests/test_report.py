@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import pickle
 import re
 import xml.etree.ElementTree as ET
@@ -172,6 +173,37 @@ def test_the_readings_ask_for_the_law_that_was_simulated() -> None:
     assert sd is not None
     assert c2 == pytest.approx(size * 2.0475**2, abs=4 * sd)
     assert {a.effect.term for a in law.alternatives} == {n.term for n in found.steps[0].also_fits}
+
+
+def test_a_calibration_that_left_a_reading_out_can_take_it_back() -> None:
+    whole = rsicalib.load_readings(READINGS)
+    values = whole.values.copy()
+    values[whole.pose == 17, 2] += 60.0
+    found = rsicalib.calibrate(dataclasses.replace(whole, values=values), rest=REST)
+    assert found.evidence is not None and found.evidence.switchboard is not None
+    board = found.evidence.switchboard
+    assert [(s.pose, s.channel) for s in board.switches] == [(17, "a13")]
+    assert found.with_excluded is not None
+    expected = found.with_excluded.fit.chi2, found.fit.chi2
+    # Means of samples instead of samples: to second order in the noise the same.
+    assert [fit.chi2 for fit in board.fits] == pytest.approx(expected, rel=0.01)
+    assert "<h2>Switchboard</h2>" in found.report()
+
+
+def test_labels_of_the_worst_dots_stay_in_their_panel(traced: Trace) -> None:
+    rows = np.zeros((48, 3))
+    rows[40:] = -9.0 + 0.1 * np.arange(24).reshape(8, 3)
+    bad = dataclasses.replace(traced, before_residuals=rows, after_residuals=rows)
+    figure = residual_figure(bad)
+    assert figure is not None
+    for width in (svg.NARROW, svg.WIDE):
+        root = ET.fromstring(figure.draw(width))
+        labels = [e for e in root.iter() if e.get("class") == "culprit"]
+        heights = [float(e.get("y", "nan")) for e in labels]
+        assert len(labels) == 6
+        assert all(0.0 < y < 170.0 for y in heights[:3])  # above the axis of the first panel
+        assert all(200.0 < y < 370.0 for y in heights[3:])
+        assert min(abs(a - b) for a, b in itertools.combinations(heights, 2)) >= 12.9
 
 
 def test_what_an_effect_explains_is_a_line_of_slope_one(traced: Trace) -> None:

@@ -20,7 +20,7 @@ MOST_DOTS = 300
 
 HEIGHT = 200.0
 
-LABELLED = 4
+LABELLED = 3
 """Most dots of a panel that have a label."""
 
 FAR = 3.3
@@ -179,14 +179,15 @@ def draw_residuals(
 
 
 def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], bound: float) -> None:
-    """Write what the worst dots are, one below the other where they would overlap."""
+    """Write what the worst dots are, one above the other where they would overlap."""
     taken: list[float] = []
     width = chart.canvas.width
     for (pose, e), words in far.items():
         value = float(rows[pose][e])
         x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
+        towards_zero = 13.0 if value > 0.0 else -13.0
         while any(abs(y - other) < 13.0 for other in taken):
-            y += 13.0
+            y += towards_zero
         taken.append(y)
         words += f" ({value:.0f} σ)" if abs(value) > bound else ""
         long = LETTER * len(words)
