@@ -15,6 +15,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Trace
+from rsicalib.io.readings import Readings
 from rsicalib.records import plain, to_json
 from rsicalib.report import residuals, svg
 from rsicalib.report.figure import Figure
@@ -266,6 +267,32 @@ def test_the_mechanism_is_drawn_closed_and_uncertain_as_forward_says(traced: Tra
         apart = np.linalg.norm(nodes[:, a] - nodes[:, b], axis=1)
         np.testing.assert_allclose(apart, 1.5 * 3**0.5, rtol=1e-6)  # l4 √3, Table I
     np.testing.assert_allclose(nodes[:, wrists].mean(axis=1), drawing.places, atol=1e-9)  # (3)
+    # The longest axis of a covariance lies between its largest deviation and the root of its trace.
+    # `forward_sd` differentiates along other directions, at single samples instead of their mean.
+    sd = rsicalib.forward_sd(READINGS, "rsi", traced)[::8, :3]
+    longest = np.linalg.norm(drawing.weakest, axis=1)
+    assert np.all(longest > 0.98 * sd.max(axis=1))
+    assert np.all(longest < 1.02 * np.linalg.norm(sd, axis=1))
+
+
+def test_the_workspace_is_as_certain_as_forward_says(traced: Trace) -> None:
+    assert traced.evidence is not None
+    first, second = traced.evidence.workspace
+    assert (first.axes, first.fixed, second.axes) == (("x", "y"), "z", ("x", "z"))
+    for one, column in ((first, 1), (second, 2)):
+        cells = np.array(one.cells)[::20]
+        poses = np.zeros((len(cells), 6))
+        poses[:, 0], poses[:, column], poses[:, 3 - column] = cells[:, 0], cells[:, 1], one.value
+        names = [f"a{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
+        offset, gain = (
+            np.array([traced[f"{term}@{name}"].value for name in names], dtype=float)
+            for term in ("offset", "gain")
+        )
+        counts = (rsicalib.inverse(poses) - offset) / gain
+        readings = Readings.from_arrays(rsicalib.load_mechanism("rsi"), counts)
+        sd = rsicalib.forward_sd(readings, "rsi", traced)[:, :3]
+        expected = np.sqrt((sd**2).mean(axis=1))
+        np.testing.assert_allclose(cells[:, 2], expected, rtol=0.05)
 
 
 def test_names_from_a_file_cannot_break_the_page(traced: Trace) -> None:
