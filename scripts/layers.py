@@ -23,7 +23,9 @@ ROOT = Path(__file__).parents[1]
 
 PYTHON = (
     "_core",
+    "plain_text",
     "errors",
+    "options",
     "arrays",
     "tabular",
     "labels",

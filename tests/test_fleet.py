@@ -17,9 +17,9 @@ import rsicalib
 from rsicalib import InputError, calibrate_devices
 from rsicalib.fleets import run as running
 from rsicalib.fleets.dataset import Dataset
-from rsicalib.fleets.frames import columns_of
 from rsicalib.fleets.page import page
 from rsicalib.fleets.standing_out import limit, remarks, spreads
+from rsicalib.io.frames import columns_of
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")

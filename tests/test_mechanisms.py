@@ -171,8 +171,8 @@ REFUSED = {
         HEAD + CHAIN + "masses = 3",
         "chain 'arm', masses: found 3, expected the path",
     ),
-    "no masses": (HEAD + CHAIN + 'masses = "m"', "m, file: found No such file"),
-    "no urdf": (HEAD + CHAIN.replace("r.urdf", "s.urdf"), "s.urdf, URDF: found No such file"),
+    "no masses": (HEAD + CHAIN + 'masses = "m"', "m: found no such file"),
+    "no urdf": (HEAD + CHAIN.replace("r.urdf", "s.urdf"), "s.urdf, URDF: found no such file"),
     "a channel twice": (
         HEAD + '[[channel]]\nname = "q1"\n' * 2 + CHAIN,
         "channel 2, name: found 'q1', expected a name of its own",

@@ -476,7 +476,7 @@ REFUSED = {
         {},
         'found entity "a", expected no entity declarations',
     ),
-    "no such file": ("no/such.urdf", {}, "^no/such.urdf, URDF: found No such file"),
+    "no such file": ("no/such.urdf", {}, "^no/such.urdf, URDF: found no such file"),
     "a mass of no link": (robot(HINGE), {"masses": {"x": (1.0, [0, 0, 0])}}, 'link "x".*base, arm'),
     "a negative mass": (
         robot(HINGE, arm='<inertial><mass value="-1"/></inertial>'),
@@ -534,5 +534,5 @@ def test_masses_are_read(tmp_path: Path) -> None:
     file.write_text("a = ")
     with pytest.raises(InputError, match=r"masses.toml, file: found .* expected TOML"):
         masses_from_toml(file)
-    with pytest.raises(InputError, match="expected a file that can be read"):
+    with pytest.raises(InputError, match=r"none.toml: found no such file, expected a TOML file"):
         masses_from_toml(tmp_path / "none.toml")

@@ -5,16 +5,15 @@ Options that default to None mean "as in Rust": a default is written once, there
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.calibration import calibrate
+from rsicalib.io.frames import TableArg
 from rsicalib.io.readings import Readings
 from rsicalib.io.readings import load_readings as read_readings
-from rsicalib.io.tables import Frame
 from rsicalib.kinematics import forward, forward_sd, inverse
 from rsicalib.open_loop import fixture
 from rsicalib.results import Trace
@@ -68,19 +67,17 @@ def load_mechanism(source: MechanismArg = "rsi") -> Mechanism:
 
 
 def load_readings(
-    source: PathLike | Frame | Mapping[str, Any],
-    mechanism: MechanismArg = "rsi",
-    *,
-    skip_bad_rows: bool = False,
+    readings: PathLike | TableArg, mechanism: MechanismArg = "rsi", *, skip_bad_rows: bool = False
 ) -> Readings:
-    """Load readings: one row per sample, one column per channel.
+    """Load readings from a file or from memory: one row per sample, one column per channel.
 
     Parameters
     ----------
-    source : path, data frame or mapping of str to array_like
-        CSV, or Parquet if it ends in `.parquet` or `.pq`; or columns by name, as pandas and polars
-        have them.
-    mechanism : str, path, mapping or Mechanism
+    readings : path, data frame, mapping of str to array_like, or array_like of shape (n, C)
+        A file is Parquet if its name ends in `.parquet` or `.pq`, else CSV, also compressed by
+        gzip; `-` is standard input. A data frame is one of pandas, polars or pyarrow, or another
+        that has `__arrow_c_stream__` or `__dataframe__`.
+    mechanism : str, path or Mechanism
         Mechanism whose channels are the columns.
     skip_bad_rows : bool, optional
         Drop rows that cannot be used and list them in `skipped`.
@@ -95,7 +92,7 @@ def load_readings(
     InputError
         The readings cannot be used; the message says where, and what was expected.
     """
-    return read_readings(source, load_mechanism(mechanism), skip_bad_rows=skip_bad_rows)
+    return read_readings(readings, load_mechanism(mechanism), skip_bad_rows=skip_bad_rows)
 
 
 def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
 from rsicalib.groups import measured
+from rsicalib.options import names, solver
 from rsicalib.results import Calibration
-from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
+from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
@@ -115,13 +116,11 @@ def calibrate(
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
     job.take(readings, fit_groups, hold_out_groups)
     options = {
-        "closures": listed(closures),
+        "closures": names("closures", closures),
         "method": method,
         "noise": job.noise(noise),
-        "starts": starts,
-        "max_iterations": max_iterations,
-        "xtol": xtol,
         "progress": listener(progress),
+        **solver(starts, max_iterations, xtol),
     }
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-__all__ = ["InputError", "ResultError", "RsicalibError", "UndeterminedError", "Where"]
+from rsicalib.plain_text import printable
+
+__all__ = [
+    "InputError",
+    "InputTypeError",
+    "ResultError",
+    "RsicalibError",
+    "UndeterminedError",
+    "Where",
+]
 
 
 class Where(TypedDict):
@@ -53,6 +62,7 @@ class InputError(RsicalibError, ValueError):
     """
 
     def __init__(self, message: str, where: Where | None = None) -> None:
+        message = printable(message)
         super().__init__(message)
         self.message = message
         self.where = where
@@ -94,7 +104,7 @@ class InputError(RsicalibError, ValueError):
         InputError
             Ready to be raised.
         """
-        place = [file]
+        place = [file or "''"]
         if line is not None:
             place.append(f"{line_word} {line}")
         if column is not None:
@@ -102,6 +112,10 @@ class InputError(RsicalibError, ValueError):
         message = f"{', '.join(place)}: found {found}, expected {expected}"
         where = Where(file=file, line=line, column=column, found=found, expected=expected)
         return cls(f"{message}. {hint}" if hint else message, where)
+
+
+class InputTypeError(InputError, TypeError):
+    """An argument has the wrong type."""
 
 
 class ResultError(RsicalibError, ValueError):

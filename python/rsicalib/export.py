@@ -7,7 +7,6 @@ for (a curvature, a compliance) is named, and not put in.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,14 +14,15 @@ from typing import Any
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
+from rsicalib.io.folders import MARK
 from rsicalib.io.mechanisms import mechanism_document
+from rsicalib.io.sources import read_text
 from rsicalib.io.urdf import write_urdf
 from rsicalib.results import Result
 from rsicalib.work.applying import as_applied
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,
-    PathLike,
     earlier_result,
     open_mechanism,
 )
@@ -126,7 +126,7 @@ def export_urdf(mechanism: MechanismArg, calibration: CalibrationArg) -> dict[st
     for path, source in sources:
         rows = list(chains[source["name"]]["dh"])
         rows.append(found.tips.get(source["name"], {}))
-        text = texts[path] if path in texts else path.read_bytes().decode("utf-8-sig")
+        text = texts.get(path) or read_text(path, "a robot description", "URDF")
         own = source["channels"].values()
         export = write_urdf(
             text,
@@ -159,28 +159,25 @@ def _sources(mechanism: MechanismArg) -> list[tuple[Path, dict[str, Any]]]:
     return [(folder / c["urdf"], c) for c in document.get("chain", []) if "urdf" in c]
 
 
-def calibrated_files(
-    folder: PathLike, mechanism: MechanismArg, result: Result
-) -> Sequence[tuple[Path, str]]:
+def calibrated_files(mechanism: MechanismArg, result: Result) -> dict[str, str]:
     """Say what stands in `calibrated.toml` and, where the chain came from one, in the URDF.
 
     Parameters
     ----------
-    folder : path
-        Where they are to stand.
     mechanism, result
         As for `calibrated`.
 
     Returns
     -------
-    sequence of (path, text)
-        To be written; none where nothing was determined.
+    dict of str to str
+        Text of each file by its name; none where nothing was determined.
     """
     if not any(p.value is not None for p in result.parameters):
-        return []
-    files = {"calibrated.toml": export_toml(mechanism, result)}
+        return {}
+    toml = f"# {MARK} {result.version}\n{export_toml(mechanism, result)}"
     try:
-        files |= export_urdf(mechanism, result)
+        urdfs = export_urdf(mechanism, result)
     except InputError as error:  # a description that cannot take the correction
-        files["calibrated.toml"] = f"# no URDF: {error.message}\n{files['calibrated.toml']}"
-    return [(Path(folder) / name, text) for name, text in files.items()]
+        return {"calibrated.toml": f"# no URDF: {error.message}\n{toml}"}
+    foot = f"<!-- {MARK} {result.version} -->\n"
+    return {"calibrated.toml": toml, **{name: text + foot for name, text in urdfs.items()}}

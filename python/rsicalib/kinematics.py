@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError
+from rsicalib.errors import InputError, InputTypeError
 from rsicalib.places import Places, places, readings_for
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -128,7 +128,12 @@ def inverse(poses: npt.ArrayLike, mechanism: MechanismArg = "rsi") -> FloatArray
     >>> inverse([0, 0, -2.666, 0, 0, 0]).round(2)
     array([ 0.42, -1.97,  0.  ,  0.42, -1.97,  0.  ,  0.42, -1.97,  0.  ])
     """
-    array = np.asarray(poses, dtype=np.float64)
+    try:
+        array = np.asarray(poses, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputTypeError(f"poses: found {poses!r}, expected numbers") from None
+    if not np.isfinite(array).all():
+        raise InputError("poses: found NaN or infinity, expected finite numbers")
     if array.shape[-1:] != (6,) or array.ndim > 2:
         raise InputError(f"found poses of shape {array.shape}, expected (n, 6) or (6,)")
     closed = isinstance(mechanism, str) and mechanism == "rsi"

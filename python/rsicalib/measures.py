@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import nominal
 from rsicalib.errors import InputError
-from rsicalib.io.readings import Readings
 from rsicalib.plots import lines, on_axes
 from rsicalib.records import NOT_WRITTEN, Record
 from rsicalib.tabular import Tabular
@@ -168,7 +166,7 @@ class Observability(Tabular, Record):
 
 
 def observability(
-    readings: ReadingsArg | npt.ArrayLike,
+    readings: ReadingsArg,
     mechanism: MechanismArg = "rsi",
     *,
     calibration: CalibrationArg | None = None,
@@ -210,7 +208,7 @@ def observability(
     opened = open_mechanism(mechanism)
     values = counts_of(readings, opened, skip_bad_rows)
     offsets, gains = parameters_of(calibration, opened)
-    names = None if closures is None else list(closures)
+    names = options.names("closures", closures)
     measures = []
     found = {}
     for scaling in scalings:
@@ -233,12 +231,10 @@ def observability(
 
 
 def counts_of(
-    readings: ReadingsArg | npt.ArrayLike, mechanism: Mechanism, skip_bad_rows: bool = False
+    readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: bool = False
 ) -> FloatArray:
     """Readings from a file, an object or an array: shape (n, C)."""
-    if isinstance(readings, np.ndarray | list | tuple):
-        readings = Readings.from_arrays(mechanism, readings)
-    loaded = load(readings, mechanism, skip_bad_rows)  # type: ignore[arg-type]
+    loaded = load(readings, mechanism, skip_bad_rows)
     return np.ascontiguousarray(loaded.values)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import Within, workspace
 from rsicalib.io.files import write_text
@@ -218,7 +218,7 @@ def plan(
     mechanism: MechanismArg = "rsi",
     poses: int = 12,
     *,
-    beside: ReadingsArg | npt.ArrayLike | None = None,
+    beside: ReadingsArg | None = None,
     within: Within | None = None,
     noise: float = 1.0,
     criterion: str = "offsets",
@@ -280,7 +280,7 @@ def plan(
         criterion=criterion,
         candidates=candidates,
         starts=starts,
-        seed=seed,
+        seed=options.seed(seed),
     )
     return Plan(
         opened.name,

@@ -15,6 +15,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, ResultError, UndeterminedError
 from rsicalib.interactive import Interactive
 from rsicalib.io.files import write_text
+from rsicalib.io.sources import read_text
 from rsicalib.records import to_json
 from rsicalib.report.words import quality, worse_groups
 from rsicalib.shapes import CalibrationShape, Evidence, FitQuality, Groups, TraceShape
@@ -158,14 +159,9 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
         The file is not such a result.
     """
     name = os.fspath(path)
+    text = read_text(path, "a result of `rsicalib calibrate --json` or `rsicalib trace --json`")
     try:
-        with open(path, encoding="utf-8") as file:
-            data = _core.read_result(file.read())
-    except OSError as error:
-        expected = "a result of `rsicalib calibrate --json` or `rsicalib trace --json`"
-        raise InputError.at(name, found=error.strerror or str(error), expected=expected) from None
-    except UnicodeDecodeError:
-        raise InputError.at(name, found="text that is not UTF-8", expected="JSON") from None
+        data = _core.read_result(text)
     except ResultError as error:
         raise InputError.at(
             name, column=error.place, found=error.found, expected=error.expected, column_word=""

@@ -7,17 +7,17 @@ simulated elsewhere, by code that shares nothing with this package (`tests/blind
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import Device, Within, draw_poses
-from rsicalib.errors import InputError
-from rsicalib.io.files import write_text
+from rsicalib.io.folders import MARK, TRUTH, write_folder
 from rsicalib.io.readings import Readings
 from rsicalib.records import to_json
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
@@ -59,13 +59,15 @@ class Simulated:
     def _repr_html_(self) -> str:
         return self.readings._repr_html_()
 
-    def save(self, folder: PathLike) -> list[Path]:
+    def save(self, folder: PathLike, *, force: bool = False) -> list[Path]:
         """Write readings.csv, rest.csv, check.csv, truth.json and mechanism.toml.
 
         Parameters
         ----------
         folder : path
             Made if it is not there.
+        force : bool
+            Replace files that this package did not write as well.
 
         Returns
         -------
@@ -75,23 +77,22 @@ class Simulated:
         Raises
         ------
         InputError
-            One cannot write there.
+            One cannot write there, or a file that is there was not written by this package.
         """
-        folder = Path(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            found = f"'{folder}', which cannot be a folder ({error.strerror})"
-            raise InputError(f"found {found}, expected a place for files") from None
-        files = []
-        for name in ("readings", "rest", "check"):
-            table: Readings | None = getattr(self, name)
-            if table is not None:
-                table.to_csv(folder / f"{name}.csv")
-                files.append(folder / f"{name}.csv")
-        files.append(write_text(folder / "truth.json", to_json(self.truth)))
-        files.append(write_text(folder / "mechanism.toml", self.device.mechanism.to_toml()))
-        return files
+        tables = {
+            f"{name}.csv": table.csv()
+            for name in ("readings", "rest", "check")
+            if (table := getattr(self, name)) is not None
+        }
+        version = _core.__version__
+        digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in tables.items()}
+        truth = {"format": "rsicalib.truth/1", "version": version, "files": digests, **self.truth}
+        files = {
+            **tables,
+            TRUTH: to_json(truth),
+            "mechanism.toml": f"# {MARK} {version}\n{self.device.mechanism.to_toml()}",
+        }
+        return write_folder(folder, files, seal=TRUTH, force=force)
 
 
 def simulate(
@@ -105,6 +106,7 @@ def simulate(
     within: Within | None = None,
     device: Device | None = None,
     seed: int = 0,
+    force: bool = False,
 ) -> Simulated:
     """Simulate a session of a device with a known truth.
 
@@ -126,6 +128,8 @@ def simulate(
         The truth; drawn from the seed by default.
     seed : int
         Same seed, same files.
+    force : bool
+        Replace files in `out` that this package did not write as well.
 
     Returns
     -------
@@ -143,12 +147,11 @@ def simulate(
     >>> made.readings.n_poses, len(made.readings)
     (30, 240)
     """
-    for name, value, least in (("poses", poses, 1), ("samples", samples, 1), ("check", check, 1)):
-        if value < least:
-            raise InputError(f"{name}: found {value}, expected at least {least}")
-    if not (np.isfinite(noise) and noise >= 0):
-        raise InputError(f"noise: found {noise}, expected a number of readings, 0 or more")
-    rng = np.random.default_rng(seed)
+    for name, value in (("poses", poses), ("samples", samples), ("check", check)):
+        options.whole(name, value, 1, options.MOST_ROWS)
+    options.rows(poses + check, samples)
+    options.number("noise", noise, "a number of readings, 0 or more", least=0.0, open_end=False)
+    rng = np.random.default_rng(options.seed(seed))
     device = device or Device.drawn(open_mechanism(mechanism), rng)
     _, exact = draw_poses(device, poses, rng, within=within)
     elsewhere, exact_check = draw_poses(device, check, rng, within=within)
@@ -172,7 +175,7 @@ def simulate(
     }
     made = Simulated(device, readings, rest, checked, truth)
     if out is not None:
-        made.save(out)
+        made.save(out, force=force)
     return made
 
 

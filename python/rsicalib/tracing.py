@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
 from rsicalib.groups import measured
+from rsicalib.options import names, solver
+from rsicalib.options import seed as check_seed
 from rsicalib.results import Trace
-from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
+from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
@@ -82,20 +84,22 @@ def trace(
     >>> [(step.klass, step.target) for step in found.steps]
     [('sensor', 'a22')]
     """
+    if seed is not None:
+        check_seed(seed)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
     job.take(readings, fit_groups, hold_out_groups)
     options = {
-        "closures": listed(closures),
+        "closures": names("closures", closures),
         "noise": job.noise(noise),
-        "starts": starts,
-        "max_iterations": max_iterations,
-        "xtol": xtol,
         "progress": listener(progress),
+        **solver(starts, max_iterations, xtol),
     }
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)
     try:
-        report = session.trace(check=known, align=align, without=listed(without), alpha=alpha)
+        report = session.trace(
+            check=known, align=align, without=names("without", without), alpha=alpha
+        )
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)

@@ -123,3 +123,14 @@ pub enum Error {
         why: &'static str,
     },
 }
+
+impl Error {
+    /// An option whose value cannot be used.
+    pub(crate) fn option(
+        name: &'static str,
+        found: impl ToString,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Option { name, found: found.to_string(), expected: expected.into() }
+    }
+}

@@ -181,3 +181,45 @@ fn a_problem_without_residuals_or_parameters_ends_at_its_start() {
         assert_eq!(end.cost, 0.5 * m as f64);
     }
 }
+
+#[test]
+fn a_trace_of_hardly_more_equations_than_parameters_tries_what_they_allow() {
+    // Eight poses: 24 equations for 18 parameters, and a free curve has seven.
+    let wave = |k: usize| (2048.0 + 700.0 * ((1 + k) as f64 * 1.7).sin()).round();
+    let table = Table { values: (0..8 * 9).map(wave).collect(), ..Table::default() };
+    let options = FitOptions { noise: Some(vec![1.0; 9]), ..FitOptions::default() };
+    let observations = Observations::new(&Mechanism::rsi(), table, None, options).expect("counts");
+    traced::report(&observations, &SearchOptions::default(), None).expect("a trace");
+}
+
+#[test]
+fn a_time_that_is_no_number_is_refused() {
+    let timed = Table { time: Some(vec![0.0, f64::NAN, 1.0]), ..table(3) };
+    let found = Readings::new(&Mechanism::rsi(), timed);
+    assert!(matches!(found, Err(Error::Reading { row: 1, .. })), "{found:?}");
+}
+
+#[test]
+fn options_that_cannot_be_used_are_refused() {
+    let mechanism = Mechanism::rsi();
+    let default = FitOptions::default;
+    let solver = |xtol| rsicalib::numerics::lm::SolverOptions { xtol, ..default().lm };
+    for options in [
+        FitOptions { closures: Some(Vec::new()), ..default() },
+        FitOptions { noise: Some(vec![f64::NAN; 9]), ..default() },
+        FitOptions { play: -1.0, ..default() },
+        FitOptions { starts: 0, ..default() },
+        FitOptions { lm: solver(0.0), ..default() },
+    ] {
+        let found = Observations::new(&mechanism, table(3), None, options);
+        assert!(matches!(found, Err(Error::Option { .. })), "{found:?}");
+    }
+    let observations = Observations::new(&mechanism, table(3), None, default()).expect("counts");
+    for (alpha, without) in [(f64::NAN, "sag"), (0.0, "sag"), (0.01, "nonsense")] {
+        let search =
+            SearchOptions { alpha, without: vec![without.into()], ..SearchOptions::default() };
+        let found = traced::report(&observations, &search, None);
+        let refused = matches!(found, Err(Error::Option { .. } | Error::Unknown { .. }));
+        assert!(refused, "{alpha} {without}");
+    }
+}

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from rsicalib.cli.parser import make_parser
+from rsicalib.cli.streams import emit, is_of_streams, open_streams, silence
 from rsicalib.cli.verbs import Args
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.files import forget_parts
@@ -27,14 +28,18 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         Arguments; those of the process where not given.
     """
     words = sys.argv[1:] if argv is None else list(argv)
+    open_streams()
     code = 0
     try:
         code = _run(words)
         sys.stdout.flush()
     except BrokenPipeError:
-        # Whoever read has seen enough; the interpreter must not complain on the way out.
+        silence(sys.stdout)  # whoever read has seen enough
+    except OSError as error:
+        silence(sys.stdout)
+        code = 2
         with contextlib.suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            print(f"error: standard output: {error.strerror}", file=sys.stderr, flush=True)
     except KeyboardInterrupt:
         forget_parts()
         with contextlib.suppress(OSError):
@@ -53,9 +58,13 @@ def _run(words: list[str]) -> int:
         return _fail(2, "rsicalib.error/1", error.message, as_json, where=error.where)
     except UndeterminedError as error:
         return _fail(3, "rsicalib.error/1", error.message, as_json, where=None)
-    except (KeyboardInterrupt, SystemExit, BrokenPipeError):
+    except SystemExit as leave:  # after --help and --version
+        return leave.code if isinstance(leave.code, int) else 0
+    except (KeyboardInterrupt, BrokenPipeError):
         raise
-    except BaseException:  # a panic of the core is no Exception
+    except BaseException as error:  # a panic of the core is no Exception
+        if isinstance(error, OSError) and is_of_streams(error):
+            raise
         traceback.print_exc()
         print(
             "This is a defect of rsicalib; please report it with the lines above.", file=sys.stderr
@@ -65,7 +74,7 @@ def _run(words: list[str]) -> int:
 
 def _fail(code: int, form: str, message: str, as_json: bool, **more: Any) -> int:
     if as_json:
-        sys.stdout.write(to_json({"format": form, "message": message, **more}))
+        emit(to_json({"format": form, "message": message, **more}))
     else:
         print(f"error: {message}", file=sys.stderr)
     return code

@@ -4,61 +4,61 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 from rsicalib.cli.colours import painted, wants_colour
-from rsicalib.errors import InputError
-from rsicalib.io.files import write_text
+from rsicalib.cli.streams import emit, say
+from rsicalib.io.folders import MARK, refuse_foreign, write_folder
+from rsicalib.plain_text import printable
 from rsicalib.results import Calibration, Result, Trace
 
-__all__ = ["show", "warn", "write_files"]
+__all__ = ["prepare", "show", "warn"]
 
 
 def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     """Write what was asked for; the exit code."""
     warn(args, result.warnings)
     if args.out is not None:
-        _write(args.out, result, getattr(args, "mechanism", "rsi"))
+        _write(args, result)
     if args.json:
-        sys.stdout.write(result.to_json())
+        emit(result.to_json())
     elif not args.quiet:
-        summary = result.summary()
+        summary = printable(result.summary())
         if wants_colour(sys.stdout):
             summary = painted(summary, result.exit_code == 0)
         print(summary)
         if args.out is not None:
-            print(f"\n{args.out / 'report.html'}")
+            say(f"\n{args.out / 'report.html'}")
     return result.exit_code
 
 
-def _write(folder: Path, result: Result, mechanism: str) -> None:
+RESULT = "result.json"
+FILES = (RESULT, "report.txt", "report.html", "calibrated.toml")
+"""What stands in the folder of every result."""
+
+
+def prepare(args: argparse.Namespace) -> None:
+    """Refuse a folder whose files are not ours, before anything is computed."""
+    if args.out is not None:
+        refuse_foreign(args.out, FILES, force=args.force)
+
+
+def _write(args: argparse.Namespace, result: Result) -> None:
     from rsicalib.export import calibrated_files
 
     files = {
-        "result.json": result.to_json(),
-        "report.txt": result.summary() + "\n",
-        "report.html": result.report(),
+        RESULT: result.to_json(),
+        "report.txt": f"{result.summary()}\n\n{MARK} {result.version}\n",
+        "report.html": f"{result.report()}<!-- {MARK} {result.version} -->\n",
+        **calibrated_files(getattr(args, "mechanism", "rsi"), result),
     }
-    write_files(folder, files)
-    write_files(folder / "figures", {f"{k}.svg": text for k, text in result.figures().items()})
-    for path, text in calibrated_files(folder, mechanism, result):
-        write_text(path, text)
-
-
-def write_files(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files into a folder, which is made if it is not there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        found = f"'{folder}', which cannot be made ({error.strerror})"
-        raise InputError(f"--out: found {found}, expected a folder") from None
-    for name, text in files.items():
-        write_text(folder / name, text)
+    drawn = result.figures().items()
+    files |= {f"figures/{name}.svg": f"{text}<!-- {MARK} -->\n" for name, text in drawn}
+    write_folder(args.out, files, seal=RESULT, force=args.force)
 
 
 def warn(args: argparse.Namespace, warnings: Sequence[str]) -> None:
     """Print warnings on standard error, unless --quiet."""
     if not args.quiet:
         for warning in warnings:
-            print(f"warning: {warning}", file=sys.stderr)
+            print(f"warning: {printable(warning)}", file=sys.stderr)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib.cli.completion import SHELLS
 from rsicalib.cli.verbs import (
     Args,
@@ -35,7 +35,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
+    found = [name.strip() for name in text.split(",") if name.strip()]
+    if not found:
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected names with commas between them")
+    return found
 
 
 def _noise(text: str) -> float | dict[str, float]:
@@ -47,6 +50,20 @@ def _noise(text: str) -> float | dict[str, float]:
     except ValueError:
         expected = "a number, or a11=1.2,a12=1.1,…"
         raise argparse.ArgumentTypeError(f"found {text!r}, expected {expected}") from None
+
+
+def _seed(text: str) -> int:
+    expected = f"an integer from 0 to {options.LARGEST_SEED}"
+    try:
+        return options.seed(int(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected {expected}") from None
+
+
+def _folder(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("found no name, expected a path")
+    return Path(text)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -112,7 +129,7 @@ def make_parser() -> argparse.ArgumentParser:
         sub.add_argument(
             "--hold-out-groups", metavar="NAME,…", type=_names, help="not these groups"
         )
-        sub.add_argument("--seed", type=int, help="of every random draw")
+        sub.add_argument("--seed", type=_seed, help="of every random draw")
         _add_skip(sub)
         _add_about(sub)
         _add_out(sub)
@@ -132,13 +149,14 @@ def make_parser() -> argparse.ArgumentParser:
     _add_skip(sub)
 
     sub = verb(simulate)
-    sub.add_argument("out", metavar="OUT", type=Path, help="folder for the files")
+    sub.add_argument("out", metavar="OUT", type=_folder, help="folder for the files")
     _add_mechanism(sub)
     sub.add_argument("--poses", type=int, default=48, help="held poses (48)")
     sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
     sub.add_argument("--noise", type=float, default=1.0, help="of one sample, in readings (1)")
     sub.add_argument("--check-poses", type=int, default=20, help="other poses, known (20)")
-    sub.add_argument("--seed", type=int, default=0, help="same seed, same files (0)")
+    sub.add_argument("--seed", type=_seed, default=0, help="same seed, same files (0)")
+    _add_force(sub)
 
     sub = verb(plan)
     _add_mechanism(sub)
@@ -149,9 +167,9 @@ def make_parser() -> argparse.ArgumentParser:
         "--criterion", choices=_core.CRITERIA, default=_core.CRITERIA[0], help="what is made small"
     )
     sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
-    sub.add_argument("--seed", type=int, default=0, help="same seed, same plan (0)")
+    sub.add_argument("--seed", type=_seed, default=0, help="same seed, same plan (0)")
     sub.add_argument(
-        "--out", metavar="FILE", type=Path, help="write the poses as CSV, and a page beside it"
+        "--out", metavar="FILE", type=_folder, help="write the poses as CSV, and a page beside it"
     )
 
     sub = verb(fleet)
@@ -175,11 +193,12 @@ def make_parser() -> argparse.ArgumentParser:
     sub = verb(paper)
     words = "of every simulated cell (1000)"
     sub.add_argument("--trials", type=int, default=1000, help=words)
-    sub.add_argument("--seed", type=int, default=1995, help="same seed, same figures (1995)")
+    sub.add_argument("--seed", type=_seed, default=1995, help="same seed, same figures (1995)")
     sub.add_argument("--workers", type=int, help="threads; all cores where not given")
     sub.add_argument(
-        "--out", metavar="DIR", type=Path, help="write paper.json, paper.txt and paper.html there"
+        "--out", metavar="DIR", type=_folder, help="write paper.json, paper.txt and paper.html"
     )
+    _add_force(sub)
 
     sub = verb(terms)
     sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")
@@ -220,4 +239,10 @@ def _add_about(sub: argparse.ArgumentParser) -> None:
 
 def _add_out(sub: argparse.ArgumentParser) -> None:
     words = "write result.json, the calibrated mechanism and the reports there"
-    sub.add_argument("--out", metavar="DIR", type=Path, help=words)
+    sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
+    _add_force(sub)
+
+
+def _add_force(sub: argparse.ArgumentParser) -> None:
+    words = "replace files that rsicalib did not write"
+    sub.add_argument("--force", action="store_true", help=words)

@@ -15,10 +15,13 @@ from typing import Any, TypeAlias, TypeVar
 from rsicalib import _core, api
 from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
-from rsicalib.cli.output import show, warn, write_files
+from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
+from rsicalib.cli.streams import emit, say
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
+from rsicalib.io.folders import MARK, write_folder
+from rsicalib.plain_text import printable
 from rsicalib.records import to_json
 
 __all__ = [
@@ -44,18 +47,21 @@ T = TypeVar("T")
 
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
+    prepare(args)
     options = {**_session(args), "method": args.method}
     return show(args, _heard(args, lambda line: api.calibrate(args.readings, **options, **line)))
 
 
 def trace(args: Args) -> int:
     """Close the loop: residual, missing term, error before and after."""
+    prepare(args)
     options = {**_session(args), "without": args.without, "seed": args.seed}
     return show(args, _heard(args, lambda line: api.trace(args.readings, **options, **line)))
 
 
 def fixture(args: Args) -> int:
     """Open loop, from known poses in the readings."""
+    prepare(args)
     found = api.fixture(
         args.readings,
         args.mechanism,
@@ -73,6 +79,7 @@ def demo(args: Args) -> int:
     """The main job on data that come with the package; writes a report, prints its path."""
     if args.out is None:
         args.out = Path("rsicalib-demo")
+    prepare(args)
     return show(args, _heard(args, lambda line: api.demo(**line)))
 
 
@@ -103,14 +110,14 @@ def forward(args: Args) -> int:
         columns = {**labels, **dict(zip(names, values.T, strict=True))}
         document = {"format": "rsicalib.poses/1", "version": _core.__version__}
         document |= {"mechanism": mechanism.name, "length_unit": mechanism.length_unit}
-        sys.stdout.write(to_json({**document, "columns": columns}))
+        emit(to_json({**document, "columns": columns}))
         return 0
     digits = [12] * len(found.names) + [3] * (len(names) - len(found.names))
     lines = [",".join([*labels, *names])]
     for head, row in zip(zip(*labels.values(), strict=True), values.tolist(), strict=True):
         cells = (f"{v:.{d}g}" for v, d in zip(row, digits, strict=True))
         lines.append(",".join([*map(str, head), *cells]))
-    sys.stdout.write("\n".join(lines) + "\n")
+    emit("\n".join(lines) + "\n")
     return 0
 
 
@@ -126,11 +133,12 @@ def simulate(args: Args) -> int:
         noise=args.noise,
         check=args.check_poses,
         seed=args.seed,
+        force=args.force,
     )
     if args.json:
-        sys.stdout.write(to_json(made.truth))
+        emit(to_json(made.truth))
     elif not args.quiet:
-        print("\n".join(sorted(str(path) for path in args.out.iterdir())))
+        say("\n".join(sorted(str(path) for path in args.out.iterdir())))
     return 0
 
 
@@ -154,9 +162,9 @@ def plan(args: Args) -> int:
         write_text(args.out.with_suffix(".html"), poses_html(*said))
     if args.json:
         head = {"format": "rsicalib.plan/1", "version": _core.__version__}
-        sys.stdout.write(to_json({**head, **found.to_dict()}))
+        emit(to_json({**head, **found.to_dict()}))
     elif not args.quiet:
-        sys.stdout.write(found.text())
+        say(found.text().removesuffix("\n"))
     return 0
 
 
@@ -185,12 +193,14 @@ def paper(args: Args) -> int:
         told = None if line is None else line.counted
         found = compute_paper(args.trials, seed=args.seed, progress=told, workers=args.workers)
     if args.out is not None:
-        files = {"paper.json": to_json(found.to_dict()), "paper.txt": found.text()}
-        write_files(args.out, {**files, "paper.html": html(found)})
+        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
+        page = f"{html(found)}<!-- {MARK} -->\n"
+        files = {"paper.json": to_json(found.to_dict()), "paper.txt": text, "paper.html": page}
+        write_folder(args.out, files, force=args.force)
     if args.json:
-        sys.stdout.write(to_json(found.to_dict()))
+        emit(to_json(found.to_dict()))
     elif not args.quiet:
-        sys.stdout.write(found.text())
+        say(found.text().removesuffix("\n"))
     return 0
 
 
@@ -202,22 +212,20 @@ def terms(args: Args) -> int:
     if args.json:
         chosen = list(known.values()) if args.id is None else [known[args.id]]
         document = {"format": "rsicalib.terms/1", "version": _core.__version__, "terms": chosen}
-        sys.stdout.write(to_json(document))
+        emit(to_json(document))
     elif args.id is None:
         for term in known.values():
             first = term["doc"].split("\n\n")[0].replace("\n", " ")
-            print(f"{term['id']:24} {term['class']:12} {first}")
+            say(f"{term['id']:24} {term['class']:12} {first}")
     else:
         term = known[args.id]
-        print(f"{term['id']} ({term['class']})\n\n{term['doc'].strip()}\n")
+        say(f"{term['id']} ({term['class']})\n\n{term['doc'].strip()}\n")
         for parameter in term["parameters"]:
             line = (
                 f"  {parameter['name']:8} {parameter['unit']:12} typically {parameter['typical']:g}"
             )
-            print(line)
-        print(
-            f"\n  needs    {term['needs']}\n  targets  {', '.join(term['targets']) or 'none here'}"
-        )
+            say(line)
+        say(f"\n  needs    {term['needs']}\n  targets  {', '.join(term['targets']) or 'none here'}")
     return 0
 
 
@@ -241,12 +249,12 @@ def mechanism(args: Args) -> int:
         warn(args, [f"what can be identified is not counted: {error.message}"])
     if args.json:
         counted = {"identifiable": [c.to_dict() for c in counts]} if counts else {}
-        sys.stdout.write(to_json({**loaded.to_dict(), **counted}))
+        emit(to_json({**loaded.to_dict(), **counted}))
         return 0
-    sys.stdout.write("".join(f"# {note}\n" for note in expansion_notes(args.name)))
-    sys.stdout.write(loaded.to_toml())
+    emit("".join(f"# {printable(note)}\n" for note in expansion_notes(args.name)))
+    emit(loaded.to_toml())
     for count in counts:
-        sys.stdout.write("\n" + "".join(f"# {line}\n" for line in count.text().splitlines()))
+        emit("\n" + "".join(f"# {printable(line)}\n" for line in count.text().splitlines()))
     return 0
 
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from rsicalib.errors import InputError
-from rsicalib.fleets.frames import Columns, columns_of, joined
+from rsicalib.fleets.frames import joined
+from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, read_table, text
 
 __all__ = ["Dataset", "Partition", "pyarrow_modules"]

@@ -15,11 +15,13 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
-from rsicalib.fleets.frames import TEXT, Cells, Columns, Frame, columns_of, frame_like
+from rsicalib.fleets.frames import TEXT, Frame, frame_like
 from rsicalib.io.cells import Fault, MechanismLike, read_cells, read_header
+from rsicalib.io.frames import Cells, Columns, columns_of
 from rsicalib.io.tables import Table, text
+from rsicalib.options import names
 from rsicalib.records import plain
-from rsicalib.work.arguments import Bare, MechanismArg, listed, noise_of_channels, open_mechanism
+from rsicalib.work.arguments import Bare, MechanismArg, noise_of_channels, open_mechanism
 
 __all__ = ["REST", "calibrate_devices", "digests", "without"]
 
@@ -100,8 +102,8 @@ def calibrate_devices(
         mechanism,
         [one.table for one in usable],
         [one.rest for one in usable],
-        terms=listed(terms),
-        closures=listed(closures),
+        terms=names("terms", terms),
+        closures=names("closures", closures),
         noise=noise_of_channels(noise, mechanism),
         trace=trace,
         held_out=held_out,

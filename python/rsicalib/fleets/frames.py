@@ -1,7 +1,4 @@
-"""Tables of any library: their columns as arrays, and results as a table of the same kind.
-
-No library is imported: pandas, Polars, pyarrow and plain mappings are told apart by what they have.
-"""
+"""Results of many devices as a table of the same kind as their readings."""
 
 from __future__ import annotations
 
@@ -11,53 +8,15 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib.errors import InputError
+from rsicalib.io.frames import Cells, Columns
 
-__all__ = ["TEXT", "Cells", "Columns", "Frame", "columns_of", "frame_like", "joined", "joined_rows"]
+__all__ = ["TEXT", "Frame", "frame_like", "joined", "joined_rows"]
 
 Frame: TypeAlias = Any
 """A pandas or Polars DataFrame, a pyarrow Table or RecordBatch, or a mapping of names to arrays."""
-Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
-Columns: TypeAlias = dict[str, Cells]
 
 TEXT = ("verdict", "message", "steps", "sha256")
 """Columns of results that hold text; the other columns hold numbers, NaN where unknown."""
-
-
-def columns_of(frame: Frame) -> Columns:
-    """Columns of a table by name, each of length n: arrays of numbers, or lists.
-
-    Raises
-    ------
-    InputError
-        It is no such table.
-    """
-    if isinstance(frame, Mapping):
-        found = {str(name): frame[name] for name in frame}
-    elif hasattr(frame, "schema") and hasattr(frame, "num_rows"):  # pyarrow
-        found = {name: _arrow(frame.column(i)) for i, name in enumerate(frame.schema.names)}
-    elif hasattr(frame, "columns"):  # pandas, Polars
-        found = {str(name): frame[name].to_numpy() for name in frame.columns}
-    else:
-        expected = "a DataFrame, a pyarrow Table, or a mapping of names to arrays"
-        raise InputError(f"found {type(frame).__name__}, expected {expected}")
-    columns = {name: _plain(cells) for name, cells in found.items()}
-    if len({len(cells) for cells in columns.values()}) > 1:
-        sizes = ", ".join(f"{name}: {len(cells)}" for name, cells in columns.items())
-        raise InputError(f"found columns of different lengths ({sizes}), expected one length")
-    return columns
-
-
-def _arrow(column: Any) -> Any:
-    return column.to_pylist() if column.null_count else column.to_numpy(zero_copy_only=False)
-
-
-def _plain(cells: Any) -> Cells:
-    """Numbers stay an array; text and objects become a list."""
-    array = cells if isinstance(cells, np.ndarray) else np.asarray(cells, dtype=object)
-    if array.dtype.kind in "iuf" and array.ndim == 1:
-        return array
-    return array.tolist()  # type: ignore[no-any-return]
 
 
 def frame_like(frame: Frame, rows: Mapping[str, Sequence[Any]], label: str) -> Frame:

@@ -17,7 +17,8 @@ from rsicalib.fleets.devices import digests, without
 from rsicalib.fleets.engines import Job, Rows, over_dask, over_threads
 from rsicalib.fleets.page import page
 from rsicalib.fleets.store import Store
-from rsicalib.work.arguments import MechanismArg, PathLike, listed, open_mechanism
+from rsicalib.options import names
+from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
 __all__ = ["Fleet", "fleet"]
 
@@ -129,8 +130,8 @@ def fleet(
         is a row.
     """
     options = {
-        "terms": listed(terms),
-        "closures": listed(closures),
+        "terms": names("terms", terms),
+        "closures": names("closures", closures),
         "noise": dict(noise) if isinstance(noise, Mapping) else noise,
         "trace": trace,
         "held_out": held_out,

@@ -112,7 +112,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     """
     needed = needed_columns(mechanism)
     used = dict.fromkeys([*needed, *COLUMNS])
-    line = 1 if table.line_word == "line" else None
+    line = table.header if table.line_word == "line" else None
 
     def refuse(column: str, found: str, expected: str, hint: str = "") -> InputError:
         return InputError.at(
@@ -174,12 +174,12 @@ def read_cells(
     for name, position in sorted(index.items(), key=lambda item: item[1]):
         raw = table.columns[position]
         if name in ranges:
-            cells[name], bad, expected = _channel(raw, ranges[name])
+            cells[name], bad, expected = _channel(table.numbers(position), ranges[name])
         elif name in mechanism.key_columns or name in TEXTS:
             bad = np.array([name in mechanism.key_columns and not text(cell) for cell in raw])
             expected = "text"
         else:
-            cells[name] = numbers(raw)
+            cells[name] = table.numbers(position)
             bad, expected = _unusable(name, cells[name], mechanism)
             if name in poses:
                 bad &= ~_unknown(raw, table)
@@ -196,9 +196,8 @@ def read_cells(
 
 
 def _channel(
-    raw: Sequence[Any] | npt.NDArray[Any], channel: ChannelLike
+    values: FloatArray, channel: ChannelLike
 ) -> tuple[FloatArray, npt.NDArray[np.bool_], str]:
-    values = numbers(raw)
     if channel.range is None:
         return values, ~np.isfinite(values), f"a finite number ({channel.unit})"
     low, high = channel.range

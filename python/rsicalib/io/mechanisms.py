@@ -13,12 +13,12 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, Where
 from rsicalib.io.builtin import BUILTIN
+from rsicalib.io.sources import read_text
 from rsicalib.io.urdf import (
     UrdfChain,
     chain_from_urdf,
     masses_from_toml,
     parse_toml,
-    read_text,
 )
 from rsicalib.io.urdf_tree import listed, refuse
 from rsicalib.tabular import html_table
@@ -191,7 +191,7 @@ def _read(file: str) -> str:
     if not Path(file).is_file():
         expected = f"a mechanism file, or a built-in mechanism: {listed(BUILTIN)}"
         refuse(file, "mechanism", found="no such file", expected=expected)
-    return read_text(file)
+    return read_text(file, "a mechanism file")
 
 
 def _tables(document: Mapping[str, Any], key: str) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ What is suspicious but usable becomes a warning (`rsicalib.io.suspicions`).
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -27,18 +28,12 @@ from rsicalib.io.cells import (
     read_header,
 )
 from rsicalib.io.files import whole_file
+from rsicalib.io.frames import TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.samples import Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
-from rsicalib.io.tables import (
-    Frame,
-    Table,
-    is_frame,
-    read_table,
-    table_of_arrays,
-    table_of_frame,
-    text,
-)
+from rsicalib.io.tables import Table, read_table, table_of_arrays, text
+from rsicalib.io.units_row import without_units
 from rsicalib.tabular import Tabular
 
 __all__ = ["Readings", "load_readings"]
@@ -192,6 +187,12 @@ class Readings(Samples, Tabular):
         with whole_file(path_or_file) as file:
             self._write(file)
 
+    def csv(self) -> str:
+        """The text of the file that `to_csv` writes."""
+        file = io.StringIO()
+        self._write(file)
+        return file.getvalue()
+
     def _write(self, file: TextIO) -> None:
         table = {name: _written(cells) for name, cells in self._table().items()}
         writer = csv.writer(file, lineterminator="\n")
@@ -217,12 +218,12 @@ class Readings(Samples, Tabular):
 
 
 def load_readings(
-    path: str | os.PathLike[str] | Frame | Mapping[str, Any],
+    readings: str | os.PathLike[str] | TableArg,
     mechanism: MechanismLike,
     *,
     skip_bad_rows: bool = False,
 ) -> Readings:
-    """Load a file or a data frame of readings: one row per sample, one column per channel.
+    """Load readings from a file or from memory: one row per sample, one column per channel.
 
     Columns are found by name: the mechanism's channels, and where present
     `pose`, `sample`, `time_s`, `temperature_c`, the known pose `x y z rx ry rz`,
@@ -230,9 +231,11 @@ def load_readings(
 
     Parameters
     ----------
-    path : path, data frame or mapping of str to array_like
-        Parquet if it ends in `.parquet` or `.pq`, else CSV in UTF-8 with a header line; or columns
-        by name, as pandas and polars have them.
+    readings : path, data frame, mapping of str to array_like, or ndarray of shape (n, C)
+        A file is Parquet if its name ends in `.parquet` or `.pq`, else CSV in UTF-8 with a header
+        line, also compressed by gzip; `-` is standard input. A data frame is one of pandas, polars,
+        pyarrow or another library that offers its columns by `__arrow_c_stream__` or
+        `__dataframe__`. The columns of an array are the channels, in their order.
     mechanism : MechanismLike
         Names, units and ranges of its channels.
     skip_bad_rows : bool, optional
@@ -249,13 +252,16 @@ def load_readings(
         The file cannot be used; `where` says file, line, column, what was found and
         what was expected.
     """
-    table = table_of_frame(path) if is_frame(path) else read_table(path)  # type: ignore[arg-type]
-    return _readings(table, mechanism, skip_bad_rows)
+    if not isinstance(readings, str | os.PathLike):
+        names = [channel.name for channel in mechanism.channels]
+        return _readings(table_in_memory(readings, names), mechanism, skip_bad_rows)
+    return _readings(read_table(readings), mechanism, skip_bad_rows)
 
 
 def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Readings:
     """The one way in: checks the header, then every cell, then the order of the rows."""
     index, ignored = read_header(table, mechanism)
+    table = without_units(table, mechanism, index)
     if not len(table.lines):
         found, expected = "no readings", "at least one row below the header"
         raise InputError.at(table.source, found=found, expected=expected)

@@ -5,55 +5,37 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import importlib
 import io
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
-from typing import Any, Protocol, TypeGuard, runtime_checkable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
+from rsicalib.io.csv_text import read_csv_text
+from rsicalib.io.sources import decoded, read_bytes, unpacked
 
 __all__ = [
-    "Frame",
     "Ragged",
     "Table",
     "is_blank",
-    "is_frame",
     "numbers",
     "quoted",
     "read_table",
     "table_of_arrays",
-    "table_of_frame",
     "text",
 ]
 
 PARQUET = {".parquet", ".pq"}
-
-
-@runtime_checkable
-class Frame(Protocol):
-    """A data frame, as pandas and polars have them."""
-
-    @property
-    def columns(self) -> Iterable[Any]:
-        """Names of the columns."""
-
-    def __getitem__(self, name: Any, /) -> Any:
-        """One column."""
-
-
-def is_frame(given: object) -> TypeGuard[Frame | Mapping[str, Any]]:
-    """Whether something is a data frame, or a mapping of names to columns."""
-    return isinstance(given, Mapping | Frame)
+HINT = "Save the file as CSV in UTF-8."
 
 
 @dataclass(frozen=True)
@@ -84,6 +66,10 @@ class Table:
         Path as given, and the digest of its bytes.
     ragged : dict of int to Ragged
         Rows whose cells do not fit the header; they are padded or cut in `columns`.
+    header : int
+        Line of the header.
+    decimal : {".", ","}
+        What stands before decimals in text.
     """
 
     names: list[str]
@@ -93,40 +79,41 @@ class Table:
     source: str
     sha256: str
     ragged: dict[int, Ragged] = field(default_factory=dict)
+    header: int = 1
+    decimal: str = "."
+
+    def numbers(self, position: int) -> FloatArray:
+        """A column as numbers, shape (n,); NaN where a cell is none."""
+        cells = self.columns[position]
+        if self.decimal == ".":
+            return numbers(cells)
+        # With decimal commas, a point is no part of a number.
+        return numbers([str(c).replace(".", "?").replace(",", ".") for c in cells])
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read a file: Parquet if its name ends so, else CSV.
+    """Read a file: Parquet if its name ends so, else CSV; `-` is standard input.
+
+    CSV may be compressed by gzip, and may have comment lines (`#`) above its header.
 
     Raises
     ------
     InputError
         There is no such file, or it is no such table.
     """
-    source = os.fsdecode(path)
-    try:
-        with open(source, "rb") as file:
-            data = file.read()
-    except FileNotFoundError:
-        raise InputError.at(source, found="no such file", expected="a file of readings") from None
-    except IsADirectoryError:
-        raise InputError.at(source, found="a directory", expected="a file of readings") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        expected = "a file that can be read"
-        raise InputError.at(source, found=reason, expected=expected) from error
+    data, source = read_bytes(path, "a file of readings"), os.fsdecode(path)
     read = _read_parquet if PurePath(source).suffix.lower() in PARQUET else _read_csv
     return read(data, source, hashlib.sha256(data).hexdigest())
 
 
 def _read_csv(data: bytes, source: str, sha256: str) -> Table:
-    rows, lines = _rows(_decoded(data, source), source)
-    while rows and not rows[-1]:  # empty lines at the end say nothing, and editors leave them
-        rows.pop()
+    text = read_csv_text(decoded(unpacked(data, source), source, hint=HINT), source)
+    rows, lines = text.rows, text.lines
     if not rows:
         found, expected = "an empty file", "a header line, then one line per sample"
         raise InputError.at(source, line=1, found=found, expected=expected)
-    names = [name.strip() for name in rows.pop(0)]
+    names = [name.strip() for name in rows[0]]
+    rows = rows[1:]
     ragged = {i: _misfit(row, names) for i, row in enumerate(rows) if len(row) != len(names)}
     for i in ragged:
         rows[i] = (rows[i] + [""] * len(names))[: len(names)]
@@ -134,43 +121,14 @@ def _read_csv(data: bytes, source: str, sha256: str) -> Table:
     return Table(
         names=names,
         columns=columns or [() for _ in names],
-        lines=np.array(lines[1 : len(rows) + 1], dtype=np.int64),
+        lines=np.array(lines[1:], dtype=np.int64),
         line_word="line",
         source=source,
         sha256=sha256,
         ragged=ragged,
+        header=lines[0],
+        decimal=text.decimal,
     )
-
-
-def _decoded(data: bytes, source: str) -> str:
-    """Text of UTF-8 bytes.
-
-    A byte order mark is dropped without a word: spreadsheets write it, it is
-    legal UTF-8 and carries nothing; kept, it would hide in the first name.
-    """
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
-        hint = "Save the file as CSV in UTF-8."
-        expected = "text in UTF-8"
-        raise InputError.at(source, line=line, found=found, expected=expected, hint=hint) from None
-
-
-def _rows(content: str, source: str) -> tuple[list[list[str]], list[int]]:
-    """Cells of every row, and the line where each row begins."""
-    reader = csv.reader(io.StringIO(content, newline=""), strict=True)
-    rows: list[list[str]] = []
-    lines = [1]
-    try:
-        for row in reader:
-            rows.append(row)
-            lines.append(reader.line_num + 1)  # where the next one begins
-    except csv.Error as error:
-        expected = "comma-separated values, quotes in pairs"
-        raise InputError.at(source, line=lines[-1], found=str(error), expected=expected) from None
-    return rows, lines
 
 
 def _misfit(row: list[str], names: list[str]) -> Ragged:
@@ -252,38 +210,6 @@ def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> 
             digest.update(cells.tobytes() if plain else repr(cells.tolist()).encode())
     lines = np.arange(1, rows + 1, dtype=np.int64)
     return Table(names, columns, lines, "row", source, digest.hexdigest())
-
-
-def table_of_frame(frame: Frame | Mapping[str, Any], source: str = "data frame") -> Table:
-    """A data frame, or a mapping of names to columns, as a table.
-
-    Parameters
-    ----------
-    frame : Frame or mapping of str to array_like, shape (n,)
-        Columns by name; what stands in a column that is not asked for does not matter.
-    source : str
-        What messages call it.
-
-    Returns
-    -------
-    Table
-        Its index is no column.
-    """
-    names = frame if isinstance(frame, Mapping) else frame.columns
-    return table_of_arrays([([str(name)], _cells(frame[name])) for name in names], source)
-
-
-def _cells(column: Any) -> object:
-    """A column as an array; None where nothing is known."""
-    if isinstance(column, np.ma.MaskedArray):
-        return column
-    array = np.asarray(column)
-    if array.dtype.kind in "iufU":
-        return array
-    try:
-        return column.to_numpy(dtype=object, na_value=None)  # pandas: NA is no value
-    except (AttributeError, TypeError):
-        return array.astype(object)
 
 
 def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:

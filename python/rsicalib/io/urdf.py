@@ -21,12 +21,12 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypedDict
 
 import numpy as np
 
 from rsicalib.io.rigid import Matrix, inverse, joint_motion, rigid, rotation, xyz_rpy
+from rsicalib.io.sources import read_text
 from rsicalib.io.urdf_path import JointPath, Mass, Masses, stretch
 from rsicalib.io.urdf_tree import ORIGIN, Joint, Robot, Step, listed, refuse
 
@@ -227,19 +227,7 @@ def read_toml(file: str) -> dict[str, Any]:
     InputError
         The file cannot be read, or is not TOML.
     """
-    return parse_toml(read_text(file), file)
-
-
-def read_text(file: str) -> str:
-    """Read a text file in UTF-8; `InputError` where that cannot be done."""
-    try:
-        return Path(file).read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        found = error.strerror or str(error)
-        refuse(file, "file", found=found, expected="a file that can be read")
-    except UnicodeDecodeError as error:
-        found = f"bytes that are not UTF-8 at offset {error.start}"
-        refuse(file, "file", found=found, expected="UTF-8 text")
+    return parse_toml(read_text(file, "a TOML file"), file)
 
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:
@@ -248,6 +236,8 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         refuse(name, "file", found=str(error), expected="TOML")
+    except RecursionError:
+        refuse(name, "file", found="values nested too deeply", expected="TOML")
 
 
 def write_urdf(

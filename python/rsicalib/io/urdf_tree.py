@@ -10,11 +10,11 @@ import math
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
 from rsicalib.errors import InputError, Where
+from rsicalib.io.sources import read_text
 
 __all__ = [
     "ORIGIN",
@@ -402,14 +402,7 @@ def _source(text_or_path: str | os.PathLike[str]) -> tuple[str, str]:
     if isinstance(text_or_path, str) and "<" in text_or_path:
         return "urdf", text_or_path
     file = os.fspath(text_or_path)
-    try:
-        return file, Path(file).read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        found = error.strerror or str(error)
-        refuse(file, "URDF", found=found, expected="a file that can be read")
-    except UnicodeDecodeError as error:
-        found = f"bytes that are not UTF-8 at offset {error.start}"
-        refuse(file, "URDF", found=found, expected="UTF-8 text")
+    return file, read_text(file, "a robot description", "URDF")
 
 
 def _parse(text: str, file: str) -> Element:

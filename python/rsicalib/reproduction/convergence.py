@@ -99,6 +99,7 @@ def convergence_equal(
     low: float = 0.5,
     high: float = 1.5,
     step: float = 0.005,
+    islands: bool = True,
     closures: Sequence[str] | None = None,
 ) -> Region:
     """Find the region of convergence when all gains are wrong by the same factor.
@@ -115,6 +116,8 @@ def convergence_equal(
         Lowest and highest factor that is tried.
     step : float
         Distance between the factors that are tried.
+    islands : bool
+        Walk on beyond the ends, up to `low` and `high`.
     closures : sequence of str, optional
         Closures that are used; all by default.
 
@@ -130,14 +133,14 @@ def convergence_equal(
         return converges(device, exact, factor, anchor=anchor, closures=closures)
 
     ends = [edge(succeeds, limit, step=step) for limit in (low, high)]
-    islands: list[tuple[float, float]] = []
+    found: list[tuple[float, float]] = []
     for end, limit in zip(ends, (low, high), strict=True):
-        if end.outside is None:
+        if end.outside is None or not islands:
             continue
         beyond = np.arange(end.outside, limit, np.copysign(step, limit - end.outside)).tolist()
         good = [factor for factor in beyond if succeeds(factor)]
-        islands += intervals(good, 1.5 * step)
-    return Region(ends[0].inside, ends[1].inside, tuple(sorted(islands)))
+        found += intervals(good, 1.5 * step)
+    return Region(ends[0].inside, ends[1].inside, tuple(sorted(found)))
 
 
 def convergence_independent(

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rsicalib import _core
-from rsicalib.errors import InputError
+from rsicalib import _core, options
 from rsicalib.reproduction.document import Paper
 from rsicalib.reproduction.misprints import misprints
 from rsicalib.reproduction.printed import printed_numbers
@@ -55,8 +54,10 @@ def paper(
     InputError
         There are not enough trials.
     """
-    if trials < 2:
-        raise InputError(f"trials: found {trials}, expected at least 2")
+    options.whole("trials", trials, 2, 10_000_000)
+    options.seed(seed)
+    if workers is not None:
+        options.whole("workers", workers, 1, 1024)
     printed = printed_numbers()
     study = Study(printed, trials, seed, progress or (lambda _what, _done, _of: None), workers)
     found = calibrations(study)

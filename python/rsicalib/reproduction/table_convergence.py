@@ -57,7 +57,7 @@ def convergence(study: Study) -> Table:
     count = 40
     ends = []
     for own in placed(nominal, poses, placement, rng, count):
-        region = convergence_equal(nominal, _poses_of(nominal, own))
+        region = convergence_equal(nominal, _poses_of(nominal, own), islands=False)
         ends.append([gain * region.high, gain * region.low])
     estimates = [Estimate.of(column) for column in np.array(ends).T]
     rows.append(

@@ -8,11 +8,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rsicalib import options
 from rsicalib._core import Mechanism
-from rsicalib.errors import InputError
+from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.builtin import BUILTIN
+from rsicalib.io.frames import TableArg
 from rsicalib.io.readings import Readings, load_readings
-from rsicalib.io.tables import Frame
 from rsicalib.results import Result, load_calibration
 
 __all__ = [
@@ -24,7 +25,6 @@ __all__ = [
     "SessionsArg",
     "earlier_result",
     "grouped",
-    "listed",
     "load",
     "noise_of_channels",
     "open_mechanism",
@@ -32,7 +32,7 @@ __all__ = [
 
 PathLike: TypeAlias = str | os.PathLike[str]
 MechanismArg: TypeAlias = PathLike | Mapping[str, Any] | Mechanism
-ReadingsArg: TypeAlias = PathLike | Readings | Frame | Mapping[str, Any]
+ReadingsArg: TypeAlias = PathLike | Readings | TableArg
 SessionsArg: TypeAlias = ReadingsArg | Sequence[ReadingsArg]
 CalibrationArg: TypeAlias = PathLike | Result
 
@@ -41,6 +41,9 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
     """A mechanism by name, from a file, from text, from plain values, or as it is."""
     if isinstance(name_or_path, Mechanism):
         return name_or_path
+    if not isinstance(name_or_path, str | os.PathLike | Mapping):
+        expected = "a name, a path, values or a Mechanism"
+        raise InputTypeError(f"mechanism: found {name_or_path!r}, expected {expected}")
     if isinstance(name_or_path, str) and name_or_path in BUILTIN:
         return BUILTIN[name_or_path]()
     from rsicalib.io.mechanisms import load_mechanism
@@ -50,18 +53,14 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
 
 def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:
     """A result as it is, or from its file; refused if it is of another mechanism."""
+    if not isinstance(calibration, str | os.PathLike | Result):
+        expected = "a path or a result"
+        raise InputTypeError(f"calibration: found {calibration!r}, expected {expected}")
     result = calibration if isinstance(calibration, Result) else load_calibration(calibration)
     if result.mechanism != mechanism.name:
         found = f"a calibration of {result.mechanism!r}"
         raise InputError(f"found {found}, expected one of {mechanism.name!r}")
     return result
-
-
-def listed(names: Sequence[str] | None) -> list[str] | None:
-    """Names as a list; a single text is refused, as its letters would pass for names."""
-    if isinstance(names, str):
-        raise InputError(f"found {names!r}, expected a sequence of names such as [{names!r}]")
-    return None if names is None else list(names)
 
 
 class Bare:
@@ -127,7 +126,5 @@ def noise_of_channels(
             raise InputError(f"noise: found {what}, expected one for each of {', '.join(names)}")
     else:
         sigma = dict.fromkeys(names, noise)
-    for name, value in sigma.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"noise of {name}: found {value}, expected a number above zero")
-    return [float(sigma[name]) for name in names]
+    expected = "a number above zero"
+    return [options.number(f"noise of {n}", sigma[n], expected, least=0.0) for n in names]

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.errors import InputError, InputTypeError, UndeterminedError
+from rsicalib.io.frames import in_memory
 from rsicalib.io.readings import Readings
-from rsicalib.io.tables import is_frame
 from rsicalib.results import Result
 from rsicalib.shapes import Parameter
 from rsicalib.work.applying import Known, as_applied, as_table, posed
@@ -25,7 +25,6 @@ from rsicalib.work.arguments import (
     SessionsArg,
     earlier_result,
     grouped,
-    listed,
     load,
     noise_of_channels,
     open_mechanism,
@@ -66,9 +65,13 @@ class Work:
         known_poses: bool = False,
     ) -> None:
         """Load the sessions, and keep the groups that are asked for."""
-        keep, leave = listed(fit_groups), listed(hold_out_groups)
+        keep = options.names("fit_groups", fit_groups)
+        leave = options.names("hold_out_groups", hold_out_groups)
         self.selected = None if keep is None and leave is None else (keep, leave)
-        single = isinstance(readings, str | os.PathLike | Readings) or is_frame(readings)
+        single = isinstance(readings, str | os.PathLike | Readings) or in_memory(readings)
+        if not single and not isinstance(readings, Iterable):
+            expected = "a path, readings, a data frame, an array, or a list of them"
+            raise InputTypeError(f"readings: found {readings!r}, expected {expected}")
         several: Iterable[ReadingsArg] = [readings] if single else readings  # type: ignore[list-item, assignment]
         for one in several:
             loaded = load(one, self.mechanism, self.skip)
@@ -91,7 +94,7 @@ class Work:
     def terms(self, terms: Sequence[str] | None) -> list[str] | None:
         """As asked for; else those of the earlier result that hold beyond its session."""
         if terms is not None or self.earlier is None:
-            return listed(terms)
+            return options.names("terms", terms)
         return _core.lasting([p.at for p in self.earlier.parameters])
 
     def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:

@@ -113,7 +113,7 @@ pub fn plan(
     let visited = options.beside.len() / channels;
     if visited + options.poses < channels {
         let expected = format!("at least {channels} with those visited already");
-        return Err(refuse("poses", options.poses, &expected));
+        return Err(Error::option("poses", options.poses, &expected));
     }
 
     let every: Vec<f64> = readings.iter().flatten().chain(&options.beside).copied().collect();
@@ -156,10 +156,10 @@ pub fn bound(
     let expected = "poses that the mechanism can take";
     if let Some(beyond) = found.iter().position(Option::is_none) {
         let found = format!("number {} out of reach or range", beyond + 1);
-        return Err(refuse("poses", found, expected));
+        return Err(Error::option("poses", found, expected));
     }
     if poses.is_empty() {
-        return Err(refuse("poses", "none", expected));
+        return Err(Error::option("poses", "none", expected));
     }
     let readings = found.into_iter().flatten().flatten().collect();
     bound_of(mechanism, offsets, gains, readings, noise)
@@ -176,12 +176,12 @@ pub fn workspace(mechanism: &Mechanism, within: Option<Within>) -> Result<Within
     let expected = "lowest and highest x, y, z, rx, ry, rz";
     let Some(within) = known else {
         let found = format!("no workspace of '{}'", mechanism.name);
-        return Err(refuse("within", found, expected));
+        return Err(Error::option("within", found, expected));
     };
     let ordered = |[low, high]: &[f64; 2]| low.is_finite() && high.is_finite() && low <= high;
     if !within.iter().all(ordered) {
         let expected = "six pairs of numbers, the lower end first";
-        return Err(refuse("within", format!("{within:?}"), expected));
+        return Err(Error::option("within", format!("{within:?}"), expected));
     }
     Ok(within)
 }
@@ -216,7 +216,7 @@ fn candidates(
     if poses.len() < (count / 200).max(20) {
         let found =
             format!("{} of {count} poses within reach, joint limits and ranges", poses.len());
-        return Err(refuse("within", found, "a box that the mechanism can reach"));
+        return Err(Error::option("within", found, "a box that the mechanism can reach"));
     }
     Ok((poses, readings))
 }
@@ -285,10 +285,10 @@ fn check_parameters(mechanism: &Mechanism, offsets: &[f64], gains: &[f64]) -> Re
         }
     }
     if let Some(bad) = offsets.iter().find(|v| !v.is_finite()) {
-        return Err(refuse("offsets", bad, "numbers"));
+        return Err(Error::option("offsets", bad, "numbers"));
     }
     match gains.iter().find(|v| !v.is_finite() || **v == 0.0) {
-        Some(bad) => Err(refuse("gains", bad, "numbers other than 0")),
+        Some(bad) => Err(Error::option("gains", bad, "numbers other than 0")),
         None => Ok(()),
     }
 }
@@ -298,7 +298,7 @@ fn check_options(options: &PlanOptions) -> Result<(), Error> {
         [("poses", options.poses), ("candidates", options.candidates), ("starts", options.starts)]
     {
         if !(1..=MOST).contains(&value) {
-            return Err(refuse(name, value, &format!("at least 1 and at most {MOST}")));
+            return Err(Error::option(name, value, format!("at least 1 and at most {MOST}")));
         }
     }
     check_noise(options.noise)
@@ -308,9 +308,5 @@ fn check_noise(noise: f64) -> Result<(), Error> {
     if noise.is_finite() && noise > 0.0 {
         return Ok(());
     }
-    Err(refuse("noise", noise, "a number of readings above 0"))
-}
-
-fn refuse(name: &'static str, found: impl ToString, expected: &str) -> Error {
-    Error::Option { name, found: found.to_string(), expected: expected.into() }
+    Err(Error::option("noise", noise, "a number of readings above 0"))
 }

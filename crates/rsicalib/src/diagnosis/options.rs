@@ -1,5 +1,7 @@
 //! How to search.
 
+use crate::{Error, terms};
+
 /// How to search.
 #[derive(Debug, Clone)]
 pub struct SearchOptions {
@@ -16,6 +18,20 @@ pub struct SearchOptions {
 impl Default for SearchOptions {
     fn default() -> Self {
         Self { alpha: 0.012, without: Vec::new(), most: 8, refits: 8 }
+    }
+}
+
+impl SearchOptions {
+    /// Checks that the options can be used.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] for numbers that cannot, [`Error::Unknown`] where there is no such term.
+    pub fn check(&self) -> Result<(), Error> {
+        if !(self.alpha > 0.0 && self.alpha < 1.0) {
+            return Err(Error::option("alpha", self.alpha, "a probability above 0 and below 1"));
+        }
+        self.without.iter().try_for_each(|id| terms::find(id).map(|_| ()))
     }
 }
 

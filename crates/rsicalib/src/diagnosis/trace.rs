@@ -69,8 +69,9 @@ pub struct Traced {
 ///
 /// # Errors
 ///
-/// As [`fit`].
+/// As [`SearchOptions::check`] and [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
+    search.check()?;
     let all = observations;
     let base = all.instances()?;
     let before = fit(all, base.clone(), None)?;

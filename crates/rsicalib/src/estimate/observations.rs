@@ -84,14 +84,15 @@ impl Observations {
     ///
     /// # Errors
     ///
-    /// As [`Readings::new`] and [`Mechanism::validate`]; [`Error::Unknown`] for a closure in the
-    /// options that does not exist, [`Error::Mechanism`] for an unknown term of the mechanism.
+    /// As [`FitOptions::check`], [`Readings::new`] and [`Mechanism::validate`]; [`Error::Unknown`] for a
+    /// closure in the options that does not exist, [`Error::Mechanism`] for an unknown term of the mechanism.
     pub fn new(
         mechanism: &Mechanism,
         table: Table,
         rest: Option<Vec<f64>>,
         options: FitOptions,
     ) -> Result<Self, Error> {
+        options.check()?;
         let mechanism = match &options.closures {
             Some(names) => mechanism.with_closures(names)?,
             None => mechanism.clone(),

@@ -1,5 +1,6 @@
 //! How to fit.
 
+use crate::Error;
 use crate::estimate::progress::Progress;
 use crate::numerics::lm;
 
@@ -53,5 +54,41 @@ impl Default for FitOptions {
             lm: lm::SolverOptions { xtol: 1e-10, ftol: 1e-12, ..lm::SolverOptions::default() },
             progress: Progress::default(),
         }
+    }
+}
+
+/// More starts than this are no better than other starting values.
+const MOST_STARTS: usize = 100_000;
+
+impl FitOptions {
+    /// Checks that the options can be used.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] with the first that cannot.
+    pub fn check(&self) -> Result<(), Error> {
+        if self.closures.as_ref().is_some_and(Vec::is_empty) {
+            return Err(Error::option("closures", "none", "at least one, or no such option"));
+        }
+        let unusable = |sigma: &&f64| !(sigma.is_finite() && **sigma > 0.0);
+        if let Some(sigma) = self.noise.iter().flatten().find(unusable) {
+            return Err(Error::option("noise", sigma, "numbers above 0"));
+        }
+        if !(self.play.is_finite() && self.play >= 0.0) {
+            return Err(Error::option("play", self.play, "a number, 0 or more"));
+        }
+        if !(1..=MOST_STARTS).contains(&self.starts) {
+            let expected = format!("1 to {MOST_STARTS}");
+            return Err(Error::option("starts", self.starts, expected));
+        }
+        if self.lm.max_iterations == 0 {
+            return Err(Error::option("max_iterations", 0, "at least 1"));
+        }
+        for (name, value) in [("xtol", self.lm.xtol), ("ftol", self.lm.ftol)] {
+            if !(value > 0.0 && value < 1.0) {
+                return Err(Error::option(name, value, "a number above 0 and below 1"));
+            }
+        }
+        Ok(())
     }
 }

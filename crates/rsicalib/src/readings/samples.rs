@@ -58,7 +58,8 @@ impl Readings {
     /// # Errors
     ///
     /// [`Error::Shape`] for columns that differ in length or in number from what the mechanism
-    /// needs, [`Error::Reading`] for a reading that is not a number in its channel's range,
+    /// needs, [`Error::Reading`] for a reading that is not a number in its channel's range and for
+    /// a time, a temperature or a distance that is not a number,
     /// [`Error::Empty`] for a table without rows, [`Error::Mechanism`] for a mechanism without
     /// channels.
     pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
@@ -406,6 +407,11 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     for (name, column) in values.iter().zip(&table.columns) {
         same(name, column.len())?;
     }
+    finite("time", table.time.as_deref().unwrap_or_default())?;
+    finite("temperature", table.temperature.as_deref().unwrap_or_default())?;
+    for (name, column) in values.iter().zip(&table.columns) {
+        finite(name, column)?;
+    }
     for (row, values) in table.values.chunks_exact(channels).enumerate() {
         for (channel, &found) in mechanism.channels.iter().zip(values) {
             let [low, high] = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
@@ -416,6 +422,20 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
         }
     }
     Ok(samples)
+}
+
+/// Refuses a column with an entry that is not a number.
+fn finite(name: &str, column: &[f64]) -> Result<(), Error> {
+    match column.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(row) => Err(Error::Reading {
+            row,
+            channel: name.into(),
+            found: column[row],
+            low: f64::NEG_INFINITY,
+            high: f64::INFINITY,
+        }),
+    }
 }
 
 fn shape(what: &str, found: usize, expected: usize) -> Error {

@@ -55,10 +55,13 @@ pub struct StepReport {
     /// What it does to the platform.
     pub platform_rms: Option<PlatformRms>,
     /// Reading (or time) and correction, where it is a curve.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub curve: Option<Vec<[f64; 2]>>,
     /// What the curve runs over.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub curve_over: Option<Over>,
     /// Standard deviation of each correction of the curve.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub curve_sd: Option<Vec<f64>>,
     /// Error on poses left out, with this effect and those before it.
     pub held_out: Option<HeldOut>,

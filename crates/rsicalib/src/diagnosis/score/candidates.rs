@@ -11,11 +11,14 @@ use crate::terms::term::{Per, Placed, Spot, Term};
 #[must_use]
 pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) -> Vec<Instance> {
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
+    let live = observations.weights.iter().filter(|w| **w > 0.0).count();
+    let room = (fit.model.equations() * live).saturating_sub(fit.beta.len());
     let mut all = Vec::new();
     for term in ALL.iter().copied() {
         let info = term.info();
         if term.placed() == Placed::AtPose
             || (info.broad && !tip(term))
+            || info.parameters.len() > room
             || without.iter().any(|w| w == info.id)
             || provided(term, mechanism, readings).is_err()
         {

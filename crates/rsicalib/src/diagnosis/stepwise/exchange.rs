@@ -138,7 +138,10 @@ impl Stepwise<'_> {
     ) -> Result<Option<([Scored; N], Fit)>, Error> {
         let mut best: Option<(f64, [Scored; N], Fit)> = None;
         for added in candidates {
-            let refit = self.with(without, &added.map(|s| s.instance))?;
+            let refit = match self.with(without, &added.map(|s| s.instance)) {
+                Err(Error::TooFew { .. }) => continue,
+                refit => refit?,
+            };
             let gain = self.gain(without, &refit, &added);
             if gain > best.as_ref().map_or(needed.max(0.0), |(g, ..)| *g) {
                 best = Some((gain, added, refit));

@@ -215,7 +215,10 @@ impl<'a> Stepwise<'a> {
         while joints.len() > 1 {
             let mut instances = current.model.instances.clone();
             instances.extend(joints.iter().map(|s| s.instance));
-            let refit = fit(&self.small, instances, Some(current))?;
+            let refit = match fit(&self.small, instances, Some(current)) {
+                Err(Error::TooFew { .. }) => return Ok(None),
+                refit => refit?,
+            };
             let judge = self.judge(&refit);
             let mut weakest: Option<(f64, usize)> = None;
             for (k, joint) in joints.iter_mut().enumerate() {
@@ -258,7 +261,10 @@ impl<'a> Stepwise<'a> {
         };
         let mut without = self.small.clone();
         without.weights[pose.instance.place] = 0.0;
-        let left = fit(&without, current.model.instances.clone(), Some(current))?;
+        let left = match fit(&without, current.model.instances.clone(), Some(current)) {
+            Err(Error::TooFew { .. }) => return Ok(None),
+            left => left?,
+        };
         // Several wrong readings at once are the rarer story: chance may not tell it.
         let mut best = ((self.gain(current, &left, &[*pose]) - AS_WELL).max(0.0), None);
         for candidate in scored.iter().filter(here) {

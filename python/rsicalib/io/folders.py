@@ -1,0 +1,151 @@
+"""Folders of results: nothing of the user's is lost, and what is there is whole.
+
+A file is replaced only if it was written by this package: a result says so by its `format`, other
+files by a line, and the readings of a simulation by their digest in `truth.json`. One file, the
+seal, is removed first and written last: a folder that has its seal is whole.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from rsicalib.errors import InputError
+from rsicalib.io.files import write_text
+
+__all__ = ["MARK", "TRUTH", "refuse_foreign", "write_folder"]
+
+MARK = "Written by rsicalib"
+"""A line with these words marks a text file that may be replaced."""
+
+OURS = re.compile(rb'"format":\s*"rsicalib\.|' + MARK.encode())
+ENDS = 4096
+"""The mark stands within so many bytes of one end of a file."""
+
+TRUTH = "truth.json"
+"""The seal of a simulated session, with the digest of each of its files."""
+
+
+def write_folder(
+    folder: str | os.PathLike[str],
+    files: Mapping[str, str],
+    *,
+    seal: str | None = None,
+    force: bool = False,
+) -> list[Path]:
+    """Write text files into a folder, which is made if it is not there.
+
+    Parameters
+    ----------
+    folder : path
+        Where to.
+    files : mapping of str to str
+        Text of each file, by its name, which may stand in a folder below (`figures/a.svg`).
+    seal : str, optional
+        Name of the file that is removed first and written last.
+    force : bool
+        Replace files that this package did not write as well.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of `files`.
+
+    Raises
+    ------
+    InputError
+        One cannot write there, another process is writing there, or a file that is there was
+        not written by this package. No file is changed then, save where the disk is full.
+    """
+    folder = Path(folder)
+    _make(folder)
+    with _locked(folder):
+        refuse_foreign(folder, files, force=force)
+        order = sorted(files, key=lambda name: name == seal)  # stable: only the seal moves
+        if seal is not None:
+            _remove(folder / seal)
+        for name in order:
+            _make((folder / name).parent)
+            write_text(folder / name, files[name])
+    return [folder / name for name in files]
+
+
+def refuse_foreign(
+    folder: str | os.PathLike[str], names: Iterable[str], *, force: bool = False
+) -> None:
+    """Refuse names of files that are there and that this package did not write.
+
+    Raises
+    ------
+    InputError
+        With the first such file, and what to do.
+    """
+    folder = Path(folder)
+    for name in () if force else names:
+        path = folder / name
+        if path.exists() and not _is_ours(path):
+            found = "a file that rsicalib did not write"
+            hint = "Choose another folder, or replace the file with --force (force=True)."
+            raise InputError.at(str(path), found=found, expected="no file", hint=hint)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            head = file.read(ENDS)
+            file.seek(max(0, path.stat().st_size - ENDS))
+            return bool(OURS.search(head) or OURS.search(file.read(ENDS))) or _is_simulated(path)
+    except OSError:
+        return False
+
+
+def _is_simulated(path: Path) -> bool:
+    """Whether `truth.json` beside a file has the file's digest."""
+    try:
+        digests = json.loads((path.parent / TRUTH).read_bytes())["files"]
+        return bool(digests[path.name] == hashlib.sha256(path.read_bytes()).hexdigest())
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return False
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        found = f"'{folder}', which cannot be a folder ({error.strerror})"
+        raise InputError(f"found {found}, expected a place for files") from None
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        found = f"'{path}', where one cannot write ({error.strerror})"
+        raise InputError(f"found {found}, expected a place for a file") from None
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other processes from writing here meanwhile; a lock ends with its process."""
+    try:
+        import fcntl
+    except ImportError:  # Windows has no locks of folders: each file is still whole
+        yield
+        return
+    at = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(at, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            found = "another rsicalib that writes there"
+            raise InputError.at(str(folder), found=found, expected="one at a time") from None
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(at)

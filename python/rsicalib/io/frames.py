@@ -1,0 +1,154 @@
+"""Readings that are in memory already: data frames, arrays, dictionaries of columns."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib.errors import InputError, InputTypeError
+from rsicalib.io.tables import Table, table_of_arrays
+
+__all__ = ["Cells", "Columns", "TableArg", "columns_of", "in_memory", "table_in_memory"]
+
+Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
+Columns: TypeAlias = dict[str, Cells]
+
+SOURCE = "data in memory"
+"""What messages call them."""
+
+
+class ArrowStream(Protocol):
+    """A data frame that offers its columns as an Arrow stream."""
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        """A capsule with the stream."""
+
+
+class Interchange(Protocol):
+    """A data frame of the interchange protocol."""
+
+    def __dataframe__(self, nan_as_null: bool = False, allow_copy: bool = True) -> Any:
+        """The frame, for other libraries."""
+
+
+TableArg: TypeAlias = ArrowStream | Interchange | Mapping[str, npt.ArrayLike] | npt.NDArray[Any]
+"""One table in memory."""
+
+
+def in_memory(given: object) -> bool:
+    """Whether this is one table: a data frame, an array, or a dictionary of columns."""
+    if isinstance(given, np.ndarray | Mapping):
+        return True
+    return any(hasattr(given, name) for name in ("__arrow_c_stream__", "__dataframe__"))
+
+
+def table_in_memory(given: object, channels: Sequence[str]) -> Table:
+    """A table from memory; an array has the columns of the channels, in their order.
+
+    Parameters
+    ----------
+    given : data frame, mapping of str to array_like, or array_like of shape (n, C) or (C,)
+        A data frame is anything with `__arrow_c_stream__` or `__dataframe__`: of pandas, polars,
+        pyarrow and others.
+    channels : sequence of str
+        Names for the columns of an array.
+
+    Raises
+    ------
+    InputError
+        The columns are not of one length, or of a type that holds neither numbers nor text.
+    """
+    if isinstance(given, np.ndarray | Sequence):
+        given = np.asarray(given)
+        given = given[np.newaxis] if given.ndim == 1 else given  # one reading
+        return table_of_arrays([(list(channels), given)], SOURCE)
+    if not in_memory(given):
+        expected = "a path, readings, a data frame, an array, or a dictionary of columns"
+        raise InputTypeError(f"readings: found {given!r}, expected {expected}")
+    columns = columns_of(given)
+    if not columns:
+        raise InputError.at(SOURCE, found="no columns", expected="one for each channel")
+    blocks: list[tuple[Sequence[str], object]] = [
+        ([str(name)], cells) for name, cells in columns.items()
+    ]
+    return table_of_arrays(blocks, SOURCE)
+
+
+def columns_of(frame: Any) -> Columns:
+    """Columns of a table by name, each of length n: arrays of numbers, or lists.
+
+    pandas, Polars, pyarrow and plain mappings are told apart by what they have; pyarrow is needed
+    for the others alone.
+
+    Raises
+    ------
+    InputError
+        It is no such table, a name stands twice, or the columns differ in length.
+    """
+    if isinstance(frame, Mapping):
+        names, cells = list(map(str, frame)), list(frame.values())
+    elif hasattr(frame, "schema") and hasattr(frame, "num_rows"):  # pyarrow
+        names = list(frame.schema.names)
+        cells = [_arrow(frame.column(i)) for i in range(len(names))]
+    elif hasattr(frame, "columns") and hasattr(frame, "dtypes"):  # pandas, Polars
+        names = list(map(str, frame.columns))
+        _refuse_doubled(names)
+        cells = [frame[name] for name in frame.columns]
+    elif in_memory(frame):
+        return columns_of(_as_arrow(frame))
+    else:
+        expected = "a data frame, or a mapping of names to arrays"
+        raise InputTypeError(f"found {type(frame).__name__}, expected {expected}")
+    _refuse_doubled(names)
+    columns = {name: _plain(column) for name, column in zip(names, cells, strict=True)}
+    if len({len(column) for column in columns.values()}) > 1:
+        sizes = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
+        raise InputError(f"found columns of different lengths ({sizes}), expected one length")
+    return columns
+
+
+def _as_arrow(frame: Any) -> Any:
+    try:
+        # By name: an optional dependency, and its typing differs between versions.
+        pyarrow: Any = importlib.import_module("pyarrow")
+        interchange: Any = importlib.import_module("pyarrow.interchange")
+    except ImportError:
+        hint = "Install it with: pip install rsicalib[parquet]"
+        found = f"a {type(frame).__name__}, and no pyarrow to read it"
+        raise InputError.at(SOURCE, found=found, expected="pyarrow", hint=hint) from None
+    arrow = hasattr(frame, "__arrow_c_stream__")
+    return pyarrow.table(frame) if arrow else interchange.from_dataframe(frame)
+
+
+def _arrow(column: Any) -> Any:
+    return column.to_pylist() if column.null_count else column.to_numpy(zero_copy_only=False)
+
+
+def _plain(cells: Any) -> Cells:
+    """Numbers stay an array; text and objects become a list, None where nothing is known."""
+    if isinstance(cells, np.ma.MaskedArray):
+        array = cells.data.astype(object)
+        array[np.ma.getmaskarray(cells)] = None
+    else:
+        array = np.asarray(cells)
+    if array.ndim != 1:
+        raise InputError.at(SOURCE, found=f"a column of shape {array.shape}", expected="(n,)")
+    if array.dtype.kind in "iuf":
+        return array
+    if array.dtype.kind != "U":
+        try:
+            array = cells.to_numpy(dtype=object, na_value=None)  # pandas: NA is no value
+        except (AttributeError, TypeError):
+            array = array.astype(object)
+    return array.tolist()  # type: ignore[no-any-return]
+
+
+def _refuse_doubled(names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            found = f"{names.count(name)} columns of this name"
+            raise InputError.at(SOURCE, column=name, found=found, expected="one")

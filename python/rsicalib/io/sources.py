@@ -1,0 +1,139 @@
+"""What users give as a file: its bytes, and the text in them.
+
+Everything that the package reads comes through here, so that a file which is not there, a folder,
+or text in another encoding is refused in the same words everywhere.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import os
+import sys
+import zlib
+
+from rsicalib.errors import InputError
+
+__all__ = ["STANDARD_INPUT", "decoded", "read_bytes", "read_text", "unpacked"]
+
+STANDARD_INPUT = "-"
+"""The path that stands for standard input."""
+
+MOST = 4 * 2**30
+"""A compressed file that grows beyond this many bytes is refused: a few kB can hold terabytes."""
+
+MARKS = {b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
+"""What other encodings begin with."""
+
+ENOUGH = 4096
+"""So many bytes tell what a file is."""
+
+
+def read_bytes(path: str | os.PathLike[str], expected: str, place: str | None = None) -> bytes:
+    """Read a whole file, or standard input where the path is `-`.
+
+    Parameters
+    ----------
+    path : path
+        As it was given.
+    expected : str
+        What the file is to hold, for the message.
+    place : str, optional
+        What needs the file, for the message.
+
+    Returns
+    -------
+    bytes
+        As they stand in the file.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it cannot be read.
+    """
+    source = os.fsdecode(path)
+
+    def refuse(found: str, expected: str) -> InputError:
+        return InputError.at(source, column=place, found=found, expected=expected, column_word="")
+
+    try:
+        if source == STANDARD_INPUT:
+            return sys.stdin.buffer.read()
+        with open(source, "rb") as file:
+            return file.read()
+    except FileNotFoundError:
+        raise refuse("no such file", expected) from None
+    except IsADirectoryError:
+        raise refuse("a directory", expected) from None
+    except (AttributeError, OSError, ValueError) as error:  # closed, unreadable, a NUL in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        raise refuse(reason, "a file that can be read") from error
+
+
+def unpacked(data: bytes, source: str) -> bytes:
+    """Bytes of a gzip file as they were before; other bytes as they are.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or holds too much.
+    """
+    if not data.startswith(b"\x1f\x8b"):
+        return data
+    try:
+        with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
+            whole = file.read(MOST + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        found = f"a gzip file that is damaged ({error})"
+        raise InputError.at(source, found=found, expected="a whole gzip file") from None
+    if len(whole) > MOST:
+        found = f"more than {MOST / 2**30:.0f} GB in a gzip file"
+        raise InputError.at(source, found=found, expected="less")
+    return whole
+
+
+def decoded(data: bytes, source: str, *, hint: str = "Save the file in UTF-8.") -> str:
+    """Text of UTF-8 bytes.
+
+    A byte order mark is dropped without a word: spreadsheets write it, it is
+    legal UTF-8 and carries nothing; kept, it would hide in the first name.
+
+    Raises
+    ------
+    InputError
+        The bytes are no UTF-8; the message names the line, and what else they may be.
+    """
+    if b"\0" in data[:ENOUGH] and data[:2] not in MARKS:
+        found = f"NUL bytes: the file {_looks_like(data)}"
+        raise InputError.at(source, line=1, found=found, expected="text in UTF-8", hint=hint)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        byte = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
+        found = f"{byte}: {_other(data, error.start)}"
+        raise InputError.at(
+            source, line=line, found=found, expected="text in UTF-8", hint=hint
+        ) from None
+
+
+def _other(data: bytes, at: int) -> str:
+    """What bytes that are no UTF-8 may be."""
+    if data[:2] in MARKS:
+        return f"the file looks like {MARKS[data[:2]]}"
+    if b"\0" in data[:ENOUGH]:
+        return f"the file {_looks_like(data)}"
+    return f"{data[at : at + 1].decode('latin-1')!r} if the file is Latin-1"
+
+
+def _looks_like(data: bytes) -> str:
+    """What a file with NUL bytes is: in UTF-16 every other byte of plain text is one."""
+    start = data[:ENOUGH]
+    halves = (start[::2].count(0), start[1::2].count(0))
+    utf16 = max(halves) > len(start) // 4 and min(halves) == 0
+    return "looks like UTF-16" if utf16 else "does not look like text"
+
+
+def read_text(path: str | os.PathLike[str], expected: str, place: str | None = None) -> str:
+    """Read a file of text in UTF-8; see `read_bytes` and `decoded`."""
+    return decoded(read_bytes(path, expected, place), os.fsdecode(path))

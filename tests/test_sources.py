@@ -1,0 +1,155 @@
+"""Readings as people have them: compressed, commented, of spreadsheets, loggers and data frames.
+
+What is read is compared with the plain file of the same readings; what can be misread is refused.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, InputError, Readings
+
+PLAIN = (DEMO / "rest.csv").read_text(encoding="utf-8")
+NAMES = PLAIN.splitlines()[0].split(",")
+WANTED = rsicalib.load_readings(DEMO / "rest.csv")
+
+
+def same(found: Readings, wanted: Readings = WANTED) -> None:
+    assert np.array_equal(found.values, wanted.values)
+    assert np.array_equal(found.pose, wanted.pose)
+    assert found.time_s is not None and np.array_equal(found.time_s, wanted.time_s)  # type: ignore[arg-type]
+
+
+def semicolons(text: str) -> str:
+    return text.replace(",", ";").replace(".", ",")
+
+
+def units(text: str, unit: str = "count") -> str:
+    head, rest = text.split("\n", 1)
+    known = {"time_s": "[s]", "temperature_c": "°C", "pose": "-", "sample": ""}
+    known |= dict.fromkeys(("x", "y", "z"), "in") | dict.fromkeys(("rx", "ry", "rz"), "(rad)")
+    return "\n".join([head, ",".join(known.get(name, unit) for name in NAMES), rest])
+
+
+SHAPES: dict[str, Callable[[str], bytes]] = {
+    "gzip": lambda text: gzip.compress(text.encode()),
+    "comments above the header": lambda text: f"# device 7\n#\n{text}".encode(),
+    "a byte order mark": lambda text: b"\xef\xbb\xbf" + text.encode(),
+    "ends of lines of Windows": lambda text: text.replace("\n", "\r\n").encode(),
+    "semicolons and decimal commas": lambda text: semicolons(text).encode(),
+    "semicolons and decimal points": lambda text: text.replace(",", ";").encode(),
+    "tabs": lambda text: text.replace(",", "\t").encode(),
+    "a row of units": lambda text: units(text).encode(),
+    "all at once": lambda text: gzip.compress(f"# by a logger\n{semicolons(units(text))}".encode()),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_file_as_people_have_it_holds_the_same_readings(shape: str, tmp_path: Path) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_bytes(SHAPES[shape](PLAIN))
+    same(rsicalib.load_readings(path))
+
+
+def test_a_line_is_counted_with_the_comments_above_it(tmp_path: Path) -> None:
+    path = tmp_path / "readings.csv"
+    lines = PLAIN.splitlines()
+    lines[2] = lines[2].rsplit(",", 1)[0] + ",x"
+    path.write_text("# one\n# two\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        rsicalib.load_readings(path)
+    assert caught.value.where is not None and caught.value.where["line"] == 5
+
+
+MISREAD: dict[str, tuple[Callable[[str], bytes], str]] = {
+    "another unit": (lambda text: units(text, "deg").encode(), "found unit 'deg', expected unit"),
+    "a cut gzip file": (lambda text: gzip.compress(text.encode())[:-9], "damaged"),
+    "Latin-1": (lambda text: f"# Gerät\n{text}".encode("latin-1"), "'ä' if the file is Latin-1"),
+    "UTF-16": (lambda text: text.encode("utf-16"), "looks like UTF-16"),
+    "a picture": (lambda text: b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0", "does not look like text"),
+    "both decimals": (
+        lambda text: text.replace(",", ";").replace(".", ",", 1).encode(),
+        "expected a finite number",
+    ),
+    "one line of 50 MB": (lambda text: b"x" * 50_000_000, "field larger than field limit"),
+}
+
+
+@pytest.mark.parametrize("kind", MISREAD)
+def test_what_can_be_misread_is_refused(kind: str, tmp_path: Path) -> None:
+    make, words = MISREAD[kind]
+    path = tmp_path / "readings.csv"
+    path.write_bytes(make(PLAIN))
+    with pytest.raises(InputError, match=words):
+        rsicalib.load_readings(path)
+
+
+def test_a_comma_before_three_digits_is_refused_where_nothing_tells_what_it_means(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "readings.csv"
+    at = 0
+    head = ["time_s", *WANTED.channels]
+    rows = [["", *map(str, values)] for values in WANTED.values.astype(int).tolist()]
+    for k, row in enumerate(rows):
+        row[at] = f"1,{100 + k}"
+    path.write_text("\n".join(";".join(row) for row in [head, *rows]), encoding="utf-8")
+    with pytest.raises(InputError, match=r"line 2, column time_s: .*decimal or thousands"):
+        rsicalib.load_readings(path)
+    rows[-1][at] = "1,25"
+    path.write_text("\n".join(";".join(row) for row in [head, *rows]), encoding="utf-8")
+    found = rsicalib.load_readings(path).time_s
+    assert found is not None and found[0] == 1.1 and found[-1] == 1.25
+
+
+def test_standard_input_is_a_file_too() -> None:
+    command = [sys.executable, "-m", "rsicalib", "forward", "-"]
+    done = subprocess.run(command, input=PLAIN.encode(), capture_output=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    at_rest = subprocess.run([*command[:-1], str(DEMO / "rest.csv")], capture_output=True)
+    assert done.stdout == at_rest.stdout
+
+
+def columns() -> dict[str, Any]:
+    return {
+        name: np.genfromtxt(io.StringIO(PLAIN), delimiter=",", names=True)[name] for name in NAMES
+    }
+
+
+def frame_of(library: str) -> Any:
+    module: Any = pytest.importorskip(library)
+    return module.table(columns()) if library == "pyarrow" else module.DataFrame(columns())
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars", "pyarrow"])
+def test_a_data_frame_is_readings(library: str) -> None:
+    same(rsicalib.load_readings(frame_of(library)))
+
+
+def test_columns_and_arrays_are_readings() -> None:
+    same(rsicalib.load_readings(columns()))
+    assert np.array_equal(rsicalib.load_readings(WANTED.values).values, WANTED.values)
+    with pytest.raises(InputError, match="a11"):
+        rsicalib.load_readings({name: cells for name, cells in columns().items() if name != "a11"})
+    with pytest.raises(InputError, match="shape"):
+        rsicalib.load_readings(WANTED.values[:, :5])
+
+
+def test_calibrate_takes_arrays_with_a_rest_reading_of_one_row() -> None:
+    demo = rsicalib.load_readings(DEMO / "readings.csv")
+    rest = np.rint(WANTED.values.mean(axis=0))
+    whole = rsicalib.calibrate(demo, rest=rest)
+    assert whole.readings.samples == len(demo)
+    table = {"pose": demo.pose, **dict(zip(demo.channels, demo.values.T, strict=True))}
+    again = rsicalib.calibrate(table, rest=rest[np.newaxis])
+    assert again.parameters == whole.parameters
