@@ -94,7 +94,7 @@ def columns_of(frame: Any) -> Columns:
     elif hasattr(frame, "schema") and hasattr(frame, "num_rows"):  # pyarrow
         names = list(frame.schema.names)
         cells = [_arrow(frame.column(i)) for i in range(len(names))]
-    elif hasattr(frame, "columns") and hasattr(frame, "dtypes"):  # pandas, Polars
+    elif hasattr(frame, "columns"):  # pandas, Polars
         names = list(map(str, frame.columns))
         _refuse_doubled(names)
         cells = [frame[name] for name in frame.columns]
