@@ -79,7 +79,7 @@ def test_the_citation_is_of_the_format_that_it_names() -> None:
 
 
 def test_the_workflows_are_workflows() -> None:
-    assert len(WORKFLOWS) == 4
+    assert len(WORKFLOWS) == 5
     conforms("vendor.github-workflows", *WORKFLOWS)
 
 
@@ -95,6 +95,7 @@ def test_a_workflow_may_do_no_more_than_each_job_says(path: Path) -> None:
         allowed = {("contents", "read")}
         if "environment" in job:
             allowed |= {("id-token", "write")}
+            allowed |= {("pages", "write")} if path.stem == "docs" else set()
         assert set(job["permissions"].items()) <= allowed, name
         if "uses" in job:  # another workflow, with limits of its own
             assert (ROOT / job["uses"]).exists(), name

@@ -134,7 +134,7 @@ def _plain(cells: Any) -> Cells:
         array = cells.data.astype(object)
         array[np.ma.getmaskarray(cells)] = None
     else:
-        array = np.asarray(cells)
+        array = np.asarray(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
     if array.ndim != 1:
         raise InputError.at(SOURCE, found=f"a column of shape {array.shape}", expected="(n,)")
     if array.dtype.kind in "iuf":
