@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Callable
 from typing import TypeAlias, TypeVar
 
@@ -15,7 +16,7 @@ ProgressArg: TypeAlias = Callable[[str, float], object]
 """Called with the stage in words and the share of the job that is done, 0 to 1.
 
 How much there is to do depends on what is found, so the share is an estimate; it never falls. An
-exception of the callback is raised when the job is done.
+exception of the callback ends the job.
 """
 
 log = logging.getLogger("rsicalib")
@@ -25,9 +26,13 @@ AnyResult = TypeVar("AnyResult", bound=Result)
 
 
 def listener(progress: ProgressArg | None) -> ProgressArg | None:
-    """Return what the core calls: the callback, with stages logged; None where nobody listens."""
+    """Return what the core calls: the callback, with stages logged; None where nobody listens.
+
+    In the main thread somebody always does: between two lines of Python Ctrl-C is heard.
+    """
     if not log.isEnabledFor(logging.DEBUG):
-        return progress
+        alone = threading.current_thread() is threading.main_thread()
+        return progress or (_heard if alone else None)
     last = ""
 
     def tell(stage: str, share: float) -> None:
@@ -39,6 +44,10 @@ def listener(progress: ProgressArg | None) -> ProgressArg | None:
             progress(stage, share)
 
     return tell
+
+
+def _heard(stage: str, share: float) -> None:
+    """Nothing to do but to let a signal in."""
 
 
 def finished(result: AnyResult) -> AnyResult:
