@@ -162,7 +162,7 @@ def test_a_cell_of_a_data_frame_that_cannot_be_used_is_named(tmp_path: Path) -> 
     frame = pandas.read_csv(READINGS)
     frame["a22"] = frame["a22"].astype("Int64")
     frame.loc[3, "a22"] = pandas.NA
-    with pytest.raises(InputError, match="data frame, row 4, column a22: found NaN"):
+    with pytest.raises(InputError, match="data in memory, row 4, column a22: found NaN"):
         rsicalib.load_readings(frame)
     with pytest.raises(InputError, match="column a33"):
         rsicalib.load_readings(frame.drop(columns="a33"))
