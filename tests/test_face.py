@@ -386,7 +386,7 @@ def test_an_exception_of_the_callback_is_the_caller_s() -> None:
         calls.clear()
         with pytest.raises(RuntimeError, match="enough"):
             verb(READINGS, rest=REST, progress=stop)
-        assert len(calls) < 5  # the job ends there, and does not go on unheard
+        assert len(calls) < 5  # it is not called again
 
 
 @pytest.mark.skipif(not hasattr(signal, "raise_signal"), reason="signals")
