@@ -397,8 +397,13 @@ def test_ctrl_c_ends_a_job_in_the_main_thread(monkeypatch: pytest.MonkeyPatch) -
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(listening, "_heard", interrupt)  # as if somebody pressed it just now
-    with pytest.raises(KeyboardInterrupt):
-        rsicalib.trace(READINGS, rest=REST)
+    # What runs in the background of a shell ignores the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            rsicalib.trace(READINGS, rest=REST)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_verb_logs_warnings_stages_and_its_verdict(caplog: pytest.LogCaptureFixture) -> None:

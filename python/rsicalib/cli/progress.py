@@ -103,7 +103,7 @@ def duration(seconds: float) -> str:
     Examples
     --------
     >>> duration(7.2), duration(75), duration(4000)
-    ('7 s', '1:15 min', '1:07 h')
+    ('8 s', '1:15 min', '1:07 h')
     """
     whole = math.ceil(seconds)
     if whole < 60:
@@ -111,6 +111,7 @@ def duration(seconds: float) -> str:
     minutes, rest = divmod(whole, 60)
     if minutes < 60:
         return f"{minutes}:{rest:02d} min"
+    minutes += rest > 0
     return f"{minutes // 60}:{minutes % 60:02d} h"
 
 
