@@ -98,7 +98,9 @@ def test_noise_beyond_a_twentieth_of_the_limits_is_implausible(verb: Any) -> Non
     mechanism = Mechanism.from_toml(toml(device))
     session = Session(scene, values, {}, True, False)
     found = verb(readings_of(mechanism, session), mechanism)
-    assert found.verdict == "implausible"
+    # A trace may name an effect that random readings do not determine, which is said first.
+    assert found.verdict in {calibrate: {"implausible"}}.get(verb, {"implausible", "undetermined"})
+    assert any("noise of" in words for words in found.implausible)
     assert found.exit_code == 4
 
 
