@@ -98,10 +98,10 @@ def test_noise_beyond_a_twentieth_of_the_limits_is_implausible(verb: Any) -> Non
     mechanism = Mechanism.from_toml(toml(device))
     session = Session(scene, values, {}, True, False)
     found = verb(readings_of(mechanism, session), mechanism)
-    # A trace may name an effect that random readings do not determine, which is said first.
-    assert found.verdict in {calibrate: {"implausible"}}.get(verb, {"implausible", "undetermined"})
     assert any("noise of" in words for words in found.implausible)
-    assert found.exit_code == 4
+    # A trace may name an effect that random readings do not determine: then that is said first.
+    undetermined = verb is rsicalib.trace and found.verdict == "undetermined"
+    assert undetermined or (found.verdict, found.exit_code) == ("implausible", 4)
 
 
 def test_an_effect_beyond_thirty_times_its_typical_size_is_implausible() -> None:
