@@ -204,7 +204,7 @@ class Predicted(Record):
     """Standard deviation of a coordinate of the platform's position, or of carried points, by the
     errors of the parameters [length unit]."""
     orientation_sd: float | None
-    """Standard deviation of roll, pitch and yaw [rad]; null without a platform."""
+    """Standard deviation of roll, pitch and yaw (rad); null without a platform."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ pub struct Predicted {
     /// Standard deviation of a coordinate of the platform's position, or of carried points, by
     /// the errors of the parameters [length unit].
     pub position_sd: f64,
-    /// Standard deviation of roll, pitch and yaw [rad]; null without a platform.
+    /// Standard deviation of roll, pitch and yaw (rad); null without a platform.
     pub orientation_sd: Option<f64>,
     /// Degrees of freedom of the mean square of the positions.
     #[cfg_attr(feature = "serde", serde(skip))]
