@@ -8,6 +8,7 @@ use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::numbering::{number_unknowns, unknown_name};
+use crate::model::prior::Prior;
 use crate::model::specification::check_names;
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::Readings;
@@ -127,6 +128,8 @@ pub struct Model {
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
+    /// Coordinates of unknown points that null equations determine.
+    pub(crate) settled: Vec<Prior>,
     pub(crate) sensors: Vec<SensorAt>,
     pub(crate) electronics: Vec<ElectronicsAt>,
     pub(crate) loads: Vec<LoadAt>,
@@ -253,6 +256,7 @@ impl Model {
         let mut model = Self {
             steps: Vec::new(),
             closures: Vec::new(),
+            settled: Vec::new(),
             sensors: Vec::new(),
             electronics: Vec::new(),
             loads: Vec::new(),
