@@ -251,8 +251,8 @@ def _effect(
         return [((name, f"to{k}", None), parameter, 2.0 * large) for k in (1, 2, 3)]
     if name == "base_tilt":
         return [((name, f"to{k}", None), "ry", large) for k in (1, 2, 3)]
-    if name == "point_position":
-        return [((name, "to3", None), "y", -large)]
+    if name in ("point_position", "tool_slip"):  # the same, from one pose on
+        return [(("point_position", "to3", None), "y", -large)]
     return [((name, f"to{k}", None), parameter, large) for k in (1, 2, 3)]
 
 

@@ -35,6 +35,7 @@ __all__ = [
     "Node",
     "Noise",
     "Parameter",
+    "Predicted",
     "Reference",
     "Reliability",
     "ResultShape",
@@ -191,6 +192,19 @@ class WithExcluded(Record):
     """How well the model fits."""
     parameters: tuple[Parameter, ...]
     """Estimates."""
+
+
+@dataclass(frozen=True)
+class Predicted(Record):
+    """Predicted error, root mean square over components."""
+
+    poses: int
+    """Poses for which the error is predicted."""
+    position_sd: float
+    """Standard deviation of a coordinate of the platform's position, or of carried points, by the
+    errors of the parameters [length unit]."""
+    orientation_sd: float | None
+    """Standard deviation of roll, pitch and yaw [rad]; null without a platform."""
 
 
 @dataclass(frozen=True)
@@ -630,6 +644,8 @@ class ResultShape(Record):
     """Estimates."""
     covariance: Labelled
     """Covariance of the parameters, in their order and units; null where unknown."""
+    predicted: Predicted | None = field(default=None, metadata=IF_KNOWN)
+    """Predicted error at the poses of the session; null where the data determine none."""
     unobservable: tuple[str, ...] = ()
     """Directions in the space of parameters that the data cannot tell."""
     weak: tuple[str, ...] = field(default=(), metadata=OMIT)

@@ -2,6 +2,10 @@
 
 `python -m tests.families.run --family all --suite all --devices 20 --seed 0 --jobs 2` prints one
 table for each family. Devices are seeded one by one: results do not depend on the number of jobs.
+Files are written after each round of one device of every suite of every family.
+
+`python -m tests.families.run --suite garbage --devices 143 --misses` is 1,000 tries of readings
+that have nothing to do with their machine.
 """
 
 from __future__ import annotations
@@ -11,10 +15,11 @@ import json
 import multiprocessing
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 
 from tests.families.draw import FAMILIES
 from tests.families.grade import USABLE, Grade
@@ -99,21 +104,58 @@ def miss(row: Row) -> str | None:
     return f"{what} {grade.verdict}: {', '.join(grade.said) or 'nothing'}{more}"
 
 
-def collected(
-    families: Iterable[str], suites: Iterable[str], devices: int, jobs: int, seed: int
-) -> list[Row]:
-    """All rows, in order."""
-    asked = [(f, s, k) for f in families for s in suites for k in range(devices)]
+def rounds(
+    families: Sequence[str], suites: Sequence[str], devices: int, jobs: int, seed: int
+) -> Iterator[list[Row]]:
+    """Device after device, one of every suite of every family at a time."""
     work = partial(one, seed=seed)
+    each = [[(f, s, k) for f in families for s in suites] for k in range(devices)]
     if jobs == 1:
-        return [work(each) for each in asked]
+        yield from ([work(asked) for asked in turn] for turn in each)
+        return
     with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-        return pool.map(work, asked, chunksize=1)
+        yield from (pool.map(work, turn, chunksize=1) for turn in each)
 
 
 def one(asked: tuple[str, str, int], seed: int) -> Row:
     """One device."""
     return run(*asked, seed)
+
+
+@dataclass
+class Figures:
+    """All rows so far, and where they are written."""
+
+    command: str
+    rows: list[Row]
+    out: Path | None = None
+    report: Path | None = None
+
+    def tables(self) -> dict[str, list[tuple[str, str, str]]]:
+        """The summary of every family that was looked at."""
+        there = {row.family for row in self.rows}
+        by_family = {f: [row for row in self.rows if row.family == f] for f in FAMILIES}
+        return {f: summary(rows) for f, rows in by_family.items() if f in there}
+
+    def write(self) -> None:
+        """Writes the files that were asked for."""
+        tables = self.tables()
+        if self.out:
+            plain = [as_plain(row) for row in self.rows]
+            out = {"command": self.command, "figures": tables, "devices": plain}
+            self.out.write_text(json.dumps(out, indent=1) + "\n", encoding="utf-8")
+        if self.report:
+            self.report.write_text(page(tables, self.command), encoding="utf-8")
+
+    def show(self, misses: bool) -> None:
+        """Prints the tables."""
+        for family, lines in self.tables().items():
+            print(f"== {family}")
+            for suite, name, value in lines:
+                print(f"  {suite:15s} {name:34s} {value}")
+            if misses:
+                own = (row for row in self.rows if row.family == family)
+                print("\n".join(filter(None, map(miss, own))))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -122,6 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--family", choices=[*FAMILIES, "all"], default="all")
     parser.add_argument("--suite", choices=[*SUITES, "all"], default="all")
     parser.add_argument("--devices", type=int, default=20, help="of every suite of every family")
+    parser.add_argument("--minutes", type=float, help="begin no other device after so long")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--misses", action="store_true", help="list the devices that went wrong")
@@ -130,27 +173,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     families = list(FAMILIES) if options.family == "all" else [options.family]
     suites = list(SUITES) if options.suite == "all" else [options.suite]
-    every: dict[str, list[Row]] = {}
-    for family in families:
-        rows = collected([family], suites, options.devices, options.jobs, options.seed)
-        every[family] = rows
-        print(f"== {family}")
-        for suite, name, value in summary(rows):
-            print(f"  {suite:15s} {name:34s} {value}")
-        if options.misses:
-            print("\n".join(filter(None, map(miss, rows))))
-        sys.stdout.flush()
-    tables = {family: summary(rows) for family, rows in every.items()}
     command = (
         f"python -m tests.families.run --family {options.family} --suite {options.suite} "
         f"--devices {options.devices} --seed {options.seed}"
     )
-    if options.out:
-        plain = [as_plain(row) for rows in every.values() for row in rows]
-        out = {"command": command, "figures": tables, "devices": plain}
-        options.out.write_text(json.dumps(out, indent=1) + "\n", encoding="utf-8")
-    if options.report:
-        options.report.write_text(page(tables, command), encoding="utf-8")
+    if options.minutes is not None:
+        command += f" --minutes {options.minutes:g}"
+    figures = Figures(command, [], options.out, options.report)
+    start = perf_counter()
+    for rows in rounds(families, suites, options.devices, options.jobs, options.seed):
+        figures.rows += rows
+        figures.write()
+        if options.minutes is not None and perf_counter() - start > 60 * options.minutes:
+            break
+    figures.show(options.misses)
     return 0
 
 

@@ -20,8 +20,8 @@ shared with the core. Effects are as large as makes their noncentrality, the mea
 - *error grew*: points at check poses are worse than before, and 1.1 times worse than those of a
   calibration that is told the truth. Points are compared after a rigid motion.
 - *outside*: laws that no term has; the target is right where that sensor is named, or blamed.
-- *garbage*: random readings, those of another machine, columns in another order, degrees for
-  radians. With exit code 0 a script goes on.
+- *garbage*: random readings in range, those of machines of other families, columns in another
+  order, degrees for radians. With exit code 0 a script goes on.
 """
 
 

@@ -35,7 +35,7 @@ STRENGTH = (60.0, 200.0)
 """Noncentrality of effects, drawn between."""
 CHECKS = 30
 """Check poses, of other samples and free of noise."""
-GARBAGE = ("random", "another device", "shuffled columns", "degrees")
+GARBAGE = ("random", "another mechanism", "shuffled columns", "degrees")
 FACTORS = (0.3, 0.5, 2.0, 3.0)
 
 
@@ -228,20 +228,34 @@ def garbage(family: str, device: Device, session: Session, rng: Rng, kind: str) 
     if kind == "random":
         q = rng.uniform(low, high, values.shape)
         return session.changed(within(device, (q - device.offsets) / device.gains))
-    if kind == "another device":
-        for _ in range(20):
-            try:
-                other = Device.random(family, rng)
-                readings = observe(other, stage(other, rng), rng)
-            except ValueError:
-                continue
-            if len(readings.values) == len(values):
-                return replace(readings, scene=session.scene)
+    if kind == "another mechanism":
+        q = low + (high - low) * another(family, rng, session.scene.label, values.shape[1])
+        return session.changed(within(device, (q - device.offsets) / device.gains))
     if kind == "degrees":
         turning = [c["unit"] == "rad" for c in channels(device)]
         return session.changed(np.where(turning, np.degrees(values), values))
     order = np.roll(np.arange(values.shape[1]), 1)
     return session.changed(within(device, values[:, order]))
+
+
+def another(family: str, rng: Rng, label: Array, channels: int) -> Array:
+    """Joint coordinates of machines of other families, pose by pose, in parts of their ways.
+
+    Their loops close, and move smoothly within their limits; only the machine is another one. A
+    machine of the same family would differ in its dimensions alone, which offsets and gains may
+    make up for: such readings are no garbage.
+    """
+    columns: list[Array] = []
+    while len(columns) < channels:
+        other = str(rng.choice([name for name in FAMILIES if name != family]))
+        try:
+            device = Device.random(other, rng)
+            q = device.closed(stage(device, rng, samples=1))
+        except ValueError:
+            continue
+        low, high = linkage.limits(device.drawing.mechanism)
+        columns += list(((q - low) / (high - low))[(label - 1) % len(q)].T)
+    return np.stack(columns[:channels], axis=1)
 
 
 def within(device: Device, values: Array) -> Array:

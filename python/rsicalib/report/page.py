@@ -21,6 +21,7 @@ from rsicalib.report.words import (
     number,
     p_is,
     plus_minus,
+    predicted_words,
     quality,
     sentence,
     size_words,
@@ -178,16 +179,15 @@ def _data(result: ResultShape) -> str:
     )
 
 
+def _unchecked(result: ResultShape) -> str:
+    unknown = "Closure is not accuracy: no known poses were given, so the error is not known"
+    predicted = predicted_words(result).strip()
+    return f"{unknown}; {predicted}" if predicted else f"{unknown}."
+
+
 def _errors(result: ResultShape) -> str:
     heads, rows = comparison(result)
-    note = (
-        ""
-        if quality(result).check
-        else (
-            '<p class="faint">Closure is not accuracy: no known poses were given, so the error of '
-            "the platform is not known.</p>"
-        )
-    )
+    note = "" if quality(result).check else f'<p class="faint">{escape(_unchecked(result))}</p>'
     found = table(["", *heads], rows, words="error before and after") if rows else ""
     return f"{found}\n{note}" if found or note else ""
 

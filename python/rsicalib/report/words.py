@@ -25,6 +25,7 @@ __all__ = [
     "noise_words",
     "number",
     "plus_minus",
+    "predicted_words",
     "quality",
     "sentence",
     "size_words",
@@ -107,6 +108,23 @@ def p_is(p: float | None) -> str:
     """`p = 0.03`, `p < 1e-99`."""
     words = probability(p)
     return f"p {words}" if words.startswith("<") else f"p = {words}"
+
+
+def predicted_words(result: ResultShape) -> str:
+    """The error that a calibration predicts of itself, as a sentence; empty where it cannot."""
+    error = result.predicted
+    if error is None:
+        return ""
+    where = f"{number(error.position_sd, 2)} {result.length_unit}"
+    if error.orientation_sd is not None:
+        what, where = "the platform", f"{where} and {number(error.orientation_sd, 2)} rad"
+    else:
+        what = "carried points"
+    but = ", without what is not observable" if result.unobservable else ""
+    return (
+        f"at the poses of this session {what} should be right to {where} (one standard "
+        f"deviation{but}). "
+    )
 
 
 def quality(result: ResultShape) -> FitQuality:
@@ -288,8 +306,8 @@ def advice(result: ResultShape) -> list[str]:
         out += [*_elsewhere(result), *_next_measurement(result)]
     if fit.check is None:
         out.append(
-            "Closure is not accuracy: give poses known from elsewhere with --check to see the "
-            "error of the platform."
+            f"Closure is not accuracy: {predicted_words(result)}Give poses known from elsewhere "
+            "with --check to see the error."
         )
     if result.verdict in ("adequate", "explained") and fit.check is not None:
         out.append("Use it: rsicalib forward READINGS --calibration result.json.")

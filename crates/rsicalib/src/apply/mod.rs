@@ -1,5 +1,6 @@
 //! A fit, or an earlier result, applied to readings: poses, points, known poses, the open loop.
 
+pub mod accuracy;
 pub mod change;
 pub mod check;
 pub mod earlier;

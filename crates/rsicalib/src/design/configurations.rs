@@ -316,7 +316,7 @@ struct Closed {
 /// How far a known distance is off [length], with its slopes.
 pub(crate) fn apart(link: &Prior, beta: &[f64]) -> (f64, Vec<(usize, f64)>) {
     let sd = match link {
-        Prior::Apart { sd, .. } | Prior::Parameter { sd, .. } => *sd,
+        Prior::Apart { sd, .. } | Prior::Along { sd, .. } | Prior::Parameter { sd, .. } => *sd,
     };
     let slopes = link.slopes(beta).into_iter().map(|(column, slope)| (column, slope * sd));
     (link.off(beta) * sd, slopes.collect())

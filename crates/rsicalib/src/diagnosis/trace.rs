@@ -11,8 +11,8 @@
 
 use crate::Error;
 use crate::diagnosis::isolation::Isolated;
-use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
+use crate::diagnosis::score::{places, tools};
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
 use crate::diagnosis::verdict::determined;
@@ -20,6 +20,7 @@ use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
+use crate::numerics::symmetric;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
@@ -191,7 +192,7 @@ fn judge_again(
     all: &Observations,
     judged: &Observations,
     base: &[Instance],
-    (_, searched, _): &Search,
+    (stepwise, searched, _): &Search,
 ) -> Result<Option<(Observations, Fit, Vec<Excluded>)>, Error> {
     let found = searched.found.iter().map(|step| step.scored.instance);
     let effects: Vec<Instance> = found.filter(|i| !scored::is_data(i)).collect();
@@ -201,12 +202,34 @@ fn judge_again(
     let mut again = all.clone();
     let instances = base.iter().copied().chain(effects).collect();
     let beside = fit(&again, instances, Some(&searched.current))?;
+    let beside = retimed(&again, beside, &stepwise.judge(&searched.current))?;
     let (_, excluded) = sound(&mut again, &beside)?;
     if again.weights == judged.weights {
         return Ok(None);
     }
     let clean = fit(&again, base.to_vec(), Some(&beside))?;
     Ok(Some((again, clean, excluded)))
+}
+
+/// The fit with tools that slipped when it is likeliest in all samples: where samples beside the
+/// slip were left out, the search could not tell when it was.
+fn retimed(observations: &Observations, mut fitted: Fit, judge: &Judge) -> Result<Fit, Error> {
+    let instances = fitted.model.instances.clone();
+    for slip in instances.into_iter().filter(tools::is_slip) {
+        let others = fitted.model.instances.iter().copied().filter(|i| *i != slip).collect();
+        let without = fit(observations, others, Some(&fitted))?;
+        let (inverse, ..) = symmetric::invert(&without.gram);
+        let scored = tools::score(observations, &without, judge, &inverse, &[])?;
+        let own = scored.into_iter().filter(|s| s.instance.target == slip.target);
+        let Some(best) = own.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
+        let mut instances = without.model.instances.clone();
+        instances.push(best.instance);
+        let moved = fit(observations, instances, Some(&without))?;
+        if cost(&moved) < cost(&fitted) {
+            fitted = moved;
+        }
+    }
+    Ok(fitted)
 }
 
 /// A fit to start from: the parameters of the search, the noise of all samples.

@@ -18,10 +18,11 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// Without the unobservable directions that move parameters of these terms alone.
+    /// Without the unobservable directions in which parameters of these terms take part.
     ///
     /// An effect that was found is named, even where the poses do not determine all of its
-    /// parameters: the calibration beside the effect is determined.
+    /// parameters: the calibration without the effect is determined, and so is what both predict
+    /// together. A tilt of an axis may turn a body as the offset of the next joint does.
     #[must_use]
     pub fn beside(&self, observations: &Observations, found: &[Instance]) -> Self {
         let name =
@@ -31,7 +32,7 @@ impl Directions {
         let unobservable = self.unobservable.iter().filter(|direction| match direction {
             Direction::Absent(label) => !within(label),
             Direction::Together(moves) | Direction::Weak { moves, .. } => {
-                !moves.iter().all(|moved| within(&moved.label))
+                !moves.iter().any(|moved| within(&moved.label))
             }
         });
         Self { unobservable: unobservable.cloned().collect(), weak: self.weak.clone() }

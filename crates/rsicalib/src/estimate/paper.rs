@@ -384,7 +384,7 @@ impl Paper {
             *angle = counts[c] * gains[c] + Lanes::splat(offsets[c]); // (9)
         }
         for (posture, steps) in room.postures.iter_mut().zip(&self.chains) {
-            posture.take(steps, &room.angles, &[]);
+            posture.take(steps, &room.angles, &[], &[]);
         }
         for (end, (at, moves)) in self.ends.iter().zip(&mut room.ends) {
             moves.clear();

@@ -29,6 +29,9 @@ pub enum Source {
     Channel(usize),
     /// A parameter of the model.
     Parameter(usize),
+    /// A parameter of the model that acts in some samples: the parameter, and the number of the
+    /// gate that is one in those samples, and zero in all others.
+    Gated(usize, usize),
 }
 
 /// One element of a chain.

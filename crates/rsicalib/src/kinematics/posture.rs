@@ -169,9 +169,15 @@ impl Posture {
     /// Computes the posture from the elements of a chain, base first.
     ///
     /// `angles` holds one joint coordinate per channel of the mechanism, `parameters` the
-    /// parameters of the model.
+    /// parameters of the model, `gates` the samples in which gated parameters act.
     #[inline(always)]
-    pub fn take(&mut self, steps: &[Element], angles: &[Lanes], parameters: &[f64]) {
+    pub fn take(
+        &mut self,
+        steps: &[Element],
+        angles: &[Lanes],
+        parameters: &[f64],
+        gates: &[Lanes],
+    ) {
         let mut frame = Frame::BASE;
         self.levers.clear();
         self.weights.clear();
@@ -188,6 +194,7 @@ impl Posture {
                     let by = match *source {
                         Source::Channel(c) => angles[c],
                         Source::Parameter(p) => Lanes::splat(parameters[p]),
+                        Source::Gated(p, gate) => gates[gate] * parameters[p],
                     };
                     match way {
                         Way::Turn => frame.turn(*axis, by),

@@ -8,9 +8,10 @@ use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::numbering::{number_unknowns, unknown_name};
+use crate::model::prior::Prior;
 use crate::model::specification::check_names;
 use crate::numerics::lanes::{Lanes, Vec3};
-use crate::readings::Readings;
+use crate::readings::{Block, Readings};
 use crate::terms::targets::provided;
 use crate::terms::term::{Acts, Electronics, Placed, Role, Scale, Sensor, Spot};
 
@@ -75,6 +76,26 @@ pub(crate) struct ElectronicsAt {
     pub(crate) width: usize,
 }
 
+/// The samples in which a motion of geometry acts: those from one pose on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Gate {
+    /// Number of the instance that moves.
+    instance: usize,
+    place: usize,
+    /// The session in which it acts, where there are several.
+    session: Option<usize>,
+}
+
+impl Gate {
+    /// One in the samples of a block that it lets act, zero in the others.
+    #[inline(always)]
+    pub(crate) fn of(&self, block: &Block) -> Lanes {
+        let place = self.place as f64;
+        let since = block.pose.map(|p| if p >= place { 1.0 } else { 0.0 });
+        self.session.map_or(since, |session| since * block.within(session))
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct LoadAt {
     pub(crate) whose: Weight,
@@ -127,8 +148,11 @@ pub struct Model {
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
+    /// Coordinates of unknown points that null equations determine.
+    pub(crate) settled: Vec<Prior>,
     pub(crate) sensors: Vec<SensorAt>,
     pub(crate) electronics: Vec<ElectronicsAt>,
+    pub(crate) gates: Vec<Gate>,
     pub(crate) loads: Vec<LoadAt>,
     /// Largest torque of each load in these readings, by the drawing.
     pub(crate) torques: Vec<f64>,
@@ -253,8 +277,10 @@ impl Model {
         let mut model = Self {
             steps: Vec::new(),
             closures: Vec::new(),
+            settled: Vec::new(),
             sensors: Vec::new(),
             electronics: Vec::new(),
+            gates: Vec::new(),
             loads: Vec::new(),
             torques: Vec::new(),
             parameters: term_parameters + 3 * unknown_names.len(),
@@ -278,7 +304,7 @@ impl Model {
     }
 
     fn compile_terms(&mut self, readings: &Readings) {
-        for (instance, &first) in self.instances.iter().zip(&self.first) {
+        for (number, (instance, &first)) in self.instances.iter().zip(&self.first).enumerate() {
             let (place, width) = (instance.place, instance.width());
             let session = match instance.term.placed() {
                 _ if readings.sessions < 2 => None,
@@ -315,6 +341,9 @@ impl Model {
                     for chain in chains {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
+                }
+                Acts::Geometry(_) if instance.term.placed() == Placed::AtPose => {
+                    self.gates.push(Gate { instance: number, place, session });
                 }
                 Acts::Geometry(_) | Acts::Distance => {}
             }
@@ -373,14 +402,19 @@ impl Model {
     /// Appends the motions that geometry terms add at one spot of a chain.
     fn free(&self, steps: &mut Vec<Element>, spot: Spot, chain: usize, row: Option<usize>) {
         let here = row.map_or(Target::Chain(chain), |row| Target::Row(chain, row));
-        for (instance, first) in self.instances.iter().zip(&self.first) {
+        for (number, (instance, first)) in self.instances.iter().zip(&self.first).enumerate() {
             let Acts::Geometry(freedoms) = instance.term.acts() else { continue };
             if instance.target != here {
                 continue;
             }
+            let gate = self.gates.iter().position(|gate| gate.instance == number);
             for (k, (at, axis, way)) in freedoms.iter().enumerate() {
                 if *at == spot {
-                    steps.push(Element::Move(*axis, *way, Source::Parameter(first + k)));
+                    let source = match gate {
+                        Some(gate) => Source::Gated(first + k, gate),
+                        None => Source::Parameter(first + k),
+                    };
+                    steps.push(Element::Move(*axis, *way, source));
                 }
             }
         }

@@ -45,6 +45,7 @@ pub struct Workspace {
     electric: Vec<(usize, usize, Lanes)>,
     g: Vec<Lanes>,
     turned: Vec<Lanes>,
+    gates: Vec<Lanes>,
     pub(crate) postures: Vec<Posture>,
     unloaded: Vec<Posture>,
     carried: Vec<Vec<Carried>>,
@@ -108,12 +109,14 @@ impl Model {
         ws: &mut Workspace,
     ) {
         self.joint_angles(readings, block, a, beta, want, ws);
+        ws.gates.clear();
+        ws.gates.extend(self.gates.iter().map(|gate| gate.of(&readings.blocks()[block])));
         if !self.loads.is_empty() {
             self.bend(beta, ws);
         }
         ws.postures.resize_with(self.steps.len(), Posture::new);
         for (posture, steps) in ws.postures.iter_mut().zip(&self.steps) {
-            posture.take(steps, &ws.angles, beta);
+            posture.take(steps, &ws.angles, beta, &ws.gates);
         }
         self.close(readings, block, beta, want, ws);
         if want.x || want.a {
@@ -215,7 +218,7 @@ impl Model {
     fn bend(&self, beta: &[f64], ws: &mut Workspace) {
         ws.unloaded.resize_with(self.steps.len(), Posture::new);
         for (posture, steps) in ws.unloaded.iter_mut().zip(&self.steps) {
-            posture.take(steps, &ws.angles, beta);
+            posture.take(steps, &ws.angles, beta, &ws.gates);
         }
         // The sums of weights are the same for all loads of one kind on one chain.
         ws.carried.resize_with(2 * self.steps.len(), Vec::new);
@@ -329,7 +332,11 @@ impl Model {
                         Source::Parameter(p) if want.x => {
                             ws.x[(closure.equation + row) * width + p] += value * sign;
                         }
-                        Source::Parameter(_) => {}
+                        Source::Gated(p, gate) if want.x => {
+                            ws.x[(closure.equation + row) * width + p] +=
+                                value * ws.gates[gate] * sign;
+                        }
+                        Source::Parameter(_) | Source::Gated(..) => {}
                     };
                     match closure.kind {
                         ClosureKind::Distance => add(0, dot(&apart, moved) * 2.0),
@@ -446,7 +453,10 @@ impl Model {
                         match by.source {
                             Source::Channel(c) => ws.g[k * channels + c] += change,
                             Source::Parameter(p) if want.x => ws.x[k * width + p] += change,
-                            Source::Parameter(_) => {}
+                            Source::Gated(p, gate) if want.x => {
+                                ws.x[k * width + p] += change * ws.gates[gate];
+                            }
+                            Source::Parameter(_) | Source::Gated(..) => {}
                         }
                     }
                 }

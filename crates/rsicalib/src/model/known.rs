@@ -17,7 +17,8 @@ const SOFTER: f64 = 1.0;
 
 impl Model {
     /// Priors of the parameters: of free shapes, of standard deviations that the mechanism declares,
-    /// and of known distances between unknown points.
+    /// of known distances between unknown points, and of coordinates of unknown points that the
+    /// drawing alone determines.
     ///
     /// Complete geometry has directions that no reading determines: an offset turns the same bodies
     /// as the frame of its link, or as the tool. So all of its parameters have priors, offsets
@@ -25,6 +26,7 @@ impl Model {
     #[must_use]
     pub fn priors(&self) -> Vec<Prior> {
         let mut priors = self.links();
+        priors.extend_from_slice(&self.settled);
         let whole = |i: &Instance| i.term.info().broad && i.term.info().per == Per::Row;
         let complete = self.instances.iter().any(whole);
         let root = self.mechanism.channels_of(0).first().copied();

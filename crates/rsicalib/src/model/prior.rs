@@ -21,6 +21,17 @@ pub enum Prior {
         /// Standard deviation of the distance, in length units.
         sd: f64,
     },
+    /// An unknown point has this coordinate along a direction.
+    Along {
+        /// First parameter of the point.
+        point: usize,
+        /// The direction, a unit vector.
+        direction: [f64; 3],
+        /// The coordinate, in length units.
+        mean: f64,
+        /// Standard deviation of the coordinate, in length units.
+        sd: f64,
+    },
 }
 
 impl Prior {
@@ -34,6 +45,10 @@ impl Prior {
         match *self {
             Self::Parameter { column, mean, sd } => (x[column] - mean) / sd,
             Self::Apart { points: [a, b], value, sd } => (apart(x, a, b).1 - value) / sd,
+            Self::Along { point, direction, mean, sd } => {
+                let along: f64 = (0..3).map(|k| direction[k] * x[point + k]).sum();
+                (along - mean) / sd
+            }
         }
     }
 
@@ -50,6 +65,9 @@ impl Prior {
                 let (d, length) = apart(x, a, b);
                 let along = |k: usize| d[k] / length.max(f64::MIN_POSITIVE) / sd;
                 (0..3).flat_map(|k| [(a + k, along(k)), (b + k, -along(k))]).collect()
+            }
+            Self::Along { point, direction, sd, .. } => {
+                (0..3).map(|k| (point + k, direction[k] / sd)).collect()
             }
         }
     }

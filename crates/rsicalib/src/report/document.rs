@@ -10,6 +10,7 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::apply::accuracy::Predicted;
 use crate::apply::check::Check;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::held_out::HeldOut;
@@ -68,6 +69,9 @@ macro_rules! result {
             pub parameters: Vec<Parameter>,
             /// Covariance of the parameters, in their order and units; null where unknown.
             pub covariance: Vec<Vec<Option<f64>>>,
+            /// Predicted error at the poses of the session; null where the data determine none.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub predicted: Option<Predicted>,
             /// Directions in the space of parameters that the data cannot tell.
             #[serde(default)]
             pub unobservable: Vec<String>,

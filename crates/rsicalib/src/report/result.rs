@@ -1,6 +1,7 @@
 //! Results as users hold them: plain structs in the shape of the JSON.
 
 use crate::Error;
+use crate::apply::accuracy::{Predicted, predicted};
 use crate::apply::check::{Check, check};
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
@@ -96,6 +97,8 @@ pub struct Estimates {
     pub remarks: Vec<String>,
     /// Their covariance, row by row.
     pub covariance: Vec<Vec<f64>>,
+    /// Predicted error at the poses of the session; none where the data determine no calibration.
+    pub predicted: Option<Predicted>,
     /// What these poses cannot tell apart, in words.
     pub unobservable: Vec<String>,
     /// What they hardly tell apart.
@@ -126,6 +129,9 @@ pub fn parameters(observations: &Observations, fit: &Fit) -> Vec<ParameterReport
     parameters.into_iter().map(ParameterReport::noted).collect()
 }
 
+/// Poses of a session at which errors are predicted, at the most.
+const PREDICTED: usize = 16;
+
 /// The same in words and numbers.
 #[must_use]
 pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions) -> Estimates {
@@ -145,6 +151,12 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         remarks: parameters.iter().filter_map(ParameterReport::remark).collect(),
         parameters,
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
+        predicted: (fit.termination.converged() && fit.plausible)
+            .then(|| {
+                predicted(observations, fit, &observations.readings.table, PREDICTED, false).ok()
+            })
+            .flatten()
+            .filter(|error| error.position_sd.is_finite()),
         unobservable: directions.unobservable.iter().map(words::direction).collect(),
         weak: directions.weak.iter().map(words::direction).collect(),
         condition: fit.condition,

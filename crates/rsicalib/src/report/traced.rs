@@ -1,6 +1,7 @@
 //! What a trace says, in the shape of the JSON.
 
 use crate::Error;
+use crate::apply::accuracy::predicted;
 use crate::apply::change::{PlatformRms, platform_difference};
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::detectability::{Detectability, could_hide};
@@ -167,7 +168,7 @@ pub fn traced(
     let p_value = traced.judge.lack_of_fit(&traced.last);
     let elsewhere = match traced.found.is_empty() {
         true => None,
-        false => worse_elsewhere(&traced, &before, &after),
+        false => worse_elsewhere(&traced, &before, &after, known)?,
     };
     let verdict = verdict(&Evidence {
         fit: &traced.after,
@@ -217,22 +218,36 @@ pub fn traced(
 }
 
 /// What poses that the fit has not seen say against what was found: known poses, or those left
-/// out in turn, that are off by more than before, and by more than noise.
-fn worse_elsewhere(traced: &Traced, before: &FitReport, after: &FitReport) -> Option<Elsewhere> {
-    let known = |fit: &FitReport| fit.aligned.or(fit.check);
-    let check = known(before).zip(known(after)).and_then(|(before, after)| {
-        let errors = 3.0 * after.poses as f64;
-        let worse = worse(before.position_rms, after.position_rms, errors);
-        worse.then_some(Elsewhere::Check([before.position_rms, after.position_rms]))
-    });
+/// out in turn, that are off by more than before, and by more than noise. Known poses all share
+/// the errors of the parameters: what is off by no more than these predict says nothing.
+fn worse_elsewhere(
+    traced: &Traced,
+    before: &FitReport,
+    after: &FitReport,
+    known: Option<&Known>,
+) -> Result<Option<Elsewhere>, Error> {
+    let checked = |fit: &FitReport| fit.aligned.or(fit.check);
+    if let (Some(before), Some(after), Some(known)) = (checked(before), checked(after), known) {
+        let rms = [before.position_rms, after.position_rms];
+        if worse(rms[0], rms[1], 3.0 * after.poses as f64) {
+            let poses = known.poses.len();
+            let chance = predicted(&traced.observations, &traced.after, &known.table, poses, true)?;
+            if chance.p_value(rms[1]) < AS_PREDICTED {
+                return Ok(Some(Elsewhere::Check(rms)));
+            }
+        }
+    }
     let held_out = before.held_out.zip(after.held_out).and_then(|(before, after)| {
         let equations = traced.last.residuals.equations * traced.small.readings.poses();
         let chi2 = [before.chi2_per_dof, after.chi2_per_dof];
         // χ² is a mean of squares, whose relative deviation is twice that of the root.
         worse(chi2[0], chi2[1], 0.25 * equations as f64).then_some(Elsewhere::HeldOut(chi2))
     });
-    check.or(held_out)
+    Ok(held_out)
 }
+
+/// Known poses that are off by more than a calibration predicts are so at this level.
+const AS_PREDICTED: f64 = 0.01;
 
 fn effect(observations: &Observations, instance: &Instance) -> Place {
     let info = instance.term.info();

@@ -7,3 +7,4 @@ pub mod fault;
 pub mod outliers;
 pub mod placements;
 pub mod sound;
+pub mod steps;

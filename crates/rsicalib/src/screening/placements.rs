@@ -21,7 +21,8 @@ use crate::mechanism::Target;
 use crate::model::Model;
 use crate::numerics::{distributions, symmetric};
 use crate::screening::excluded::{Cause, Excluded};
-use crate::terms::term::{Acts, Spot};
+use crate::screening::steps::{SIDE, StepSums};
+use crate::terms::term::{Acts, Placed, Spot};
 
 /// Probability of accusing anything in a clean session.
 const ALPHA: f64 = 0.002;
@@ -31,9 +32,6 @@ const STRANGE: f64 = 3.0;
 
 /// Placements, or runs, that it takes to say what is usual.
 const SIBLINGS: usize = 4;
-
-/// Rows on either side of a move: fewer are single samples.
-const SIDE: usize = 4;
 
 /// A move scores as much as this many single samples of the same run, or they are it.
 const SINGLES_PER_MOVE: f64 = 3.0;
@@ -282,6 +280,7 @@ impl<'a> Looking<'a> {
             .instances
             .iter()
             .zip(&self.model.first)
+            .filter(|(i, _)| i.term.placed() == Placed::Once)
             .filter(|(i, _)| matches!(i.target, Target::Chain(_)) && tip(i.term.acts()));
         points.chain(tools.map(|(_, f)| (true, [*f, f + 1, f + 2]))).collect()
     }
@@ -339,47 +338,6 @@ impl<'a> Looking<'a> {
         let keys = &self.observations.readings.table.keys;
         let same = |r: &usize| keys.iter().all(|key| key[*r] == key[row]);
         (0..row).filter(same).count()
-    }
-}
-
-/// Sums for (83) over the rows from one on.
-struct StepSums {
-    u: [f64; 3],
-    zz: [[f64; 3]; 3],
-    zx: Mat<f64>,
-}
-
-impl StepSums {
-    fn new(parameters: usize) -> Self {
-        Self { u: [0.0; 3], zz: [[0.0; 3]; 3], zx: Mat::zeros(parameters, 3) }
-    }
-
-    fn add(&mut self, x: &[f64], r: &[f64], columns: &[usize; 3]) {
-        let n = self.zx.nrows();
-        for (x, r) in x.chunks_exact(n).zip(r) {
-            for (i, &a) in columns.iter().enumerate() {
-                self.u[i] += x[a] * r;
-                for (j, &b) in columns.iter().enumerate() {
-                    self.zz[i][j] += x[a] * x[b];
-                }
-                for (sum, value) in self.zx.col_as_slice_mut(i).iter_mut().zip(x) {
-                    *sum += value * x[a];
-                }
-            }
-        }
-    }
-
-    fn score(&self, inverse: &Mat<f64>) -> Option<(f64, f64)> {
-        let absorbed = self.zx.transpose() * (inverse * &self.zx);
-        let m = Mat::from_fn(3, 3, |i, j| self.zz[i][j] - absorbed[(i, j)]);
-        let (inverse, unknowable, _) = crate::numerics::symmetric::invert(&m);
-        if unknowable.iter().any(|u| *u) {
-            return None;
-        }
-        let by: Vec<f64> =
-            (0..3).map(|i| (0..3).map(|j| inverse[(i, j)] * self.u[j]).sum()).collect();
-        let score = by.iter().zip(&self.u).map(|(b, u)| b * u).sum();
-        Some((score, by.iter().map(|b| b * b).sum::<f64>().sqrt()))
     }
 }
 

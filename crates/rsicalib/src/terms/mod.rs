@@ -105,6 +105,7 @@ mod sag;
 mod slip;
 mod temperature_gain;
 mod temperature_offset;
+mod tool_slip;
 mod twice_per_turn;
 mod wander;
 mod waves;
@@ -137,6 +138,7 @@ registry! {
     base_tilt::BaseTilt,
     base_bearing::BaseBearing,
     point_position::PointPosition,
+    tool_slip::ToolSlip,
     sag::Sag,
     joint_compliance::JointCompliance,
     distance::Distance,

@@ -6,3 +6,4 @@ pub mod places;
 pub mod projection;
 pub mod scan;
 pub mod scored;
+pub mod tools;
