@@ -11,7 +11,7 @@ use crate::numerics::distributions;
 use crate::numerics::symmetric::{SEEN, dot, form, left_out};
 use crate::terms::find;
 
-/// At most this many times are tried for a slip of one channel.
+/// At most this many times are tried for a slip of one channel, and then every one about the best.
 const MOST_TIMES: usize = 256;
 
 /// Poses on either side of a slip that must see it, each by its share of what they see: more than
@@ -72,16 +72,26 @@ impl Column {
     }
 }
 
+/// A slip of a channel at one time: the sums over all poses from there on.
+#[derive(Clone)]
+struct Time {
+    /// Place among the poses that count.
+    order: usize,
+    /// What those poses see of it.
+    seen: Seen,
+    column: Column,
+}
+
 /// Angles between the projected columns of a slip at one time and at the next.
 ///
 /// The later column is part of the earlier one, so `ZᵢᵀZⱼ` is its own square.
-fn turns(times: &[(usize, Column)]) -> Vec<f64> {
+fn turns(times: &[Time]) -> Vec<f64> {
     let angle = |later: &Column, earlier: &Column| {
         let shared = later.zz - dot(&later.zx, &earlier.absorbed);
         let cosine = shared / (later.left() * earlier.left()).max(f64::MIN_POSITIVE).sqrt();
         cosine.clamp(-1.0, 1.0).acos()
     };
-    times.windows(2).map(|pair| angle(&pair[0].1, &pair[1].1)).collect()
+    times.windows(2).map(|pair| angle(&pair[0].column, &pair[1].column)).collect()
 }
 
 /// Scores of one degree of freedom below this are never named, at however few times.
@@ -89,9 +99,13 @@ const SURPRISE: f64 = 4.0;
 
 /// Number of independent tests that tests one after another amount to, at a score:
 /// neighbours score alike. Efron's length heuristic (Biometrika 84, 1997).
-fn declumped(turns: &[f64], score: f64) -> f64 {
-    let half = 0.5 * score.max(0.0).sqrt();
-    let new = |turn: &f64| 2.0 * distributions::normal_cdf(half * turn) - 1.0;
+///
+/// `stride` steps lie within each turn. Each pose adds to the sums something new, so the squares of
+/// the steps' own turns add up to the square of the whole.
+fn declumped(turns: &[f64], stride: usize, score: f64) -> f64 {
+    let steps = stride as f64;
+    let half = 0.5 * score.max(0.0).sqrt() / steps.sqrt();
+    let new = |turn: &f64| steps * (2.0 * distributions::normal_cdf(half * turn) - 1.0);
     1.0 + turns.iter().map(new).sum::<f64>()
 }
 
@@ -160,9 +174,9 @@ pub fn score(
         .collect();
     for channel in 0..c {
         let target = Target::Channel(channel);
-        let (mut after, mut late, mut times) = (Column::new(n), Seen::default(), Vec::new());
-        for (order, &pose) in live.iter().enumerate().rev() {
-            let (mut z, mut r) = (Vec::new(), 0.0);
+        // A column of this channel in one pose: its entries, and their product with the residual.
+        let alone = |order: usize| {
+            let (mut z, mut r) = (Vec::with_capacity(k), 0.0);
             for &row in &live_rows[order] {
                 for e in 0..k {
                     let value = residuals.by_reading[(row * k + e) * c + channel];
@@ -170,9 +184,28 @@ pub fn score(
                     r += value * residuals.whitened[row * k + e];
                 }
             }
-            let zz = dot(&z, &z);
+            (z, r)
+        };
+        let add = |time: &mut Time, order: usize, z: &[f64], r: f64| {
+            let Time { seen, column, .. } = time;
+            let zz = dot(z, z);
+            column.r += r;
+            column.zz += zz;
+            for (e, z) in z.iter().enumerate() {
+                let first = (live_rows[order][e / k] * k + e % k) * n;
+                let x = &residuals.by_parameter[first..first + n];
+                column.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
+            }
+            seen.add(zz);
+            time.order = order;
+        };
+        let end = Time { order: live.len(), seen: Seen::default(), column: Column::new(n) };
+        let (mut after, mut times) = (end.clone(), Vec::new());
+        for (order, &pose) in live.iter().enumerate().rev() {
+            let (z, r) = alone(order);
             if allowed("bad_reading") {
                 let instance = Instance { term: bad, target, place: pose };
+                let zz = dot(&z, &z);
                 let left = zz - form(&hats[order], &z);
                 let score = (left > SEEN * zz).then(|| r * r / left);
                 keep(instance, Family::Bad, tests_bad, score);
@@ -180,31 +213,43 @@ pub fn score(
             if !slips {
                 continue;
             }
-            after.r += r;
-            after.zz += zz;
-            for (e, z) in z.iter().enumerate() {
-                let first = (live_rows[order][e / k] * k + e % k) * n;
-                let x = &residuals.by_parameter[first..first + n];
-                after.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
-            }
-            late.add(zz);
+            add(&mut after, order, &z, r);
             if order > 0 && order % stride == 0 {
-                times.push((pose, late, after.clone()));
+                times.push(after.clone());
             }
         }
-        let both_sides = |later: &Seen| later.poses().min(late.without(*later).poses());
-        times.retain(|(_, later, _)| both_sides(later) >= SIDE);
-        let times: Vec<(usize, Column)> =
-            times.into_iter().map(|(pose, _, column)| (pose, column.projected(&flat))).collect();
+        let all = after.seen;
+        let both_sides = |later: &Seen| later.poses().min(all.without(*later).poses()) >= SIDE;
+        times.retain(|time| both_sides(&time.seen));
+        for time in &mut times {
+            time.column = time.column.clone().projected(&flat);
+        }
         let turns = turns(&times);
-        for (pose, column) in &times {
-            let instance = Instance { term: slip, target, place: *pose };
-            let score = column.score();
+        let score_of = |time: &Time| time.column.score().unwrap_or(0.0);
+        let best =
+            (0..times.len()).max_by(|i, j| score_of(&times[*i]).total_cmp(&score_of(&times[*j])));
+        if let Some(best) = best.filter(|_| stride > 1) {
+            // Every time between the neighbours of the best, from the sums of the later one.
+            let mut time = best.checked_sub(1).map_or(&end, |later| &times[later]).clone();
+            let first = times.get(best + 1).map_or(0, |earlier| earlier.order);
+            for order in (first + 1..time.order).rev() {
+                let (z, r) = alone(order);
+                add(&mut time, order, &z, r);
+                let column = time.column.clone().projected(&flat);
+                let found = Time { column, ..time.clone() };
+                if both_sides(&found.seen) && score_of(&found) > score_of(&times[best]) {
+                    times[best] = found;
+                }
+            }
+        }
+        for time in &times {
+            let instance = Instance { term: slip, target, place: live[time.order] };
+            let score = time.column.score();
             // What is no surprise at one time is none at many: only surprises are paid for.
-            let rare = score.is_some_and(|score| score > SURPRISE);
-            let times =
-                if rare { declumped(&turns, score.unwrap_or(0.0)) } else { times.len() as f64 };
-            keep(instance, Family::Slip, c as f64 * times, score);
+            let rare = score.filter(|score| *score > SURPRISE);
+            let most = (times.len() * stride) as f64;
+            let tried = rare.map_or(most, |score| declumped(&turns, stride, score).min(most));
+            keep(instance, Family::Slip, c as f64 * tried, score);
         }
     }
     if allowed("bad_reading") && readings.held {
