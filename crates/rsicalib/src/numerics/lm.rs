@@ -77,13 +77,13 @@ impl Termination {
 pub struct Outcome {
     /// The parameters.
     pub x: Vec<f64>,
-    /// `½‖r‖²` at `x`.
+    /// `½‖r‖²` there.
     pub cost: f64,
     /// Number of linearisations.
     pub iterations: usize,
     /// Reason for the end.
     pub termination: Termination,
-    /// The problem at `x`.
+    /// The problem at `x`, or one step within the tolerance before it.
     pub linearization: Linearization,
 }
 
@@ -121,13 +121,14 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
         };
         let length = weighted_norm(&step, &scale);
         let size = weighted_norm(&x, &scale);
+        let trial: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
         if damping == NEGLIGIBLE && length <= options.xtol * size {
-            return end(x, here, iteration, Termination::Step);
+            // So short a step changes neither cost nor derivatives: they are not computed again.
+            return end(trial, here, iteration, Termination::Step);
         }
         if iteration == 1 {
             radius = radius.min(length);
         }
-        let trial: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
         let there = problem.linearize_in(&trial, spare.take());
         let promised = promise(&here, &step, damping, &scale);
         let gained = here.cost - there.cost;
