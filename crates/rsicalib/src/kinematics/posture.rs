@@ -142,8 +142,8 @@ impl Frame {
         let [x, y, z] = self.axes;
         for (axis, by) in self.axes.iter().zip(translation) {
             if *by != 0.0 {
-                for i in 0..3 {
-                    self.origin[i] += axis[i] * *by;
+                for (origin, along) in self.origin.iter_mut().zip(axis) {
+                    *origin += *along * *by;
                 }
             }
         }
