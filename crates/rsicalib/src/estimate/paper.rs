@@ -45,7 +45,9 @@ pub struct Paper {
     ends: Vec<End>,
     closures: Vec<Pair>,
     /// Pairs of channels `i ≥ j` that take part in one equation, and those equations.
-    pairs: Vec<(usize, usize, Vec<usize>)>,
+    pairs: Vec<Together>,
+    /// The equations of the pairs, one after another.
+    shared: Vec<usize>,
     /// Counts: [`WIDTH`] samples of every channel, block by block.
     counts: Vec<Lanes>,
     /// Buffers of earlier linearisations, for reuse.
@@ -62,6 +64,7 @@ impl Clone for Paper {
             ends: self.ends.clone(),
             closures: self.closures.clone(),
             pairs: self.pairs.clone(),
+            shared: self.shared.clone(),
             counts: self.counts.clone(),
             spare: Mutex::new(Vec::new()),
         }
@@ -83,6 +86,14 @@ struct Pair {
     /// `d²`
     square: f64,
     equation: usize,
+}
+
+/// Channels `i ≥ j`, and the place in `shared` of the equations in which both take part.
+#[derive(Debug, Clone)]
+struct Together {
+    i: usize,
+    j: usize,
+    equations: std::ops::Range<usize>,
 }
 
 /// End of the minimisation.
@@ -118,6 +129,7 @@ impl Paper {
             ends: Vec::new(),
             closures: Vec::with_capacity(mechanism.closures.len()),
             pairs: Vec::new(),
+            shared: Vec::new(),
             counts: Vec::new(),
             spare: Mutex::new(Vec::new()),
         };
@@ -138,21 +150,22 @@ impl Paper {
         }
         for (c, channel) in mechanism.channels.iter().enumerate() {
             let [low, high] = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-            for row in 0..samples {
-                let found = counts[row * channels + c];
-                if !(found.is_finite() && found >= low && found <= high) {
-                    let channel = channel.name.clone();
-                    return Err(Error::Reading { row, channel, found, low, high });
-                }
+            let outside = |found: f64| !(found.is_finite() && found >= low && found <= high);
+            let mut column = counts[c..].iter().step_by(channels);
+            if let Some(row) = column.position(|found| outside(*found)) {
+                let (channel, found) = (channel.name.clone(), counts[row * channels + c]);
+                return Err(Error::Reading { row, channel, found, low, high });
             }
         }
-        self.counts.reserve(samples.div_ceil(WIDTH) * channels);
-        for first in (0..samples).step_by(WIDTH) {
-            for c in 0..channels {
+        self.counts = vec![Lanes::ZERO; samples.div_ceil(WIDTH) * channels];
+        let blocks = self.counts.chunks_exact_mut(channels);
+        for (block, rows) in blocks.zip(counts.chunks(WIDTH * channels)) {
+            for lane in 0..WIDTH {
                 // The last sample fills up the last block; its weight there is zero.
-                let row = |lane: usize| (first + lane).min(samples - 1);
-                self.counts
-                    .push(Lanes(std::array::from_fn(|lane| counts[row(lane) * channels + c])));
+                let first = (lane * channels).min(rows.len() - channels);
+                for (lanes, count) in block.iter_mut().zip(&rows[first..first + channels]) {
+                    lanes.0[lane] = *count;
+                }
             }
         }
         Ok(())
@@ -212,24 +225,25 @@ impl Paper {
             self.closures.push(Pair { kind: closure.kind, ends, square, equation });
             equation += closure.kind.equations();
         }
-        let of_closure: Vec<Vec<usize>> = self
-            .closures
-            .iter()
-            .map(|pair| {
-                let chains = pair.ends.iter().filter_map(|&end| self.ends[end].chain);
-                chains.flat_map(|c| sources(&self.chains[c])).collect()
-            })
-            .collect();
+        let mut takes_part = vec![false; self.closures.len() * self.channels];
+        for (pair, parts) in self.closures.iter().zip(takes_part.chunks_exact_mut(self.channels)) {
+            for chain in pair.ends.iter().filter_map(|&end| self.ends[end].chain) {
+                sources(&self.chains[chain]).for_each(|c| parts[c] = true);
+            }
+        }
         for i in 0..self.channels {
             for j in 0..=i {
-                let mut together = Vec::new();
-                for (pair, channels) in self.closures.iter().zip(&of_closure) {
-                    if channels.contains(&i) && channels.contains(&j) {
-                        together.extend(pair.equation..pair.equation + pair.kind.equations());
+                let first = self.shared.len();
+                for (pair, parts) in
+                    self.closures.iter().zip(takes_part.chunks_exact(self.channels))
+                {
+                    if parts[i] && parts[j] {
+                        self.shared.extend(pair.equation..pair.equation + pair.kind.equations());
                     }
                 }
-                if !together.is_empty() {
-                    self.pairs.push((i, j, together));
+                let equations = first..self.shared.len();
+                if !equations.is_empty() {
+                    self.pairs.push(Together { i, j, equations });
                 }
             }
         }
@@ -447,38 +461,66 @@ impl Paper {
             sum[0] += h;
             sum[1] += h * counts[i];
         }
-        for ((i, j, together), sum) in self.pairs.iter().zip(&mut sums.gram) {
+        for (Together { i, j, equations }, sum) in self.pairs.iter().zip(&mut sums.gram) {
             let mut s = Lanes::ZERO;
-            for e in together {
-                s += room.g[e * c + i] * room.g[e * c + j];
+            for e in &self.shared[equations.clone()] {
+                s = room.g[e * c + i].mul_add(room.g[e * c + j], s);
             }
-            let (by_i, by_j) = (s * counts[*i], s * counts[*j]);
+            let by_i = s * counts[*i];
             sum[0] += s;
             sum[1] += by_i;
-            sum[2] += by_j;
-            sum[3] += by_i * counts[*j];
+            sum[2] = s.mul_add(counts[*j], sum[2]);
+            sum[3] = by_i.mul_add(counts[*j], sum[3]);
         }
     }
 
     /// The sums as `JᵀJ` and `Jᵀf`.
-    fn linearization_of(&self, sums: &Normal) -> Linearization {
-        let c = self.channels;
-        let mut gram = Mat::zeros(2 * c, 2 * c);
-        let mut put = |i: usize, j: usize, value: f64| {
-            gram[(i, j)] = value;
-            gram[(j, i)] = value;
+    fn linearization_of(&self, sums: &mut Normal, room: Option<Linearization>) -> Linearization {
+        let n = 2 * self.channels;
+        let mut here = match room {
+            Some(Linearization { gradient, curvature: Curvature::Gram(gram), islands, .. })
+                if gram.nrows() == n =>
+            {
+                Linearization { cost: 0.0, gradient, curvature: Curvature::Gram(gram), islands }
+            }
+            _ => Linearization {
+                cost: 0.0,
+                gradient: vec![0.0; n],
+                curvature: Curvature::Gram(Mat::zeros(n, n)),
+                islands: Vec::new(),
+            },
         };
-        for ((i, j, _), sum) in self.pairs.iter().zip(&sums.gram) {
-            put(*i, *j, sum[0].sum());
-            put(c + i, *j, sum[1].sum());
-            put(*i, c + j, sum[2].sum());
-            put(c + i, c + j, sum[3].sum());
+        dispatch(
+            #[inline(always)]
+            || self.add_lanes(sums),
+        );
+        here.cost = 0.5 * sums.cost.sum();
+        for (i, gradient) in here.gradient.iter_mut().enumerate() {
+            *gradient = sums.gradient[i % self.channels][i / self.channels].sum();
         }
-        Linearization {
-            cost: 0.5 * sums.cost.sum(),
-            gradient: (0..2 * c).map(|i| sums.gradient[i % c][i / c].sum()).collect(),
-            curvature: Curvature::Gram(gram),
-            islands: Vec::new(),
+        if let Curvature::Gram(gram) = &mut here.curvature {
+            for (j, column) in sums.whole.chunks_exact(n).enumerate() {
+                gram.col_as_slice_mut(j).copy_from_slice(column);
+            }
+        }
+        here
+    }
+
+    /// Adds up the lanes of (53), and puts them in both triangles.
+    #[inline(always)]
+    fn add_lanes(&self, sums: &mut Normal) {
+        let c = self.channels;
+        let n = 2 * c;
+        for (Together { i, j, .. }, sum) in self.pairs.iter().zip(&sums.gram) {
+            let [plain, by_i, by_j, by_both] = Lanes::sums(sum);
+            for (row, column, by_row, by_column) in [(*i, *j, by_i, by_j), (*j, *i, by_j, by_i)] {
+                let (upper, lower) = sums.whole.split_at_mut(c * n);
+                let at = row * n + column;
+                upper[at] = plain;
+                upper[at + c] = by_column;
+                lower[at] = by_row;
+                lower[at + c] = by_both;
+            }
         }
     }
 }
@@ -489,6 +531,10 @@ impl Problem for Paper {
     }
 
     fn linearize(&self, beta: &[f64]) -> Linearization {
+        self.linearize_in(beta, None)
+    }
+
+    fn linearize_in(&self, beta: &[f64], room: Option<Linearization>) -> Linearization {
         let one = |first: usize, blocks: &[Lanes]| {
             let (mut room, mut sums) = self.room();
             dispatch(
@@ -513,7 +559,7 @@ impl Problem for Paper {
         if let Some(((_, sum), rest)) = parts.split_first_mut() {
             rest.iter().for_each(|(_, part)| sum.merge(part));
         }
-        let here = self.linearization_of(&parts[0].1);
+        let here = self.linearization_of(&mut parts[0].1, room);
         lock(&self.spare).append(&mut parts);
         here
     }
@@ -557,6 +603,8 @@ struct Normal {
     cost: Lanes,
     gradient: Vec<[Lanes; 2]>,
     gram: Vec<[Lanes; 4]>,
+    /// `JᵀJ`, row by row.
+    whole: Vec<f64>,
 }
 
 impl Normal {
@@ -565,6 +613,7 @@ impl Normal {
             cost: Lanes::ZERO,
             gradient: vec![[Lanes::ZERO; 2]; paper.channels],
             gram: vec![[Lanes::ZERO; 4]; paper.pairs.len()],
+            whole: vec![0.0; 4 * paper.channels * paper.channels],
         }
     }
 

@@ -106,7 +106,7 @@ impl Room {
         for (k, w) in self.w.iter_mut().enumerate() {
             *w = self.ws.f[k];
             for i in 0..c {
-                *w += self.ws.a[k * c + i] * (raw[i] - a_hat[i]);
+                *w = self.ws.a[k * c + i].mul_add(raw[i] - a_hat[i], *w);
             }
         }
     }
@@ -119,7 +119,7 @@ impl Room {
             for j in 0..=i {
                 let mut s = if i == j { Lanes::splat(self.play[i]) } else { Lanes::ZERO };
                 for (m, variance) in self.variance.iter().enumerate() {
-                    s += self.ws.a[i * c + m] * self.ws.a[j * c + m] * *variance;
+                    s = (self.ws.a[i * c + m] * *variance).mul_add(self.ws.a[j * c + m], s);
                 }
                 let least = s * ROUNDED;
                 for m in 0..j {
@@ -154,7 +154,7 @@ impl Room {
         for i in 0..c {
             let mut e = Lanes::ZERO;
             for k in 0..n {
-                e += self.ws.a[k * c + i] * self.lambda[k];
+                e = self.ws.a[k * c + i].mul_add(self.lambda[k], e);
             }
             let next = raw[i] - e * self.variance[i];
             let change = (next - a_hat[i]).map(f64::abs);

@@ -124,20 +124,51 @@ impl Frame {
         point
     }
 
+    /// A frame at a place that is the same in all samples.
+    #[inline(always)]
+    fn fixed(rotation: &[f64; 9], translation: &[f64; 3]) -> Self {
+        let mut frame = Self::BASE;
+        for i in 0..3 {
+            frame.origin[i] = Lanes::splat(translation[i]);
+            for j in 0..3 {
+                frame.axes[j][i] = Lanes::splat(rotation[3 * i + j]);
+            }
+        }
+        frame
+    }
+
     #[inline(always)]
     fn place(&mut self, rotation: &[f64; 9], translation: &[f64; 3]) {
-        self.origin = self.point(translation);
         let [x, y, z] = self.axes;
+        for (axis, by) in self.axes.iter().zip(translation) {
+            if *by != 0.0 {
+                for (origin, along) in self.origin.iter_mut().zip(axis) {
+                    *origin += *along * *by;
+                }
+            }
+        }
+        // Most places of a drawing turn about one axis or not at all.
+        const SAME: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        if *rotation == SAME {
+            return;
+        }
         for (j, axis) in self.axes.iter_mut().enumerate() {
-            for i in 0..3 {
-                axis[i] = x[i] * rotation[j] + y[i] * rotation[3 + j] + z[i] * rotation[6 + j];
+            match [rotation[j], rotation[3 + j], rotation[6 + j]] {
+                [1.0, 0.0, 0.0] => *axis = x,
+                [0.0, 1.0, 0.0] => *axis = y,
+                [0.0, 0.0, 1.0] => *axis = z,
+                [a, b, c] => {
+                    for i in 0..3 {
+                        axis[i] = x[i] * a + y[i] * b + z[i] * c;
+                    }
+                }
             }
         }
     }
 
     #[inline(always)]
     fn turn(&mut self, axis: Axis, angle: Lanes) {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = angle.sin_cos_as_compiled();
         let (a, b) = match axis {
             Axis::X => (1, 2),
             Axis::Y => (2, 0),
@@ -145,8 +176,8 @@ impl Frame {
         };
         for i in 0..3 {
             let (u, v) = (self.axes[a][i], self.axes[b][i]);
-            self.axes[a][i] = u * cos + v * sin;
-            self.axes[b][i] = v * cos - u * sin;
+            self.axes[a][i] = u.mul_add(cos, v * sin);
+            self.axes[b][i] = v.mul_add(cos, -(u * sin));
         }
     }
 
@@ -178,7 +209,12 @@ impl Posture {
         parameters: &[f64],
         gates: &[Lanes],
     ) {
-        let mut frame = Frame::BASE;
+        let (mut frame, steps) = match steps {
+            [Element::Rigid(rotation, translation), rest @ ..] => {
+                (Frame::fixed(rotation, translation), rest)
+            }
+            _ => (Frame::BASE, steps),
+        };
         self.levers.clear();
         self.weights.clear();
         for step in steps {

@@ -19,7 +19,27 @@ pub struct Lanes(pub [f64; WIDTH]);
 /// Only functions that are `#[inline(always)]` are compiled with these instructions.
 #[inline(always)]
 pub fn dispatch<R>(kernel: impl FnOnce() -> R) -> R {
+    // pulp has AVX-512 too, by a feature that compiles faer's kernels once more for it as well:
+    // minutes of a build, for matrices that are small here.
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+    {
+        #[expect(unsafe_code, reason = "the one place where instructions are chosen at run time")]
+        // SAFETY: the processor has every feature that the function is compiled with.
+        return unsafe { with_avx512(kernel) };
+    }
     pulp::Arch::new().dispatch(kernel)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
+fn with_avx512<R>(kernel: impl FnOnce() -> R) -> R {
+    kernel()
 }
 
 impl Lanes {
@@ -58,6 +78,20 @@ impl Lanes {
         out
     }
 
+    /// `self * b + c` with one rounding, the same on every processor.
+    ///
+    /// For code that [`dispatch`] compiles: an x86 processor without the instruction, and code
+    /// compiled for one, calls the standard library for each lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn mul_add(self, b: Self, c: Self) -> Self {
+        let mut out = self;
+        for i in 0..WIDTH {
+            out.0[i] = self.0[i].mul_add(b.0[i], c.0[i]);
+        }
+        out
+    }
+
     /// Square root.
     #[inline(always)]
     #[must_use]
@@ -65,21 +99,41 @@ impl Lanes {
         self.map(f64::sqrt)
     }
 
-    /// Sum over the lanes, in order.
+    /// Sum over the lanes, by halves.
     #[inline(always)]
     #[must_use]
     pub fn sum(self) -> f64 {
-        self.0.iter().sum()
+        let [a, b, c, d, e, f, g, h] = self.0;
+        ((a + e) + (c + g)) + ((b + f) + (d + h))
+    }
+
+    /// Sum over the lanes of each of four values.
+    #[inline(always)]
+    #[must_use]
+    pub fn sums([a, b, c, d]: &[Self; 4]) -> [f64; 4] {
+        let half = |v: &Self| [v.0[0] + v.0[4], v.0[1] + v.0[5], v.0[2] + v.0[6], v.0[3] + v.0[7]];
+        let (a, b, c, d) = (half(a), half(b), half(c), half(d));
+        let e = [a[0] + a[1], b[0] + b[1], a[2] + a[3], b[2] + b[3]];
+        let f = [c[0] + c[1], d[0] + d[1], c[2] + c[3], d[2] + d[3]];
+        [e[0] + e[2], e[1] + e[3], f[0] + f[2], f[1] + f[3]]
     }
 
     /// Sine and cosine, each to two units in the last place.
+    #[must_use]
+    pub fn sin_cos(self) -> (Self, Self) {
+        dispatch(
+            #[inline(always)]
+            || self.sin_cos_as_compiled(),
+        )
+    }
+
+    /// [`Lanes::sin_cos`] with the instructions that the caller is compiled for.
     ///
     /// Cody and Waite's reduction by multiples of π/2 in three parts, then the
     /// minimax polynomials of fdlibm's kernels on ±π/4. Angles beyond 1e5 rad
     /// are computed by the standard library.
     #[inline(always)]
-    #[must_use]
-    pub fn sin_cos(self) -> (Self, Self) {
+    pub(crate) fn sin_cos_as_compiled(self) -> (Self, Self) {
         if self.0.iter().any(|x| x.abs() > 1e5) {
             return (self.map(f64::sin), self.map(f64::cos));
         }
@@ -89,7 +143,9 @@ impl Lanes {
             [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
         let shifted = self.map(|x| x * std::f64::consts::FRAC_2_PI + ROUND);
         let turns = shifted.map(|x| x - ROUND);
-        let r = self - turns * HALF_PI[0] - turns * HALF_PI[1] - turns * HALF_PI[2];
+        let r = turns.mul_add(Self::splat(-HALF_PI[0]), self);
+        let r = turns.mul_add(Self::splat(-HALF_PI[1]), r);
+        let r = turns.mul_add(Self::splat(-HALF_PI[2]), r);
         let (s, c) = sin_cos_reduced(r);
 
         let mut sin = [0.0; WIDTH];
@@ -127,8 +183,8 @@ fn sin_cos_reduced(r: Lanes) -> (Lanes, Lanes) {
         -1.135_964_755_778_819_5e-11,
     ];
     let z = r * r;
-    let sin = r + r * z * horner(z, &S);
-    let cos = Lanes::ONE - z * 0.5 + z * z * horner(z, &C);
+    let sin = (r * z).mul_add(horner(z, &S), r);
+    let cos = (z * z).mul_add(horner(z, &C), z.mul_add(Lanes::splat(-0.5), Lanes::ONE));
     (sin, cos)
 }
 
@@ -136,7 +192,7 @@ fn sin_cos_reduced(r: Lanes) -> (Lanes, Lanes) {
 fn horner(z: Lanes, coefficients: &[f64; 6]) -> Lanes {
     let mut sum = Lanes::splat(coefficients[5]);
     for i in (0..5).rev() {
-        sum = sum * z + Lanes::splat(coefficients[i]);
+        sum = sum.mul_add(z, Lanes::splat(coefficients[i]));
     }
     sum
 }
@@ -197,14 +253,15 @@ pub type Vec3 = [Lanes; 3];
 #[inline(always)]
 #[must_use]
 pub fn dot(a: &Vec3, b: &Vec3) -> Lanes {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
 /// `a × b`
 #[inline(always)]
 #[must_use]
 pub fn cross(a: &Vec3, b: &Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    let minor = |i: usize, j: usize| a[i].mul_add(b[j], -(a[j] * b[i]));
+    [minor(1, 2), minor(2, 0), minor(0, 1)]
 }
 
 /// `a - b`
@@ -240,5 +297,13 @@ mod tests {
             assert!(s.0[i].is_nan() == x.0[i].is_nan() && c.0[i].is_nan() == x.0[i].is_nan());
             assert!(x.0[i].is_nan() || (s.0[i] - x.0[i].sin()).abs() < 1e-11);
         }
+    }
+
+    #[test]
+    fn sums_of_four_are_the_sums_of_each() {
+        let four: [Lanes; 4] = from_fn(|q| Lanes(from_fn(|lane| (10 * q + lane * lane) as f64)));
+        // Whole numbers add up without rounding: 8·10 q + 0² + … + 7².
+        assert_eq!(Lanes::sums(&four), from_fn(|q| (80 * q + 140) as f64));
+        assert_eq!(four.map(Lanes::sum), Lanes::sums(&four));
     }
 }

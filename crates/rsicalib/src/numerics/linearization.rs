@@ -7,8 +7,8 @@
 use faer::linalg::solvers::{Llt, Qr, Solve};
 use faer::{Mat, Side};
 
-use crate::numerics::lanes::dispatch;
 use crate::numerics::schur;
+use crate::numerics::small;
 
 /// A least-squares problem.
 pub trait Problem {
@@ -18,6 +18,12 @@ pub trait Problem {
     /// Cost, gradient and curvature at `x`, which holds one number per parameter. The cost is not
     /// finite where the residual is not defined.
     fn linearize(&self, x: &[f64]) -> Linearization;
+
+    /// [`Problem::linearize`], in the room of an earlier linearisation of the same problem where
+    /// that saves its allocation.
+    fn linearize_in(&self, x: &[f64], _room: Option<Linearization>) -> Linearization {
+        self.linearize(x)
+    }
 }
 
 /// A problem at one point.
@@ -47,11 +53,18 @@ impl Linearization {
     /// Norm of each column of `J`.
     #[must_use]
     pub fn column_norms(&self) -> Vec<f64> {
-        let n = self.gradient.len();
-        match &self.curvature {
-            Curvature::Gram(h) => (0..n).map(|j| h[(j, j)].max(0.0).sqrt()).collect(),
-            Curvature::Factor(r, _) => (0..n).map(|j| r.col(j).norm_l2()).collect(),
-        }
+        let mut norms = Vec::new();
+        self.column_norms_in(&mut norms);
+        norms
+    }
+
+    /// [`Linearization::column_norms`] in a vector that there is.
+    pub(crate) fn column_norms_in(&self, norms: &mut Vec<f64>) {
+        norms.clear();
+        norms.extend((0..self.gradient.len()).map(|j| match &self.curvature {
+            Curvature::Gram(h) => h[(j, j)].max(0.0).sqrt(),
+            Curvature::Factor(r, _) => r.col(j).norm_l2(),
+        }));
     }
 
     /// `JᵀJ`.
@@ -129,65 +142,14 @@ impl Linearization {
 /// Solves (31) from `JᵀJ` in unit columns; `None` where the matrix is not positive definite.
 fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> Option<Vec<f64>> {
     let n = gradient.len();
-    if n > SMALL {
-        let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);
-        let damped = Mat::from_fn(n, n, |i, j| unit(i, j) + if i == j { damping } else { 0.0 });
-        let factor = Llt::new(damped.as_ref(), Side::Lower).ok()?;
-        let s = factor.solve(Mat::from_fn(n, 1, |i, _| -gradient[i] / scale[i]));
-        return Some((0..n).map(|i| s[(i, 0)] / scale[i]).collect());
+    if n <= small::MOST {
+        return small::solve_damped(h, gradient, damping, scale);
     }
-    // Columns of the lower triangle, the right-hand side as one more row below them.
-    let rows = n + 1;
-    let mut room = [0.0; (SMALL + 1) * SMALL];
-    let l = &mut room[..rows * n];
-    let mut s: Vec<f64> = scale.iter().map(|s| 1.0 / s).collect();
-    for (j, column) in l.chunks_exact_mut(rows).enumerate() {
-        let own = &h.col_as_slice(j)[j..];
-        for ((value, h), inverse) in column[j..n].iter_mut().zip(own).zip(&s[j..]) {
-            *value = h * inverse * s[j];
-        }
-        column[j] += damping;
-        column[n] = -gradient[j] * s[j];
-    }
-    dispatch(
-        #[inline(always)]
-        || factor_in_place(l, n),
-    )
-    .then_some(())?;
-    let inverse = std::mem::replace(&mut s, vec![0.0; n]);
-    for j in (0..n).rev() {
-        let column = &l[j * rows..(j + 1) * rows];
-        let known: f64 = column[j + 1..n].iter().zip(&s[j + 1..]).map(|(l, s)| l * s).sum();
-        s[j] = (column[n] - known) / column[j];
-    }
-    s.iter_mut().zip(&inverse).for_each(|(s, inverse)| *s *= inverse);
-    Some(s)
-}
-
-/// For fewer parameters than this, the overhead of faer's general Cholesky exceeds the work.
-const SMALL: usize = 24;
-
-/// Cholesky of the columns of a lower triangle with one more row, right-looking.
-#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN is no pivot either")]
-#[inline(always)]
-fn factor_in_place(l: &mut [f64], n: usize) -> bool {
-    let rows = n + 1;
-    for j in 0..n {
-        let (head, tail) = l.split_at_mut((j + 1) * rows);
-        let column = &mut head[j * rows..];
-        if !(column[j] > 0.0) {
-            return false; // also for a NaN
-        }
-        let pivot = 1.0 / column[j].sqrt();
-        column[j..].iter_mut().for_each(|v| *v *= pivot);
-        for (k, next) in (j + 1..n).zip(tail.chunks_exact_mut(rows)) {
-            let factor = column[k];
-            for (a, b) in next[k..].iter_mut().zip(&column[k..]) {
-                *a -= factor * b;
-            }
-        }
-    }
-    true
+    let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);
+    let damped = Mat::from_fn(n, n, |i, j| unit(i, j) + if i == j { damping } else { 0.0 });
+    let factor = Llt::new(damped.as_ref(), Side::Lower).ok()?;
+    let s = factor.solve(Mat::from_fn(n, 1, |i, _| -gradient[i] / scale[i]));
+    Some((0..n).map(|i| s[(i, 0)] / scale[i]).collect())
 }
 
 /// Least squares by Householder QR; `a` has full column rank.

@@ -77,13 +77,13 @@ impl Termination {
 pub struct Outcome {
     /// The parameters.
     pub x: Vec<f64>,
-    /// `½‖r‖²` at `x`.
+    /// `½‖r‖²` there.
     pub cost: f64,
     /// Number of linearisations.
     pub iterations: usize,
     /// Reason for the end.
     pub termination: Termination,
-    /// The problem at `x`.
+    /// The problem at `x`, or one step within the tolerance before it.
     pub linearization: Linearization,
 }
 
@@ -102,39 +102,51 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
     if !here.cost.is_finite() {
         return end(x, here, 0, Termination::NotFinite);
     }
-    grow(&mut scale, &here);
+    let mut norms = Vec::new();
+    here.column_norms_in(&mut norms);
+    grow(&mut scale, &norms);
     let mut radius = options.reach * weighted_norm(&x, &scale);
     if radius == 0.0 {
         radius = options.reach;
     }
 
+    let mut spare = None;
+    let mut ahead = None; // the full step from `here`, where it is known
     for iteration in 1..=options.max_iterations {
-        if is_stationary(&here, options.gtol) {
+        if is_stationary(&here, &norms, options.gtol) {
             return end(x, here, iteration, Termination::Gradient);
         }
-        let Some((damping, step)) = step_within(&here, &scale, radius) else {
+        let Some((damping, step)) = step_within(&here, &scale, radius, ahead.take()) else {
             return end(x, here, iteration, Termination::Stalled);
         };
         let length = weighted_norm(&step, &scale);
+        let size = weighted_norm(&x, &scale);
+        let trial: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
+        if damping == NEGLIGIBLE && length <= options.xtol * size {
+            // So short a step changes neither cost nor derivatives: they are not computed again.
+            return end(trial, here, iteration, Termination::Step);
+        }
         if iteration == 1 {
             radius = radius.min(length);
         }
-        let trial: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
-        let there = problem.linearize(&trial);
+        let there = problem.linearize_in(&trial, spare.take());
         let promised = promise(&here, &step, damping, &scale);
         let gained = here.cost - there.cost;
         // Near the minimum the decrease of the cost is below its rounding; the gradient is not.
         let near = damping == NEGLIGIBLE && promised.max(gained.abs()) <= NEAR * here.cost;
         let ratio = if !near {
             gained / promised // (32)
-        } else if full_promise(&there, &scale) < promised {
-            1.0
         } else {
-            return end(x, here, iteration, Termination::Stalled);
+            let next = there.damped_step(NEGLIGIBLE, &scale);
+            let more = next.as_ref().map(|next| promise(&there, next, NEGLIGIBLE, &scale));
+            if !more.is_some_and(|more| more < promised) {
+                return end(x, here, iteration, Termination::Stalled);
+            }
+            ahead = next;
+            1.0
         };
 
         let flat = gained.abs() <= options.ftol * here.cost && promised <= options.ftol * here.cost;
-        let small = damping == NEGLIGIBLE && length <= options.xtol * weighted_norm(&x, &scale);
         if ratio > 0.25 {
             if ratio > 0.75 || damping == NEGLIGIBLE {
                 radius = 2.0 * length;
@@ -144,10 +156,13 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
         }
         if ratio > 1e-4 {
             x = trial;
-            here = there;
-            grow(&mut scale, &here);
+            spare = Some(std::mem::replace(&mut here, there));
+            here.column_norms_in(&mut norms);
+            grow(&mut scale, &norms);
+        } else {
+            spare = Some(there);
         }
-        if small || radius <= options.xtol * weighted_norm(&x, &scale) {
+        if radius <= options.xtol * size {
             return end(x, here, iteration, Termination::Step);
         }
         if flat {
@@ -160,12 +175,6 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
 /// Below this fraction of the cost, rounding may hide the decrease of a full step.
 const NEAR: f64 = 1e-8;
 
-/// Decrease that the linear model predicts for a full step: `½ gᵀ (JᵀJ)⁻¹ g`.
-fn full_promise(here: &Linearization, scale: &[f64]) -> f64 {
-    let step = here.damped_step(NEGLIGIBLE, scale);
-    step.map_or(f64::NAN, |step| promise(here, &step, NEGLIGIBLE, scale))
-}
-
 /// Norm of the gradient in unit columns.
 fn steepness(here: &Linearization, scale: &[f64]) -> f64 {
     here.gradient.iter().zip(scale).map(|(g, s)| (g / s).powi(2)).sum::<f64>().sqrt()
@@ -177,14 +186,19 @@ const NEGLIGIBLE: f64 = f64::EPSILON * f64::EPSILON;
 /// The step of (31) with `‖D s‖` equal to the radius, to 3 %; the full step where it is shorter.
 ///
 /// `1/‖D s‖` is nearly linear in λ (Hebden), so a few secant steps find λ.
-fn step_within(here: &Linearization, scale: &[f64], radius: f64) -> Option<(f64, Vec<f64>)> {
-    let solve = |damping: f64| {
-        let step = here.damped_step(damping, scale)?;
+fn step_within(
+    here: &Linearization,
+    scale: &[f64],
+    radius: f64,
+    full: Option<Vec<f64>>,
+) -> Option<(f64, Vec<f64>)> {
+    let measured = |step: Vec<f64>| {
         let length = weighted_norm(&step, scale);
-        Some((step, length))
+        (step, length)
     };
+    let solve = |damping: f64| here.damped_step(damping, scale).map(measured);
     // The ends of the bracket: a damping with too long a step, and one with a short enough step.
-    let mut low = match solve(NEGLIGIBLE) {
+    let mut low = match full.map(measured).or_else(|| solve(NEGLIGIBLE)) {
         Some((step, length)) if length <= 1.1 * radius => return Some((NEGLIGIBLE, step)),
         Some((_, length)) => (0.0, 1.0 / length),
         None => (0.0, 0.0),
@@ -224,9 +238,9 @@ fn shrink(here: &Linearization, step: &[f64], gained: f64) -> f64 {
 }
 
 /// Moré's scaling: the largest norm of each column so far.
-fn grow(scale: &mut [f64], here: &Linearization) {
-    for (s, norm) in scale.iter_mut().zip(here.column_norms()) {
-        *s = s.max(norm);
+fn grow(scale: &mut [f64], norms: &[f64]) {
+    for (s, norm) in scale.iter_mut().zip(norms) {
+        *s = s.max(*norm);
         if *s == 0.0 {
             *s = 1.0; // a column of zeros: its parameter does not move
         }
@@ -234,10 +248,9 @@ fn grow(scale: &mut [f64], here: &Linearization) {
 }
 
 /// True where the residual is orthogonal to every column.
-fn is_stationary(here: &Linearization, gtol: f64) -> bool {
+fn is_stationary(here: &Linearization, norms: &[f64], gtol: f64) -> bool {
     let norm = (2.0 * here.cost).sqrt();
-    let columns = here.column_norms();
-    here.gradient.iter().zip(columns).all(|(g, c)| g.abs() <= gtol * norm * c)
+    here.gradient.iter().zip(norms).all(|(g, c)| g.abs() <= gtol * norm * c)
 }
 
 /// Decrease of the linear model: the denominator of (32).

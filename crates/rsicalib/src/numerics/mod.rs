@@ -11,5 +11,6 @@ pub(crate) mod normal_equations;
 pub mod random;
 pub mod rank;
 pub(crate) mod schur;
+pub(crate) mod small;
 pub(crate) mod symmetric;
 pub(crate) mod workers;

@@ -86,7 +86,7 @@ impl NormalEquations {
     pub fn add(&mut self, group: usize, residuals: &[Lanes], rows: &[Lanes]) {
         let (shared, width) = (self.shared, self.width);
         for residual in residuals {
-            self.cost += *residual * *residual * 0.5;
+            self.cost = (*residual * 0.5).mul_add(*residual, self.cost);
         }
         for i in 0..shared {
             let line = &mut self.gram[row_of(i)..row_of(i + 1)];
@@ -111,10 +111,10 @@ impl NormalEquations {
         let shared = self.shared;
         let (here, own) = active.split_at(active.partition_point(|i| *i < shared));
         for (n, &i) in here.iter().enumerate() {
-            self.gradient[i] += row[i] * residual;
+            self.gradient[i] = row[i].mul_add(residual, self.gradient[i]);
             let line = &mut self.gram[row_of(i)..row_of(i + 1)];
             for &j in &here[..=n] {
-                line[j] += row[i] * row[j];
+                line[j] = row[i].mul_add(row[j], line[j]);
             }
         }
         let entries = row_of(self.width) - row_of(shared);
@@ -152,17 +152,17 @@ pub fn add_line(
     for (r, x) in &mut threes {
         let (x, y, z) = (&x[..width], &x[width..2 * width], &x[2 * width..]);
         let (a, b, c) = (x[i], y[i], z[i]);
-        *gradient += a * r[0] + b * r[1] + c * r[2];
+        *gradient = a.mul_add(r[0], b.mul_add(r[1], c.mul_add(r[2], *gradient)));
         for (((sum, x), y), z) in line.iter_mut().zip(x).zip(y).zip(z) {
-            *sum += a * *x + b * *y + c * *z;
+            *sum = a.mul_add(*x, b.mul_add(*y, c.mul_add(*z, *sum)));
         }
     }
     let done = residuals.len() / 3 * 3;
     for (r, x) in residuals[done..].iter().zip(rows[done * width..].chunks_exact(width)) {
         let a = x[i];
-        *gradient += a * *r;
+        *gradient = a.mul_add(*r, *gradient);
         for (sum, x) in line.iter_mut().zip(x) {
-            *sum += a * *x;
+            *sum = a.mul_add(*x, *sum);
         }
     }
 }

@@ -50,9 +50,10 @@ impl ScoreSums {
             for &width in blocks {
                 let columns = &row[first..first + width];
                 for (i, column) in columns.iter().enumerate() {
-                    let line = &mut self.square[at + i * width..at + (i + 1) * width];
-                    let pairs = line.iter_mut().zip(columns).skip(i);
-                    pairs.for_each(|(sum, other)| *sum += *column * *other);
+                    let line = &mut self.square[at + i * width + i..at + (i + 1) * width];
+                    for (sum, other) in line.iter_mut().zip(&columns[i..]) {
+                        *sum = column.mul_add(*other, *sum);
+                    }
                 }
                 at += width * width;
                 first += width;
@@ -135,10 +136,14 @@ pub fn project_blocks(
         base: vec![Lanes::ZERO; base],
         own: Vec::new(),
     };
-    let visit = |sums: &mut ScoreSums, group: usize, w: &[Lanes], x: &[Lanes]| {
-        sums.add(group, blocks, w, x)
-    };
-    let sums = problem.sweep(&beta, zero, visit, |a, b| a.merge(&b)).unwrap_or_else(zero);
+    let sums = problem.sweep(
+        &beta,
+        zero,
+        #[inline(always)]
+        |sums: &mut ScoreSums, group, w, x| sums.add(group, blocks, w, x),
+        |a, b| a.merge(&b),
+    );
+    let sums = sums.unwrap_or_else(zero);
 
     let mut cross = Mat::from_fn(n, extra, |j, i| match j < base {
         true => sums.cross[i * base + j].sum(),
