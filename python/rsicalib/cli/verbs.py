@@ -17,7 +17,7 @@ from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import show, warn, write_files
 from rsicalib.cli.progress import progress_of
-from rsicalib.errors import InputError
+from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.files import write_text
 from rsicalib.records import to_json
 
@@ -29,6 +29,7 @@ __all__ = [
     "fixture",
     "fleet",
     "forward",
+    "guide",
     "mechanism",
     "paper",
     "plan",
@@ -142,10 +143,12 @@ def plan(args: Args) -> int:
     found = plan_poses(
         args.mechanism,
         args.poses,
+        result=args.result,
         beside=args.beside,
         noise=args.noise,
         criterion=args.criterion,
         calibration=args.calibration,
+        off=args.off,
         seed=args.seed,
     )
     if args.out is not None:
@@ -158,6 +161,38 @@ def plan(args: Args) -> int:
     elif not args.quiet:
         sys.stdout.write(found.text())
     return 0
+
+
+def guide(args: Args) -> int:
+    """Take a session: which pose next, how good already, when done (page and terminal)."""
+    from rsicalib.guide.run import guide as take_session
+
+    def told(url: str) -> None:
+        if not args.quiet:
+            print(f"the page of this session: {url}", file=sys.stderr, flush=True)
+
+    found = take_session(
+        args.out,
+        args.mechanism,
+        rest=args.rest,
+        target=args.target,
+        source=args.source,
+        resume=args.resume,
+        port=args.port,
+        browser=not args.no_browser,
+        samples=args.samples,
+        seconds=args.seconds,
+        seed=args.seed,
+        quiet=args.quiet,
+        told=told,
+    )
+    if found is None:
+        raise UndeterminedError("the poses so far do not determine the calibration")
+    if args.json:
+        sys.stdout.write(found.to_json())
+    elif not args.quiet:
+        print(found.summary())
+    return found.exit_code
 
 
 def fleet(args: Args) -> int:
