@@ -155,13 +155,31 @@ def further_poses(it: Tie, way: str, count: int, seed: int) -> tuple[Array, Arra
     if way == "random":
         rng = np.random.default_rng([seed, it.number, 7])
         return wide_poses(rng, it.device, count), np.zeros(count), None
-    found = plan(
-        poses=count,
-        result=it.result,
-        beside=readings_of(it.scene, it.values),
-        criterion=None if way == "decide" else way,
-        seed=it.number,
-    )
+    criterion = None if way == "decide" else way
+    readings = readings_of(it.scene, it.values)
+    return reached(it.device, count, it.result, readings, criterion, it.number)
+
+
+def reached(
+    device: Device, count: int, result: Any, readings: Any, criterion: str | None, seed: int
+) -> tuple[Array, Array, Any]:
+    """A plan whose poses the device can take: others are struck off, and planned again."""
+    off = np.empty((0, 9))
+    found = None
+    for _ in range(4):
+        found = plan(
+            poses=count,
+            result=result,
+            beside=readings,
+            criterion=criterion,
+            off=off if len(off) else None,
+            seed=seed,
+        )
+        can = device.allows(found.poses)
+        if can.all():
+            break
+        off = np.vstack([off, found.readings[~can]])
+    assert found is not None
     waits = np.array(found.waits) if found.waits else np.zeros(count)
     return found.poses, waits, found.forecast
 
@@ -294,10 +312,8 @@ def platform_error(number: int, seed: int, way: str, more: int = 12) -> float:
         poses = wide_poses(rng, device, more)
     else:
         result = rsicalib.calibrate(readings_of(scene, values), rest=rest)
-        found = plan(
-            poses=more, result=result, beside=readings_of(scene, values), criterion=way, seed=number
-        )
-        poses = found.poses[device.allows(found.poses)]
+        poses = reached(device, more, result, readings_of(scene, values), way, number)[0]
+        poses = poses[device.allows(poses)]
     whole = continued(scene, poses, 8, warmth, np.zeros(len(poses)))
     ideal = device.ideal(whole)[len(values) :]
     values = np.concatenate([values, simulator.digitise(ideal, rng, 1.0)])

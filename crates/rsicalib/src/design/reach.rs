@@ -7,8 +7,12 @@ use crate::model::assembly;
 /// True for the geometry of the hand controller, whatever its sensors: (6) to (8) hold.
 pub(crate) fn has_closed_form(mechanism: &Mechanism) -> bool {
     let rsi = Mechanism::rsi();
+    let within = |limits: Option<[f64; 2]>, own: Option<[f64; 2]>| match (limits, own) {
+        (Some([low, high]), Some([least, most])) => low >= least && high <= most,
+        _ => false,
+    };
     let limits =
-        mechanism.channels.iter().zip(&rsi.channels).all(|(c, own)| c.limits == own.limits);
+        mechanism.channels.iter().zip(&rsi.channels).all(|(c, own)| within(c.limits, own.limits));
     mechanism.chains == rsi.chains
         && mechanism.points == rsi.points
         && mechanism.platform == rsi.platform
