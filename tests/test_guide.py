@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -28,6 +27,7 @@ from rsicalib.guide.server import Page
 from rsicalib.guide.source import open_source
 from rsicalib.guide.terminal import Screen, screen
 from tests import oracle, person
+from tests.browser import CHROMIUM, needs_chromium
 
 CHANNELS = oracle.channel_names(oracle.rsi())
 TARGET = 0.004
@@ -316,10 +316,7 @@ def test_kill_9_and_resume_lose_nothing(tmp_path: Path) -> None:
     assert set(counts.values()) == {8}
 
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium to show the page in")
+@needs_chromium
 def test_a_browser_shows_the_session(tmp_path: Path) -> None:
     assert CHROMIUM is not None
     served = Served(tmp_path / "o", person.drawn(3, "curvature", "a22"))
