@@ -257,6 +257,26 @@ def fixture(
 ) -> tuple[list[dict[str, Any]], int]:
     """Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`."""
 
+def further(
+    session: Session,
+    rivals: Sequence[tuple[Sequence[str], float, float]],
+    *,
+    poses: int,
+    criterion: str | None = None,
+    within: Sequence[Sequence[float]] | None = None,
+    candidates: int | None = None,
+    left_out: Sequence[int] | None = None,
+    off: Array | None = None,
+    from_: Array | None = None,
+    way: float | None = None,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Chooses poses to visit after a session, beside the readings that it has.
+
+    `left_out` are rows of the session that do not count; `off` are readings of poses that are
+    struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands.
+    """
+
 def identifiable(
     mechanism: Mechanism, terms: Sequence[str] | None = None, *, seed: int = 0
 ) -> dict[str, Any]:

@@ -52,6 +52,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(design::identifiable, module)?)?;
     module.add_function(wrap_pyfunction!(devices::calibrate_devices, module)?)?;
     module.add_function(wrap_pyfunction!(design::plan, module)?)?;
+    module.add_function(wrap_pyfunction!(design::further, module)?)?;
     module.add_function(wrap_pyfunction!(design::bound_at, module)?)?;
     module.add_function(wrap_pyfunction!(design::workspace, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;

@@ -28,7 +28,7 @@ use crate::mechanism::PyMechanism;
 /// Readings of one mechanism, with what is known beside them.
 #[pyclass(frozen, skip_from_py_object, name = "Session", module = "rsicalib._core")]
 pub struct PyObservations {
-    observations: Arc<Observations>,
+    pub observations: Arc<Observations>,
     listener: Option<Listener>,
 }
 

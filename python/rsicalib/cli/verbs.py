@@ -18,8 +18,7 @@ from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import emit, say
-from rsicalib.errors import InputError
-from rsicalib.io.files import write_text
+from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.folders import MARK, write_folder
 from rsicalib.plain_text import printable
 from rsicalib.records import to_json
@@ -32,6 +31,7 @@ __all__ = [
     "fixture",
     "fleet",
     "forward",
+    "guide",
     "mechanism",
     "paper",
     "plan",
@@ -150,22 +150,57 @@ def plan(args: Args) -> int:
     found = plan_poses(
         args.mechanism,
         args.poses,
+        result=args.result,
         beside=args.beside,
         noise=args.noise,
         criterion=args.criterion,
         calibration=args.calibration,
+        off=args.off,
         seed=args.seed,
     )
     if args.out is not None:
-        found.save(args.out)
         said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
-        write_text(args.out.with_suffix(".html"), poses_html(*said))
+        page = f"{poses_html(*said)}<!-- {MARK} -->\n"
+        files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
+        write_folder(args.out.parent, files, force=args.force)
     if args.json:
         head = {"format": "rsicalib.plan/1", "version": _core.__version__}
         emit(to_json({**head, **found.to_dict()}))
     elif not args.quiet:
         say(found.text().removesuffix("\n"))
     return 0
+
+
+def guide(args: Args) -> int:
+    """Take a session: which pose next, how good already, when done (page and terminal)."""
+    from rsicalib.guide.run import guide as take_session
+
+    def told(url: str) -> None:
+        if not args.quiet:
+            print(f"the page of this session: {url}", file=sys.stderr, flush=True)
+
+    found = take_session(
+        args.out,
+        args.mechanism,
+        rest=args.rest,
+        target=args.target,
+        source=args.source,
+        resume=args.resume,
+        port=args.port,
+        browser=not args.no_browser,
+        samples=args.samples,
+        seconds=args.seconds,
+        seed=args.seed,
+        quiet=args.quiet,
+        told=told,
+    )
+    if found is None:
+        raise UndeterminedError("the poses so far do not determine the calibration")
+    if args.json:
+        emit(found.to_json())
+    elif not args.quiet:
+        say(found.summary())
+    return found.exit_code
 
 
 def fleet(args: Args) -> int:
@@ -178,9 +213,9 @@ def fleet(args: Args) -> int:
         told = None if line is None else line.counted
         found = calibrate_fleet(args.dataset, **options, progress=told)
     if args.json:
-        sys.stdout.write(to_json(found.to_dict()))
+        emit(to_json(found.to_dict()))
     elif not args.quiet:
-        sys.stdout.write(found.text())
+        say(found.text().removesuffix("\n"))
     return found.exit_code
 
 
@@ -231,7 +266,7 @@ def terms(args: Args) -> int:
 
 def completion(args: Args) -> int:
     """Completion of verbs and options in your shell: source <(rsicalib completion bash)."""
-    sys.stdout.write(script(args.parser, args.shell))
+    emit(script(args.parser, args.shell))
     return 0
 
 

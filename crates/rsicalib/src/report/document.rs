@@ -147,6 +147,10 @@ result! {
         /// Effects that were found, in their order.
         #[serde(default)]
         steps: Vec<Step>,
+        /// Explanations within 12 of the best in penalised χ², itself included; the best first, 8
+        /// at most.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        rivals: Vec<Rival>,
         /// How well the model fits with the terms of `steps`.
         after: FitQuality,
         /// What is left.
@@ -418,6 +422,17 @@ pub struct Step {
     /// Error on poses left out, with this effect and those before.
     #[serde(default)]
     pub held_out: Option<HeldOut>,
+}
+
+/// Effects that explain a session together, nearly as well as the best do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Rival {
+    /// The effects.
+    pub terms: Vec<Name>,
+    /// χ², with 4 for each parameter of the effects and 4 for a time that was searched.
+    pub chi2_penalised: f64,
+    /// Probability among the explanations that are listed, all as likely beforehand.
+    pub probability: f64,
 }
 
 /// What is left when nothing scores any more.
