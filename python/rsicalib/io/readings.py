@@ -10,6 +10,7 @@ import csv
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TextIO
 
@@ -34,9 +35,11 @@ from rsicalib.io.tables import (
     Frame,
     Table,
     is_frame,
-    read_table,
+    read_file,
     table_of_arrays,
+    table_of_file,
     table_of_frame,
+    table_of_numbers,
     text,
 )
 from rsicalib.tabular import Tabular
@@ -249,8 +252,14 @@ def load_readings(
         The file cannot be used; `where` says file, line, column, what was found and
         what was expected.
     """
-    table = table_of_frame(path) if is_frame(path) else read_table(path)  # type: ignore[arg-type]
-    return _readings(table, mechanism, skip_bad_rows)
+    if is_frame(path):
+        return _readings(table_of_frame(path), mechanism, skip_bad_rows)
+    file = read_file(path)  # type: ignore[arg-type]
+    numbers = table_of_numbers(file)
+    if numbers is not None and not {*mechanism.key_columns, *TEXTS} & {*numbers.names}:
+        with suppress(InputError):  # the table cell by cell says what was found, or skips it
+            return _readings(numbers, mechanism, skip_bad_rows=False)
+    return _readings(table_of_file(file), mechanism, skip_bad_rows)
 
 
 def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Readings:

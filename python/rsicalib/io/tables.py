@@ -19,24 +19,30 @@ from typing import Any, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 
 __all__ = [
     "Frame",
+    "File",
     "Ragged",
     "Table",
     "is_blank",
     "is_frame",
     "numbers",
     "quoted",
+    "read_file",
     "read_table",
     "table_of_arrays",
     "table_of_frame",
+    "table_of_file",
+    "table_of_numbers",
     "text",
 ]
 
 PARQUET = {".parquet", ".pq"}
+BOM = b"\xef\xbb\xbf"
 
 
 @runtime_checkable
@@ -95,13 +101,27 @@ class Table:
     ragged: dict[int, Ragged] = field(default_factory=dict)
 
 
-def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read a file: Parquet if its name ends so, else CSV.
+@dataclass(frozen=True)
+class File:
+    """The bytes of a file of readings, their digest, and the path as given."""
+
+    source: str
+    data: bytes
+    sha256: str
+
+    @property
+    def is_parquet(self) -> bool:
+        """Whether its name says so; it is CSV otherwise."""
+        return PurePath(self.source).suffix.lower() in PARQUET
+
+
+def read_file(path: str | os.PathLike[str]) -> File:
+    """Read the bytes of a file.
 
     Raises
     ------
     InputError
-        There is no such file, or it is no such table.
+        There is no such file, or it cannot be read.
     """
     source = os.fsdecode(path)
     try:
@@ -115,8 +135,55 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         reason = getattr(error, "strerror", None) or str(error)
         expected = "a file that can be read"
         raise InputError.at(source, found=reason, expected=expected) from error
-    read = _read_parquet if PurePath(source).suffix.lower() in PARQUET else _read_csv
-    return read(data, source, hashlib.sha256(data).hexdigest())
+    return File(source, data, hashlib.sha256(data).hexdigest())
+
+
+def read_table(path: str | os.PathLike[str]) -> Table:
+    """Read a file: Parquet if its name ends so, else CSV.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no such table.
+    """
+    return table_of_file(read_file(path))
+
+
+def table_of_file(file: File) -> Table:
+    """The table in a file, cell by cell.
+
+    Raises
+    ------
+    InputError
+        It is no such table.
+    """
+    read = _read_parquet if file.is_parquet else _read_csv
+    return read(file.data, file.source, file.sha256)
+
+
+def table_of_numbers(file: File) -> Table | None:
+    """The table in a CSV file that holds a header and numbers, and surely nothing else.
+
+    None on any doubt: `table_of_file` then says what the file is. Where there is none, both give
+    the same names, lines and numbers.
+    """
+    if file.is_parquet:
+        return None
+    data = file.data
+    start = len(BOM) if data.startswith(BOM) else 0
+    end = data.find(b"\n", start) + 1
+    header = data[start:end].removesuffix(b"\n").removesuffix(b"\r")
+    if not header.strip() or b'"' in header or b"\r" in header:
+        return None
+    try:
+        names = [name.strip() for name in header.decode("utf-8").split(",")]
+    except UnicodeDecodeError:
+        return None
+    columns = _core.plain_numbers(data, end, len(names))
+    if columns is None:
+        return None
+    lines = np.arange(2, len(columns[0]) + 2, dtype=np.int64)
+    return Table(names, list(columns), lines, "line", file.source, file.sha256)
 
 
 def _read_csv(data: bytes, source: str, sha256: str) -> Table:
