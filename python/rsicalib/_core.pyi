@@ -214,7 +214,7 @@ def calibrate_devices(
     noise: Sequence[float] | None = None,
     trace: Any = True,
     held_out: Any = False,
-) -> Any:
+) -> dict[str, list[Any]]:
     """Calibrates devices one after the other, column by column in the order of the tables.
 
     `rests` holds readings of the rest pose, shape (n, C), or None, for each table. A device that
@@ -336,6 +336,15 @@ def places(
 
     Names of the columns, values of shape (n, k), and with the covariance of the parameters their
     standard deviations; None where nothing is known of those.
+    """
+
+def plain_numbers(data: bytes, first: int, columns: int) -> list[Array] | None:
+    """Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt.
+
+    Plain is: rows of `columns` cells, `,` between cells, `\\n` or `\\r\\n` after each row but perhaps
+    the last, nothing else after the rows but empty lines, and every cell a decimal number,
+    `[+-]?(\\d+\\.?\\d*|\\.\\d+)([eE][+-]?\\d+)?`, without spaces or quotes. Whoever reads the text cell by
+    cell finds the same numbers, to the bit.
     """
 
 def plan(

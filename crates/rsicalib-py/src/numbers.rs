@@ -3,7 +3,7 @@
 use numpy::{PyArray1, ToPyArray};
 use pyo3::prelude::*;
 
-/// Columns of a text that is a plain table of numbers from `start` on; None on any doubt.
+/// Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt.
 ///
 /// Plain is: rows of `columns` cells, `,` between cells, `\n` or `\r\n` after each row but perhaps
 /// the last, nothing else after the rows but empty lines, and every cell a decimal number,
@@ -12,11 +12,11 @@ use pyo3::prelude::*;
 #[pyfunction]
 pub fn plain_numbers<'py>(
     py: Python<'py>,
-    text: &[u8],
-    start: usize,
+    data: &[u8],
+    first: usize,
     columns: usize,
 ) -> Option<Vec<Bound<'py, PyArray1<f64>>>> {
-    let body = text.get(start..)?;
+    let body = data.get(first..)?;
     let found = py.detach(|| table(body, columns))?;
     Some(found.iter().map(|column| column.to_pyarray(py)).collect())
 }
