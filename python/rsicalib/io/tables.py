@@ -24,8 +24,8 @@ from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 
 __all__ = [
-    "Frame",
     "File",
+    "Frame",
     "Ragged",
     "Table",
     "is_blank",
@@ -35,8 +35,8 @@ __all__ = [
     "read_file",
     "read_table",
     "table_of_arrays",
-    "table_of_frame",
     "table_of_file",
+    "table_of_frame",
     "table_of_numbers",
     "text",
 ]
