@@ -339,13 +339,7 @@ def places(
     """
 
 def plain_numbers(data: bytes, first: int, columns: int) -> list[Array] | None:
-    """Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt.
-
-    Plain is: rows of `columns` cells, `,` between cells, `\\n` or `\\r\\n` after each row but perhaps
-    the last, nothing else after the rows but empty lines, and every cell a decimal number,
-    `[+-]?(\\d+\\.?\\d*|\\.\\d+)([eE][+-]?\\d+)?`, without spaces or quotes. Whoever reads the text cell by
-    cell finds the same numbers, to the bit.
-    """
+    """Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt."""
 
 def plan(
     mechanism: Mechanism,
