@@ -214,7 +214,7 @@ def calibrate_devices(
     noise: Sequence[float] | None = None,
     trace: Any = True,
     held_out: Any = False,
-) -> Any:
+) -> dict[str, list[Any]]:
     """Calibrates devices one after the other, column by column in the order of the tables.
 
     `rests` holds readings of the rest pose, shape (n, C), or None, for each table. A device that
@@ -357,6 +357,9 @@ def places(
     Names of the columns, values of shape (n, k), and with the covariance of the parameters their
     standard deviations; None where nothing is known of those.
     """
+
+def plain_numbers(data: bytes, first: int, columns: int) -> list[Array] | None:
+    """Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt."""
 
 def plan(
     mechanism: Mechanism,

@@ -148,7 +148,7 @@ def plan(
         if beside is None or calibration is not None:
             found = "no readings" if beside is None else "another calibration"
             raise InputError(f"plan beside a result: found {found}, expected its readings (beside)")
-        sessions = Sessions(beside, result, opened)  # type: ignore[arg-type]
+        sessions = Sessions(beside, result, opened)
         choice = Choice(poses, criterion, within, candidates, struck, seed=seed)
         return plan_further(sessions, choice)
     if struck is not None:

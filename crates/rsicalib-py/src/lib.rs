@@ -8,6 +8,7 @@ mod error;
 mod experiments;
 mod faults;
 mod mechanism;
+mod numbers;
 mod observations;
 
 use pyo3::prelude::*;
@@ -67,5 +68,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
+    module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
 }

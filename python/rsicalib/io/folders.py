@@ -1,8 +1,9 @@
 """Folders of results: nothing of the user's is lost, and what is there is whole.
 
-A file is replaced only if it was written by this package: a result says so by its `format`, other
-files by a line, a plan by its column `why`, and the readings of a simulation by their digest in `truth.json`. One file, the
-seal, is removed first and written last: a folder that has its seal is whole.
+A file is replaced only if it was written by this package: a result says so by its `format`, a plan
+by its column `why`, other files by a line, and the readings of a simulation by their digest in
+`truth.json`. One file, the seal, is removed first and written last: a folder that has its seal is
+whole.
 """
 
 from __future__ import annotations

@@ -463,12 +463,13 @@ fn hidden(
     });
     let seen = &loops.geometric * &open.moves + &loops.distances * &distances;
     // What the parameters would show if they did not cancel each other.
+    let norms = |x: &Mat<f64>| x.col_iter().map(|column| column.norm_l2()).collect::<Vec<_>>();
+    let (of_geometry, of_distances) = (norms(&loops.geometric), norms(&loops.distances));
     let most = |j: usize| -> f64 {
-        let of = |x: &Mat<f64>, z: &Mat<f64>| -> f64 {
-            let parts = (0..x.ncols()).map(|k| x.col(k).norm_l2() * z[(k, j)].abs());
-            parts.sum()
+        let of = |norms: &[f64], z: &Mat<f64>| -> f64 {
+            norms.iter().enumerate().map(|(k, norm)| norm * z[(k, j)].abs()).sum()
         };
-        of(&loops.geometric, &open.moves) + of(&loops.distances, &distances)
+        of(&of_geometry, &open.moves) + of(&of_distances, &distances)
     };
     let unseen = |moves: usize| -> Option<usize> {
         let made: Vec<usize> = (0..moves).filter(|&j| open.possible[j]).collect();

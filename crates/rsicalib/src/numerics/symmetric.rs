@@ -1,5 +1,6 @@
 //! Symmetric eigenproblems: rank, pseudo-inverse, roots and quadratic forms.
 
+use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
 /// Eigenvalues below this fraction of the largest count as zero, in unit columns.
@@ -56,6 +57,9 @@ pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
         let norm = norms[i] * norms[j];
         if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
     });
+    if seen_everywhere(&unit) {
+        return vec![0.0; n];
+    }
     let mut part: Vec<f64> =
         step.iter().zip(&norms).map(|(s, norm)| if *norm > 0.0 { 0.0 } else { *s }).collect();
     let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return part };
@@ -67,6 +71,17 @@ pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
         }
     }
     part
+}
+
+/// True where a Cholesky factor proves that no eigenvalue of a matrix with a unit diagonal is
+/// below [`RANK`] of the largest: `λ_min ≥ 1/tr A⁻¹`, `λ_max ≤ tr A = n`. It takes a tenth of the
+/// time of the eigenvalues.
+fn seen_everywhere(unit: &Mat<f64>) -> bool {
+    let n = unit.nrows();
+    let Ok(factor) = unit.llt(Side::Lower) else { return false };
+    let inverse = factor.inverse();
+    let trace: f64 = (0..n).map(|i| inverse[(i, i)]).sum();
+    trace > 0.0 && trace * n as f64 * RANK < 0.01
 }
 
 /// Smallest share of a column that counts after the projection.
@@ -94,4 +109,46 @@ pub fn left_out(hat: &Mat<f64>, r: &[f64]) -> Option<(f64, f64)> {
 /// `aᵀ b`
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use faer::Mat;
+
+    use super::{nowhere, seen_everywhere};
+
+    /// Gram matrix of three columns, the last of which is the sum of the others but for `apart`.
+    fn gram(apart: f64) -> Mat<f64> {
+        let x = |i: usize, j: usize| ((i * i + 3 * j * i + j) as f64).sin();
+        let columns = Mat::from_fn(9, 3, |i, j| match j {
+            2 => x(i, 0) + x(i, 1) + apart * x(i, 5),
+            _ => x(i, j),
+        });
+        columns.transpose() * &columns
+    }
+
+    fn unit(gram: &Mat<f64>) -> Mat<f64> {
+        Mat::from_fn(3, 3, |i, j| gram[(i, j)] / (gram[(i, i)] * gram[(j, j)]).sqrt())
+    }
+
+    #[test]
+    fn a_step_along_what_nothing_tells_is_nowhere_and_another_is_not() {
+        let dependent = gram(0.0);
+        assert!(!seen_everywhere(&unit(&dependent)));
+        let part = nowhere(&dependent, &[1.0, 1.0, -1.0]);
+        for (part, step) in part.iter().zip([1.0, 1.0, -1.0]) {
+            assert!((part - step).abs() < 1e-6, "{part} {step}");
+        }
+        let independent = gram(0.1);
+        assert!(seen_everywhere(&unit(&independent)));
+        assert_eq!(nowhere(&independent, &[1.0, 1.0, -1.0]), vec![0.0; 3]);
+    }
+
+    #[test]
+    fn where_the_factor_proves_nothing_the_eigenvalues_decide() {
+        // Eigenvalues about 1e-10 of the largest: above the limit, but not proved by the factor.
+        let weak = gram(1e-5);
+        assert!(!seen_everywhere(&unit(&weak)));
+        assert_eq!(nowhere(&weak, &[1.0, 1.0, -1.0]), vec![0.0; 3]);
+    }
 }

@@ -154,12 +154,21 @@ struct Group {
 fn without_gross(groups: Vec<Group>, equations: usize) -> Vec<Group> {
     let dof = |g: &Group| g.free * equations as f64;
     let size = |g: &Group| (0..equations).map(|i| g.products[(i, i)]).sum::<f64>();
-    let mut sizes: Vec<f64> =
-        groups.iter().map(|g| size(g) / distributions::chi2_quantile(0.5, dof(g))).collect();
+    let chance = GROSS / groups.len().max(1) as f64;
+    // Groups are of a few sizes, and a quantile takes as long as a fit of one of them.
+    let mut quantiles: Vec<(f64, f64, f64)> = Vec::new();
+    for dof in groups.iter().map(dof) {
+        if quantiles.iter().all(|known| known.0 != dof) {
+            let of = |p| distributions::chi2_quantile(p, dof);
+            quantiles.push((dof, of(0.5), of(chance)));
+        }
+    }
+    let known =
+        |g: &Group| quantiles.iter().find(|q| q.0 == dof(g)).map_or((1.0, 1.0), |q| (q.1, q.2));
+    let mut sizes: Vec<f64> = groups.iter().map(|g| size(g) / known(g).0).collect();
     sizes.sort_by(f64::total_cmp);
     let usual = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
-    let chance = GROSS / groups.len().max(1) as f64;
-    let sound = |g: &Group| size(g) <= usual * distributions::chi2_quantile(chance, dof(g));
+    let sound = |g: &Group| size(g) <= usual * known(g).1;
     let gross = groups.iter().filter(|g| !sound(g)).count();
     if gross * MOST_GROSS > groups.len() {
         return groups;
