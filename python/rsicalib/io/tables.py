@@ -25,10 +25,7 @@ from rsicalib.io.csv_text import read_csv_text
 from rsicalib.io.sources import decoded, read_bytes, unpacked
 
 __all__ = [
-<<<<<<< HEAD
-=======
     "File",
->>>>>>> wt-fleet
     "Ragged",
     "Table",
     "is_blank",
@@ -37,18 +34,12 @@ __all__ = [
     "read_file",
     "read_table",
     "table_of_arrays",
-<<<<<<< HEAD
-=======
     "table_of_file",
     "table_of_numbers",
->>>>>>> wt-fleet
     "text",
 ]
 
 PARQUET = {".parquet", ".pq"}
-<<<<<<< HEAD
-HINT = "Save the file as CSV in UTF-8."
-=======
 BOM = b"\xef\xbb\xbf"
 HINT = "Save the file as CSV in UTF-8."
 
@@ -106,12 +97,6 @@ class Table:
         return numbers([str(c).replace(".", "?").replace(",", ".") for c in cells])
 
 
-<<<<<<< HEAD
-def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read a file: Parquet if its name ends so, else CSV; `-` is standard input.
-
-    CSV may be compressed by gzip, and may have comment lines (`#`) above its header.
-=======
 @dataclass(frozen=True)
 class File:
     """The bytes of a file of readings, the digest of what stands on the disk, the path as given.
@@ -130,73 +115,15 @@ class File:
 
 
 def read_file(path: str | os.PathLike[str]) -> File:
-    """Read the bytes of a file.
->>>>>>> wt-fleet
+    """Read the bytes of a file; `-` is standard input.
 
     Raises
     ------
     InputError
         There is no such file, or it cannot be read.
     """
-<<<<<<< HEAD
     data, source = read_bytes(path, "a file of readings"), os.fsdecode(path)
-    read = _read_parquet if PurePath(source).suffix.lower() in PARQUET else _read_csv
-    return read(data, source, hashlib.sha256(data).hexdigest())
-=======
-    data = read_bytes(path, "a file of readings")
-    source = os.fsdecode(path)
     return File(source, unpacked(data, source), hashlib.sha256(data).hexdigest())
-
-
-def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read a file: Parquet if its name ends so, else CSV; `-` is standard input.
-
-    CSV may be compressed by gzip, and may have comment lines (`#`) above its header.
-=======
-@dataclass(frozen=True)
-class File:
-    """The bytes of a file of readings, the digest of what stands on the disk, the path as given.
-
-    A file that was compressed by gzip holds its bytes as they were before.
-    """
-
-    source: str
-    data: bytes
-    sha256: str
-
-    @property
-    def is_parquet(self) -> bool:
-        """Whether its name says so; it is CSV otherwise."""
-        return PurePath(self.source).suffix.lower() in PARQUET
-
-
-def read_file(path: str | os.PathLike[str]) -> File:
-    """Read the bytes of a file.
->>>>>>> wt-fleet
-
-    Raises
-    ------
-    InputError
-        There is no such file, or it cannot be read.
-    """
-<<<<<<< HEAD
-    data, source = read_bytes(path, "a file of readings"), os.fsdecode(path)
-    read = _read_parquet if PurePath(source).suffix.lower() in PARQUET else _read_csv
-    return read(data, source, hashlib.sha256(data).hexdigest())
-=======
-    source = os.fsdecode(path)
-    try:
-        with open(source, "rb") as file:
-            data = file.read()
-    except FileNotFoundError:
-        raise InputError.at(source, found="no such file", expected="a file of readings") from None
-    except IsADirectoryError:
-        raise InputError.at(source, found="a directory", expected="a file of readings") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        expected = "a file that can be read"
-        raise InputError.at(source, found=reason, expected=expected) from error
-    return File(source, data, hashlib.sha256(data).hexdigest())
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -236,7 +163,7 @@ def table_of_numbers(file: File) -> Table | None:
     start = len(BOM) if data.startswith(BOM) else 0
     end = data.find(b"\n", start) + 1
     header = data[start:end].removesuffix(b"\n").removesuffix(b"\r")
-    if not header.strip() or b'"' in header or b"\r" in header:
+    if not header.strip() or b'"' in header or b"\r" in header or header.startswith(b"#"):
         return None
     try:
         names = [name.strip() for name in header.decode("utf-8").split(",")]
@@ -247,7 +174,6 @@ def table_of_numbers(file: File) -> Table | None:
         return None
     lines = np.arange(2, len(columns[0]) + 2, dtype=np.int64)
     return Table(names, list(columns), lines, "line", file.source, file.sha256)
->>>>>>> wt-fleet
 
 
 def _read_csv(data: bytes, source: str, sha256: str) -> Table:
