@@ -110,6 +110,23 @@ def test_an_effect_beyond_thirty_times_its_typical_size_is_implausible() -> None
     assert found.exit_code == 4
 
 
+@pytest.mark.parametrize(
+    ("family", "term", "channel"),
+    [
+        ("rps", "curvature", "turn2"),
+        ("rps", "cubic", "turn3"),
+        ("drawwire", "curvature", "rail"),
+    ],
+)
+def test_a_curve_is_as_large_as_it_is_in_the_readings(family: str, term: str, channel: str) -> None:
+    """Readings span a part of the range: over all of it the parabola would be many times larger."""
+    device, scene, rng = machine(family, 0)
+    effect = as_strong(device, scene, CATALOGUE[term](device, rng, channel), 120.0)
+    found = rsicalib.trace(*given(device, scene, rng, effect))
+    assert {step.target for step in found.steps} == {channel}
+    assert found.verdict == "explained"
+
+
 # ------------------------------------------------------------------ b: nothing judges
 
 
@@ -138,6 +155,17 @@ def test_rows_that_are_no_motion_do_not_give_the_noise() -> None:
     readings = readings_of(loaded, session)
     assert rsicalib.trace(readings, loaded).steps
     assert rsicalib.calibrate(readings, loaded).verdict != "adequate"
+
+
+@both
+def test_repeats_that_are_copies_of_each_other_are_no_evidence(verb: Any) -> None:
+    """Each pose stands four times in the file, digit by digit: the repeats show no noise."""
+    device, scene, rng = machine("fourbar", 0)
+    first = np.flatnonzero(np.diff(scene.label, prepend=0))
+    values = observe(device, scene, rng).values[first][scene.label - 1]
+    mechanism = Mechanism.from_toml(toml(device))
+    found = verb(readings_of(mechanism, Session(scene, values, {}, True, False)), mechanism)
+    assert found.verdict in ("undetermined", "unjudged")
 
 
 # ------------------------------------------------------------------ c: degrees

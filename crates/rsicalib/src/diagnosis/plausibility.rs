@@ -3,11 +3,12 @@
 //! A fit of anything gives parameters. Where noise, misclosure or an effect is out of all
 //! proportion, the readings are not of this mechanism, or not in the units declared.
 
+use crate::diagnosis::curve::curve;
 use crate::estimate::{Fit, Observations};
-use crate::mechanism::{Channel, Mechanism, Value};
+use crate::mechanism::{Channel, Mechanism, Target, Value};
 use crate::model::Instance;
 use crate::terms::targets::typical;
-use crate::terms::term::Acts;
+use crate::terms::term::{Acts, Over, Role};
 
 /// Largest share of a channel's range, or of its limits, that noise may be.
 const NOISE: f64 = 0.05;
@@ -93,10 +94,51 @@ fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Ab
         return None;
     }
     let at = fit.model.instances.iter().position(|i| i == instance)?;
+    let first = fit.model.first[at];
+    let largest = largest_correction(fit, instance, first);
     let sizes = typical(mechanism, instance.term, instance.target);
-    sizes.into_iter().enumerate().find_map(|(parameter, typical)| {
-        let value = fit.beta[fit.model.first[at] + parameter];
-        let absurd = value.abs() > EFFECT * typical;
+    let parameters = instance.term.info().parameters.iter().zip(sizes);
+    parameters.enumerate().find_map(|(parameter, (info, typical))| {
+        let value = fit.beta[first + parameter];
+        // A typical slope is declared for the counts of a converter.
+        let correction = match (info.unit, instance.target) {
+            ("rad/reading", Target::Channel(c)) => typical * COUNTS * travel(mechanism, c),
+            _ => typical,
+        };
+        let absurd = match largest {
+            Some(largest) => largest > EFFECT * correction,
+            None => value.abs() > EFFECT * typical,
+        };
         absurd.then_some(Absurdity::Effect { instance: *instance, parameter, value, typical })
     })
+}
+
+/// Half of the counts of a converter, of which a typical slope is declared.
+const COUNTS: f64 = 2047.5;
+
+/// A radian; of a joint that slides, half its way.
+fn travel(mechanism: &Mechanism, channel: usize) -> f64 {
+    let declared = &mechanism.channels[channel];
+    let half = 0.5 * span(declared) * declared.gain.abs();
+    if mechanism.slides(channel) && half.is_finite() { half } else { 1.0 }
+}
+
+/// The largest correction, in these readings, of an effect that is a curve over the reading,
+/// without what a fitted offset and gain take up of it: its parameters are those of the whole
+/// range, of which readings may span a part.
+fn largest_correction(fit: &Fit, instance: &Instance, first: usize) -> Option<f64> {
+    let Target::Channel(channel) = instance.target else { return None };
+    let curve = curve(fit, instance, first).filter(|curve| curve.over == Over::Reading)?;
+    let fitted = |role: Role| {
+        instance.term.role() == Role::Other && fit.model.column(role, channel).is_some()
+    };
+    let mean =
+        |k: usize| curve.points.iter().map(|p| p[k]).sum::<f64>() / curve.points.len() as f64;
+    let middle = [mean(0), if fitted(Role::Offset) { mean(1) } else { 0.0 }];
+    let along = |k: usize| -> f64 {
+        curve.points.iter().map(|p| (p[0] - middle[0]) * (p[k] - middle[k])).sum()
+    };
+    let slope = if fitted(Role::Gain) { along(1) / along(0).max(f64::MIN_POSITIVE) } else { 0.0 };
+    let left = |p: &[f64; 3]| (p[1] - middle[1] - slope * (p[0] - middle[0])).abs();
+    curve.points.iter().map(left).reduce(f64::max)
 }

@@ -115,7 +115,9 @@ pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
     if n == 0 {
         return out;
     }
-    let absent = norms.iter().zip(names).filter(|(norm, _)| **norm == 0.0);
+    // Where the noise is nothing, or no number, nothing is determined.
+    let seen = |norm: f64| norm > 0.0 && norm.is_finite();
+    let absent = norms.iter().zip(names).filter(|(norm, _)| !seen(**norm));
     out.unobservable.extend(absent.map(|(_, label)| Direction::Absent(label.clone())));
     let Ok(eigen) = unit_gram(gram, &norms).self_adjoint_eigen(Side::Lower) else { return out };
     let (values, vectors) = (eigen.S().column_vector(), eigen.U());
@@ -125,10 +127,13 @@ pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
             break;
         }
         // Change of each parameter along this direction, per unit of data.
-        let live = (0..n).filter(|&i| norms[i] > 0.0);
+        let live = (0..n).filter(|&i| seen(norms[i]));
         let mut along: Vec<(usize, f64)> = live.map(|i| (i, vectors[(i, k)])).collect();
         along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
         let Some(&(first, largest)) = along.first() else { break };
+        if !largest.is_finite() {
+            break;
+        }
         let unit = largest / norms[first];
         let taking_part = along.iter().filter(|(_, v)| v.abs() > LISTED * largest.abs());
         let moves = taking_part
@@ -149,7 +154,7 @@ fn unit_gram(gram: &Mat<f64>, norms: &[f64]) -> Mat<f64> {
     let n = norms.len();
     Mat::from_fn(n, n, |i, j| {
         let norm = norms[i] * norms[j];
-        if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
+        if norm > 0.0 && norm.is_finite() { gram[(i, j)] / norm } else { 0.0 }
     })
 }
 
