@@ -16,12 +16,9 @@ HEAD = """\
 # Commands
 
 Written by `python -m scripts.make_commands` from the parser; a test compares. Results go to
-standard output,
-progress and warnings to standard error. On a terminal, what takes more than a second shows its
-progress
-with the time that is left, and the verdict has a colour; neither is there in a pipe, with
-`--quiet` or with
-`NO_COLOR` set.
+standard output, progress and warnings to standard error. On a terminal, what takes more than a
+second shows its progress with the time that is left, and the verdict has a colour; neither is
+there in a pipe, with `--quiet` or with `NO_COLOR` set.
 
 Completion in your shell, for bash (zsh and fish alike):
 

@@ -24,17 +24,17 @@ PAGE = ROOT / "docs" / "formats.md"
 SCHEMA = ROOT / "python" / "rsicalib" / "schema" / "mechanism.json"
 
 SECTIONS = {
-    "Mechanism": ("The whole file", ""),
-    "Channel": ("`[[channel]]`: a sensor", "channel"),
-    "Chain": ("`[[chain]]`: links and joints in a row", "chain"),
-    "Row": ("`dh = […]`: one row of a chain", "dh"),
-    "Point": ("`[[point]]`: a place", "point"),
-    "Closure": ("`[[closure]]`: what holds in every pose", "closure"),
-    "Rest": ("`[rest]`: a pose that is known without a measurement", "rest"),
-    "Workspace": ("`[workspace]`: poses that the platform can be brought to", "workspace"),
-    "ModelSection": ("`[model]`: what `calibrate` identifies", "model"),
+    "Mechanism": "The whole file",
+    "Channel": "`[[channel]]`: a sensor",
+    "Chain": "`[[chain]]`: links and joints in a row",
+    "Row": "`dh = […]`: one row of a chain",
+    "Point": "`[[point]]`: a place",
+    "Closure": "`[[closure]]`: what holds in every pose",
+    "Rest": "`[rest]`: a pose that is known without a measurement",
+    "Workspace": "`[workspace]`: poses that the platform can be brought to",
+    "ModelSection": "`[model]`: what `calibrate` identifies",
 }
-"""Types of a mechanism file in the order of the page."""
+"""Types of a mechanism file in the order of the page, with their headings."""
 
 OTHERS = {
     "rsicalib.plan/1": (Plan, Bound, Forecast, Spread, Hidden, WorstHidden),
@@ -85,8 +85,8 @@ URDF = """\
 ### `[[chain]]` from a URDF
 
 In place of `dh`, a chain may name a robot description. Channels that its joints name and the file
-does not
-declare are filled in: readings in rad (m for a slide), gain 1, offset 0, limits of the description.
+does not declare are filled in: readings in rad (m for a slide), gain 1, offset 0, limits of the
+description.
 
 """
 
@@ -94,16 +94,13 @@ READINGS = """\
 ## Readings: CSV or Parquet
 
 CSV in UTF-8 with a header line, commas and decimal points; or Parquet, if the name ends in
-`.parquet` or
-`.pq`; or a data frame. One row is one sample of all channels. Columns are found by name, in any
-order; other columns
-are ignored with a warning. A cell that cannot be used makes the file refused, with line and column.
+`.parquet` or `.pq`; or a data frame. One row is one sample of all channels. Columns are found by
+name, in any order; other columns are ignored with a warning. A cell that cannot be used makes the
+file refused, with line and column.
 
 Needed are one column for each channel of the mechanism, in the channel's unit and within its
-`range`; one text
-column for each name in `unknown` of a point; and one column of distances for each closure whose
-`value` is a name
-[length unit]. These are optional:
+`range`; one text column for each name in `unknown` of a point; and one column of distances for
+each closure whose `value` is a name [length unit]. These are optional:
 
 | column | |
 |---|---|
@@ -132,10 +129,8 @@ RESULTS = """\
 ## Results: JSON
 
 `--json` prints one document on standard output; `--out` writes it as `result.json`. JSON holds no
-NaN: what is not known
-is null. Readers skip keys that they do not know ([what stays](stability.md)). The JSON Schemas
-are in the package,
-`rsicalib/schema/`.
+NaN: what is not known is null. Readers skip keys that they do not know ([what
+stays](stability.md)). The JSON Schemas are in the package, `rsicalib/schema/`.
 
 """
 
@@ -161,7 +156,9 @@ def mechanism() -> Iterator[str]:
     """Tables of the keys of a mechanism file."""
     schema = json.loads(_core.mechanism_schema())
     types = {**schema["$defs"], "Mechanism": schema}
-    for name, (title, _) in SECTIONS.items():
+    missing = {name for name, kind in types.items() if "properties" in kind} - set(SECTIONS)
+    assert not missing, f"SECTIONS has no place for {missing}"
+    for name, title in SECTIONS.items():
         about = _prose(types[name]["description"])
         yield f"### {title}\n\n{about}\n\n{schema_table(types[name], types)}\n"
 

@@ -14,12 +14,12 @@ PAGE = Path(__file__).parents[1] / "docs" / "terms.md"
 HEAD = """\
 # Terms: what can be identified
 
-Written by `python -m scripts.make_terms` from the registry; a test compares. The targets are those
-of the hand controller. `length` is the mechanism's unit, `reading` the channel's. A term is asked
-for by its name, `--terms offset,gain,curvature@a22`, and printed by `rsicalib terms curvature`.
-[Units](formats.md#units-of-parameters) are those of the formats. The pictures are drawn with
-parameters of the
-typical size, with signs in turn; those of arms are many times enlarged.
+Written by `python -m scripts.make_terms` from the registry; a test compares. The targets are
+those of the hand controller. `length` is the mechanism's unit, `reading` the channel's. A term is
+asked for by its name, `--terms offset,gain,curvature@a22`, and printed by `rsicalib terms
+curvature`. [Units](formats.md#units-of-parameters) are those of the formats. The pictures are
+drawn with parameters of the typical size, with signs in turn; those of arms are many times
+enlarged.
 
 | term | class | parameters | |
 |---|---|---|---|

@@ -6,6 +6,7 @@ import copy
 import logging
 import pickle
 import re
+import signal
 import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
@@ -161,7 +162,7 @@ def test_a_cell_of_a_data_frame_that_cannot_be_used_is_named(tmp_path: Path) -> 
     frame = pandas.read_csv(READINGS)
     frame["a22"] = frame["a22"].astype("Int64")
     frame.loc[3, "a22"] = pandas.NA
-    with pytest.raises(InputError, match="data frame, row 4, column a22: found NaN"):
+    with pytest.raises(InputError, match="data in memory, row 4, column a22: found NaN"):
         rsicalib.load_readings(frame)
     with pytest.raises(InputError, match="column a33"):
         rsicalib.load_readings(frame.drop(columns="a33"))
@@ -381,9 +382,23 @@ def test_an_exception_of_the_callback_is_the_caller_s() -> None:
         calls.append(stage)
         raise RuntimeError("enough")
 
-    with pytest.raises(RuntimeError, match="enough"):
-        rsicalib.calibrate(READINGS, rest=REST, progress=stop)
-    assert len(calls) == 1
+    for verb in (rsicalib.calibrate, rsicalib.trace):
+        calls.clear()
+        with pytest.raises(RuntimeError, match="enough"):
+            verb(READINGS, rest=REST, progress=stop)
+        assert len(calls) < 5  # it is not called again
+
+
+@pytest.mark.skipif(not hasattr(signal, "raise_signal"), reason="signals")
+def test_ctrl_c_ends_a_job_in_the_main_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rsicalib.work import listening
+
+    def interrupt(stage: str, share: float) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(listening, "_heard", interrupt)  # as if somebody pressed it just now
+    with pytest.raises(KeyboardInterrupt):
+        rsicalib.trace(READINGS, rest=REST)
 
 
 def test_a_verb_logs_warnings_stages_and_its_verdict(caplog: pytest.LogCaptureFixture) -> None:

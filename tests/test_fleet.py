@@ -197,6 +197,8 @@ def test_a_run_writes_a_row_for_each_device_and_a_page(
     frame: dict[str, list[Any]], dataset: Path, tmp_path: Path
 ) -> None:
     made = rsicalib.fleet(dataset, out=tmp_path / "out")
+    assert list(made.to_dataframe()["device"]) == made.rows["device"]
+    assert repr(made).startswith(f"<Fleet of {len(made)} devices: ")
     rows = read(tmp_path / "out")
     expected = calibrate_devices(frame)
     assert rows["device"] == [f"d{k}" for k in range(COUNT)]

@@ -53,7 +53,7 @@ def told(pace: list[tuple[float, float]]) -> list[str]:
     """Lines that a terminal shows, from seconds and shares."""
     stream = Terminal()
     clock = iter([0.0, *(seconds for seconds, _ in pace)])
-    with ProgressLine(stream, lambda: next(clock)) as line:
+    with ProgressLine(stream, clock=lambda: next(clock)) as line:
         for _, share in pace:
             line("search", share)
     return [text.rstrip() for text in stream.getvalue().split("\r")]
@@ -62,7 +62,16 @@ def told(pace: list[tuple[float, float]]) -> list[str]:
 def test_the_time_that_is_left_is_that_of_the_pace_so_far() -> None:
     assert told([(20.0, 0.25)])[1] == "search: 25 %, 20 s, about 1:00 min left"
     assert told([(30.0, 0.75)])[1] == "search: 75 %, 30 s, about 10 s left"
-    assert told([(30.0, 0.0)])[1] == "search: 0 %, 30 s"  # nobody knows yet
+    assert told([(30.0, 0.0)])[1] == "search: 30 s"  # nobody knows yet
+
+
+def test_time_passes_on_the_screen_where_a_stage_tells_nothing() -> None:
+    stream = Terminal()
+    clock = iter([0.0, 4.0, 4.5, 8.0])
+    line = ProgressLine(stream, "choose poses", lambda: next(clock))
+    for _ in range(3):
+        line.tick()
+    assert re.findall(r"[^\r]+", stream.getvalue()) == ["choose poses: 4 s", "choose poses: 8 s"]
 
 
 def test_what_is_quick_needs_no_progress_and_no_line_is_left_behind() -> None:

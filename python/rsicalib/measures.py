@@ -143,8 +143,9 @@ class Observability(Tabular, Record):
 
     def __repr__(self) -> str:
         told = f"{len(self.unobservable)} directions cannot be told" if self.unobservable else ""
-        worst = max((m.condition for m in self.scalings), default=float("nan"))
-        return f"<Observability of {self.samples} samples: {told or f'condition {worst:.3g}'}>"
+        known = [m for m in self.scalings if m.scaling != "none"] or self.scalings[:1]
+        words = [f"condition {m.condition:.3g} ({m.scaling.replace('_', ' ')})" for m in known[:1]]
+        return f"<Observability of {self.samples} samples: {told or ''.join(words)}>"
 
     def text(self) -> str:
         """A table of the measures, and the directions in words."""

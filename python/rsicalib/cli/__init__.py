@@ -11,6 +11,28 @@ verb returns is what it exits with:
     130  interrupted
 """
 
-from rsicalib.cli.command import main
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
 
 __all__ = ["main"]
+
+
+def main(argv: Sequence[str] | None = None) -> NoReturn:
+    """Run the command and leave; Ctrl-C is heard while modules are still imported, too.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments; those of the process where not given.
+    """
+    try:
+        from rsicalib.cli.command import main as run
+
+        run(argv)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr, flush=True)
+        os._exit(130)

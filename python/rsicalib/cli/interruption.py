@@ -11,8 +11,8 @@ __all__ = ["interruptible"]
 T = TypeVar("T")
 
 
-def interruptible(job: Callable[[], T]) -> T:
-    """Run a job of the core so that Ctrl-C is heard while it computes."""
+def interruptible(job: Callable[[], T], tick: Callable[[], None] | None = None) -> T:
+    """Run a job of the core so that Ctrl-C is heard meanwhile, and `tick` is called."""
     out: list[T] = []
     errors: list[BaseException] = []
 
@@ -26,6 +26,8 @@ def interruptible(job: Callable[[], T]) -> T:
     thread.start()
     while thread.is_alive():
         thread.join(0.2)
+        if tick is not None:
+            tick()
     if errors:
         raise errors[0]
     return out[0]

@@ -76,7 +76,8 @@ def make_parser() -> argparse.ArgumentParser:
     """Make the parser; a parsed verb stands in `run`."""
     parser = _Parser(
         prog="rsicalib",
-        description="Calibration of closed kinematic chains from their own joint readings.",
+        description="Calibration of closed kinematic chains from their own joint readings. "
+        "Begin with: rsicalib demo",
         epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
         "3 not determined by the data, 4 the residual is significant, 130 interrupted",
     )

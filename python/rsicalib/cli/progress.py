@@ -29,25 +29,40 @@ class ProgressLine:
     ----------
     stream : text file
         Where to: a terminal.
+    what : str
+        What is done, until a stage says it.
     clock : callable
         Seconds; the process's own clock where not given.
     """
 
-    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, stream: TextIO, what: str = "", clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.stream = stream
         self.clock = clock
         self.began = self.told = clock()
+        self.last = (what, 0.0)
         self.length = 0
 
     def __call__(self, what: str, share: float) -> None:
         """Show what is done, and the time that is left at the pace so far."""
+        self.last = (what, share)
+        self._show(PAUSE)
+
+    def tick(self) -> None:
+        """Show that time passes, in a stage that has nothing to tell."""
+        self._show(1.0)
+
+    def _show(self, pause: float) -> None:
         now = self.clock()
         spent = now - self.began
-        if spent < PATIENCE or now - self.told < PAUSE:
+        if spent < PATIENCE or now - self.told < pause:
             return
         self.told = now
+        what, share = self.last
+        done = f"{100 * share:.0f} %, {duration(spent)}" if share > 0.0 else duration(spent)
         left = f", about {duration(spent * (1 - share) / share)} left" if share > 0.02 else ""
-        words = f"{what}: {100 * share:.0f} %, {duration(spent)}{left}"
+        words = f"{what}: {done}{left}"
         self._write(words[: max(20, _width(self.stream) - 1)])
 
     def counted(self, what: str, done: int, total: int) -> None:
@@ -76,10 +91,10 @@ class ProgressLine:
         self.length = len(words)
 
 
-def progress_of(args: argparse.Namespace) -> ProgressLine | None:
+def progress_of(args: argparse.Namespace, what: str = "") -> ProgressLine | None:
     """Return the line to show progress on: none with --quiet, or where nobody would see it."""
     seen = not args.quiet and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-    return ProgressLine(sys.stderr) if seen else None
+    return ProgressLine(sys.stderr, what) if seen else None
 
 
 def duration(seconds: float) -> str:
@@ -101,6 +116,6 @@ def duration(seconds: float) -> str:
 
 def _width(stream: TextIO) -> int:
     try:
-        return os.get_terminal_size(stream.fileno()).columns
+        return os.get_terminal_size(stream.fileno()).columns or 80
     except (OSError, ValueError):
         return 80

@@ -147,16 +147,20 @@ def plan(args: Args) -> int:
     from rsicalib.planning import plan as plan_poses
     from rsicalib.report.poses import poses_html
 
-    found = plan_poses(
-        args.mechanism,
-        args.poses,
-        result=args.result,
-        beside=args.beside,
-        noise=args.noise,
-        criterion=args.criterion,
-        calibration=args.calibration,
-        off=args.off,
-        seed=args.seed,
+    found = _heard(
+        args,
+        lambda _: plan_poses(
+            args.mechanism,
+            args.poses,
+            result=args.result,
+            beside=args.beside,
+            noise=args.noise,
+            criterion=args.criterion,
+            calibration=args.calibration,
+            off=args.off,
+            seed=args.seed,
+        ),
+        "choose poses",
     )
     if args.out is not None:
         said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
@@ -276,10 +280,11 @@ def mechanism(args: Args) -> int:
     from rsicalib.io.mechanisms import expansion_notes
 
     loaded = api.load_mechanism(args.name)
+    models = () if args.quiet else (None, COMPLETE)
     counts = []
     try:
-        for terms in () if args.quiet else (None, COMPLETE):
-            counts.append(identifiable(loaded, terms))
+        what = "count what can be known"
+        counts = _heard(args, lambda _: [identifiable(loaded, terms) for terms in models], what)
     except InputError as error:
         warn(args, [f"what can be identified is not counted: {error.message}"])
     if args.json:
@@ -293,10 +298,12 @@ def mechanism(args: Args) -> int:
     return 0
 
 
-def _heard(args: Args, job: Callable[[dict[str, Any]], T]) -> T:
+def _heard(args: Args, job: Callable[[dict[str, Any]], T], what: str = "fit") -> T:
     """Run a job that Ctrl-C interrupts, with its progress shown to whoever waits."""
-    with progress_of(args) or contextlib.nullcontext() as line:
-        return interruptible(lambda: job({} if line is None else {"progress": line}))
+    with progress_of(args, what) or contextlib.nullcontext() as line:
+        if line is None:
+            return interruptible(lambda: job({}))
+        return interruptible(lambda: job({"progress": line}), line.tick)
 
 
 def _session(args: Args) -> dict[str, Any]:

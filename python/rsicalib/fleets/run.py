@@ -19,6 +19,7 @@ from rsicalib.fleets.frames import runs_of
 from rsicalib.fleets.page import page
 from rsicalib.fleets.store import Store
 from rsicalib.options import names
+from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
 __all__ = ["Fleet", "fleet"]
@@ -29,8 +30,8 @@ PARTITION = 100
 Progress = Callable[[str, int, int], None]
 
 
-@dataclass(frozen=True, eq=False)
-class Fleet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fleet(Tabular):
     """Results of many devices.
 
     Attributes
@@ -49,6 +50,13 @@ class Fleet:
 
     def __len__(self) -> int:
         return len(self.rows[self.by])
+
+    def _table(self) -> Rows:
+        return self.rows
+
+    def __repr__(self) -> str:
+        verdicts = ", ".join(f"{count} {words}" for words, count in self.verdicts.items())
+        return f"<Fleet of {len(self)} devices: {verdicts}>"
 
     @property
     def verdicts(self) -> dict[str, int]:

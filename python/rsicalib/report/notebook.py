@@ -44,7 +44,9 @@ def result_html(result: ResultShape, parameters: Mapping[str, Sequence[Any]]) ->
         parts.append(html_table(dict(zip(("", *heads), columns, strict=True))))
     following = advice(result)
     if following:
-        parts.append(f"<ul>{''.join(f'<li>→ {escape(line)}</li>' for line in following)}</ul>")
+        parts.append(
+            f"<p>Next:</p><ul>{''.join(f'<li>{escape(line)}</li>' for line in following)}</ul>"
+        )
     if parameters["name"]:
         count = len(parameters["name"])
         title = f"<summary>{count} parameter{'s' * (count > 1)}</summary>"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Callable
 from typing import TypeAlias, TypeVar
 
@@ -25,9 +26,14 @@ AnyResult = TypeVar("AnyResult", bound=Result)
 
 
 def listener(progress: ProgressArg | None) -> ProgressArg | None:
-    """Return what the core calls: the callback, with stages logged; None where nobody listens."""
+    """Return what the core calls: the callback, with stages logged; None where nobody listens.
+
+    In the main thread somebody always does: between two lines of Python Ctrl-C is heard, and raised
+    when the job is done.
+    """
     if not log.isEnabledFor(logging.DEBUG):
-        return progress
+        alone = threading.current_thread() is threading.main_thread()
+        return progress or (_heard if alone else None)
     last = ""
 
     def tell(stage: str, share: float) -> None:
@@ -39,6 +45,10 @@ def listener(progress: ProgressArg | None) -> ProgressArg | None:
             progress(stage, share)
 
     return tell
+
+
+def _heard(stage: str, share: float) -> None:
+    """Nothing to do but to let a signal in."""
 
 
 def finished(result: AnyResult) -> AnyResult:
