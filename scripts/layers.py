@@ -71,6 +71,7 @@ RUST = (
     "model",
     "estimate",
     "apply",
+    "monitor",
     "screening",
     "diagnosis",
     "design",

@@ -8,6 +8,7 @@ mod error;
 mod experiments;
 mod faults;
 mod mechanism;
+mod monitor;
 mod observations;
 
 use pyo3::prelude::*;
@@ -35,6 +36,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<observations::PyObservations>()?;
     module.add_class::<observations::PyFit>()?;
     module.add_class::<observations::PyEvidenceSource>()?;
+    module.add_class::<monitor::PyMonitor>()?;
     module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
     module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
     module.add_function(wrap_pyfunction!(documents::mechanism_schema, module)?)?;
