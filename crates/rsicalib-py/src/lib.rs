@@ -18,6 +18,7 @@ use rsicalib::design::identifiability::COMPLETE;
 use rsicalib::design::observability::SCALINGS;
 use rsicalib::design::plan::MARGIN;
 use rsicalib::diagnosis::verdict::Verdict;
+use rsicalib::monitor::MonitorOptions;
 
 /// The compiled core of rsicalib.
 #[pymodule]
@@ -30,6 +31,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
     module.add("CRITERIA", PyTuple::new(module.py(), CRITERIA.map(|c| c.0))?)?;
     module.add("MARGIN", MARGIN)?;
+    module.add("FALSE_ALARMS", MonitorOptions::default().false_alarms)?;
     module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
     module.add_class::<mechanism::PyMechanism>()?;
     module.add_class::<mechanism::PyChannel>()?;

@@ -129,5 +129,6 @@ fn plain<'py>(py: Python<'py>, alarm: &Alarm) -> PyResult<Bound<'py, PyDict>> {
         Ok(one)
     });
     out.set_item("also_fits", also.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("revises", alarm.revises)?;
     Ok(out)
 }

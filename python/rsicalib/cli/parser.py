@@ -18,12 +18,14 @@ from rsicalib.cli.verbs import (
     fixture,
     fleet,
     forward,
+    history,
     mechanism,
     paper,
     plan,
     simulate,
     terms,
     trace,
+    watch,
 )
 from rsicalib.errors import InputError
 
@@ -77,7 +79,7 @@ def make_parser() -> argparse.ArgumentParser:
         prog="rsicalib",
         description="Calibration of closed kinematic chains from their own joint readings.",
         epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
-        "3 not determined by the data, 4 the residual is significant, 130 interrupted",
+        "3 not determined by the data, 4 the residual is significant or an alarm, 130 interrupted",
     )
     parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -194,6 +196,23 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--resume", action="store_true", help=words)
     words = "folder for fleet.parquet and fleet.html"
     sub.add_argument("--out", metavar="FOLDER", type=Path, required=True, help=words)
+
+    sub = verb(watch)
+    sub.add_argument("readings", metavar="READINGS|-", help="CSV or Parquet; -: standard input")
+    _add_mechanism(sub)
+    words = "the result under which the device works"
+    sub.add_argument("--calibration", metavar="FILE", required=True, help=words)
+    words = f"false alarms at most: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
+    sub.add_argument("--false-alarms", metavar="RATE", help=words)
+
+    sub = verb(history)
+    sub.add_argument("folder", metavar="DIR", help="folder of results, with their dates")
+    _add_mechanism(sub)
+    sub.add_argument("--device", metavar="NAME", help="whose results; else of the most frequent")
+    words = "error of the platform's position that is too much, in units of length"
+    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
+    words = "write history.json, history.txt and history.html there"
+    sub.add_argument("--out", metavar="DIR", type=Path, help=words)
 
     sub = verb(paper)
     words = "of every simulated cell (1000)"

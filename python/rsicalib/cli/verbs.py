@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +23,7 @@ from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
 from rsicalib.io.folders import MARK, write_folder
 from rsicalib.plain_text import printable
-from rsicalib.records import to_json
+from rsicalib.records import plain, to_json
 
 __all__ = [
     "Args",
@@ -32,17 +33,22 @@ __all__ = [
     "fixture",
     "fleet",
     "forward",
+    "history",
     "mechanism",
     "paper",
     "plan",
     "simulate",
     "terms",
     "trace",
+    "watch",
 ]
 
 Args: TypeAlias = argparse.Namespace
 
 T = TypeVar("T")
+
+ALARMED = 4
+"""Exit code of a watch that raised an alarm."""
 
 
 def calibrate(args: Args) -> int:
@@ -202,6 +208,43 @@ def paper(args: Args) -> int:
     elif not args.quiet:
         say(found.text().removesuffix("\n"))
     return 0
+
+
+def history(args: Args) -> int:
+    """Parameters of one device against date."""
+    from rsicalib.history import history as history_of
+
+    found = history_of(args.folder, args.mechanism, device=args.device, target=args.target)
+    if args.out is not None:
+        files = {"history.json": found.to_json(), "history.html": found.page()}
+        write_files(args.out, {**files, "history.txt": found.text() + "\n"})
+    if args.json:
+        sys.stdout.write(found.to_json())
+    elif not args.quiet:
+        print(found.text())
+        if args.out is not None:
+            print(f"\n{args.out / 'history.html'}")
+    return 0
+
+
+def watch(args: Args) -> int:
+    """A calibration at work: alarms with what, since when, how large; JSON lines."""
+    from rsicalib.monitor import watch as watch_device
+
+    watching = watch_device(
+        args.readings, args.calibration, args.mechanism, false_alarms=args.false_alarms
+    )
+    with contextlib.suppress(KeyboardInterrupt):
+        for alarm in watching:
+            print(json.dumps(plain(alarm), ensure_ascii=False), flush=True)
+            if not (args.json or args.quiet):
+                print(alarm.text(), file=sys.stderr)
+    found = watching.summary()
+    if args.json:
+        print(json.dumps(plain(found), ensure_ascii=False))
+    elif not args.quiet:
+        print(found.text(), file=sys.stderr)
+    return ALARMED if found.alarms else 0
 
 
 def terms(args: Args) -> int:

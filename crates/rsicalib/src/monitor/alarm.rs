@@ -4,7 +4,7 @@ use crate::apply::change::PlatformRms;
 use crate::model::Spec;
 
 /// A change of the device since its calibration.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Alarm {
     /// Number of the row that raised it, from 0, all rows counted.
@@ -31,6 +31,9 @@ pub struct Alarm {
     pub p_value: f64,
     /// Other changes that fit as well.
     pub also_fits: Vec<Spec>,
+    /// Row of an earlier alarm that this one corrects: since then the readings have told what it
+    /// was. None for a new change.
+    pub revises: Option<u64>,
 }
 
 /// One parameter of a change.

@@ -35,11 +35,15 @@
 //! | δ, J⁻¹, J⁻¹b | [`state`] | error of the calibration: covariance and mean |
 //! | D, d | [`windows`] | sums since an onset |
 //! | M, u, T | [`score`] | score test of one candidate in one window |
+//! | θ | [`naming`] | the change that is named, and corrected when later rows tell |
 
 pub mod alarm;
-mod order;
+pub mod compare;
+mod naming;
 pub mod options;
+mod order;
 mod platform;
+mod recent;
 mod rows;
 mod score;
 mod state;

@@ -66,7 +66,12 @@ impl Order {
     }
 
     /// Judges a row, and counts it.
-    pub(crate) fn judge(&mut self, readings: &[f64], time: Option<f64>, counts: &mut Counts) -> Row {
+    pub(crate) fn judge(
+        &mut self,
+        readings: &[f64],
+        time: Option<f64>,
+        counts: &mut Counts,
+    ) -> Row {
         counts.rows += 1;
         let inside = |(a, [low, high]): (&f64, &[f64; 2])| a.is_finite() && a >= low && a <= high;
         let readable = readings.len() == self.ranges.len()

@@ -2,6 +2,7 @@
 
 use crate::estimate::settle::Room;
 use crate::estimate::{Noise, Part};
+use crate::model::Want;
 use crate::monitor::watched::Watched;
 use crate::numerics::lanes::{Lanes, WIDTH};
 
@@ -32,6 +33,15 @@ impl Rows {
         let under = &watched.under;
         let part = Part { model: &under.model, readings: &under.readings, weights: None };
         self.room.settle_once(&part, 0, &self.raw, &watched.at, &mut self.adjusted);
+    }
+
+    /// Sum of squares of the misclosure of the raw readings in the first lanes, in length units.
+    pub(crate) fn misclosure(&mut self, watched: &Watched, lengths: &[f64], live: usize) -> f64 {
+        let (model, readings) = (&watched.under.model, &watched.under.readings);
+        let want = Want { x: false, a: false };
+        model.evaluate(readings, 0, &self.raw, &watched.at, want, &mut self.room.ws);
+        let lanes = |f: &Lanes| f.0[..live].iter().map(|f| f * f).sum::<f64>();
+        self.room.ws.f.iter().zip(lengths).map(|(f, length)| lanes(f) * length * length).sum()
     }
 
     /// `r` and `G` of one lane; `G` row by row, one entry per column that is watched.

@@ -67,7 +67,8 @@ impl Score {
                 now.scores[z] - onset.scores[z] - dot(&self.sums[..m], &state.mean[..m]);
             self.raw[i] = rows.0[z] - rows.1[z];
             for (j, &other) in columns[..=i].iter().enumerate() {
-                let value = rows.0[other] - rows.1[other]
+                let value = rows.0[other]
+                    - rows.1[other]
                     - dot(&self.sums[..m], &self.absorbed[j * m..(j + 1) * m]);
                 self.information[i * MOST_COLUMNS + j] = value;
                 self.information[j * MOST_COLUMNS + i] = value;
@@ -108,11 +109,12 @@ impl Score {
         (statistic, rank)
     }
 
-    /// Estimate `(M + λ)⁻¹ u` and covariance `(M + λ)⁻¹` of the last candidate, which has `n`
-    /// columns; none where that is singular.
-    pub(crate) fn estimate(&self, n: usize, ridge: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let unit = |i, j| if i == j { ridge } else { 0.0 };
-        let m = DMatrix::from_fn(n, n, |i, j| self.information[i * MOST_COLUMNS + j] + unit(i, j));
+    /// Estimate `(M + Λ)⁻¹ u` and covariance `(M + Λ)⁻¹` of the columns of the last test, with
+    /// the precisions `Λ` of what is known of each beforehand; none where that is singular.
+    pub(crate) fn estimate(&self, precision: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let n = precision.len();
+        let known = |i: usize, j| if i == j { precision[i] } else { 0.0 };
+        let m = DMatrix::from_fn(n, n, |i, j| self.information[i * MOST_COLUMNS + j] + known(i, j));
         let covariance = m.cholesky()?.inverse();
         let u = DVector::from_fn(n, |i, _| self.score[i]);
         Some((&covariance * u, covariance))
@@ -137,7 +139,7 @@ mod tests {
         let y = DVector::from_fn(samples, |_, _| 2.0 * draw());
 
         let mut state = State::new(prior.as_slice().to_vec(), m, n, 1);
-        let mut windows = Windows::new(n, 4);
+        let mut windows = Windows::new(n, 4, (0..n).collect());
         let mut begin = windows.now.clone();
         for t in 0..samples {
             if t == onset {
@@ -150,7 +152,7 @@ mod tests {
         }
         let mut score = Score::new(n);
         let (statistic, rank) = score.test(&[3, 4], &state, &windows.now, &begin);
-        let (values, covariance) = score.estimate(2, 0.0).expect("regular");
+        let (values, covariance) = score.estimate(&[0.0, 0.0]).expect("regular");
 
         let mut x = DMatrix::zeros(samples, m + 2);
         for t in 0..samples {
@@ -189,7 +191,7 @@ mod tests {
     #[test]
     fn a_direction_without_information_does_not_count() {
         let state = State::new(vec![1.0], 1, 3, 1);
-        let mut windows = Windows::new(3, 2);
+        let mut windows = Windows::new(3, 2, vec![0, 1, 2]);
         let begin = windows.now.clone();
         for t in 0..9 {
             // The last column is the one before it, twice.

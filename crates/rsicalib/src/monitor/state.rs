@@ -1,5 +1,7 @@
 //! The error of the calibration, estimated sample by sample: a Kalman filter that stands still.
 
+use nalgebra::DMatrix;
+
 /// Mean and covariance of the error of the calibration, in units of [`super::watched::Watched::scale`].
 #[derive(Debug, Clone)]
 pub(crate) struct State {
@@ -28,6 +30,17 @@ impl State {
         own.mean.resize(size, 0.0);
         own.covariance.extend(covariance);
         own
+    }
+
+    /// Mean and covariance of a state of another size: `mean` may be shorter, and is zero beyond.
+    pub(crate) fn set(&mut self, mean: &[f64], covariance: &DMatrix<f64>) {
+        self.size = covariance.nrows();
+        self.mean.clear();
+        self.mean.extend(mean);
+        self.mean.resize(self.size, 0.0);
+        self.covariance.clear();
+        // Symmetric, so the order of rows and columns is the same.
+        self.covariance.extend(covariance.iter());
     }
 
     /// Compares a sample `r` with what is expected, `G` having `width` entries a row: the squared

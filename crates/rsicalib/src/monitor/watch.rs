@@ -1,21 +1,21 @@
 //! The watch itself: one row after the other.
 
-use nalgebra::DMatrix;
-
 use crate::Error;
 use crate::apply::earlier::Applied;
 use crate::mechanism::Mechanism;
-use crate::monitor::alarm::{Alarm, Change};
+use crate::monitor::alarm::Alarm;
+use crate::monitor::naming::Open;
 use crate::monitor::options::MonitorOptions;
 use crate::monitor::order::{Counts, Order, Row};
 use crate::monitor::platform::Seen;
+use crate::monitor::recent::Recent;
 use crate::monitor::rows::Rows;
 use crate::monitor::score::Score;
 use crate::monitor::state::{State, dot};
-use crate::monitor::thresholds::{Thresholds, as_chi2, log_tail, quantile};
-use crate::monitor::watched::Watched;
+use crate::monitor::thresholds::{Thresholds, as_chi2, quantile};
+use crate::monitor::watched::{Watched, changes};
 use crate::monitor::whitening::Whitening;
-use crate::monitor::windows::{Mark, Sums, Windows};
+use crate::monitor::windows::Windows;
 use crate::numerics::lanes::{WIDTH, dispatch};
 
 /// Levels of windows: the longest has 2^20 samples.
@@ -40,12 +40,9 @@ const MEMORY: f64 = 1e6;
 /// Values for which the correlation in the calibration counts: the sampling at work may differ.
 const CORRELATION: f64 = 200.0;
 
-/// Changes fit as well where twice the logarithm of their probability differs by less.
-const AS_WELL: f64 = 6.0;
-
-/// Standard deviation, in typical sizes, of the parameters of a change that has several: holds
-/// those that the readings cannot tell.
-const TYPICAL: f64 = 10.0;
+/// Samples after a start at which parameters are centred for the first time, and names looked at
+/// again; then at each power of two.
+const LOOK_AGAIN: u64 = 16;
 
 /// A calibrated mechanism that is watched at work.
 ///
@@ -68,56 +65,53 @@ const TYPICAL: f64 = 10.0;
 /// # Ok::<(), rsicalib::Error>(())
 /// ```
 pub struct Monitor {
-    watched: Watched,
-    sigma: Vec<f64>,
-    order: Order,
-    counts: Counts,
-    rows: Rows,
-    whitening: Whitening,
-    state: State,
-    windows: Windows,
-    thresholds: Thresholds,
-    score: Score,
-    seen: Seen,
+    pub(super) watched: Watched,
+    pub(super) sigma: Vec<f64>,
+    pub(super) order: Order,
+    pub(super) counts: Counts,
+    pub(super) rows: Rows,
+    pub(super) whitening: Whitening,
+    pub(super) state: State,
+    pub(super) windows: Windows,
+    pub(super) thresholds: Thresholds,
+    pub(super) score: Score,
+    pub(super) seen: Seen,
     /// Scale of the noise, as a variance, and the values that it is known from.
-    scale: f64,
-    dof: f64,
+    pub(super) scale: f64,
+    pub(super) dof: f64,
     /// Limit beyond which a sample is far outside.
-    outside: f64,
+    pub(super) outside: f64,
     /// Samples far outside that wait to be confirmed.
-    waiting: Vec<Waiting>,
-    held: usize,
-    r: Vec<f64>,
-    g: Vec<f64>,
-    alarms: Vec<Alarm>,
+    pub(super) waiting: Vec<Waiting>,
+    pub(super) held: usize,
+    /// Samples since the start, or since the last change.
+    pub(super) age: u64,
+    /// The last rows, to look at a change again.
+    pub(super) recent: Recent,
+    /// Room to linearise them.
+    pub(super) again: Rows,
+    /// The last change, as long as its name is open.
+    pub(super) open: Option<Open>,
+    pub(super) r: Vec<f64>,
+    pub(super) g: Vec<f64>,
+    pub(super) alarms: Vec<Alarm>,
 }
 
 /// A sample that waits.
 #[derive(Debug, Clone, Default)]
-struct Waiting {
-    r: Vec<f64>,
-    g: Vec<f64>,
-    row: u64,
-    time: Option<f64>,
+pub(super) struct Waiting {
+    pub(super) r: Vec<f64>,
+    pub(super) g: Vec<f64>,
+    pub(super) row: u64,
+    pub(super) time: Option<f64>,
 }
 
 /// A row that is to be tested.
 #[derive(Debug, Clone, Copy)]
-struct Tested {
-    row: u64,
-    time: Option<f64>,
+pub(super) struct Tested {
+    pub(super) row: u64,
+    pub(super) time: Option<f64>,
     after_gap: bool,
-}
-
-/// The best onset of a candidate.
-#[derive(Debug, Clone, Copy)]
-struct Suspect {
-    candidate: usize,
-    /// None: the onset before the samples that waited.
-    onset: Option<usize>,
-    statistic: f64,
-    rank: usize,
-    log_p: f64,
 }
 
 impl Monitor {
@@ -138,7 +132,7 @@ impl Monitor {
         options: &MonitorOptions,
     ) -> Result<Self, Error> {
         options.check()?;
-        let watched = Watched::new(mechanism, applied, covariance)?;
+        let watched = Watched::new(mechanism, applied, covariance, changes(mechanism))?;
         let (equations, width) = (watched.under.model.equations(), watched.order.len());
         let state = State::new(watched.prior.clone(), watched.uncertain, width, equations);
         let thresholds =
@@ -155,7 +149,7 @@ impl Monitor {
             rows: Rows::new(&watched, &applied.sigma),
             whitening: Whitening::new(options.quiet.correlation, CORRELATION, equations, width),
             state,
-            windows: Windows::new(width, LEVELS),
+            windows: Windows::new(width, LEVELS, watched.tested()),
             thresholds,
             score: Score::new(width),
             seen: Seen::new(mechanism.channels.len()),
@@ -166,6 +160,10 @@ impl Monitor {
             g: waiting.g.clone(),
             waiting: vec![waiting; CONFIRMED],
             held: 0,
+            age: 0,
+            recent: Recent::new(mechanism.channels.len()),
+            again: Rows::new(&watched, &applied.sigma),
+            open: None,
             alarms: Vec::new(),
             watched,
         })
@@ -192,14 +190,11 @@ impl Monitor {
     /// # Errors
     ///
     /// [`Error::Shape`] where `values` is not whole rows, or where there is not a time for each.
-    pub fn update_all(
-        &mut self,
-        values: &[f64],
-        times: Option<&[f64]>,
-    ) -> Result<&[Alarm], Error> {
+    pub fn update_all(&mut self, values: &[f64], times: Option<&[f64]>) -> Result<&[Alarm], Error> {
         let channels = self.sigma.len();
         let rows = values.len() / channels;
-        let shape = |what: &str, found, expected| Error::Shape { what: what.into(), found, expected };
+        let shape =
+            |what: &str, found, expected| Error::Shape { what: what.into(), found, expected };
         if !values.len().is_multiple_of(channels) {
             return Err(shape("values", values.len(), (rows + 1) * channels));
         }
@@ -247,7 +242,10 @@ impl Monitor {
         let row = self.counts.rows;
         match self.order.judge(readings, time, &mut self.counts) {
             Row::LeftOut => None,
-            found => Some(Tested { row, time, after_gap: found == Row::AfterGap }),
+            found => {
+                self.recent.keep(row, readings);
+                Some(Tested { row, time, after_gap: found == Row::AfterGap })
+            }
         }
     }
 
@@ -257,16 +255,14 @@ impl Monitor {
         }
         self.rows.linearise(&self.watched);
         for (lane, tested) in block.iter().enumerate() {
-            let before = self.alarms.len();
-            self.test(lane, *tested);
-            if self.alarms.len() > before {
-                // The parameters have changed.
+            if self.test(lane, *tested) {
                 self.rows.linearise(&self.watched);
             }
         }
     }
 
-    fn test(&mut self, lane: usize, tested: Tested) {
+    /// Tests the row in a lane; true where the parameters have moved.
+    fn test(&mut self, lane: usize, tested: Tested) -> bool {
         if tested.after_gap {
             self.whitening.interrupt();
         }
@@ -277,7 +273,29 @@ impl Monitor {
         );
         if let Some(onset) = crossed {
             self.raise(onset, tested);
+            return true;
         }
+        if self.held > 0 {
+            return false;
+        }
+        self.age += 1;
+        let due = self.age >= LOOK_AGAIN && self.age.is_power_of_two();
+        if due {
+            self.recentre();
+            self.look_again(tested);
+        }
+        due
+    }
+
+    /// Puts the mean of the state into the parameters about which rows are linearised.
+    pub(super) fn recentre(&mut self) {
+        let Watched { at, order, scale, .. } = &mut self.watched;
+        for ((position, column), mean) in order.iter().enumerate().zip(&self.state.mean) {
+            at[*column] += mean * scale[position];
+        }
+        self.windows.recentre(&self.state.mean);
+        self.whitening.recentre(&self.state.mean);
+        self.state.mean.fill(0.0);
     }
 
     /// Takes over one sample; the onset of a window that exceeds its threshold, `Some(None)` where
@@ -295,6 +313,9 @@ impl Monitor {
             (place.row, place.time) = (tested.row, tested.time);
             self.held += 1;
             return (self.held == CONFIRMED).then_some(None);
+        }
+        for place in &self.waiting[..self.held] {
+            self.recent.leave_out(place.row);
         }
         self.counts.outliers += std::mem::take(&mut self.held) as u64;
         self.state.absorb();
@@ -317,190 +338,4 @@ impl Monitor {
         }
         None
     }
-
-    /// Names the change, and goes on with it.
-    fn raise(&mut self, crossed: Option<usize>, tested: Tested) {
-        let mut before = None;
-        let mut onsets: Vec<Option<usize>> = vec![crossed];
-        if crossed.is_none() {
-            before = Some(self.windows.now.clone());
-            for place in std::mem::take(&mut self.waiting) {
-                self.state.compare(&place.r, &place.g, self.watched.order.len());
-                self.state.absorb();
-                self.counts.used += 1;
-                self.windows.add(&place.r, &place.g, place.row, place.time);
-                self.waiting.push(place);
-            }
-            self.held = 0;
-        } else {
-            onsets = self.windows.onsets().into_iter().map(Some).collect();
-        }
-        let Some((best, others)) = self.suspects(&onsets, before.as_ref()) else {
-            self.windows.restart();
-            return;
-        };
-        let mut begin = self.begin(best.onset, before.as_ref()).mark;
-        if before.is_some() {
-            // The samples that waited are the first of the change.
-            (begin.row, begin.time) = (self.waiting[0].row, self.waiting[0].time);
-        }
-        let p_value = self.thresholds.p_value(best.rank, best.statistic, self.dof);
-        let also_fits = others.iter().map(|s| self.spec(s)).collect();
-        let earlier = self.watched.at.clone();
-        let spec = self.spec(&best);
-        let (parameters, [size, sd], unit) = self.take_over(&best, before.as_ref());
-        let platform_rms =
-            self.seen.change(&self.watched, &self.sigma, &earlier, &self.watched.at);
-        let Mark { row: since_row, time: since, .. } = begin;
-        self.counts.alarms += 1;
-        self.alarms.push(Alarm {
-            row: tested.row,
-            time: tested.time,
-            since_row,
-            since,
-            spec,
-            size,
-            sd,
-            unit,
-            parameters,
-            platform_rms,
-            p_value,
-            also_fits,
-        });
-        self.windows.restart();
-        self.whitening.interrupt();
-    }
-
-    fn spec(&self, suspect: &Suspect) -> crate::model::Spec {
-        self.watched.candidates[suspect.candidate].spec.clone()
-    }
-
-    fn begin<'a>(&'a self, onset: Option<usize>, before: Option<&'a Sums>) -> &'a Sums {
-        match (onset, before) {
-            (Some(kept), _) => self.windows.onset(kept),
-            (None, Some(before)) => before,
-            (None, None) => &self.windows.now,
-        }
-    }
-
-    /// The least probable candidate at its best onset, and those that fit as well.
-    fn suspects(
-        &mut self,
-        onsets: &[Option<usize>],
-        before: Option<&Sums>,
-    ) -> Option<(Suspect, Vec<Suspect>)> {
-        let mut all: Vec<Suspect> = Vec::new();
-        for number in 0..self.watched.candidates.len() {
-            let mut best: Option<Suspect> = None;
-            for &onset in onsets {
-                let begin = match (onset, before) {
-                    (Some(kept), _) => self.windows.onset(kept),
-                    (None, Some(before)) => before,
-                    (None, None) => continue,
-                };
-                let columns = &self.watched.candidates[number].columns;
-                let (statistic, rank) =
-                    self.score.test(columns, &self.state, &self.windows.now, begin);
-                if rank == 0 {
-                    continue;
-                }
-                let statistic = statistic / self.scale;
-                let log_p = log_tail(statistic, rank as f64);
-                if best.is_none_or(|b| log_p < b.log_p) {
-                    best = Some(Suspect { candidate: number, onset, statistic, rank, log_p });
-                }
-            }
-            all.extend(best);
-        }
-        all.sort_by(|a, b| a.log_p.total_cmp(&b.log_p));
-        let best = *all.first()?;
-        let near = |s: &Suspect| 2.0 * (s.log_p - best.log_p) < AS_WELL;
-        Some((best, all.into_iter().skip(1).filter(near).collect()))
-    }
-
-    /// Puts the estimate of a change into the parameters, and its uncertainty into the state.
-    fn take_over(
-        &mut self,
-        suspect: &Suspect,
-        before: Option<&Sums>,
-    ) -> (Vec<Change>, [f64; 2], String) {
-        let candidate = self.watched.candidates[suspect.candidate].clone();
-        let (columns, m) = (&candidate.columns, self.state.size);
-        let q = columns.len();
-        let begin = match (suspect.onset, before) {
-            (Some(kept), _) => self.windows.onset(kept),
-            (None, Some(before)) => before,
-            (None, None) => &self.windows.now,
-        };
-        self.score.test(columns, &self.state, &self.windows.now, begin);
-        let ridge = if q > 1 { TYPICAL.powi(-2) } else { 0.0 };
-        let Some((theta, v)) = self.score.estimate(q, ridge) else {
-            return (Vec::new(), [0.0, 0.0], String::new());
-        };
-
-        // Error of the calibration beside the change: β - W θ, with W = J⁻¹ D_gz.
-        let w = DMatrix::from_fn(m, q, |row, column| self.score.absorbed[column * m + row]);
-        let beta = DMatrix::from_row_slice(m, 1, &self.state.mean) - &w * &theta;
-        let old = DMatrix::from_row_slice(m, m, &self.state.covariance);
-        let mut joint = DMatrix::zeros(m + q, m + q);
-        joint.view_mut((0, 0), (m, m)).copy_from(&(old + &w * &v * w.transpose()));
-        joint.view_mut((0, m), (m, q)).copy_from(&(-&w * &v));
-        joint.view_mut((m, 0), (q, m)).copy_from(&(-(&w * &v).transpose()));
-        joint.view_mut((m, m), (q, q)).copy_from(&v);
-
-        // A change of a parameter that is uncertain adds to it; another one joins them.
-        let joining: Vec<usize> = (0..q).filter(|&i| columns[i] >= m).collect();
-        let mut map = DMatrix::zeros(m + joining.len(), m + q);
-        (0..m).for_each(|k| map[(k, k)] = 1.0);
-        for i in (0..q).filter(|&i| columns[i] < m) {
-            map[(columns[i], m + i)] = 1.0;
-        }
-        for (k, &i) in joining.iter().enumerate() {
-            map[(m + k, m + i)] = 1.0;
-        }
-        let covariance = &map * joint * map.transpose();
-        for i in 0..q {
-            let position = columns[i];
-            self.watched.at[self.watched.order[position]] += theta[i] * self.watched.scale[position];
-        }
-        let units: Vec<f64> = columns.iter().map(|&z| self.watched.scale[z]).collect();
-        for &i in &joining {
-            let column = self.watched.candidates[suspect.candidate].columns[i];
-            self.watched.join(column);
-        }
-        self.state.size = m + joining.len();
-        self.state.mean.clear();
-        self.state.mean.extend(beta.iter());
-        self.state.mean.resize(self.state.size, 0.0);
-        self.state.covariance.clear();
-        // Symmetric, so the order of rows and columns is the same.
-        self.state.covariance.extend(covariance.iter());
-
-        let scale = self.scale.sqrt();
-        let change = |i: usize| Change {
-            name: candidate.parameters[i].0.into(),
-            value: theta[i] * units[i],
-            sd: v[(i, i)].max(0.0).sqrt() * units[i] * scale,
-            unit: candidate.parameters[i].1.clone(),
-        };
-        let parameters: Vec<Change> = (0..q).map(change).collect();
-        let size = size_of(&parameters, |i, j| v[(i, j)] * units[i] * units[j] * self.scale);
-        let unit = parameters[0].unit.clone();
-        (parameters, size, unit)
-    }
-}
-
-/// The value of a single parameter, or the length of those in the unit of the first; with its
-/// standard deviation.
-fn size_of(parameters: &[Change], covariance: impl Fn(usize, usize) -> f64) -> [f64; 2] {
-    if let [only] = parameters {
-        return [only.value, only.sd];
-    }
-    let own: Vec<usize> =
-        (0..parameters.len()).filter(|&i| parameters[i].unit == parameters[0].unit).collect();
-    let size = own.iter().map(|&i| parameters[i].value.powi(2)).sum::<f64>().sqrt();
-    let part = |i: usize| parameters[i].value / size.max(f64::MIN_POSITIVE);
-    let pairs = own.iter().flat_map(|&i| own.iter().map(move |&j| (i, j)));
-    let variance: f64 = pairs.map(|(i, j)| part(i) * part(j) * covariance(i, j)).sum();
-    [size, variance.max(0.0).sqrt()]
 }

@@ -1,11 +1,12 @@
 //! A calibration as the watch needs it: the model, what it is uncertain of, what may change.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::Error;
 use crate::apply::earlier::{Applied, Under};
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::Spec;
+use crate::monitor::alarm::Change;
 use crate::monitor::score::MOST_COLUMNS;
 use crate::numerics::random::Random;
 use crate::readings::Table;
@@ -39,17 +40,20 @@ pub(crate) struct Candidate {
     pub(crate) columns: Vec<usize>,
     /// Name and unit of each parameter.
     pub(crate) parameters: Vec<(&'static str, String)>,
+    /// Unit of each, as in [`Watched::scale`].
+    pub(crate) scale: Vec<f64>,
 }
 
 impl Watched {
-    /// Compiles the model; `covariance` is that of the calibration's parameters, row by row.
+    /// Compiles the model with the changes to test; `covariance` is that of the calibration's
+    /// parameters, row by row.
     pub(crate) fn new(
         mechanism: &Mechanism,
         applied: &Applied,
         covariance: Option<&[f64]>,
+        specs: Vec<Spec>,
     ) -> Result<Self, Error> {
         refuse(mechanism)?;
-        let specs = changes(mechanism);
         let under = Under::with_terms(mechanism, applied, spread(mechanism, applied), &specs)?;
         refuse_context(&under)?;
         let internal = internal_covariance(&under, covariance)?;
@@ -66,7 +70,10 @@ impl Watched {
         for spec in specs {
             let (term, targets) = spec.targets(mechanism)?;
             let target = targets[0];
-            let k = model.instances.iter().position(|i| i.term.info().id == term.info().id && i.target == target);
+            let k = model
+                .instances
+                .iter()
+                .position(|i| i.term.info().id == term.info().id && i.target == target);
             let Some(first) = k.map(|k| model.first[k]) else { continue };
             let sizes = typical(mechanism, term, target);
             let mut columns = Vec::new();
@@ -79,10 +86,19 @@ impl Watched {
             }
             columns.truncate(MOST_COLUMNS);
             let parameters = names(mechanism, term.info(), target);
-            candidates.push(Candidate { spec, columns, parameters });
+            let units = columns.iter().map(|&z| scale[z]).collect();
+            candidates.push(Candidate { spec, columns, parameters, scale: units });
         }
         let at = under.internal(&under.values);
         Ok(Self { at, order, scale, uncertain, prior, candidates, under })
+    }
+
+    /// Positions of the columns that candidates have, ascending.
+    pub(crate) fn tested(&self) -> Vec<usize> {
+        let mut tested: Vec<usize> =
+            self.candidates.iter().flat_map(|c| c.columns.clone()).collect();
+        tested.sort_unstable();
+        tested
     }
 
     /// Moves a column among the uncertain ones.
@@ -98,6 +114,39 @@ impl Watched {
             };
         }
         self.uncertain += 1;
+    }
+}
+
+impl Candidate {
+    /// Values and covariance of the parameters, in units of [`Watched::scale`], as an alarm has
+    /// them: all parameters, size with standard deviation, unit of the size.
+    pub(crate) fn changes(
+        &self,
+        values: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+    ) -> (Vec<Change>, [f64; 2], String) {
+        let own = self.parameters.iter().zip(&self.scale).enumerate();
+        let parameters: Vec<Change> = own
+            .map(|(i, ((name, unit), scale))| Change {
+                name: (*name).into(),
+                value: values[i] * scale,
+                sd: covariance[(i, i)].max(0.0).sqrt() * scale,
+                unit: unit.clone(),
+            })
+            .collect();
+        let unit = self.parameters[0].1.clone();
+        if let [only] = &*parameters {
+            let size = [only.value, only.sd];
+            return (parameters, size, unit);
+        }
+        // The length of the displacement.
+        let along: Vec<usize> =
+            (0..parameters.len()).filter(|&i| parameters[i].unit == unit).collect();
+        let size = along.iter().map(|&i| parameters[i].value.powi(2)).sum::<f64>().sqrt();
+        let part = |i: usize| parameters[i].value * self.scale[i] / size.max(f64::MIN_POSITIVE);
+        let pairs = along.iter().flat_map(|&i| along.iter().map(move |&j| (i, j)));
+        let variance: f64 = pairs.map(|(i, j)| part(i) * part(j) * covariance[(i, j)]).sum();
+        (parameters, [size, variance.max(0.0).sqrt()], unit)
     }
 }
 
@@ -142,7 +191,7 @@ fn refuse_context(under: &Under) -> Result<(), Error> {
 ///
 /// A link that bends moves all that it carries: the frame at its far end, or at the end of a
 /// chain the point itself.
-fn changes(mechanism: &Mechanism) -> Vec<Spec> {
+pub(crate) fn changes(mechanism: &Mechanism) -> Vec<Spec> {
     let spec = |term: &str, target: Target| Spec {
         term: term.into(),
         target: Some(target.name(mechanism)),
@@ -197,7 +246,8 @@ fn internal_covariance(under: &Under, covariance: Option<&[f64]>) -> Result<DMat
         return Err(Error::Shape { what, found, expected: n * n });
     }
     let known = |i: usize| (0..n).all(|j| covariance[i * n + j].is_finite());
-    let finite = |i: usize, j: usize| if known(i) && known(j) { covariance[i * n + j] } else { 0.0 };
+    let finite =
+        |i: usize, j: usize| if known(i) && known(j) { covariance[i * n + j] } else { 0.0 };
     let here = under.internal(&under.values);
     let mut slopes = DMatrix::zeros(p, n);
     for k in 0..n {

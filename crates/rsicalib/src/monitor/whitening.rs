@@ -11,7 +11,7 @@
 //! derivatives pass through the same filter. Mains hum, a filter before the converter and
 //! noise with rounding on top are close to such a process.
 
-use crate::monitor::state::axpy;
+use crate::monitor::state::{axpy, dot};
 
 /// Order of the autoregression.
 const ORDER: usize = 2;
@@ -81,6 +81,18 @@ impl Whitening {
     /// Forgets the neighbours: a gap.
     pub(crate) fn interrupt(&mut self) {
         self.known = 0;
+    }
+
+    /// Counts from a state that has moved by `shift`.
+    pub(crate) fn recentre(&mut self, shift: &[f64]) {
+        let k = self.equations;
+        for past in &mut self.past {
+            let (r, g) = past.split_at_mut(k);
+            let columns = g.len() / k;
+            for (r, g) in r.iter_mut().zip(g.chunks_exact(columns.max(1))) {
+                *r -= dot(shift, g);
+            }
+        }
     }
 
     /// Passes `r` and `G` of the next sample through the filter, in place.

@@ -1,19 +1,19 @@
 //! Sums since onsets on a grid: windows of 8, 16, 32, … samples.
 //!
-//! At sample `n` the window of one level ends, the level being the number of times that 2 divides
-//! `n`: the work of every sample is the same. Level `z` has windows of `2^(z+3)` samples, which begin
-//! every `2^(z+1)` samples. The sums at those samples are kept, five of each level, so that the
-//! sums within a window are differences.
+//! At every second sample the window of one level ends: that of level `z` where 2 divides the
+//! number of the sample `z + 1` times. So the work of all samples is alike. Level `z` has windows of
+//! `2^(z+3)` samples, one every `2^(z+2)`. The sums at those samples are kept, three of each level,
+//! and the sums within a window are differences.
 
-use crate::monitor::state::axpy;
+use crate::monitor::state::{axpy, dot};
 
-/// Number of onsets in a window, its end counted.
-const KEPT: usize = 5;
+/// Sums that are kept of a level: at the end of a window, in its middle, and where it begins.
+const KEPT: usize = 3;
 
 /// Sums over all samples up to one of them.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sums {
-    /// `Σ GᵀG`, row by row.
+    /// `Σ GᵀG`, row by row; the rows of columns that no candidate has are not filled.
     pub(crate) products: Vec<f64>,
     /// `Σ Gᵀy`.
     pub(crate) scores: Vec<f64>,
@@ -37,13 +37,16 @@ pub(crate) struct Mark {
 pub(crate) struct Windows {
     width: usize,
     levels: usize,
+    /// Columns that candidates have: only their rows of the products are needed.
+    tested: Vec<usize>,
     pub(crate) now: Sums,
     /// Level by level, [`KEPT`] entries each.
     past: Vec<Sums>,
 }
 
 impl Sums {
-    fn new(width: usize) -> Self {
+    /// Of no sample.
+    pub(crate) fn new(width: usize) -> Self {
         let (products, scores) = (vec![0.0; width * width], vec![0.0; width]);
         Self { products, scores, mark: Mark::default() }
     }
@@ -58,18 +61,19 @@ impl Sums {
 impl Windows {
     /// Without samples. `width` is the number of columns of `G`; the longest window has
     /// `2^(levels + 2)` samples.
-    pub(crate) fn new(width: usize, levels: usize) -> Self {
+    pub(crate) fn new(width: usize, levels: usize, tested: Vec<usize>) -> Self {
         let past = (0..levels * KEPT).map(|_| Sums::new(width)).collect();
-        Self { width, levels, now: Sums::new(width), past }
+        Self { width, levels, tested, now: Sums::new(width), past }
     }
 
     /// How often a window of a level ends, in samples.
     pub(crate) fn step(level: usize) -> f64 {
-        2.0_f64.powi(level as i32 + 1)
+        2.0_f64.powi(level as i32 + 2)
     }
 
-    /// Starts again after the last row.
-    pub(crate) fn restart(&mut self) {
+    /// Starts again after the last row, with these columns of the candidates.
+    pub(crate) fn restart(&mut self, tested: Vec<usize>) {
+        self.tested = tested;
         self.now.products.fill(0.0);
         self.now.scores.fill(0.0);
         self.now.mark.samples = 0;
@@ -82,9 +86,9 @@ impl Windows {
         let width = self.width;
         for (y, g) in y.iter().zip(g.chunks_exact(width)) {
             axpy(*y, g, &mut self.now.scores);
-            for (factor, products) in g.iter().zip(self.now.products.chunks_exact_mut(width)) {
-                if *factor != 0.0 {
-                    axpy(*factor, g, products);
+            for &row in &self.tested {
+                if g[row] != 0.0 {
+                    axpy(g[row], g, &mut self.now.products[row * width..(row + 1) * width]);
                 }
             }
         }
@@ -96,15 +100,28 @@ impl Windows {
     #[inline(always)]
     pub(crate) fn keep(&mut self) -> Option<(usize, usize)> {
         let n = self.now.mark.samples;
-        let level = n.trailing_zeros() as usize;
+        if n % 2 != 0 {
+            return None;
+        }
+        let level = n.trailing_zeros() as usize - 1;
         if level >= self.levels {
             return None;
         }
-        let turn = (n >> (level + 1)) as usize;
+        let turn = (n >> (level + 2)) as usize;
         let begin = level * KEPT + (turn + 1) % KEPT;
         self.past[level * KEPT + turn % KEPT].copy(&self.now);
         // After a start the oldest onset of a level is not there yet.
-        (self.past[begin].mark.samples > 0 && turn + 1 >= KEPT).then_some((level, begin))
+        (turn + 1 >= KEPT).then_some((level, begin))
+    }
+
+    /// Counts from a state that has moved by `shift`: `y` is smaller by `G` times that.
+    pub(crate) fn recentre(&mut self, shift: &[f64]) {
+        let width = self.width;
+        for sums in self.past.iter_mut().chain([&mut self.now]) {
+            for &row in &self.tested {
+                sums.scores[row] -= dot(shift, &sums.products[row * width..]);
+            }
+        }
     }
 
     /// The sums at an onset.
@@ -129,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_window_of_each_level_ends_in_turn_and_its_sums_are_differences() {
-        let mut windows = Windows::new(1, 4);
+        let mut windows = Windows::new(1, 4, vec![0]);
         let mut ended = [0_u64; 4];
         for n in 1..=400_u64 {
             windows.add(&[n as f64], &[1.0], n, None);
@@ -140,18 +157,18 @@ mod tests {
             let sum = windows.now.scores[0] - windows.onset(onset).scores[0];
             assert_eq!(sum, (begin + 1..=n).sum::<u64>() as f64);
         }
-        // Every 2, 4, 8, 16 samples, once there are 8, 16, 32, 64 before.
-        assert_eq!(ended, [196, 97, 46, 21]);
+        // Every 4, 8, 16, 32 samples from 2, 4, 8, 16 on, once there are two before.
+        assert_eq!(ended, [98, 48, 23, 10]);
     }
 
     #[test]
     fn after_a_start_no_window_reaches_back() {
-        let mut windows = Windows::new(1, 3);
+        let mut windows = Windows::new(1, 3, vec![0]);
         for n in 0..57 {
             windows.add(&[1.0], &[1.0], n, None);
             windows.keep();
         }
-        windows.restart();
+        windows.restart(vec![0]);
         assert!(windows.onsets().is_empty());
         for n in 0..57 {
             windows.add(&[1.0], &[1.0], n, None);
