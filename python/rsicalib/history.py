@@ -213,10 +213,16 @@ def _drift(
     rate = float((weight * (days - centre) * values).sum()) / moment
     mean = float((weight * values).sum() / weight.sum())
     left = values - mean - rate * (days - centre)
-    dof = len(days) - 2
-    grown = max(1.0, float((weight * left**2).sum()) / dof) if dof > 0 else 1.0
-    rate_sd = (grown / moment) ** 0.5
-    return rate, rate_sd, _two_sided(rate / rate_sd, dof if grown > 1.0 else None)
+    dof, chi2 = len(days) - 2, float((weight * left**2).sum())
+    scattered = dof > 0 and chi2 > _chance(dof)
+    rate_sd = ((chi2 / dof if scattered else 1.0) / moment) ** 0.5
+    return rate, rate_sd, _two_sided(rate / rate_sd, dof if scattered else None)
+
+
+def _chance(dof: int) -> float:
+    """The value that χ² exceeds once in a hundred times, by Wilson and Hilferty."""
+    part = 2.0 / (9.0 * dof)
+    return dof * (1.0 - part + 2.326 * math.sqrt(part)) ** 3
 
 
 def _two_sided(z: float, dof: int | None) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import importlib
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -146,7 +147,7 @@ def _cells(line: bytes, wanted: list[int]) -> list[float]:
 
 def _parquet(name: str, channels: Sequence[str]) -> Iterator[Rows]:
     try:
-        import pyarrow.parquet as parquet
+        parquet = importlib.import_module("pyarrow.parquet")
     except ImportError:
         expected = "pyarrow, which `pip install 'rsicalib[parquet]'` brings"
         raise InputError.at(name, found="a Parquet file", expected=expected) from None

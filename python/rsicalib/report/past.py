@@ -206,9 +206,9 @@ def page(history: History) -> str:
     ]
     heads = ("date", "verdict", "found", "note", "file")
     parts.append(section("Results", table(heads, rows, text=5)))
-    heads = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
+    columns = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
     cells = [(*(c.strip() for c in _cells(s)), p_is(s.p_value), s.unit) for s in history.parameters]
-    parts.append(section("Parameters", table(heads, cells)))
+    parts.append(section("Parameters", table(columns, cells)))
     parts.append(section("Over time", *(_figure(one) for one in history.parameters)))
     rows_out = [(one.file, one.reason) for one in history.left_out]
     if rows_out:

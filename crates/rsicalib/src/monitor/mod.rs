@@ -35,11 +35,12 @@
 //! | δ, J⁻¹, J⁻¹b | [`state`] | error of the calibration: covariance and mean |
 //! | D, d | [`windows`] | sums since an onset |
 //! | M, u, T | [`score`] | score test of one candidate in one window |
-//! | θ | [`naming`] | the change that is named, and corrected when later rows tell |
+//! | θ | [`open`], [`naming`] | the change that is named, and corrected when later rows tell |
 
 pub mod alarm;
 pub mod compare;
 mod naming;
+mod open;
 pub mod options;
 mod order;
 mod platform;

@@ -1,22 +1,15 @@
 //! What has changed: named at once, and again when later rows tell.
 //!
 //! In the first rows of a change several names may fit: three sensors of an arm move one point.
-//! All are estimated from then on, each parameter `θ` with a variance `Σ₀` beforehand that is as
-//! large as the first rows say of it alone. The rows since the onset, as far as they are kept,
-//! are linearised again about the estimate. With its mean `d` and covariance `V`, the rows say
-//! `Λ = V⁻¹ - Σ₀⁻¹` and `h = V⁻¹ d`, and the evidence for a name that lets `θ` have the variances
-//! `Σ`, zero for the parameters of the others, is
-//!
-//! ```text
-//! 2 ln Z = hᵀ Σ (1 + Λ Σ)⁻¹ h - ln |1 + Σ Λ|                             (105)
-//! ```
+//! All are estimated from then on, from the rows since the onset, as far as they are kept,
+//! linearised about the estimate; [`super::open`] compares the names.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::model::Spec;
 use crate::monitor::alarm::Alarm;
+use crate::monitor::open::Open;
 use crate::monitor::score::MOST_COLUMNS;
-use crate::monitor::state::State;
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watch::{Monitor, Tested};
 use crate::monitor::watched::Watched;
@@ -46,71 +39,6 @@ struct Suspect {
     statistic: f64,
     rank: usize,
     log_p: f64,
-}
-
-/// A change whose name is open.
-#[derive(Debug, Clone)]
-pub(crate) struct Open {
-    /// Candidates that are estimated together, the one that was named first.
-    suspects: Vec<usize>,
-    /// Their columns, candidate by candidate, as places in the state.
-    places: Vec<usize>,
-    /// Variance of each beforehand.
-    width: Vec<f64>,
-    /// All parameters before the change.
-    was: Vec<f64>,
-    /// Covariance of the state before the change, row by row.
-    known: DMatrix<f64>,
-    alarm: Alarm,
-}
-
-impl Open {
-    /// Where the columns of a suspect begin, and how many there are.
-    fn columns(&self, watched: &Watched, candidate: usize) -> std::ops::Range<usize> {
-        let width = |c: &usize| watched.candidates[*c].columns.len();
-        let before = self.suspects.iter().take_while(|c| **c != candidate);
-        let first = before.map(width).sum();
-        first..first + width(&candidate)
-    }
-
-    /// Covariance of the state beforehand, if these columns may have changed.
-    fn prior(&self, columns: impl Iterator<Item = usize>) -> DMatrix<f64> {
-        let mut prior = self.known.clone();
-        columns.for_each(|i| prior[(self.places[i], self.places[i])] += self.width[i]);
-        prior
-    }
-
-    /// Change of each column since before, and its covariance, in units of [`Watched::scale`].
-    fn difference(&self, watched: &Watched, state: &State) -> (DVector<f64>, DMatrix<f64>) {
-        let q = self.places.len();
-        let values = DVector::from_fn(q, |i, _| {
-            let (place, column) = (self.places[i], watched.order[self.places[i]]);
-            state.mean[place] + (watched.at[column] - self.was[column]) / watched.scale[place]
-        });
-        let entry = |i: usize, j: usize| self.places[i] * state.size + self.places[j];
-        (values, DMatrix::from_fn(q, q, |i, j| state.covariance[entry(i, j)]))
-    }
-
-    /// Names by their evidence, the best first, as twice its logarithm.
-    fn evidence(&self, watched: &Watched, state: &State) -> Option<Vec<(f64, usize)>> {
-        let q = self.places.len();
-        let (d, v) = self.difference(watched, state);
-        let own =
-            |m: &DMatrix<f64>| DMatrix::from_fn(q, q, |i, j| m[(self.places[i], self.places[j])]);
-        let inverse = v.cholesky()?.inverse();
-        let told = &inverse - own(&self.prior(0..q)).cholesky()?.inverse();
-        let h = inverse * d;
-        let mut names = Vec::with_capacity(self.suspects.len());
-        for &candidate in &self.suspects {
-            let sigma = own(&self.prior(self.columns(watched, candidate)));
-            let both = DMatrix::identity(q, q) + &told * &sigma;
-            let factor = both.lu();
-            let fit = h.dot(&(&sigma * factor.solve(&h)?));
-            names.push((fit - factor.determinant().abs().ln(), candidate));
-        }
-        names.sort_by(|a, b| b.0.total_cmp(&a.0));
-        Some(names)
-    }
 }
 
 impl Monitor {

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::apply::earlier::Applied;
 use crate::mechanism::Mechanism;
 use crate::monitor::alarm::Alarm;
-use crate::monitor::naming::Open;
+use crate::monitor::open::Open;
 use crate::monitor::options::MonitorOptions;
 use crate::monitor::order::{Counts, Order, Row};
 use crate::monitor::platform::Seen;
