@@ -27,7 +27,6 @@ impl PyMonitor {
     #[new]
     #[pyo3(signature = (mechanism, applied, covariance=None, *, false_alarms=None, dof=None,
                         correlation=0.0, interval=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new(
         mechanism: &PyMechanism,
         applied: PyApplied,

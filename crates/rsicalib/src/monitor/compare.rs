@@ -48,7 +48,8 @@ pub struct Comparison {
     pub chi2_per_dof: f64,
     /// Probability of more by chance.
     pub p_value: f64,
-    /// Misclosure of the later readings under the earlier calibration, length units.
+    /// Misclosure of the later poses, each the mean of its samples, under the earlier calibration,
+    /// length units.
     pub rms_misclosure: f64,
     /// What has changed, the most certain first.
     pub changes: Vec<Found>,
@@ -127,7 +128,8 @@ pub fn compare(
 
     let was = watched.at.clone();
     let prior = watched.prior.clone();
-    let (first, rms_misclosure) = session.pass(&mut watched, &was, &prior);
+    let rms_misclosure = session.misclosure(&watched)?;
+    let first = session.pass(&watched, &was, &prior);
     let per_dof = first.chi2 / count;
     let p_value =
         if dof.is_finite() { f_tail(per_dof, count, dof) } else { chi2_tail(first.chi2, count) };
@@ -144,7 +146,7 @@ pub fn compare(
         taken.push(best);
         prior = unknown(&mut watched, &prior, best);
         for _ in 0..SETTLED {
-            (pass, _) = session.pass(&mut watched, &was, &prior);
+            pass = session.pass(&watched, &was, &prior);
             centre(&mut watched, &mut pass);
         }
         let near = |one: &&(usize, f64)| 2.0 * (one.1 - log_p) < AS_WELL;
@@ -186,11 +188,10 @@ impl Session<'_> {
         (0..self.observations.readings.samples).filter(|&row| self.observations.weights[row] > 0.0)
     }
 
-    /// Sums over all rows about the present parameters, `prior` holding about `was`; and the
-    /// misclosure there.
-    fn pass(&self, watched: &mut Watched, was: &[f64], prior: &[f64]) -> (Pass, f64) {
-        let (model, width) = (&watched.under.model, watched.order.len());
-        let (k, lengths) = (model.equations(), model.lengths());
+    /// Sums over all rows about the present parameters, `prior` holding about `was`.
+    fn pass(&self, watched: &Watched, was: &[f64], prior: &[f64]) -> Pass {
+        let width = watched.order.len();
+        let k = watched.under.model.equations();
         let mut rows = Rows::new(watched, &self.noise.sigma);
         let mut state = State::new(prior.to_vec(), watched.uncertain, width, k);
         for (position, mean) in state.mean.iter_mut().enumerate() {
@@ -199,28 +200,43 @@ impl Session<'_> {
         }
         let mut windows = Windows::new(width, 1, watched.tested());
         let (mut r, mut g) = (vec![0.0; k], vec![0.0; k * width]);
-        let (mut chi2, mut squares, mut count) = (0.0, 0.0, 0.0);
+        let less = 1.0 / self.inflation.sqrt();
+        let mut chi2 = 0.0;
         let used: Vec<usize> = self.used().collect();
         for block in used.chunks(WIDTH) {
             for (lane, &row) in block.iter().enumerate() {
                 rows.put(lane, self.observations.readings.row(row));
             }
-            for (lane, _) in block.iter().enumerate() {
-                if lane == 0 {
-                    squares += rows.misclosure(watched, &lengths, block.len());
-                    rows.linearise(watched);
-                }
+            rows.linearise(watched);
+            for lane in 0..block.len() {
                 rows.read(lane, watched, &mut r, &mut g);
-                let less = 1.0 / self.inflation.sqrt();
                 r.iter_mut().chain(&mut g).for_each(|v| *v *= less);
                 chi2 += state.compare(&r, &g, width) * self.inflation;
                 state.absorb();
                 windows.add(&r, &g, 0, None);
-                count += k as f64;
             }
         }
-        let rms = (squares / f64::max(count, 1.0)).sqrt();
-        (Pass { state, now: windows.now, chi2 }, rms)
+        Pass { state, now: windows.now, chi2 }
+    }
+
+    /// Misclosure of the poses, each the mean of its samples, under the present parameters.
+    fn misclosure(&self, watched: &Watched) -> Result<f64, Error> {
+        let Observations { readings, mechanism, weights, .. } = self.observations;
+        let (poses, live) = match readings.held {
+            true => readings.averaged(mechanism, weights)?,
+            false => (readings.clone(), weights.clone()),
+        };
+        let lengths = watched.under.model.lengths();
+        let mut rows = Rows::new(watched, &self.noise.sigma);
+        let used: Vec<usize> = (0..poses.samples).filter(|&row| live[row] > 0.0).collect();
+        let mut squares = 0.0;
+        for block in used.chunks(WIDTH) {
+            for (lane, &row) in block.iter().enumerate() {
+                rows.put(lane, poses.row(row));
+            }
+            squares += rows.misclosure(watched, &lengths, block.len());
+        }
+        Ok((squares / (used.len() * lengths.len()).max(1) as f64).sqrt())
     }
 }
 

@@ -4,7 +4,7 @@
 //! All are estimated from then on, from the rows since the onset, as far as they are kept,
 //! linearised about the estimate; [`super::open`] compares the names.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::model::Spec;
 use crate::monitor::alarm::Alarm;
@@ -140,12 +140,18 @@ impl Monitor {
 
     /// The alarm that names one of the suspects, which alone is then estimated.
     fn alarm(&mut self, open: &Open, candidate: usize, tested: Tested) -> Alarm {
-        self.refit(open, Some(candidate), tested.row);
         let columns = open.columns(&self.watched, candidate);
-        let (values, covariance) = open.difference(&self.watched, &self.state);
         let (first, width) = (columns.start, columns.len());
-        let values = values.rows(first, width).into_owned();
-        let covariance = covariance.view((first, first), (width, width)) * self.scale;
+        let alone = if self.refit(open, Some(candidate), tested.row) {
+            let (values, covariance) = open.difference(&self.watched, &self.state);
+            let block = covariance.view((first, first), (width, width)).into_owned();
+            Some((values.rows(first, width).into_owned(), block))
+        } else {
+            open.alone(&self.watched, &self.state, candidate)
+        };
+        let (values, covariance) =
+            alone.unwrap_or((DVector::zeros(width), DMatrix::identity(width, width)));
+        let covariance = covariance * self.scale;
         let named = &self.watched.candidates[candidate];
         let (parameters, [size, sd], unit) = named.changes(&values, &covariance);
         let mut after = open.was.clone();
@@ -249,9 +255,9 @@ impl Monitor {
     }
 
     /// Estimates the suspects, or one of them, from the rows since the onset, linearised about the
-    /// estimate; does nothing where those rows are gone.
-    fn refit(&mut self, open: &Open, only: Option<usize>, last: u64) {
-        let Some(rows) = self.recent.between(open.alarm.since_row, last) else { return };
+    /// estimate; false where those rows are gone, and nothing was done.
+    fn refit(&mut self, open: &Open, only: Option<usize>, last: u64) -> bool {
+        let Some(rows) = self.recent.between(open.alarm.since_row, last) else { return false };
         let columns = match only {
             Some(candidate) => open.columns(&self.watched, candidate),
             None => 0..open.places.len(),
@@ -281,5 +287,6 @@ impl Monitor {
             }
         }
         self.restart();
+        true
     }
 }

@@ -62,24 +62,52 @@ impl Open {
         (values, DMatrix::from_fn(q, q, |i, j| state.covariance[entry(i, j)]))
     }
 
+    /// What the rows say, `Λ` and `h`, and the covariance beforehand of all columns that may have
+    /// changed.
+    fn told(&self, watched: &Watched, state: &State) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let (d, v) = self.difference(watched, state);
+        let inverse = v.cholesky()?.inverse();
+        let before = self.own(&self.prior(0..self.places.len())).cholesky()?.inverse();
+        Some((&inverse - before, inverse * d))
+    }
+
+    /// The part of a covariance of the state that belongs to the columns.
+    fn own(&self, state: &DMatrix<f64>) -> DMatrix<f64> {
+        let q = self.places.len();
+        DMatrix::from_fn(q, q, |i, j| state[(self.places[i], self.places[j])])
+    }
+
     /// Names by their evidence, the best first, as twice its logarithm.
     pub(crate) fn evidence(&self, watched: &Watched, state: &State) -> Option<Vec<(f64, usize)>> {
         let q = self.places.len();
-        let (d, v) = self.difference(watched, state);
-        let own =
-            |m: &DMatrix<f64>| DMatrix::from_fn(q, q, |i, j| m[(self.places[i], self.places[j])]);
-        let inverse = v.cholesky()?.inverse();
-        let told = &inverse - own(&self.prior(0..q)).cholesky()?.inverse();
-        let h = inverse * d;
+        let (told, h) = self.told(watched, state)?;
         let mut names = Vec::with_capacity(self.suspects.len());
         for &candidate in &self.suspects {
-            let sigma = own(&self.prior(self.columns(watched, candidate)));
-            let both = DMatrix::identity(q, q) + &told * &sigma;
-            let factor = both.lu();
+            let sigma = self.own(&self.prior(self.columns(watched, candidate)));
+            let factor = (DMatrix::identity(q, q) + &told * &sigma).lu();
             let fit = h.dot(&(&sigma * factor.solve(&h)?));
             names.push((fit - factor.determinant().abs().ln(), candidate));
         }
         names.sort_by(|a, b| b.0.total_cmp(&a.0));
         Some(names)
+    }
+
+    /// Change of one suspect and its covariance if nothing else has changed, in units of
+    /// [`Watched::scale`].
+    pub(crate) fn alone(
+        &self,
+        watched: &Watched,
+        state: &State,
+        candidate: usize,
+    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let (q, columns) = (self.places.len(), self.columns(watched, candidate));
+        let (first, width) = (columns.start, columns.len());
+        let (told, h) = self.told(watched, state)?;
+        let sigma = self.own(&self.prior(columns));
+        let factor = (DMatrix::identity(q, q) + &told * &sigma).lu();
+        let values = &sigma * factor.solve(&h)?;
+        let covariance = &sigma * factor.try_inverse()?;
+        let block = covariance.view((first, first), (width, width)).into_owned();
+        Some((values.rows(first, width).into_owned(), block))
     }
 }

@@ -46,16 +46,16 @@ impl MonitorOptions {
             Err(Error::Option { name, found: found.to_string(), expected: expected.into() })
         };
         let Quiet { dof, correlation, interval } = self.quiet;
-        if !(self.false_alarms > 0.0 && self.false_alarms <= 0.01) {
+        if self.false_alarms.is_nan() || self.false_alarms <= 0.0 || self.false_alarms > 0.01 {
             return refuse("false_alarms", self.false_alarms, "a rate per sample in (0, 0.01]");
         }
-        if !(correlation.abs() < 1.0) {
+        if correlation.is_nan() || correlation.abs() >= 1.0 {
             return refuse("correlation", correlation, "a number in (-1, 1)");
         }
-        if let Some(bad) = dof.filter(|d| !(*d > 0.0)) {
+        if let Some(bad) = dof.filter(|d| d.is_nan() || *d <= 0.0) {
             return refuse("dof", bad, "a number above zero");
         }
-        if let Some(bad) = interval.filter(|s| !(*s > 0.0 && s.is_finite())) {
+        if let Some(bad) = interval.filter(|s| !s.is_finite() || *s <= 0.0) {
             return refuse("interval", bad, "seconds, above zero");
         }
         Ok(())

@@ -228,7 +228,7 @@ fn spread(mechanism: &Mechanism, applied: &Applied) -> Table {
     for _ in 0..ROWS {
         for (c, channel) in mechanism.channels.iter().enumerate() {
             let [mut low, mut high] = applied.reference.span.get(c).copied().unwrap_or_default();
-            if !(high > low) {
+            if high.is_nan() || high <= low {
                 [low, high] = channel.range.unwrap_or([-1.0, 1.0]);
             }
             values.push(random.uniform(low, high));

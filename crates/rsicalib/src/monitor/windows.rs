@@ -100,7 +100,7 @@ impl Windows {
     #[inline(always)]
     pub(crate) fn keep(&mut self) -> Option<(usize, usize)> {
         let n = self.now.mark.samples;
-        if n % 2 != 0 {
+        if !n.is_multiple_of(2) {
             return None;
         }
         let level = n.trailing_zeros() as usize - 1;
