@@ -21,7 +21,7 @@ const AS_WELL: f64 = 6.0;
 
 /// Changes within this of the best, or within this share of it, are estimated beside it: more rows
 /// may tell, and a large change looks different where it is linearised elsewhere.
-const BESIDE: (f64, f64) = (20.0, 0.5);
+const BESIDE: (f64, f64) = (20.0, 0.9);
 
 /// Largest standard deviation beforehand, in typical sizes, of the parameters of a change that has
 /// several: holds those that the readings cannot tell.

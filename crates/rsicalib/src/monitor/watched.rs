@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::Error;
 use crate::apply::earlier::{Applied, Under};
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::Spec;
@@ -12,6 +11,7 @@ use crate::numerics::random::Random;
 use crate::readings::Table;
 use crate::terms::targets::typical;
 use crate::terms::term::{Info, Needs};
+use crate::{Error, terms};
 
 /// Rows of the table that the model is compiled for.
 const ROWS: usize = 8;
@@ -75,7 +75,13 @@ impl Watched {
                 .iter()
                 .position(|i| i.term.info().id == term.info().id && i.target == target);
             let Some(first) = k.map(|k| model.first[k]) else { continue };
-            let sizes = typical(mechanism, term, target);
+            let mut sizes = typical(mechanism, term, target);
+            if term.info().broad {
+                // A link bends by as much as it is longer than drawn, whatever is moved.
+                let bent = typical(mechanism, terms::find("link_length")?, target)[0];
+                let lengths = term.info().parameters.iter().map(|p| p.unit == "length");
+                sizes.iter_mut().zip(lengths).filter(|(_, l)| *l).for_each(|(s, _)| *s = bent);
+            }
             let mut columns = Vec::new();
             for (p, size) in (first..).zip(sizes) {
                 columns.push(order.iter().position(|&o| o == p).unwrap_or(order.len()));
