@@ -24,6 +24,7 @@ COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]
 """Names of what a plan can make small; the default first."""
+FALSE_ALARMS: float
 MARGIN: float
 """Readings that a planned pose keeps from the ends of the range."""
 SCALINGS: tuple[str, ...]

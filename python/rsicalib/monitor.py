@@ -122,7 +122,7 @@ class Watch(Record):
     late: int
     """Rows with a time before that of an earlier row."""
     missing: int
-    """Rows that did not come, told by gaps in time."""
+    """Rows that were not there when due, told by gaps in time."""
     outliers: int
     """Rows far outside that no later row confirmed."""
     alarms: int

@@ -77,7 +77,7 @@ def pair(seed: int, number: int) -> Pair:
     assert update is not None
     named = [change.target.split("/")[0] for change in update.changes]
     right = None if where is None else named[:1] == [where] and len(named) == 1
-    poses = np.asarray(rsicalib.forward(check, earlier))
+    poses = np.asarray(rsicalib.forward(check, calibration=earlier))
     before = float(np.sqrt(np.mean((poses[:, :3] - known["poses"][:, :3]) ** 2)))
     assert later.fit.check is not None
     after = float(later.fit.check.position_rms)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import datetime
+import re
 from dataclasses import dataclass
 from html import escape
 
 from rsicalib.records import Record, to_json
-from rsicalib.report import svg
+from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, section, table
+from rsicalib.report.svg import Canvas, Chart, bounds
 from rsicalib.report.words import number, p_is, plus_minus
 
 __all__ = ["Forecast", "History", "LeftOut", "Past", "Series"]
@@ -17,6 +19,8 @@ FORMAT = "rsicalib.history/1"
 
 YEAR = 365.25
 """Days: rates are shown per year."""
+
+HEIGHT = 180.0
 
 SURE = 0.01
 """Rates less probable than this by chance are called drifts, all parameters together."""
@@ -209,22 +213,33 @@ def page(history: History) -> str:
     columns = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
     cells = [(*(c.strip() for c in _cells(s)), p_is(s.p_value), s.unit) for s in history.parameters]
     parts.append(section("Parameters", table(columns, cells)))
-    parts.append(section("Over time", *(_figure(one) for one in history.parameters)))
+    parts.append(section("Over time", *(_figure(one).html() for one in history.parameters)))
     rows_out = [(one.file, one.reason) for one in history.left_out]
     if rows_out:
         parts.append(section("Left out", table(("file", "why"), rows_out, text=2)))
     return document(f"{called}: history", parts)
 
 
-def _figure(one: Series) -> str:
+def _figure(one: Series) -> Figure:
     days = [_days(date) for date in one.valid_from]
     since = [day - days[0] for day in days]
+    half = [1.96 * sd for sd in one.sd]
     title = f"{one.term} of {one.target}"
     title += f", {one.name}" if one.name != one.term else ""
-    drawn = svg.over_time(
-        since, one.values, one.sd, title, f"days since {one.valid_from[0]}", one.unit
-    )
-    return f"<figure>{drawn}</figure>"
+
+    def draw(width: float) -> str:
+        canvas = Canvas(width, HEIGHT)
+        ends = [v + s * h for v, h in zip(one.values, half, strict=True) for s in (-1.0, 1.0)]
+        words = (f"days since {one.valid_from[0]}", one.unit)
+        chart = Chart.on(canvas, bounds(since), bounds(ends), words, height=HEIGHT)
+        for day, value, h, date in zip(since, one.values, half, one.valid_from, strict=True):
+            (x, low), (_, high) = chart.at((day, value - h)), chart.at((day, value + h))
+            canvas.line(x, low, x, high, "whisker")
+            canvas.dot(*chart.at((day, value)), said=f"{date}: {value:g} ± {h:.2g}")
+        return canvas.svg(title)
+
+    name = re.sub(r"\W+", "-", f"{one.term}-{one.target}-{one.name}")
+    return Figure(name, draw, f"{title}, with 95 % intervals.")
 
 
 def _days(date: str) -> float:
