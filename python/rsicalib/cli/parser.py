@@ -213,6 +213,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
     words = "write history.json, history.txt and history.html there"
     sub.add_argument("--out", metavar="DIR", type=Path, help=words)
+    _add_force(sub)
 
     sub = verb(paper)
     words = "of every simulated cell (1000)"

@@ -216,14 +216,16 @@ def history(args: Args) -> int:
 
     found = history_of(args.folder, args.mechanism, device=args.device, target=args.target)
     if args.out is not None:
-        files = {"history.json": found.to_json(), "history.html": found.page()}
-        write_files(args.out, {**files, "history.txt": found.text() + "\n"})
+        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
+        page = f"{found.page()}<!-- {MARK} -->\n"
+        files = {"history.json": found.to_json(), "history.txt": text, "history.html": page}
+        write_folder(args.out, files, force=args.force)
     if args.json:
-        sys.stdout.write(found.to_json())
+        emit(found.to_json())
     elif not args.quiet:
-        print(found.text())
+        say(found.text())
         if args.out is not None:
-            print(f"\n{args.out / 'history.html'}")
+            say(f"\n{args.out / 'history.html'}")
     return 0
 
 
@@ -236,12 +238,13 @@ def watch(args: Args) -> int:
     )
     with contextlib.suppress(KeyboardInterrupt):
         for alarm in watching:
-            print(json.dumps(plain(alarm), ensure_ascii=False), flush=True)
+            emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
+            sys.stdout.flush()
             if not (args.json or args.quiet):
                 print(alarm.text(), file=sys.stderr)
     found = watching.summary()
     if args.json:
-        print(json.dumps(plain(found), ensure_ascii=False))
+        emit(json.dumps(plain(found), ensure_ascii=False) + "\n")
     elif not args.quiet:
         print(found.text(), file=sys.stderr)
     return ALARMED if found.alarms else 0
