@@ -104,8 +104,13 @@ SLOW_WRITER = textwrap.dedent(
 def slow_writer(folder: Path) -> Iterator[subprocess.Popen[str]]:
     """A process that has written `a.txt` and is about to write the seal."""
     command = [sys.executable, "-c", SLOW_WRITER, str(folder)]
+
+    def heed() -> None:
+        # What runs in the background of a shell ignores the signal, and its children do.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, preexec_fn=heed
     ) as process:
         try:
             assert process.stdout is not None and process.stdout.readline() == "a.txt\n"

@@ -19,12 +19,14 @@ from rsicalib.cli.verbs import (
     fleet,
     forward,
     guide,
+    history,
     mechanism,
     paper,
     plan,
     simulate,
     terms,
     trace,
+    watch,
 )
 from rsicalib.errors import InputError
 
@@ -79,7 +81,7 @@ def make_parser() -> argparse.ArgumentParser:
         description="Calibration of closed kinematic chains from their own joint readings. "
         "Begin with: rsicalib demo",
         epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
-        "3 not determined by the data, 4 the residual is significant, 130 interrupted",
+        "3 not determined by the data, 4 the residual is significant or an alarm, 130 interrupted",
     )
     parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -201,13 +203,13 @@ def make_parser() -> argparse.ArgumentParser:
     words = "keep the rows of devices whose readings are the same"
     sub.add_argument("--resume", action="store_true", help=words)
     words = "folder for fleet.parquet and fleet.html"
-    sub.add_argument("--out", metavar="FOLDER", type=Path, required=True, help=words)
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
 
     sub = verb(guide)
     _add_mechanism(sub)
     sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
     words = "samples.csv, readings.csv, held_out.csv and result.json grow there"
-    sub.add_argument("--out", metavar="FOLDER", type=Path, required=True, help=words)
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
     words = "standard deviation of the platform to reach; a hundredth of the travel where not given"
     sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
     words = "where samples come from, as CSV: standard input (-), a file that grows, a command"
@@ -219,7 +221,25 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
     words = "for which a pose is held (0.6)"
     sub.add_argument("--seconds", type=float, default=0.6, help=words)
-    sub.add_argument("--seed", type=int, default=0, help="of the candidates (0)")
+    sub.add_argument("--seed", type=_seed, default=0, help="of the candidates (0)")
+
+    sub = verb(watch)
+    sub.add_argument("readings", metavar="READINGS|-", help="CSV or Parquet; -: standard input")
+    _add_mechanism(sub)
+    words = "the result under which the device works"
+    sub.add_argument("--calibration", metavar="FILE", required=True, help=words)
+    words = f"false alarms at most: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
+    sub.add_argument("--false-alarms", metavar="RATE", help=words)
+
+    sub = verb(history)
+    sub.add_argument("folder", metavar="DIR", help="folder of results, with their dates")
+    _add_mechanism(sub)
+    sub.add_argument("--device", metavar="NAME", help="whose results; else of the most frequent")
+    words = "error of the platform's position that is too much, in units of length"
+    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
+    words = "write history.json, history.txt and history.html there"
+    sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
+    _add_force(sub)
 
     sub = verb(paper)
     words = "of every simulated cell (1000)"

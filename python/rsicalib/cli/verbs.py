@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +22,7 @@ from rsicalib.cli.streams import emit, say
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.folders import MARK, write_folder
 from rsicalib.plain_text import printable
-from rsicalib.records import to_json
+from rsicalib.records import plain, to_json
 
 __all__ = [
     "Args",
@@ -32,17 +33,22 @@ __all__ = [
     "fleet",
     "forward",
     "guide",
+    "history",
     "mechanism",
     "paper",
     "plan",
     "simulate",
     "terms",
     "trace",
+    "watch",
 ]
 
 Args: TypeAlias = argparse.Namespace
 
 T = TypeVar("T")
+
+ALARMED = 4
+"""Exit code of a watch that raised an alarm."""
 
 
 def calibrate(args: Args) -> int:
@@ -241,6 +247,46 @@ def paper(args: Args) -> int:
     elif not args.quiet:
         say(found.text().removesuffix("\n"))
     return 0
+
+
+def history(args: Args) -> int:
+    """Parameters of one device against date."""
+    from rsicalib.history import history as history_of
+
+    found = history_of(args.folder, args.mechanism, device=args.device, target=args.target)
+    if args.out is not None:
+        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
+        page = f"{found.page()}<!-- {MARK} -->\n"
+        files = {"history.json": found.to_json(), "history.txt": text, "history.html": page}
+        write_folder(args.out, files, force=args.force)
+    if args.json:
+        emit(found.to_json())
+    elif not args.quiet:
+        say(found.text())
+        if args.out is not None:
+            say(f"\n{args.out / 'history.html'}")
+    return 0
+
+
+def watch(args: Args) -> int:
+    """A calibration at work: alarms with what, since when, how large; JSON lines."""
+    from rsicalib.monitor import watch as watch_device
+
+    watching = watch_device(
+        args.readings, args.calibration, args.mechanism, false_alarms=args.false_alarms
+    )
+    with contextlib.suppress(KeyboardInterrupt):
+        for alarm in watching:
+            emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
+            sys.stdout.flush()
+            if not (args.json or args.quiet):
+                print(alarm.text(), file=sys.stderr)
+    found = watching.summary()
+    if args.json:
+        emit(json.dumps(plain(found), ensure_ascii=False) + "\n")
+    elif not args.quiet:
+        print(found.text(), file=sys.stderr)
+    return ALARMED if found.alarms else 0
 
 
 def terms(args: Args) -> int:

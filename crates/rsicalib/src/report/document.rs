@@ -96,6 +96,15 @@ macro_rules! result {
             /// Parameters that differ from an earlier result, where one was given.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub moved: Option<Vec<Moved>>,
+            /// SHA-256 of the earlier result that this one is meant to replace.
+            #[serde(default)]
+            pub supersedes: Option<String>,
+            /// How the loops close under this result: what a watch compares with.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub misclosure: Option<Misclosure>,
+            /// What has changed since an earlier result, and whether it is worth an update.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub update: Option<Update>,
             /// How well points that are touched are repeated, where the mechanism has such.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub groups: Option<Groups>,
@@ -315,6 +324,64 @@ pub struct Moved {
     pub sd: f64,
     /// Unit of all three.
     pub unit: String,
+}
+
+/// Reference statistics of the misclosure: how the loops close under a result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Misclosure {
+    /// Root mean square by closure, in units of length.
+    pub rms: IndexMap<String, f64>,
+    /// Degrees of freedom of the noise; null where it was declared.
+    pub dof: Option<f64>,
+    /// Correlation of neighbouring samples.
+    pub correlation: f64,
+    /// Usual time between neighbouring samples, in seconds; null without times.
+    pub interval_s: Option<f64>,
+}
+
+/// A later session against an earlier result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Update {
+    /// True where something has changed by three standard deviations or more, and this result has
+    /// the smaller held-out error.
+    pub worth: bool,
+    /// The same as a sentence.
+    pub text: String,
+    /// χ² of the readings under the earlier result, its uncertainty counted in, per degree of
+    /// freedom.
+    pub chi2_per_dof: f64,
+    /// Probability of more by chance.
+    pub p_value: f64,
+    /// Misclosure of the poses under the earlier result, root mean square in units of length.
+    pub rms_before: f64,
+    /// The same under this result, poses left out in turn; null where that was not computed.
+    pub rms_after: Option<f64>,
+    /// What has changed, the most certain first.
+    pub changes: Vec<Changed>,
+    /// Effects of the earlier result that belong to its session, and are not compared.
+    pub session_only: Vec<String>,
+}
+
+/// A change between two sessions of a device.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Changed {
+    /// Id of the term.
+    pub term: String,
+    /// Where: a channel, a closure, a chain or a link of it.
+    pub target: String,
+    /// How large: the value of a single parameter, or the length of a displacement.
+    pub size: f64,
+    /// Standard deviation of the size.
+    pub sd: f64,
+    /// Unit of both.
+    pub unit: String,
+    /// Probability of such a change by chance, for any of the candidates.
+    pub p_value: f64,
+    /// What it does to the platform.
+    pub platform_rms: Option<Rms>,
+    /// Changes that these readings cannot tell from it, as `offset@a22`.
+    #[serde(default)]
+    pub also_fits: Vec<String>,
 }
 
 /// Mean distance of carried points from their own mean at what they touch, by placement.
