@@ -16,7 +16,7 @@ from rsicalib import _core
 from rsicalib.io.cells import COLUMNS
 from rsicalib.io.files import write_text
 from rsicalib.io.mechanisms import URDF_KEYS
-from rsicalib.planning import Bound, Plan
+from rsicalib.plans import Bound, Forecast, Hidden, Plan, Spread, WorstHidden
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
 
 ROOT = Path(__file__).parents[1]
@@ -31,12 +31,13 @@ SECTIONS = {
     "Point": "`[[point]]`: a place",
     "Closure": "`[[closure]]`: what holds in every pose",
     "Rest": "`[rest]`: a pose that is known without a measurement",
+    "Workspace": "`[workspace]`: poses that the platform can be brought to",
     "ModelSection": "`[model]`: what `calibrate` identifies",
 }
 """Types of a mechanism file in the order of the page, with their headings."""
 
 OTHERS = {
-    "rsicalib.plan/1": (Plan, Bound),
+    "rsicalib.plan/1": (Plan, Bound, Forecast, Spread, Hidden, WorstHidden),
     "rsicalib.paper/1": (Paper, Table, Row, Cell, Misprint),
 }
 """Documents whose keys are those of classes."""

@@ -31,7 +31,19 @@ PARAMETERS = {
     "closures": "Sequence[str] | None",
     "counts": "Array",
     "covariance": "Array | None",
+    "columns": "int",
     "criterion": "str",
+    "further.candidates": "int | None",
+    "further.criterion": "str | None",
+    "further.poses": "int",
+    "from_": "Array | None",
+    "left_out": "Sequence[int] | None",
+    "off": "Array | None",
+    "rivals": "Sequence[tuple[Sequence[str], float, float]]",
+    "session": "Session",
+    "way": "float | None",
+    "data": "bytes",
+    "first": "int",
     "faults.counts": "Sequence[bool]",
     "faults.pose": "Sequence[int]",
     "Mechanism.from_dict.values": "Mapping[str, Any]",
@@ -112,6 +124,7 @@ RETURNS = {
     "Session.reference": "dict[str, Any]",
     "Session.trace": "dict[str, Any]",
     "bound": "dict[str, Any]",
+    "calibrate_devices": "dict[str, list[Any]]",
     "calibrated_sensors": "Mechanism",
     "check": "dict[str, Any]",
     "exchange": "tuple[list[int], float]",
@@ -123,6 +136,7 @@ RETURNS = {
     "linearize": "dict[str, Any]",
     "bound_at": "dict[str, Any]",
     "forward": "Array",
+    "further": "dict[str, Any]",
     "identifiable": "dict[str, Any]",
     "plan": "dict[str, Any]",
     "points": "list[list[list[float]]]",
@@ -131,6 +145,7 @@ RETURNS = {
     "moved": "list[tuple[int, float, float, float]]",
     "observability": "dict[str, Any]",
     "places": "tuple[list[str], Array, Array | None]",
+    "plain_numbers": "list[Array] | None",
     "readings_at": "Array",
     "rsi_angles": "Array",
     "rsi_forward": "list[float]",
@@ -169,6 +184,8 @@ COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]
 """Names of what a plan can make small; the default first."""
+FALSE_ALARMS: float
+"""False alarms per sample that a watch promises at most where nothing is said."""
 MARGIN: float
 """Readings that a planned pose keeps from the ends of the range."""
 SCALINGS: tuple[str, ...]

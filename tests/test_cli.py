@@ -18,7 +18,7 @@ from rsicalib import DEMO
 
 READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
 VERBS = ("demo", "calibrate", "trace", "fixture", "forward", "terms", "mechanism")
-VERBS += ("simulate", "plan", "paper", "fleet")
+VERBS += ("simulate", "plan", "guide", "paper", "fleet", "watch", "history")
 
 
 def run(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -20,6 +20,7 @@ from rsicalib.errors import InputError, RsicalibError
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.io.samples import Skipped
 from rsicalib.io.suspicions import suspicions
+from rsicalib.io.tables import File, numbers, table_of_file, table_of_numbers
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
 
@@ -847,6 +848,65 @@ def test_a_malformed_file_is_refused_or_loaded_as_it_stands(scratch, data, skip)
             if name in HEADER and name != "time_s"
         )
         assert not usable or bad.column == "time_s"
+
+
+PLAIN = st.text(alphabet="0123456789+-.eE", min_size=1, max_size=6)
+PIECES = st.one_of(
+    st.integers(0, 4095).map(str), st.floats(allow_nan=False).map(repr), PLAIN, TEXTS
+)
+
+
+@st.composite
+def nearly_plain(draw) -> bytes:
+    """A header, and cells that are numbers for the most part."""
+    width = draw(st.integers(1, 3))
+    numbers = st.one_of(st.integers(0, 4095).map(str), st.floats(-1e9, 1e9).map(repr))
+    rows = draw(st.lists(st.lists(numbers, min_size=width, max_size=width), max_size=4))
+    for _ in range(draw(st.integers(0, 2))):
+        if rows:
+            row = rows[draw(st.integers(0, len(rows) - 1))]
+            row[draw(st.integers(0, 2)) % max(len(row), 1) :][:1] = []
+            row.insert(draw(st.integers(0, 3)), draw(PIECES))
+    ending = draw(st.sampled_from(["\n", "\r\n", "\r", "\n\n"]))
+    lines = [",".join(["a", "b", "c"][:width]), *(",".join(row) for row in rows)]
+    text = ending.join(lines) + draw(st.sampled_from(["", "\n", "\r\n", "\n\r\n", "\n ", "\r"]))
+    return draw(st.sampled_from([b"", b"\xef\xbb\xbf"])) + text.encode("utf-8", "replace")
+
+
+@settings(max_examples=1000, deadline=None, derandomize=True)
+@given(data=st.one_of(nearly_plain(), nearly_plain(), malformed()))
+def test_what_is_read_fast_is_read_alike_cell_by_cell(data):
+    file = File("run.csv", data, "")
+    fast = table_of_numbers(file)
+    if fast is None:
+        return
+    slow = table_of_file(file)  # must not be refused
+    assert not slow.ragged
+    assert fast.names == slow.names
+    assert fast.lines.tolist() == slow.lines.tolist()
+    for a, b in zip(fast.columns, slow.columns, strict=True):
+        assert np.array_equal(np.asarray(a).view(np.int64), numbers(b).view(np.int64))
+        assert not np.isnan(a).any()
+
+
+def test_a_plain_file_is_read_fast_and_one_in_doubt_is_not(tmp_path):
+    def fast(text: str) -> bool:
+        return table_of_numbers(File("run.csv", text.encode(), "")) is not None
+
+    assert fast("a,b\n1,2\n3,4\n")
+    assert fast("a,b\r\n1,2.5\r\n3,-4e1")
+    for text in ("a,b\n1,\n", "a,b\n1, 2\n", 'a,b\n"1",2\n', "a,b\n1,nan\n", "a,b\n", "", "a"):
+        assert not fast(text), text
+
+
+def test_a_fault_in_a_plain_file_is_told_as_it_stands(write):
+    rows = cells()
+    rows[7][HEADER.index(NAMES[2])] = "04096.50"
+    with pytest.raises(InputError) as error:
+        load_readings(write(as_text(rows)), RSI)
+    assert error.value.where is not None
+    assert error.value.where["found"] == "04096.50"
+    assert error.value.where["line"] == 8
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)

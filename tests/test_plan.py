@@ -46,7 +46,7 @@ def test_the_bound_of_the_paper_s_poses(poses: Array, known: float) -> None:
 
 
 def test_twelve_chosen_poses_are_ten_times_better_than_the_paper_s() -> None:
-    found = plan(poses=12)
+    found = plan(poses=12, criterion="offsets")
     # A crude exchange reached 0.0044 to 0.0056.
     assert found.bound.offset_rms < 0.0044
     assert found.bound.offset_rms == pytest.approx(offset_sd(found.poses), rel=1e-6)
@@ -60,7 +60,8 @@ def test_twelve_chosen_poses_are_ten_times_better_than_the_paper_s() -> None:
 
 
 def test_each_criterion_is_best_at_what_it_asks_for() -> None:
-    plans = {c: plan(criterion=c, candidates=600, starts=3, seed=2) for c in CRITERIA}
+    without_result = [c for c in CRITERIA if c != "decide"]
+    plans = {c: plan(criterion=c, candidates=600, starts=3, seed=2) for c in without_result}
     best = min(plans.values(), key=lambda p: p.bound.offset_rms)
     # Exchange ends in local optima; over three starts they differ by a few per cent.
     assert plans["offsets"].bound.offset_rms <= best.bound.offset_rms * 1.03
@@ -87,7 +88,7 @@ def plan_readings() -> Array:
 
 
 def test_other_mechanisms_need_a_workspace() -> None:
-    machine = oracle.rsi() | {"name": "another"}
+    machine = {k: v for k, v in oracle.rsi().items() if k != "workspace"} | {"name": "another"}
     mechanism = _core.Mechanism.from_dict(plain(machine))
     with pytest.raises(InputError, match="workspace of 'another'"):
         plan(mechanism)
@@ -99,7 +100,7 @@ def test_other_mechanisms_need_a_workspace() -> None:
 def test_options_that_cannot_be_used_are_refused() -> None:
     with pytest.raises(InputError, match="at least 9"):
         plan(poses=3)
-    with pytest.raises(InputError, match="offsets, joints, volume"):
+    with pytest.raises(InputError, match="decide, platform, offsets, joints, volume"):
         plan(candidates=50, starts=1, criterion="best")
     with pytest.raises(InputError, match="number 1 out of reach"):
         bound([[0, 0, 9, 0, 0, 0]])

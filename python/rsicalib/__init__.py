@@ -34,9 +34,11 @@ if TYPE_CHECKING:
     from rsicalib.export import export_toml, export_urdf
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
+    from rsicalib.history import history
     from rsicalib.identifiability import identifiable
     from rsicalib.io.readings import Readings
     from rsicalib.measures import observability
+    from rsicalib.monitor import Alarm, Monitor, watch
     from rsicalib.planning import plan
     from rsicalib.platform_sd import workspace
     from rsicalib.reproduction.paper import paper
@@ -46,11 +48,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DEMO",
+    "Alarm",
     "Calibration",
     "Channel",
     "Fleet",
     "InputError",
     "Mechanism",
+    "Monitor",
     "Parameter",
     "Readings",
     "RsicalibError",
@@ -67,6 +71,7 @@ __all__ = [
     "fleet",
     "forward",
     "forward_sd",
+    "history",
     "identifiable",
     "inverse",
     "load_calibration",
@@ -78,6 +83,7 @@ __all__ = [
     "simulate",
     "terms",
     "trace",
+    "watch",
     "workspace",
 ]
 
@@ -89,9 +95,11 @@ _HOMES = {
     "rsicalib.export": "export_toml export_urdf",
     "rsicalib.fleets.devices": "calibrate_devices",
     "rsicalib.fleets.run": "Fleet fleet",
+    "rsicalib.history": "history",
     "rsicalib.identifiability": "identifiable",
     "rsicalib.io.readings": "Readings",
     "rsicalib.measures": "observability",
+    "rsicalib.monitor": "Alarm Monitor watch",
     "rsicalib.planning": "plan",
     "rsicalib.platform_sd": "workspace",
     "rsicalib.reproduction.paper": "paper",

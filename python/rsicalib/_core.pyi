@@ -24,6 +24,7 @@ COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]
 """Names of what a plan can make small; the default first."""
+FALSE_ALARMS: float
 MARGIN: float
 """Readings that a planned pose keeps from the ends of the range."""
 SCALINGS: tuple[str, ...]
@@ -74,6 +75,9 @@ class Fit:
 
     def carried_points(self, table: Mapping[str, Any]) -> Any:
         """Where the chains carry their points: shape (points, n, 3)."""
+
+    def changes(self, applied: Mapping[str, Any], covariance: Array | None = None) -> Any:
+        """What has changed since an earlier result with the covariance of its parameters, (k, k)."""
 
     def check(self, table: Mapping[str, Any], poses: Array, align: bool = False) -> dict[str, Any]:
         """Error on known poses: `(poses, position rms, orientation rms)`."""
@@ -142,6 +146,38 @@ class Mechanism:
 
     def with_sensors(self, sensors: Mapping[str, tuple[float, float]]) -> Mechanism:
         """The same mechanism with sensors of another gain and offset: `{name: (gain, offset)}`."""
+
+@final
+class Monitor:
+    """A calibrated mechanism that is watched at work."""
+
+    def __new__(
+        cls,
+        mechanism: Mechanism,
+        applied: Mapping[str, Any],
+        covariance: Array | None = None,
+        *,
+        false_alarms: Any = None,
+        dof: Any = None,
+        correlation: Any = 0.0,
+        interval: Any = None,
+    ) -> Monitor: ...
+    def counts(self) -> Any:
+        """Rows so far, by what became of them."""
+
+    @property
+    def interval(self) -> Any:
+        """Usual time between neighbouring rows [s]."""
+
+    @property
+    def noise(self) -> Any:
+        """Noise at work over that of the calibration, and correlation of neighbouring samples."""
+
+    def update(self, readings: Any, time: Any = None) -> Any:
+        """Tests one row: a reading of each channel, and its time [s]. Returns the alarms."""
+
+    def update_all(self, readings: Any, times: Any = None) -> Any:
+        """Tests many rows, shape (n, channels), with their times [s]. Returns the alarms."""
 
 @final
 class Session:
@@ -214,7 +250,7 @@ def calibrate_devices(
     noise: Sequence[float] | None = None,
     trace: Any = True,
     held_out: Any = False,
-) -> Any:
+) -> dict[str, list[Any]]:
     """Calibrates devices one after the other, column by column in the order of the tables.
 
     `rests` holds readings of the rest pose, shape (n, C), or None, for each table. A device that
@@ -256,6 +292,26 @@ def fixture(
     mechanism: Mechanism, table: Mapping[str, Any], poses: Array
 ) -> tuple[list[dict[str, Any]], int]:
     """Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`."""
+
+def further(
+    session: Session,
+    rivals: Sequence[tuple[Sequence[str], float, float]],
+    *,
+    poses: int,
+    criterion: str | None = None,
+    within: Sequence[Sequence[float]] | None = None,
+    candidates: int | None = None,
+    left_out: Sequence[int] | None = None,
+    off: Array | None = None,
+    from_: Array | None = None,
+    way: float | None = None,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Chooses poses to visit after a session, beside the readings that it has.
+
+    `left_out` are rows of the session that do not count; `off` are readings of poses that are
+    struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands.
+    """
 
 def identifiable(
     mechanism: Mechanism, terms: Sequence[str] | None = None, *, seed: int = 0
@@ -337,6 +393,9 @@ def places(
     Names of the columns, values of shape (n, k), and with the covariance of the parameters their
     standard deviations; None where nothing is known of those.
     """
+
+def plain_numbers(data: bytes, first: int, columns: int) -> list[Array] | None:
+    """Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt."""
 
 def plan(
     mechanism: Mechanism,

@@ -67,7 +67,8 @@ def calibrate(
         or by name, in their units.
     calibration : path, Calibration or Trace, optional
         An earlier result: where the search starts, whose terms are identified,
-        and with which the new one is compared (`moved`).
+        and with which the new one is compared: parameter by parameter (`moved`), and
+        by what may have changed and whether an update is worth it (`update`).
     align : bool, optional
         Give the error of the check poses also after the best rigid motion of
         the instrument that measured them.
@@ -125,10 +126,10 @@ def calibrate(
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)
     try:
-        report, _, _ = session.calibrate(check=known, align=align)
+        report, fit, _ = session.calibrate(check=known, align=align)
     except UndeterminedError as error:
         return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
-    found = {**report, "method": method or Calibration.method}
+    found = {**report, "method": method or Calibration.method, "update": job.update(report, fit)}
     if known is not None:
         found["nominal"] = {**NOTHING, "check": job.nominal_error(known, align=False)}
         if align:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,163 +11,26 @@ import numpy.typing as npt
 from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import Within, workspace
-from rsicalib.io.files import write_text
+from rsicalib.errors import InputError
+from rsicalib.further import Choice, Sessions, plan_further
+from rsicalib.io.readings import Readings
 from rsicalib.measures import counts_of, known_sd, parameters_of
-from rsicalib.plots import on_axes, scatter
-from rsicalib.records import Record
-from rsicalib.tabular import Tabular
+from rsicalib.plans import Bound, Plan
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,
-    PathLike,
     ReadingsArg,
+    SessionsArg,
     open_mechanism,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["CRITERIA", "Bound", "Plan", "bound", "plan"]
 
 CRITERIA = _core.CRITERIA
-"""What is made small: variance of the offsets (A-optimal), of the joint coordinates averaged over
-the workspace (I-optimal), or the volume of the confidence ellipsoid (D-optimal)."""
-
-POSE = ("x", "y", "z", "rx", "ry", "rz")
-
-
-@dataclass(frozen=True)
-class Bound(Record):
-    """The least uncertainty that any unbiased estimate from these poses can have.
-
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of one reading that it is for; it grows in proportion.
-    offset_sd : ndarray, shape (C,)
-        Bound of the offsets, at reading zero [rad]; NaN where the poses do not determine it.
-    gain_sd : ndarray, shape (C,)
-        Bound of the gains [rad/reading].
-    joint_sd : ndarray, shape (C,)
-        Bound of the joint coordinates, root mean square over the poses [rad].
-    """
-
-    noise: float
-    offset_sd: FloatArray
-    gain_sd: FloatArray
-    joint_sd: FloatArray
-
-    @property
-    def offset_rms(self) -> float:
-        """Root mean square of `offset_sd` [rad]; infinite where one is not determined."""
-        return _rms(self.offset_sd)
-
-    @property
-    def gain_rms(self) -> float:
-        """Root mean square of `gain_sd` [rad/reading]."""
-        return _rms(self.gain_sd)
-
-    @property
-    def joint_rms(self) -> float:
-        """Root mean square of `joint_sd` [rad]."""
-        return _rms(self.joint_sd)
-
-
-@dataclass(frozen=True, repr=False)
-class Plan(Tabular, Record):
-    """Poses to visit.
-
-    Attributes
-    ----------
-    mechanism, length_unit : str
-        Name of the mechanism, and the unit of x, y, z.
-    criterion : str
-        Criterion that was minimised.
-    seed : int
-        Seed of the candidates.
-    poses : ndarray, shape (n, 6)
-        `x y z` [length unit], `rx ry rz` [rad], in an order of short ways.
-    readings : ndarray, shape (n, C)
-        What the channels should read there, about.
-    bound : Bound
-        Bound with these poses and those visited already.
-    before : Bound or None
-        Bound with only the poses visited already.
-    """
-
-    mechanism: str
-    length_unit: str
-    criterion: str
-    seed: int
-    poses: FloatArray
-    readings: FloatArray
-    bound: Bound
-    before: Bound | None = None
-
-    def plot(self, *, ax: Axes | None = None) -> Axes:
-        """Draw where the poses are in x and z, coloured by their order; needs matplotlib.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where to; a new figure where not given.
-
-        Returns
-        -------
-        Axes
-            With a colour bar beside it.
-        """
-        order = np.arange(1.0, len(self.poses) + 1)
-        names = (f"x [{self.length_unit}]", f"z [{self.length_unit}]", "pose")
-        ax = on_axes(ax, figsize=(6, 5))
-        ax.plot(self.poses[:, 0], self.poses[:, 2], color="0.8", lw=0.8, zorder=0)
-        return scatter(ax, self.poses[:, 0], self.poses[:, 2], order, names)
-
-    def _table(self) -> dict[str, Any]:
-        columns: dict[str, Any] = {"pose": range(1, len(self.poses) + 1)}
-        return columns | {name: self.poses[:, k] for k, name in enumerate(POSE)}
-
-    def __repr__(self) -> str:
-        return (
-            f"<Plan of {self.mechanism!r}: {len(self.poses)} poses, offsets to "
-            f"{self.bound.offset_rms:.2g} rad per {self.bound.noise:g} of noise>"
-        )
-
-    def csv(self) -> str:
-        """The poses as CSV: pose, x, y, z, rx, ry, rz."""
-        lines = [",".join(("pose", *POSE))]
-        for k, pose in enumerate(self.poses, start=1):
-            lines.append(",".join([str(k), *(f"{v:.4f}" for v in pose)]))
-        return "\n".join(lines) + "\n"
-
-    def save(self, path: PathLike) -> None:
-        """Write the poses as CSV.
-
-        Parameters
-        ----------
-        path : path
-            Path of the file.
-        """
-        write_text(path, self.csv())
-
-    def text(self) -> str:
-        """The poses for people, in degrees, and the bound."""
-        unit = self.length_unit
-        lines = [
-            f"pose {'x':>8s} {'y':>8s} {'z':>8s} [{unit}] {'rx':>7s} {'ry':>7s} {'rz':>7s} [°]"
-        ]
-        for k, pose in enumerate(self.poses, start=1):
-            place = " ".join(f"{v:8.2f}" for v in pose[:3])
-            turn = " ".join(f"{math.degrees(v):7.1f}" for v in pose[3:])
-            lines.append(f"{k:4d} {place} {' ' * (len(unit) + 2)} {turn}")
-        of = f"per {self.bound.noise:g} of noise in a reading, one reading of each pose"
-        lines += ["", f"least standard deviation {of}:"]
-        lines.append(f"  offsets {self.bound.offset_rms:.2g} rad")
-        lines.append(f"  gains {self.bound.gain_rms:.2g} rad/reading")
-        lines.append(f"  joint coordinates at these poses {self.bound.joint_rms:.2g} rad")
-        if self.before is not None:
-            lines.append(f"  offsets without these poses {self.before.offset_rms:.2g} rad")
-        return "\n".join(lines) + "\n"
+"""What is made small: the probability of a wrong decision between the explanations of a session,
+the variance of the platform averaged over the workspace (V-optimal), of the offsets (A-optimal), of
+the joint coordinates averaged over the workspace (I-optimal), or the volume of the confidence
+ellipsoid (D-optimal)."""
 
 
 def bound(
@@ -218,87 +79,116 @@ def plan(
     mechanism: MechanismArg = "rsi",
     poses: int = 12,
     *,
-    beside: ReadingsArg | None = None,
+    result: CalibrationArg | None = None,
+    beside: SessionsArg | None = None,
     within: Within | None = None,
     noise: float = 1.0,
-    criterion: str = "offsets",
+    criterion: str | None = None,
     calibration: CalibrationArg | None = None,
-    candidates: int = 3000,
+    off: ReadingsArg | None = None,
+    candidates: int | None = None,
     starts: int = 4,
     seed: int = 0,
 ) -> Plan:
-    """Choose poses that tell most about offsets and gains.
+    """Choose poses that decide what a session left open, or that make the platform certain.
 
-    Candidates are drawn from a box, within reach, joint limits and ranges; from several starts,
-    poses are exchanged for candidates until no exchange helps, and the best plan is kept.
+    Candidates are drawn from a box, within reach, joint limits and ranges. Beside a result, poses
+    are chosen under its model by eqs. (93) to (96) of `docs/model.md`, one after the other with a
+    round of exchange. Without one, offsets and gains alone are unknown: from several starts, poses
+    are exchanged for candidates until no exchange helps, and the best plan is kept.
 
     Parameters
     ----------
     mechanism : str, path or Mechanism
-        With a platform.
+        With a platform, unless there is a result.
     poses : int
         Number of poses to visit.
-    beside : path, Readings or array_like of shape (n, C), optional
+    result : path, Calibration or Trace, optional
+        What the poses are to complement; `beside` are then its readings, known by their SHA-256.
+    beside : path, Readings, a sequence of them, or array_like of shape (n, C), optional
         Readings of poses that are visited already: the plan complements them.
     within : six pairs, optional
-        Lowest and highest x, y, z [length unit], rx, ry, rz [rad]; for the hand controller
-        ±3 in, z -5.7 to -0.3, ±30°.
+        Lowest and highest x, y, z [length unit], rx, ry, rz [rad]; the mechanism's `[workspace]` by
+        default, beside a result else its joint limits.
     noise : float
         Standard deviation of one reading, quantisation included: scales the bound, not the plan.
-    criterion : {"offsets", "joints", "volume"}
-        What is made small: see `CRITERIA`.
+    criterion : {"decide", "platform", "offsets", "joints", "volume"}, optional
+        What is made small: see `CRITERIA`. `decide` where the result leaves something open, else
+        `platform`.
     calibration : path, Calibration or Trace, optional
         Result that gives the offsets and gains; the mechanism's own by default.
-    candidates, starts : int
-        Number of candidate poses, and of searches from different starts.
+    off : path, Readings or array_like of shape (m, C), optional
+        Readings of poses that are struck off: neither these nor poses near them are planned.
+    candidates : int, optional
+        Number of candidate poses: 3000, or 2000 beside a result.
+    starts : int
+        Number of searches from different starts; one beside a result.
     seed : int
         Same seed, same plan.
 
     Returns
     -------
     Plan
-        Poses with the bound that they reach.
+        Poses with what is to be expected of them.
 
     Raises
     ------
     InputError
-        The box is unknown or out of reach, or a number cannot be used.
+        The box is unknown or out of reach, a number cannot be used, or the readings are not those
+        of the result.
 
     Examples
     --------
-    >>> plan(poses=12).bound.offset_rms < 0.0056
+    >>> plan(poses=12, criterion="offsets").bound.offset_rms < 0.0056
     True
     """
     opened = open_mechanism(mechanism)
-    found = _core.plan(
+    struck = None if off is None else counts_of(off, opened)
+    if result is not None:
+        if beside is None or calibration is not None:
+            found = "no readings" if beside is None else "another calibration"
+            raise InputError(f"plan beside a result: found {found}, expected its readings (beside)")
+        sessions = Sessions(beside, result, opened)
+        choice = Choice(poses, criterion, within, candidates, struck, seed=seed)
+        return plan_further(sessions, choice)
+    if struck is not None:
+        raise InputError("off: found poses that are struck off, expected a result beside them")
+    wanted = criterion or "platform"
+    found_plan = _core.plan(
         opened,
         *parameters_of(calibration, opened),
         poses=poses,
-        beside=None if beside is None else counts_of(beside, opened),
+        beside=None if beside is None else _visited(beside, opened),
         within=workspace(opened, within).tolist(),
         noise=noise,
-        criterion=criterion,
-        candidates=candidates,
+        criterion=wanted,
+        candidates=3000 if candidates is None else candidates,
         starts=starts,
         seed=options.seed(seed),
     )
+    count = len(found_plan["poses"])
     return Plan(
-        opened.name,
-        opened.length_unit,
-        criterion,
-        seed,
-        found["poses"],
-        found["readings"],
-        _bound(noise, found["bound"]),
-        None if found["before"] is None else _bound(noise, found["before"]),
+        mechanism=opened.name,
+        length_unit=opened.length_unit,
+        criterion=wanted,
+        seed=seed,
+        channels=tuple(c.name for c in opened.channels),
+        poses=found_plan["poses"],
+        readings=found_plan["readings"],
+        why=(f"one of {count} chosen together for {wanted}",) * count,
+        bound=_bound(noise, found_plan["bound"]),
+        before=None if found_plan["before"] is None else _bound(noise, found_plan["before"]),
     )
+
+
+def _visited(beside: SessionsArg | npt.ArrayLike, mechanism: _core.Mechanism) -> FloatArray:
+    """Readings of all sessions, or of an array: shape (n, C)."""
+    if isinstance(beside, list | tuple) and beside:
+        files = [one for one in beside if isinstance(one, str | os.PathLike | Readings)]
+        if files:
+            return np.concatenate([counts_of(one, mechanism) for one in files])
+    return counts_of(beside, mechanism)  # type: ignore[arg-type]
 
 
 def _bound(noise: float, found: Mapping[str, Sequence[float]]) -> Bound:
     return Bound(noise, *(known_sd(found[name]) for name in ("offset_sd", "gain_sd", "joint_sd")))
-
-
-def _rms(values: FloatArray) -> float:
-    if not np.isfinite(values).all():
-        return math.inf
-    return float(np.sqrt(np.mean(values**2)))

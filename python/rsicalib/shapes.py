@@ -39,6 +39,7 @@ __all__ = [
     "Reference",
     "Reliability",
     "ResultShape",
+    "Rival",
     "Rms",
     "Score",
     "Skipped",
@@ -352,6 +353,18 @@ class Step(Effect, Record):
     the converter's reference the correction is the fraction by which all readings change."""
     held_out: HeldOut | None = None
     """Error on poses left out, with this effect and those before."""
+
+
+@dataclass(frozen=True)
+class Rival(Record):
+    """Effects that explain a session together, nearly as well as the best do."""
+
+    terms: tuple[Name, ...]
+    """The effects."""
+    chi2_penalised: float
+    """χ², with 4 for each parameter of the effects and 4 for a time that was searched."""
+    probability: float
+    """Probability among the explanations that are listed, all as likely beforehand."""
 
 
 @dataclass(frozen=True)
@@ -688,6 +701,9 @@ class TraceShape(ResultShape):
     """How well the model fits that the search began with."""
     steps: tuple[Step, ...] = ()
     """Effects that were found, in their order."""
+    rivals: tuple[Rival, ...] = field(default=(), metadata=OMIT)
+    """Explanations within 12 of the best in penalised χ², itself included; the best first, 8 at
+    most."""
     after: FitQuality
     """How well the model fits with the terms of `steps`."""
     unexplained: Unexplained | None = None

@@ -6,6 +6,8 @@ use pyo3::types::PyDict;
 use pythonize::pythonize;
 use rsicalib::Error;
 use rsicalib::design::exchange::Criterion;
+use rsicalib::design::further as planning_further;
+use rsicalib::design::further::{Explained, FurtherOptions};
 use rsicalib::design::identifiability::{self, Counting, Identifiable};
 use rsicalib::design::information;
 use rsicalib::design::plan as planning;
@@ -14,6 +16,7 @@ use rsicalib::design::plan::{PlanOptions, Within};
 use crate::error::PyError;
 use crate::experiments::{flat, six, vector};
 use crate::mechanism::PyMechanism;
+use crate::observations::PyObservations;
 
 /// Counts what readings of a mechanism can and cannot tell.
 ///
@@ -112,6 +115,74 @@ pub fn bound_at<'py>(
 #[pyo3(signature = (mechanism, within=None))]
 pub fn workspace(mechanism: &PyMechanism, within: Option<Within>) -> Result<Within, PyError> {
     Ok(planning::workspace(&mechanism.0, within)?)
+}
+
+/// An explanation: effects such as `curvature@a22`, penalised χ², probability.
+type PyExplained = (Vec<String>, f64, f64);
+
+/// Chooses poses to visit after a session, beside the readings that it has.
+///
+/// `left_out` are rows of the session that do not count; `off` are readings of poses that are
+/// struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands.
+#[pyfunction]
+#[pyo3(signature = (session, rivals, *, poses, criterion=None, within=None, candidates=None,
+                    left_out=None, off=None, from_=None, way=None, seed=0))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+pub fn further<'py>(
+    py: Python<'py>,
+    session: &PyObservations,
+    rivals: Vec<PyExplained>,
+    poses: i64,
+    criterion: Option<&str>,
+    within: Option<Within>,
+    candidates: Option<i64>,
+    left_out: Option<Vec<usize>>,
+    off: Option<PyReadonlyArray2<'py, f64>>,
+    from_: Option<PyReadonlyArray1<'py, f64>>,
+    way: Option<f64>,
+    seed: i64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let count = |name, value: i64| usize::try_from(value).map_err(|_| negative(name, value));
+    let default = FurtherOptions::default();
+    let drawn = candidates.map(|value| count("candidates", value)).transpose();
+    let options = FurtherOptions {
+        poses: count("poses", poses).map_err(PyError::from)?,
+        criterion: criterion.map(Criterion::find).transpose().map_err(PyError::from)?,
+        within,
+        candidates: drawn.map_err(PyError::from)?.unwrap_or(default.candidates),
+        off: off.as_ref().map(flat).unwrap_or_default(),
+        from: from_.as_ref().map(vector),
+        way: way.unwrap_or(default.way),
+        seed: seed.cast_unsigned(),
+    };
+    let explained = |(effects, chi2, probability)| Explained { effects, chi2, probability };
+    let rivals: Vec<Explained> = rivals.into_iter().map(explained).collect();
+    let mut observations = (*session.observations).clone();
+    for row in left_out.unwrap_or_default() {
+        if let Some(weight) = observations.weights.get_mut(row) {
+            *weight = 0.0;
+        }
+    }
+    let found = py
+        .detach(|| planning_further::further(&observations, &rivals, &options))
+        .map_err(PyError::from)?;
+    let (n, channels) = (found.waits.len(), observations.mechanism.channels.len());
+    let out = PyDict::new(py);
+    let with_pose = found.poses.len();
+    let poses = PyArray1::from_iter(py, found.poses.into_iter().flatten());
+    out.set_item("criterion", found.criterion.name())?;
+    out.set_item("poses", poses.reshape([with_pose, 6])?)?;
+    let readings = PyArray1::from_vec(py, found.table.values);
+    out.set_item("readings", readings.reshape([n, channels])?)?;
+    out.set_item("keys", found.table.keys)?;
+    out.set_item("waits", found.waits)?;
+    out.set_item("purposes", pythonize(py, &found.purposes)?)?;
+    out.set_item("merged", found.merged.iter().map(|m| (m[0], m[1])).collect::<Vec<_>>())?;
+    out.set_item("kept", found.lambda.0)?;
+    out.set_item("lambda", found.lambda.1)?;
+    out.set_item("forecast", pythonize(py, &found.forecast)?)?;
+    out.set_item("reached", found.reached)?;
+    Ok(out)
 }
 
 fn negative(name: &'static str, value: i64) -> Error {

@@ -8,6 +8,8 @@ mod error;
 mod experiments;
 mod faults;
 mod mechanism;
+mod monitor;
+mod numbers;
 mod observations;
 
 use pyo3::prelude::*;
@@ -17,6 +19,7 @@ use rsicalib::design::identifiability::COMPLETE;
 use rsicalib::design::observability::SCALINGS;
 use rsicalib::design::plan::MARGIN;
 use rsicalib::diagnosis::verdict::Verdict;
+use rsicalib::monitor::MonitorOptions;
 
 /// The compiled core of rsicalib.
 #[pymodule]
@@ -29,12 +32,14 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
     module.add("CRITERIA", PyTuple::new(module.py(), CRITERIA.map(|c| c.0))?)?;
     module.add("MARGIN", MARGIN)?;
+    module.add("FALSE_ALARMS", MonitorOptions::default().false_alarms)?;
     module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
     module.add_class::<mechanism::PyMechanism>()?;
     module.add_class::<mechanism::PyChannel>()?;
     module.add_class::<observations::PyObservations>()?;
     module.add_class::<observations::PyFit>()?;
     module.add_class::<observations::PyEvidenceSource>()?;
+    module.add_class::<monitor::PyMonitor>()?;
     module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
     module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
     module.add_function(wrap_pyfunction!(documents::mechanism_schema, module)?)?;
@@ -52,6 +57,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(design::identifiable, module)?)?;
     module.add_function(wrap_pyfunction!(devices::calibrate_devices, module)?)?;
     module.add_function(wrap_pyfunction!(design::plan, module)?)?;
+    module.add_function(wrap_pyfunction!(design::further, module)?)?;
     module.add_function(wrap_pyfunction!(design::bound_at, module)?)?;
     module.add_function(wrap_pyfunction!(design::workspace, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
@@ -66,5 +72,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
+    module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
 }

@@ -12,6 +12,7 @@ use rsicalib::diagnosis::trace::Traced;
 use rsicalib::estimate::directions::directions;
 use rsicalib::estimate::progress::Progress;
 use rsicalib::estimate::{Fit, FitOptions, Method, Observations};
+use rsicalib::monitor::compare::{Judged, compare};
 use rsicalib::readings::Table;
 use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
@@ -22,13 +23,14 @@ use rsicalib::terms::targets::provided;
 use rsicalib::terms::term::Term;
 use serde::Serialize;
 
+use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 
 /// Readings of one mechanism, with what is known beside them.
 #[pyclass(frozen, skip_from_py_object, name = "Session", module = "rsicalib._core")]
 pub struct PyObservations {
-    observations: Arc<Observations>,
+    pub observations: Arc<Observations>,
     listener: Option<Listener>,
 }
 
@@ -319,6 +321,30 @@ impl PyFit {
             estimates: estimates(&self.observations, &self.fit, &directions),
         };
         Ok(pythonize(py, &view)?)
+    }
+
+    /// What has changed since an earlier result with the covariance of its parameters, (k, k).
+    #[pyo3(signature = (applied, covariance=None))]
+    fn changes<'py>(
+        &self,
+        py: Python<'py>,
+        applied: PyApplied,
+        covariance: Option<PyReadonlyArray2<'_, f64>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let covariance: Option<Vec<f64>> =
+            covariance.map(|c| c.as_array().iter().copied().collect());
+        let (applied, noise) = (applied.into(), &self.fit.noise);
+        let found = py
+            .detach(|| {
+                let judged = Judged {
+                    noise: self.fit.assumed(),
+                    inflation: noise.inflation,
+                    dof: noise.dof,
+                };
+                compare(&applied, covariance.as_deref(), &self.observations, &judged)
+            })
+            .map_err(PyError::from)?;
+        Ok(pythonize(py, &found)?)
     }
 
     /// What looks wrong with the readings or what is declared of them.

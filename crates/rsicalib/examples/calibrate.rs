@@ -65,6 +65,7 @@ fn linkage() -> Mechanism {
         }],
         platform: BTreeMap::new(),
         rest: None,
+        workspace: None,
         model: ModelSection::default(), // offset and gain of every channel
     }
 }

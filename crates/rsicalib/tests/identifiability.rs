@@ -55,6 +55,7 @@ fn mechanism(chains: Vec<Chain>, points: Vec<Point>, closures: Vec<Closure>) -> 
         closures,
         platform: BTreeMap::new(),
         rest: None,
+        workspace: None,
         model: ModelSection::default(),
     }
 }

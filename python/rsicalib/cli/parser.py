@@ -18,12 +18,15 @@ from rsicalib.cli.verbs import (
     fixture,
     fleet,
     forward,
+    guide,
+    history,
     mechanism,
     paper,
     plan,
     simulate,
     terms,
     trace,
+    watch,
 )
 from rsicalib.errors import InputError
 
@@ -78,7 +81,7 @@ def make_parser() -> argparse.ArgumentParser:
         description="Calibration of closed kinematic chains from their own joint readings. "
         "Begin with: rsicalib demo",
         epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
-        "3 not determined by the data, 4 the residual is significant, 130 interrupted",
+        "3 not determined by the data, 4 the residual is significant or an alarm, 130 interrupted",
     )
     parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -167,16 +170,22 @@ def make_parser() -> argparse.ArgumentParser:
     sub = verb(plan)
     _add_mechanism(sub)
     sub.add_argument("--poses", type=int, default=12, help="how many to visit (12)")
-    sub.add_argument("--beside", metavar="READINGS", help="poses that are visited already")
-    sub.add_argument("--noise", type=float, default=1.0, help="of one reading, for the bound (1)")
     sub.add_argument(
-        "--criterion", choices=_core.CRITERIA, default=_core.CRITERIA[0], help="what is made small"
+        "--result", metavar="FILE", help="what the poses complement: result.json of a trace"
     )
+    words = "poses that are visited already; with --result its readings"
+    sub.add_argument("--beside", metavar="READINGS", nargs="+", help=words)
+    sub.add_argument("--noise", type=float, default=1.0, help="of one reading, for the bound (1)")
+    words = "what is made small; decide where the result leaves something open, else platform"
+    sub.add_argument("--criterion", choices=_core.CRITERIA, help=words)
+    words = "readings of poses that are struck off: rows of a plan will do"
+    sub.add_argument("--off", metavar="READINGS", help=words)
     sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
     sub.add_argument("--seed", type=_seed, default=0, help="same seed, same plan (0)")
     sub.add_argument(
         "--out", metavar="FILE", type=_folder, help="write the poses as CSV, and a page beside it"
     )
+    _add_force(sub)
 
     sub = verb(fleet)
     sub.add_argument("dataset", metavar="DATASET", help="Parquet or CSV, a file or a folder")
@@ -194,7 +203,43 @@ def make_parser() -> argparse.ArgumentParser:
     words = "keep the rows of devices whose readings are the same"
     sub.add_argument("--resume", action="store_true", help=words)
     words = "folder for fleet.parquet and fleet.html"
-    sub.add_argument("--out", metavar="FOLDER", type=Path, required=True, help=words)
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
+
+    sub = verb(guide)
+    _add_mechanism(sub)
+    sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
+    words = "samples.csv, readings.csv, held_out.csv and result.json grow there"
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
+    words = "standard deviation of the platform to reach; a hundredth of the travel where not given"
+    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
+    words = "where samples come from, as CSV: standard input (-), a file that grows, a command"
+    sub.add_argument("--source", metavar="-|FILE|COMMAND", default="-", help=words)
+    sub.add_argument("--resume", action="store_true", help="go on with the session in --out")
+    words = "of the page, on this machine alone; a free one where not given"
+    sub.add_argument("--port", type=int, default=0, help=words)
+    sub.add_argument("--no-browser", action="store_true", help="do not open the page")
+    sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
+    words = "for which a pose is held (0.6)"
+    sub.add_argument("--seconds", type=float, default=0.6, help=words)
+    sub.add_argument("--seed", type=_seed, default=0, help="of the candidates (0)")
+
+    sub = verb(watch)
+    sub.add_argument("readings", metavar="READINGS|-", help="CSV or Parquet; -: standard input")
+    _add_mechanism(sub)
+    words = "the result under which the device works"
+    sub.add_argument("--calibration", metavar="FILE", required=True, help=words)
+    words = f"false alarms at most: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
+    sub.add_argument("--false-alarms", metavar="RATE", help=words)
+
+    sub = verb(history)
+    sub.add_argument("folder", metavar="DIR", help="folder of results, with their dates")
+    _add_mechanism(sub)
+    sub.add_argument("--device", metavar="NAME", help="whose results; else of the most frequent")
+    words = "error of the platform's position that is too much, in units of length"
+    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
+    words = "write history.json, history.txt and history.html there"
+    sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
+    _add_force(sub)
 
     sub = verb(paper)
     words = "of every simulated cell (1000)"

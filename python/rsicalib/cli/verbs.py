@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,11 +19,10 @@ from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import emit, say
-from rsicalib.errors import InputError
-from rsicalib.io.files import write_text
+from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.folders import MARK, write_folder
 from rsicalib.plain_text import printable
-from rsicalib.records import to_json
+from rsicalib.records import plain, to_json
 
 __all__ = [
     "Args",
@@ -32,17 +32,23 @@ __all__ = [
     "fixture",
     "fleet",
     "forward",
+    "guide",
+    "history",
     "mechanism",
     "paper",
     "plan",
     "simulate",
     "terms",
     "trace",
+    "watch",
 ]
 
 Args: TypeAlias = argparse.Namespace
 
 T = TypeVar("T")
+
+ALARMED = 4
+"""Exit code of a watch that raised an alarm."""
 
 
 def calibrate(args: Args) -> int:
@@ -152,24 +158,59 @@ def plan(args: Args) -> int:
         lambda _: plan_poses(
             args.mechanism,
             args.poses,
+            result=args.result,
             beside=args.beside,
             noise=args.noise,
             criterion=args.criterion,
             calibration=args.calibration,
+            off=args.off,
             seed=args.seed,
         ),
         "choose poses",
     )
     if args.out is not None:
-        found.save(args.out)
         said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
-        write_text(args.out.with_suffix(".html"), poses_html(*said))
+        page = f"{poses_html(*said)}<!-- {MARK} -->\n"
+        files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
+        write_folder(args.out.parent, files, force=args.force)
     if args.json:
         head = {"format": "rsicalib.plan/1", "version": _core.__version__}
         emit(to_json({**head, **found.to_dict()}))
     elif not args.quiet:
         say(found.text().removesuffix("\n"))
     return 0
+
+
+def guide(args: Args) -> int:
+    """Take a session: which pose next, how good already, when done (page and terminal)."""
+    from rsicalib.guide.run import guide as take_session
+
+    def told(url: str) -> None:
+        if not args.quiet:
+            print(f"the page of this session: {url}", file=sys.stderr, flush=True)
+
+    found = take_session(
+        args.out,
+        args.mechanism,
+        rest=args.rest,
+        target=args.target,
+        source=args.source,
+        resume=args.resume,
+        port=args.port,
+        browser=not args.no_browser,
+        samples=args.samples,
+        seconds=args.seconds,
+        seed=args.seed,
+        quiet=args.quiet,
+        told=told,
+    )
+    if found is None:
+        raise UndeterminedError("the poses so far do not determine the calibration")
+    if args.json:
+        emit(found.to_json())
+    elif not args.quiet:
+        say(found.summary())
+    return found.exit_code
 
 
 def fleet(args: Args) -> int:
@@ -182,9 +223,9 @@ def fleet(args: Args) -> int:
         told = None if line is None else line.counted
         found = calibrate_fleet(args.dataset, **options, progress=told)
     if args.json:
-        sys.stdout.write(to_json(found.to_dict()))
+        emit(to_json(found.to_dict()))
     elif not args.quiet:
-        sys.stdout.write(found.text())
+        say(found.text().removesuffix("\n"))
     return found.exit_code
 
 
@@ -206,6 +247,46 @@ def paper(args: Args) -> int:
     elif not args.quiet:
         say(found.text().removesuffix("\n"))
     return 0
+
+
+def history(args: Args) -> int:
+    """Parameters of one device against date."""
+    from rsicalib.history import history as history_of
+
+    found = history_of(args.folder, args.mechanism, device=args.device, target=args.target)
+    if args.out is not None:
+        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
+        page = f"{found.page()}<!-- {MARK} -->\n"
+        files = {"history.json": found.to_json(), "history.txt": text, "history.html": page}
+        write_folder(args.out, files, force=args.force)
+    if args.json:
+        emit(found.to_json())
+    elif not args.quiet:
+        say(found.text())
+        if args.out is not None:
+            say(f"\n{args.out / 'history.html'}")
+    return 0
+
+
+def watch(args: Args) -> int:
+    """A calibration at work: alarms with what, since when, how large; JSON lines."""
+    from rsicalib.monitor import watch as watch_device
+
+    watching = watch_device(
+        args.readings, args.calibration, args.mechanism, false_alarms=args.false_alarms
+    )
+    with contextlib.suppress(KeyboardInterrupt):
+        for alarm in watching:
+            emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
+            sys.stdout.flush()
+            if not (args.json or args.quiet):
+                print(alarm.text(), file=sys.stderr)
+    found = watching.summary()
+    if args.json:
+        emit(json.dumps(plain(found), ensure_ascii=False) + "\n")
+    elif not args.quiet:
+        print(found.text(), file=sys.stderr)
+    return ALARMED if found.alarms else 0
 
 
 def terms(args: Args) -> int:
@@ -235,7 +316,7 @@ def terms(args: Args) -> int:
 
 def completion(args: Args) -> int:
     """Completion of verbs and options in your shell: source <(rsicalib completion bash)."""
-    sys.stdout.write(script(args.parser, args.shell))
+    emit(script(args.parser, args.shell))
     return 0
 
 

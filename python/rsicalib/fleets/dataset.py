@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rsicalib.errors import InputError
-from rsicalib.fleets.frames import joined
+from rsicalib.fleets.frames import Runs, joined, runs_of, select
 from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, read_table, text
 
@@ -103,14 +103,15 @@ class Dataset:
             count = len(whole) if final else len(whole) // size * size
             for start in range(0, count, size):
                 labels = whole[start : min(start + size, count)]
-                frame = _take(waiting, [i for label in labels for i in devices[label]])
+                frame = select(waiting, (run for label in labels for run in devices[label]))
                 at_rest = None
                 if rest is not None and self.rest is not None:
-                    at_rest = _take(self.rest, [i for label in labels for i in rest.get(label, [])])
+                    of_rest = (run for label in labels for run in rest.get(label, []))
+                    at_rest = select(self.rest, of_rest)
                 yield Partition(frame, at_rest)
             for label in whole[:count]:
                 del devices[label]
-            waiting = _take(waiting, [i for rows in devices.values() for i in rows])
+            waiting = select(waiting, (run for runs in devices.values() for run in runs))
 
     def _of_folders(self, size: int) -> Iterator[Partition]:
         def rest(folder: Path) -> Path | None:
@@ -157,7 +158,7 @@ class Dataset:
             return None
         rows = _by_device(self.rest, self.by)
         labels = [frame[self.by][0] for frame in frames if len(frame[self.by])]
-        return _take(self.rest, [i for label in labels for i in rows.get(label, [])])
+        return select(self.rest, (run for label in labels for run in rows.get(label, [])))
 
 
 def pyarrow_modules(source: str) -> tuple[Any, Any]:
@@ -232,17 +233,6 @@ def _labels(frame: Columns, by: str) -> list[Any]:
     return cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
 
 
-def _by_device(frame: Columns, by: str) -> dict[Any, list[int]]:
+def _by_device(frame: Columns, by: str) -> dict[Any, Runs]:
     """Rows of each device, in the order of their first rows."""
-    rows: dict[Any, list[int]] = {}
-    for i, label in enumerate(_labels(frame, by)):
-        rows.setdefault(label, []).append(i)
-    return rows
-
-
-def _take(frame: Columns, rows: list[int]) -> Columns:
-    at = np.array(rows, dtype=np.intp)
-    return {
-        name: cells[at] if isinstance(cells, np.ndarray) else [cells[i] for i in rows]
-        for name, cells in frame.items()
-    }
+    return runs_of(_labels(frame, by))

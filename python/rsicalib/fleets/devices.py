@@ -6,16 +6,15 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.fleets.frames import TEXT, Frame, frame_like
+from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
 from rsicalib.io.cells import Fault, MechanismLike, read_cells, read_header
 from rsicalib.io.frames import Cells, Columns, columns_of
 from rsicalib.io.tables import Table, text
@@ -136,8 +135,8 @@ def digests(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str)
 
 def without(frame: Columns, by: str, labels: set[Any]) -> Columns:
     """A table without the rows of some devices."""
-    keep = np.array([label not in labels for label in _cells(frame[by])], dtype=np.bool_)
-    return _select(frame, np.flatnonzero(keep))
+    devices = runs_of(_cells(frame[by])).items()
+    return select(frame, (run for label, runs in devices if label not in labels for run in runs))
 
 
 @dataclass(frozen=True)
@@ -169,18 +168,10 @@ def _rest_rows(frame: Columns, by: str) -> tuple[Columns, Columns | None]:
     pose = frame.get("pose")
     if pose is None or isinstance(pose, np.ndarray):
         return frame, None
-    resting = np.array([text(cell) == REST for cell in pose], dtype=np.bool_)
-    if not resting.any():
+    rows = runs_of([cell == REST or text(cell) == REST for cell in pose])
+    if True not in rows:
         return frame, None
-    return _select(frame, np.flatnonzero(~resting)), _select(frame, np.flatnonzero(resting))
-
-
-def _select(frame: Columns, rows: IntArray) -> Columns:
-    of = rows.tolist()
-    return {
-        name: cells[rows] if isinstance(cells, np.ndarray) else [cells[i] for i in of]
-        for name, cells in frame.items()
-    }
+    return select(frame, rows.get(False, [])), select(frame, rows[True])
 
 
 def _cells(cells: Cells) -> list[Any]:
@@ -229,15 +220,8 @@ class _Read:
 
     def rows(self) -> Iterator[tuple[Any, Any]]:
         """Label and rows of each device: a slice where its rows are neighbours."""
-        labels = self.labels
-        ends = [i for i in range(1, len(labels)) if labels[i] != labels[i - 1]]
-        bounds = [0, *ends, len(labels)] if labels else [0]
-        runs: dict[Any, list[slice]] = {}
-        for start, end in pairwise(bounds):
-            runs.setdefault(labels[start], []).append(slice(start, end))
-        for label, parts in runs.items():
-            one = parts[0] if len(parts) == 1 else np.r_[tuple(parts)]
-            yield label, one
+        for label, runs in runs_of(self.labels).items():
+            yield label, runs[0] if len(runs) == 1 else np.r_[tuple(runs)]
 
     def fault(self, rows: Any) -> str | None:
         """What is wrong with the rows of a device."""

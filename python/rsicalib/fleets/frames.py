@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 
 from rsicalib.io.frames import Cells, Columns
 
-__all__ = ["TEXT", "Frame", "frame_like", "joined", "joined_rows"]
+__all__ = ["TEXT", "Frame", "Runs", "frame_like", "joined", "joined_rows", "runs_of", "select"]
 
 Frame: TypeAlias = Any
 """A pandas or Polars DataFrame, a pyarrow Table or RecordBatch, or a mapping of names to arrays."""
@@ -37,6 +38,38 @@ def frame_like(frame: Frame, rows: Mapping[str, Sequence[Any]], label: str) -> F
     if hasattr(frame, "schema") and hasattr(frame, "num_rows"):
         return type(frame).from_pydict(made)
     return type(frame)(made)
+
+
+Runs: TypeAlias = list[slice]
+"""Rows, as runs of neighbours."""
+
+
+def runs_of(labels: Cells) -> dict[Any, Runs]:
+    """Rows of each label, in the order of their first rows."""
+    ends = [i for i, (a, b) in enumerate(pairwise(labels), start=1) if a != b]
+    found: dict[Any, Runs] = {}
+    for start, end in pairwise([0, *ends, len(labels)] if len(labels) else []):
+        found.setdefault(labels[start], []).append(slice(start, end))
+    return found
+
+
+def select(frame: Columns, runs: Iterable[slice]) -> Columns:
+    """Some rows of a table, in the order of the runs."""
+    merged: Runs = []
+    for run in runs:
+        if merged and merged[-1].stop == run.start:
+            merged[-1] = slice(merged[-1].start, run.stop)
+        else:
+            merged.append(run)
+
+    def of(cells: Cells) -> Cells:
+        if len(merged) == 1:
+            return cells[merged[0]]
+        if isinstance(cells, np.ndarray):
+            return np.concatenate([cells[run] for run in merged]) if merged else cells[:0]
+        return [cell for run in merged for cell in cells[run]]
+
+    return {name: of(cells) for name, cells in frame.items()}
 
 
 def joined(frames: Sequence[Columns]) -> Columns:

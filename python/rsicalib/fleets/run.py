@@ -15,6 +15,7 @@ from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Dataset, Partition
 from rsicalib.fleets.devices import digests, without
 from rsicalib.fleets.engines import Job, Rows, over_dask, over_threads
+from rsicalib.fleets.frames import runs_of
 from rsicalib.fleets.page import page
 from rsicalib.fleets.store import Store
 from rsicalib.options import names
@@ -155,7 +156,7 @@ def fleet(
 
     def new() -> Iterator[Partition]:
         for partition in source.partitions(PARTITION):
-            for label in (*partition.frame[by], *partition.refused):
+            for label in (*runs_of(partition.frame[by]), *partition.refused):
                 order.setdefault(label, len(order))
             part, same = _unknown(partition, known, job)
             kept.extend(same)

@@ -1,8 +1,9 @@
 """Folders of results: nothing of the user's is lost, and what is there is whole.
 
-A file is replaced only if it was written by this package: a result says so by its `format`, other
-files by a line, and the readings of a simulation by their digest in `truth.json`. One file, the
-seal, is removed first and written last: a folder that has its seal is whole.
+A file is replaced only if it was written by this package: a result says so by its `format`, a plan
+by its column `why`, other files by a line, and the readings of a simulation by their digest in
+`truth.json`. One file, the seal, is removed first and written last: a folder that has its seal is
+whole.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ __all__ = ["MARK", "TRUTH", "refuse_foreign", "write_folder"]
 MARK = "Written by rsicalib"
 """A line with these words marks a text file that may be replaced."""
 
-OURS = re.compile(rb'"format":\s*"rsicalib\.|' + MARK.encode())
+OURS = re.compile(rb'"format":\s*"rsicalib\.|\A[^\n]*,why\r?\n|' + MARK.encode())
 ENDS = 4096
 """The mark stands within so many bytes of one end of a file."""
 

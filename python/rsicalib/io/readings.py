@@ -11,6 +11,7 @@ import io
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TextIO
 
@@ -32,7 +33,14 @@ from rsicalib.io.frames import TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.samples import Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
-from rsicalib.io.tables import Table, read_table, table_of_arrays, text
+from rsicalib.io.tables import (
+    Table,
+    read_file,
+    table_of_arrays,
+    table_of_file,
+    table_of_numbers,
+    text,
+)
 from rsicalib.io.units_row import without_units
 from rsicalib.tabular import Tabular
 
@@ -255,7 +263,12 @@ def load_readings(
     if not isinstance(readings, str | os.PathLike):
         names = [channel.name for channel in mechanism.channels]
         return _readings(table_in_memory(readings, names), mechanism, skip_bad_rows)
-    return _readings(read_table(readings), mechanism, skip_bad_rows)
+    file = read_file(readings)
+    numbers = table_of_numbers(file)
+    if numbers is not None and not {*mechanism.key_columns, *TEXTS} & {*numbers.names}:
+        with suppress(InputError):  # the table cell by cell says what was found, or skips it
+            return _readings(numbers, mechanism, skip_bad_rows=False)
+    return _readings(table_of_file(file), mechanism, skip_bad_rows)
 
 
 def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Readings:

@@ -53,7 +53,9 @@ class Samples:
     @property
     def n_poses(self) -> int:
         """Number of different poses."""
-        return len(np.unique(self.pose))
+        if not self.held or not len(self):
+            return len(self)
+        return 1 + int(np.count_nonzero(self.pose[1:] != self.pose[:-1]))  # rows are neighbours
 
 
 def frozen(array: npt.NDArray[Any]) -> Any:

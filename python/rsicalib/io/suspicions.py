@@ -60,10 +60,12 @@ def _constant_channels(readings: Samples) -> Iterator[str]:
     values, poses = readings.values, readings.n_poses
     if poses < 5:  # one rest pose may well hold a channel still
         return
-    span = np.ptp(values, axis=0)
+    still = np.flatnonzero((values == values[0]).all(axis=0))
+    if not len(still):
+        return
     if max(len(np.unique(column)) for column in values.T) < min(20, poses):
         return  # nothing moves: not a session of different poses
-    for k in np.flatnonzero(span == 0.0):
+    for k in still:
         yield (
             f"{readings.channels[k]}: reads {values[0, k]:.10g} in all {len(values)} rows while "
             "other channels move; check its wiring, it cannot be calibrated like this"

@@ -18,23 +18,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
 from rsicalib.io.sources import decoded, read_bytes, unpacked
 
 __all__ = [
+    "File",
     "Ragged",
     "Table",
     "is_blank",
     "numbers",
     "quoted",
+    "read_file",
     "read_table",
     "table_of_arrays",
+    "table_of_file",
+    "table_of_numbers",
     "text",
 ]
 
 PARQUET = {".parquet", ".pq"}
+BOM = b"\xef\xbb\xbf"
 HINT = "Save the file as CSV in UTF-8."
 
 
@@ -91,6 +97,35 @@ class Table:
         return numbers([str(c).replace(".", "?").replace(",", ".") for c in cells])
 
 
+@dataclass(frozen=True)
+class File:
+    """The bytes of a file of readings, the digest of what stands on the disk, the path as given.
+
+    A file that was compressed by gzip holds its bytes as they were before.
+    """
+
+    source: str
+    data: bytes
+    sha256: str
+
+    @property
+    def is_parquet(self) -> bool:
+        """Whether its name says so; it is CSV otherwise."""
+        return PurePath(self.source).suffix.lower() in PARQUET
+
+
+def read_file(path: str | os.PathLike[str]) -> File:
+    """Read the bytes of a file; `-` is standard input.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it cannot be read.
+    """
+    data, source = read_bytes(path, "a file of readings"), os.fsdecode(path)
+    return File(source, unpacked(data, source), hashlib.sha256(data).hexdigest())
+
+
 def read_table(path: str | os.PathLike[str]) -> Table:
     """Read a file: Parquet if its name ends so, else CSV; `-` is standard input.
 
@@ -101,13 +136,48 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     InputError
         There is no such file, or it is no such table.
     """
-    data, source = read_bytes(path, "a file of readings"), os.fsdecode(path)
-    read = _read_parquet if PurePath(source).suffix.lower() in PARQUET else _read_csv
-    return read(data, source, hashlib.sha256(data).hexdigest())
+    return table_of_file(read_file(path))
+
+
+def table_of_file(file: File) -> Table:
+    """The table in a file, cell by cell.
+
+    Raises
+    ------
+    InputError
+        It is no such table.
+    """
+    read = _read_parquet if file.is_parquet else _read_csv
+    return read(file.data, file.source, file.sha256)
+
+
+def table_of_numbers(file: File) -> Table | None:
+    """The table in a CSV file that holds a header and numbers, and surely nothing else.
+
+    None on any doubt: `table_of_file` then says what the file is. Where there is none, both give
+    the same names, lines and numbers.
+    """
+    if file.is_parquet:
+        return None
+    data = file.data
+    start = len(BOM) if data.startswith(BOM) else 0
+    end = data.find(b"\n", start) + 1
+    header = data[start:end].removesuffix(b"\n").removesuffix(b"\r")
+    if not header.strip() or b'"' in header or b"\r" in header or header.startswith(b"#"):
+        return None
+    try:
+        names = [name.strip() for name in header.decode("utf-8").split(",")]
+    except UnicodeDecodeError:
+        return None
+    columns = _core.plain_numbers(data, end, len(names))
+    if columns is None:
+        return None
+    lines = np.arange(2, len(columns[0]) + 2, dtype=np.int64)
+    return Table(names, list(columns), lines, "line", file.source, file.sha256)
 
 
 def _read_csv(data: bytes, source: str, sha256: str) -> Table:
-    text = read_csv_text(decoded(unpacked(data, source), source, hint=HINT), source)
+    text = read_csv_text(decoded(data, source, hint=HINT), source)
     rows, lines = text.rows, text.lines
     if not rows:
         found, expected = "an empty file", "a header line, then one line per sample"

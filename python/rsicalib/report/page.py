@@ -277,7 +277,12 @@ def _moved(result: ResultShape) -> str:
         if rows
         else "<p>No parameter moved beyond both uncertainties.</p>"
     )
-    return section("Against the earlier calibration", found)
+    update = "" if result.update is None else f"<p>{escape(_capital(result.update.text))}.</p>"
+    return section("Against the earlier calibration", update, found)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _parameters(result: ResultShape) -> str:

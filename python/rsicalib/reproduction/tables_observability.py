@@ -103,7 +103,7 @@ def bounds(study: Study) -> Table:
         rows,
         "ours",
         (
-            "Cramér-Rao, rms over the nine offsets. `rsicalib plan` finds twelve poses that "
-            "need no more than 0.0045.",
+            "Cramér-Rao, rms over the nine offsets. `rsicalib plan --criterion offsets` finds "
+            "twelve poses that need no more than 0.0045.",
         ),
     )

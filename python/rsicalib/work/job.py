@@ -16,7 +16,7 @@ from rsicalib.io.frames import in_memory
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
 from rsicalib.shapes import Parameter
-from rsicalib.work.applying import Known, as_applied, as_table, posed
+from rsicalib.work.applying import Known, as_applied, as_table, covariance_of, posed
 from rsicalib.work.arguments import (
     Bare,
     CalibrationArg,
@@ -29,7 +29,13 @@ from rsicalib.work.arguments import (
     noise_of_channels,
     open_mechanism,
 )
-from rsicalib.work.outcome import described, moved_parameters, reference_of
+from rsicalib.work.outcome import (
+    described,
+    digest_of,
+    moved_parameters,
+    reference_of,
+    update_of,
+)
 
 __all__ = ["Work"]
 
@@ -47,6 +53,8 @@ class Work:
         self.mechanism = open_mechanism(mechanism)
         self.skip = skip
         self.earlier = None if calibration is None else earlier_result(calibration, self.mechanism)
+        self.supersedes = None if self.earlier is None else digest_of(calibration, self.earlier)
+        """Digest of the earlier result."""
         self.readings: list[Readings] = []
         """What is used, one for each session."""
         self.whole: list[Readings] = []
@@ -166,7 +174,19 @@ class Work:
                 p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
             ]
             out["moved"] = moved_parameters(self.earlier, new)
+            out["supersedes"] = self.supersedes
         return out
+
+    def update(self, found: Mapping[str, Any], fit: _core.Fit) -> dict[str, Any] | None:
+        """What has changed since the earlier result; None where that cannot be told."""
+        if self.earlier is None:
+            return None
+        applied = as_applied(self.earlier, self.mechanism)
+        try:
+            changes = fit.changes(applied, covariance_of(self.earlier))
+        except InputError:
+            return None  # the loops are not the same: unknown points, measured distances
+        return update_of(self.earlier, found, changes, self.mechanism.length_unit)
 
     def too_few(
         self, kind: type[Result], error: UndeterminedError, session: _core.Session | None

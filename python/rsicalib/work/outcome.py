@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,9 +17,21 @@ from rsicalib.records import plain
 from rsicalib.results import Result
 from rsicalib.shapes import Data, Moved, Parameter, Skipped
 
-__all__ = ["NOTHING", "DateArg", "about", "described", "moved_parameters", "reference_of"]
+__all__ = [
+    "NOTHING",
+    "DateArg",
+    "about",
+    "described",
+    "digest_of",
+    "moved_parameters",
+    "reference_of",
+    "update_of",
+]
 
 DateArg: TypeAlias = str | datetime.date
+
+SURE = 3.0
+"""Standard deviations by which something must have changed for an update."""
 
 NOTHING: dict[str, Any] = {"chi2": None, "dof": None, "p_value": None, "rms_misclosure": None}
 """A fit of which nothing is known but its error on known poses."""
@@ -67,6 +79,54 @@ def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
         "centre": plain(values.mean(axis=0)),
         "span": plain(np.column_stack([values.min(axis=0), values.max(axis=0)])),
         "temperature": None,
+    }
+
+
+def digest_of(calibration: Any, earlier: Result) -> str:
+    """SHA-256 of an earlier result: of its file, or of what `save` would write."""
+    if isinstance(calibration, Result):
+        return hashlib.sha256(earlier.to_json().encode()).hexdigest()
+    with open(calibration, "rb") as file:
+        return hashlib.sha256(file.read()).hexdigest()
+
+
+def update_of(
+    earlier: Result, found: Mapping[str, Any], changes: Mapping[str, Any], unit: str
+) -> dict[str, Any]:
+    """What has changed since an earlier result, and whether a new one is worth an update."""
+    named = [
+        {**one, "also_fits": [f"{term}@{target}" for term, target in one["also_fits"]]}
+        for one in changes["changes"]
+    ]
+    held_out = found["fit"].get("held_out")
+    before = changes["rms_misclosure"]
+    after = None if held_out is None else held_out["rms_misclosure"]
+    lasting = set(_core.lasting([p.at for p in earlier.parameters]))
+    passing = [p.spec for p in earlier.parameters if _core.spec(*p.at) not in lasting]
+    sure = any(abs(p["value"]) >= SURE * p["sd"] for one in named for p in one["parameters"])
+    better = after is not None and after < before
+    if not named:
+        text = "nothing has changed beyond both uncertainties: the earlier result holds"
+    else:
+        text = "changed: " + ", ".join(
+            f"{one['term']} of {one['target']} by {one['size']:.3g} ± {1.96 * one['sd']:.2g} "
+            f"{one['unit']}"
+            for one in named
+        )
+        if sure and better:
+            text += f"; an update is worth it: held out, the loops close to {after:.3g} {unit}"
+            text += f" instead of {before:.3g}"
+        else:
+            text += "; an update is not worth it: held out, the loops close no better"
+    return {
+        "worth": bool(named and sure and better),
+        "text": text,
+        "chi2_per_dof": changes["chi2_per_dof"],
+        "p_value": changes["p_value"],
+        "rms_before": before,
+        "rms_after": after,
+        "changes": named,
+        "session_only": list(dict.fromkeys(passing)),
     }
 
 

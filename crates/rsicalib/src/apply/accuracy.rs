@@ -5,7 +5,7 @@
 //! the positions by them, to first order by differences,
 //!
 //! ```text
-//! E |e|² = tr(C JᵀJ),    var |e|² = 2 tr((C JᵀJ)²)                        (95)
+//! E |e|² = tr(C JᵀJ),    var |e|² = 2 tr((C JᵀJ)²)                        (97)
 //! ```
 //!
 //! to which noise of the readings adds where known poses are compared with. What the readings do not determine at all has no
@@ -168,7 +168,7 @@ struct Square {
 }
 
 impl Square {
-    /// (95) for `size` coordinates, by parameters, and by readings that are independent.
+    /// (97) for `size` coordinates, by parameters, and by readings that are independent.
     fn of(moves: &[&[f64]], correlation: &Mat<f64>, noisy: &[&[f64]], size: usize) -> Self {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let n = moves.len();

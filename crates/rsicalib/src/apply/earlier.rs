@@ -185,7 +185,7 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
 
 /// A model of readings, and which of its parameters are those of a result.
 pub(crate) struct Under {
-    model: Model,
+    pub(crate) model: Model,
     pub(crate) readings: Readings,
     /// The values of the result.
     pub(crate) values: Vec<f64>,
@@ -200,7 +200,17 @@ impl Under {
         applied: &Applied,
         table: Table,
     ) -> Result<Self, Error> {
-        Self::build(mechanism, applied, table, |_| true)
+        Self::build(mechanism, applied, table, |_| true, &[])
+    }
+
+    /// The mechanism under a result, with terms that the result lacks.
+    pub(crate) fn with_terms(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        table: Table,
+        more: &[Spec],
+    ) -> Result<Self, Error> {
+        Self::build(mechanism, applied, table, |_| true, more)
     }
 
     /// Its chains under a result, without what closes them.
@@ -212,7 +222,7 @@ impl Under {
         let table = Table { keys: Vec::new(), columns: Vec::new(), ..table };
         let carries =
             |spec: &Spec| terms::find(&spec.term).is_ok_and(|term| term.info().per != Per::Closure);
-        Self::build(&opened(mechanism)?, applied, table, carries)
+        Self::build(&opened(mechanism)?, applied, table, carries, &[])
     }
 
     fn build(
@@ -220,6 +230,7 @@ impl Under {
         applied: &Applied,
         table: Table,
         wanted: impl Fn(&Spec) -> bool,
+        more: &[Spec],
     ) -> Result<Self, Error> {
         let Applied { parameters, reference, sigma, own, .. } = applied;
         let channels = mechanism.channels.len();
@@ -258,6 +269,13 @@ impl Under {
             }
             acting.push((numbers, k));
         }
+        for spec in more {
+            for instance in instances_of(mechanism, &readings, spec)? {
+                if !instances.contains(&instance) {
+                    instances.push(instance);
+                }
+            }
+        }
         let mut model = Model::new(mechanism, &readings, instances)?;
         for ((scale, &centre), &span) in
             model.scales.iter_mut().zip(&reference.centre).zip(&reference.span)
@@ -276,7 +294,7 @@ impl Under {
     /// The model's own parameters, the inverse of [`crate::estimate::directions::reported`].
     ///
     /// What happened several times before the first row adds up.
-    fn internal(&self, values: &[f64]) -> Vec<f64> {
+    pub(crate) fn internal(&self, values: &[f64]) -> Vec<f64> {
         let model = &self.model;
         let mut beta = model.nominal();
         for (value, columns) in values.iter().zip(&self.columns) {

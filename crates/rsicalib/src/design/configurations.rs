@@ -42,6 +42,9 @@ const CLOSED: f64 = 1e-10;
 /// Place of an unknown point: its number in the mechanism, its keys, where it is.
 type Placed = (usize, Vec<String>, [f64; 3]);
 
+/// The model of readings, and its parameters.
+pub(crate) type Under<'a> = dyn Fn(&Readings) -> Result<(Model, Vec<f64>), Error> + 'a;
+
 /// Where the joints of a mechanism may be, and which unknown points its tips may touch.
 #[derive(Debug)]
 pub(crate) struct Configurations {
@@ -67,22 +70,28 @@ impl Configurations {
     /// As [`Mechanism::validate`] and [`Readings::new`].
     pub(crate) fn new(mechanism: &Mechanism, random: &mut Random) -> Result<Self, Error> {
         mechanism.validate()?;
+        let mut made = Self::of_keys(mechanism, keys(mechanism)?);
+        made.places = made.place_unknowns(random)?;
+        Ok(made)
+    }
+
+    /// Of a mechanism whose unknown points are told apart by these combinations of their columns,
+    /// and lie where a model says.
+    pub(crate) fn of_keys(mechanism: &Mechanism, keys: Vec<Vec<String>>) -> Self {
         let longest = longest(mechanism);
         let mut free = mechanism.clone();
         for channel in &mut free.channels {
             (channel.range, channel.limits) = (None, None);
         }
         let slides = |c| if mechanism.slides(c) { longest } else { 1.0 };
-        let mut made = Self {
+        Self {
             limits: (0..free.channels.len()).map(|c| limits(mechanism, c, longest)).collect(),
             spread: (0..free.channels.len()).map(slides).collect(),
             reach: reach(mechanism),
-            keys: keys(mechanism)?,
+            keys,
             places: Vec::new(),
             free,
-        };
-        made.places = made.place_unknowns(random)?;
-        Ok(made)
+        }
     }
 
     /// The mechanism without ranges and limits.
@@ -118,6 +127,20 @@ impl Configurations {
     ///
     /// [`Error::Mechanism`] where fewer than three of four are found.
     pub(crate) fn closed(&self, each: usize, random: &mut Random) -> Result<Readings, Error> {
+        self.closed_by(each, random, &|readings| {
+            let model = Model::uncentred(&self.free, readings, Vec::new())?;
+            let beta = self.nominal(&model);
+            Ok((model, beta))
+        })
+    }
+
+    /// As [`Configurations::closed`], of the loops of another model of the readings.
+    pub(crate) fn closed_by(
+        &self,
+        each: usize,
+        random: &mut Random,
+        under: &Under<'_>,
+    ) -> Result<Readings, Error> {
         let mut found: Vec<Vec<Closed>> = vec![Vec::new(); self.keys.len()];
         for _ in 0..ROUNDS {
             let missing = |(key, found): (usize, &Vec<Closed>)| {
@@ -127,7 +150,7 @@ impl Configurations {
             if wanted.is_empty() {
                 break;
             }
-            for (key, closed) in wanted.iter().zip(self.close(&wanted, random)?) {
+            for (key, closed) in wanted.iter().zip(self.close(&wanted, random, under)?) {
                 let own = &mut found[*key];
                 if let Some(closed) = closed.filter(|_| own.len() < each) {
                     own.push(closed);
@@ -182,10 +205,14 @@ impl Configurations {
     }
 
     /// One configuration for each of these keys; none where Newton's method ends elsewhere.
-    fn close(&self, keys: &[usize], random: &mut Random) -> Result<Vec<Option<Closed>>, Error> {
+    fn close(
+        &self,
+        keys: &[usize],
+        random: &mut Random,
+        under: &Under<'_>,
+    ) -> Result<Vec<Option<Closed>>, Error> {
         let readings = self.open(keys, random)?;
-        let model = Model::uncentred(&self.free, &readings, Vec::new())?;
-        let beta = self.nominal(&model);
+        let (model, beta) = under(&readings)?;
         let blocks: Vec<Vec<(usize, Option<Closed>)>> = (0..readings.blocks().len())
             .into_par_iter()
             .map(|block| self.close_block(&model, &readings, block, &beta))

@@ -16,13 +16,28 @@ pub enum Criterion {
     Joints,
     /// Volume of the confidence ellipsoid (D-optimal).
     Volume,
+    /// Variance of the platform, averaged over the workspace (V-optimal).
+    Platform,
+    /// Probability of a wrong decision between the explanations of a session, (96).
+    Decide,
 }
 
 /// Names of the criteria, as users write them.
-pub const CRITERIA: [(&str, Criterion); 3] =
-    [("offsets", Criterion::Offsets), ("joints", Criterion::Joints), ("volume", Criterion::Volume)];
+pub const CRITERIA: [(&str, Criterion); 5] = [
+    ("decide", Criterion::Decide),
+    ("platform", Criterion::Platform),
+    ("offsets", Criterion::Offsets),
+    ("joints", Criterion::Joints),
+    ("volume", Criterion::Volume),
+];
 
 impl Criterion {
+    /// Its name, as users write it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        CRITERIA.iter().find(|c| c.1 == self).map_or("", |c| c.0)
+    }
+
     /// The criterion of a name.
     ///
     /// # Errors
@@ -121,6 +136,7 @@ impl Candidates {
         let poses = self.len() as f64;
         match criterion {
             Criterion::Volume => None,
+            Criterion::Platform | Criterion::Decide => self.platform.clone(),
             Criterion::Offsets => {
                 Some(Mat::from_fn(n, n, |i, j| if i == j && i < c { 1.0 } else { 0.0 }))
             }

@@ -515,6 +515,7 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
         closures,
         platform: std::collections::BTreeMap::new(),
         rest: None,
+        workspace: None,
         model: ModelSection::default(),
         ..mechanism.clone()
     })

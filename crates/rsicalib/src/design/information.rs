@@ -69,6 +69,8 @@ pub struct Candidates {
     /// Whitened rows `L⁻¹ X` of each pose, columns scaled by `scale`.
     pub(crate) rows: Vec<Mat<f64>>,
     pub(crate) scale: Vec<f64>,
+    /// `Ω` of the platform in scaled parameters, where it is asked for.
+    pub(crate) platform: Option<Mat<f64>>,
 }
 
 impl Candidates {
@@ -108,7 +110,7 @@ impl Candidates {
             whiten(&s, x)
         });
         let rows = rows.collect();
-        Ok(Self { counts, channels: c, rows, scale })
+        Ok(Self { counts, channels: c, rows, scale, platform: None })
     }
 
     /// How many poses.

@@ -1,9 +1,16 @@
 //! Which poses to visit, and what they can tell.
 
 mod configurations;
+mod contest;
 pub mod exchange;
+pub mod further;
+mod hidden;
 pub mod identifiability;
 pub mod information;
+mod linearised;
+mod moments;
 pub mod observability;
 pub mod plan;
+mod precision;
 pub mod reach;
+mod reachable;

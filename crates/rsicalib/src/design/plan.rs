@@ -3,20 +3,28 @@
 //! Candidates are drawn from a box. From several starts, poses of the plan are exchanged for
 //! candidates until no exchange helps; the best plan is ordered so that the ways are short.
 
+use faer::Mat;
 use rayon::prelude::*;
 
 use crate::Error;
+use crate::apply::poses::poses_of;
 use crate::design::exchange::Criterion;
 use crate::design::information::{Bound, Candidates};
+use crate::design::moments::moments_of;
 use crate::design::reach::readings_at;
 use crate::mechanism::Mechanism;
+use crate::model::{Model, parse};
 use crate::numerics::random::Random;
+use crate::readings::{Readings, Table};
 
 /// A box of poses: lowest and highest x, y, z (length unit), rx, ry, rz (rad).
 pub type Within = [[f64; 2]; 6];
 
 /// Readings that a pose keeps from the ends of the range: offsets are not known beforehand.
 pub const MARGIN: f64 = 20.0;
+
+/// Candidates at which the platform is judged.
+const JUDGED: usize = 96;
 
 /// Upper limit of poses, candidates and starts.
 const MOST: usize = 1_000_000;
@@ -118,7 +126,10 @@ pub fn plan(
 
     let every: Vec<f64> = readings.iter().flatten().chain(&options.beside).copied().collect();
     let sigma = sigma(mechanism, 1.0);
-    let told = Candidates::new(mechanism, every, offsets, gains, &sigma)?;
+    let mut told = Candidates::new(mechanism, every, offsets, gains, &sigma)?;
+    if options.criterion == Criterion::Platform {
+        told.platform = Some(platform_weight(mechanism, offsets, gains, &told)?);
+    }
     let kept: Vec<usize> = (poses.len()..poses.len() + visited).collect();
     let starts: Vec<Vec<usize>> =
         (0..options.starts).map(|_| random.choose(options.poses, poses.len())).collect();
@@ -172,7 +183,7 @@ pub fn bound(
 /// [`Error::Option`] for a mechanism whose workspace is not known, and for ends that are not
 /// numbers or not in order.
 pub fn workspace(mechanism: &Mechanism, within: Option<Within>) -> Result<Within, Error> {
-    let known = within.or_else(|| mechanism.workspace());
+    let known = within.or_else(|| mechanism.workspace.map(|w| w.bounds()));
     let expected = "lowest and highest x, y, z, rx, ry, rz";
     let Some(within) = known else {
         let found = format!("no workspace of '{}'", mechanism.name);
@@ -245,6 +256,32 @@ fn bound_of(
     Ok(told.bound(&(0..told.len()).collect::<Vec<_>>()))
 }
 
+/// `Ω` of the platform over the candidates, in their scaled parameters.
+fn platform_weight(
+    mechanism: &Mechanism,
+    offsets: &[f64],
+    gains: &[f64],
+    told: &Candidates,
+) -> Result<Mat<f64>, Error> {
+    let mut calibrated = mechanism.clone();
+    for (channel, (offset, gain)) in calibrated.channels.iter_mut().zip(offsets.iter().zip(gains)) {
+        (channel.offset, channel.gain, channel.range) = (*offset, *gain, None);
+    }
+    let channels = mechanism.channels.len();
+    let values = told.counts.iter().take(JUDGED * channels).copied().collect();
+    let readings = Readings::new(&calibrated, Table { values, ..Table::default() })?;
+    let terms = ["offset".to_string(), "gain".to_string()];
+    let instances = parse(&calibrated, &readings, &terms)?;
+    let model = Model::uncentred(&calibrated, &readings, instances)?;
+    let steps: Vec<f64> = told.scale.iter().map(|scale| 1e-5 / scale).collect();
+    let columns: Vec<usize> = (0..2 * channels).collect();
+    let sigma = sigma(mechanism, 1.0);
+    let place = |beta: &[f64]| poses_of(&model, &readings, beta, &sigma, 1.0);
+    let moments = moments_of(&model.nominal(), &steps, &columns, 2 * channels, place);
+    let n = 2 * channels;
+    Ok(Mat::from_fn(n, n, |i, j| moments.position[(i, j)] / (told.scale[i] * told.scale[j])))
+}
+
 /// Noise of each channel: as declared, else a unit of the reading; times `noise`.
 fn sigma(mechanism: &Mechanism, noise: f64) -> Vec<f64> {
     let declared = |c: &crate::mechanism::Channel| c.noise.filter(|n| *n > 0.0).unwrap_or(1.0);
@@ -294,6 +331,10 @@ fn check_parameters(mechanism: &Mechanism, offsets: &[f64], gains: &[f64]) -> Re
 }
 
 fn check_options(options: &PlanOptions) -> Result<(), Error> {
+    if options.criterion == Criterion::Decide {
+        let expected = "another one, or a result that leaves something open";
+        return Err(Error::option("criterion", "decide", expected));
+    }
     for (name, value) in
         [("poses", options.poses), ("candidates", options.candidates), ("starts", options.starts)]
     {

@@ -1,8 +1,24 @@
 //! Readings that hold the platform at a pose.
 
 use crate::Error;
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, hand_controller};
 use crate::model::assembly;
+
+/// True for the geometry of the hand controller, whatever its sensors: (6) to (8) hold.
+pub(crate) fn has_closed_form(mechanism: &Mechanism) -> bool {
+    let rsi = Mechanism::rsi();
+    let within = |limits: Option<[f64; 2]>, own: Option<[f64; 2]>| match (limits, own) {
+        (Some([low, high]), Some([least, most])) => low >= least && high <= most,
+        _ => false,
+    };
+    let limits =
+        mechanism.channels.iter().zip(&rsi.channels).all(|(c, own)| within(c.limits, own.limits));
+    mechanism.chains == rsi.chains
+        && mechanism.points == rsi.points
+        && mechanism.platform == rsi.platform
+        && mechanism.channels.len() == rsi.channels.len()
+        && limits
+}
 
 /// Readings that hold the platform at a pose; none out of reach, beyond a joint
 /// limit, or within `margin` readings of the end of a range.
@@ -24,7 +40,11 @@ pub fn readings_at(
             return Err(Error::Shape { what: what.into(), found, expected });
         }
     }
-    let angles = match assembly::inverse(mechanism, pose) {
+    let found = match has_closed_form(mechanism) {
+        true => hand_controller::inverse(pose).map(|angles| angles.concat()),
+        false => assembly::inverse(mechanism, pose),
+    };
+    let angles = match found {
         Ok(angles) => angles,
         Err(Error::OutOfReach { .. }) => return Ok(None),
         Err(other) => return Err(other),

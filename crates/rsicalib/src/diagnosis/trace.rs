@@ -27,6 +27,7 @@ use crate::screening::sound::sound;
 
 pub use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
 pub use crate::diagnosis::stepwise::moves::cost;
+pub use crate::diagnosis::stepwise::rivals::Explanation;
 
 /// One effect that was found.
 #[derive(Debug, Clone)]
@@ -60,6 +61,8 @@ pub struct Traced {
     pub excluded: Vec<Excluded>,
     /// The best that is left, whether or not it is above chance.
     pub left: Option<Scored>,
+    /// Explanations that are nearly as good as the best, itself included; the best first.
+    pub rivals: Vec<Explanation>,
     /// What is at fault isolated, where the catalogue does not explain it all.
     pub isolated: Option<Isolated>,
     /// How scores were judged.
@@ -89,7 +92,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
     }
     progress.enter(Stage::Refit);
     let (stepwise, pursued, isolated) = searched;
-    let Searched { current, found, poses, wrong, left, .. } = pursued;
+    let Searched { current, found, poses, wrong, left, rivals, .. } = pursued;
     excluded.extend(poses.iter().map(|step| stepwise.excluded(step)));
     excluded.extend(wrong.into_iter().map(|(scored, blame)| {
         match excluded_pose(&scored.instance) {
@@ -132,6 +135,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         found,
         excluded,
         left,
+        rivals,
         isolated,
         judge,
     })

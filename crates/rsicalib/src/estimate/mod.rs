@@ -13,7 +13,7 @@ mod options;
 pub mod paper;
 pub mod progress;
 pub mod search;
-mod settle;
+pub(crate) mod settle;
 pub mod start;
 pub mod suspicion;
 pub mod tried;

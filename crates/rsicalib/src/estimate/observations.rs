@@ -1,5 +1,7 @@
 //! Observations: a mechanism, its readings, and what is known of them.
 
+use std::sync::Arc;
+
 use crate::Error;
 use crate::estimate::options::FitOptions;
 use crate::mechanism::Mechanism;
@@ -11,8 +13,8 @@ use crate::readings::{Readings, Table, codes};
 pub struct Observations {
     /// The mechanism.
     pub mechanism: Mechanism,
-    /// The readings.
-    pub readings: Readings,
+    /// The readings, shared by the copies that differ in weights or options.
+    pub readings: Arc<Readings>,
     /// A reading of the rest pose, averaged, one per channel.
     pub rest: Option<Vec<f64>>,
     /// Joint coordinates in the rest pose, one per channel.
@@ -99,7 +101,7 @@ impl Observations {
         };
         mechanism.validate()?;
         check_names(&mechanism)?;
-        let readings = Readings::new(&mechanism, table)?;
+        let readings = Arc::new(Readings::new(&mechanism, table)?);
         let rest = match rest {
             Some(values) => {
                 let bare =

@@ -13,6 +13,7 @@
 //! A mechanism may also close in another assembly: solutions beyond the joint limits come last.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
@@ -85,7 +86,7 @@ pub struct StartSearch<'a> {
     /// The model.
     pub model: &'a Model,
     /// The samples that the search uses.
-    pub readings: Readings,
+    pub readings: Arc<Readings>,
     /// Weight of each sample.
     pub weights: Vec<f64>,
     noise: Noise,
@@ -172,7 +173,7 @@ impl<'a> StartSearch<'a> {
                 .ok()
         };
         let (readings, weights) = match (rows.len() < all.samples).then(few).flatten() {
-            Some(few) => (few, rows.iter().map(|&r| observations.weights[r]).collect()),
+            Some(few) => (few.into(), rows.iter().map(|&r| observations.weights[r]).collect()),
             None => (all.clone(), observations.weights.clone()),
         };
         Self {

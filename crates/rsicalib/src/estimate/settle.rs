@@ -87,6 +87,24 @@ impl Room {
         repeats
     }
 
+    /// One repeat of (52) from the raw readings, then `L⁻¹ w` and `L⁻¹ X`: what is left out is of
+    /// third order in the noise.
+    pub(crate) fn settle_once(
+        &mut self,
+        part: &Part,
+        block: usize,
+        raw: &[Lanes],
+        x: &[f64],
+        a_hat: &mut [Lanes],
+    ) {
+        a_hat.copy_from_slice(raw);
+        for want in [Want { x: false, a: true }, Want { x: true, a: true }] {
+            part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
+            self.step(raw, a_hat);
+        }
+        self.whiten_parameters(part.model.width());
+    }
+
     /// One repeat of (52); true where the readings have changed.
     fn step(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
         dispatch(

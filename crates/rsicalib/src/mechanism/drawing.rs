@@ -42,9 +42,46 @@ pub struct Mechanism {
     /// A platform pose that is known without a measurement.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub rest: Option<Rest>,
+    /// Poses that the platform can be brought to.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub workspace: Option<Workspace>,
     /// The terms that are identified by default.
     #[cfg_attr(feature = "serde", serde(default))]
     pub model: ModelSection,
+}
+
+/// A box of platform poses: lowest and highest of each coordinate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Workspace {
+    /// In length units.
+    pub x: [f64; 2],
+    /// In length units.
+    pub y: [f64; 2],
+    /// In length units.
+    pub z: [f64; 2],
+    /// In radians, eq. (1).
+    pub rx: [f64; 2],
+    /// In radians.
+    pub ry: [f64; 2],
+    /// In radians.
+    pub rz: [f64; 2],
+}
+
+impl Workspace {
+    /// The box in the order of a pose.
+    #[must_use]
+    pub fn bounds(&self) -> [[f64; 2]; 6] {
+        [self.x, self.y, self.z, self.rx, self.ry, self.rz]
+    }
+}
+
+impl From<[[f64; 2]; 6]> for Workspace {
+    fn from([x, y, z, rx, ry, rz]: [[f64; 2]; 6]) -> Self {
+        Self { x, y, z, rx, ry, rz }
+    }
 }
 
 /// A sensor: `angle = gain * reading + offset`, eq. (9).

@@ -170,6 +170,7 @@ impl Mechanism {
             closures: Vec::new(),
             platform: BTreeMap::new(),
             rest: Some(Rest { pose: rest, sd: None }),
+            workspace: Some(WORKSPACE.into()),
             model: ModelSection::default(),
         };
         let wrist = |i: usize| format!("wrist{}", i + 1);

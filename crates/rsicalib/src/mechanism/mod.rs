@@ -18,6 +18,7 @@ pub fn schema() -> schemars::Schema {
 
 pub use drawing::{
     Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Motion, Point, Rest, Row, Value,
+    Workspace,
 };
 pub(crate) use queries::list;
 pub use target::Target;

@@ -2,7 +2,6 @@
 
 use crate::Error;
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
-use crate::mechanism::hand_controller;
 
 impl Mechanism {
     /// Index of a channel.
@@ -135,13 +134,6 @@ impl Mechanism {
         let Some(Channel { name, .. }) = self.channels.get(channel) else { return false };
         let mut rows = self.chains.iter().flat_map(|c| &c.rows);
         rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
-    }
-
-    /// Workspace of a mechanism that comes along: lowest and highest x, y, z
-    /// (length unit), rx, ry, rz (rad).
-    #[must_use]
-    pub fn workspace(&self) -> Option<[[f64; 2]; 6]> {
-        (self.name == "rsi").then_some(hand_controller::WORKSPACE)
     }
 
     /// The chain that a channel belongs to; `None` for an index beyond the last channel.

@@ -31,7 +31,23 @@ impl Mechanism {
         for closure in &self.closures {
             self.check_closure(closure)?;
         }
+        self.check_workspace()?;
         self.check_platform()
+    }
+
+    fn check_workspace(&self) -> Result<(), Error> {
+        let Some(workspace) = &self.workspace else { return Ok(()) };
+        for (name, [low, high]) in
+            ["x", "y", "z", "rx", "ry", "rz"].into_iter().zip(workspace.bounds())
+        {
+            finite([&low, &high].into_iter(), || format!("workspace, {name}"))?;
+            if low > high {
+                let expected = "the lower end first".into();
+                let found = format!("[{low}, {high}]");
+                return Err(refuse(format!("workspace, {name}"), found, expected));
+            }
+        }
+        Ok(())
     }
 
     fn check_chains(&self) -> Result<(), Error> {

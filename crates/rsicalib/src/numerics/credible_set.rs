@@ -4,6 +4,10 @@
 /// is within this of the best.
 pub const AS_WELL: f64 = 6.0;
 
+/// An explanation is a rival of the best where its penalised χ² is within this of it. The best is
+/// then `exp(6)` = 400 times as likely as the worst rival, for equal prior probabilities.
+pub const RIVAL: f64 = 12.0;
+
 /// Probability that the listed targets include the right one.
 pub const SURE: f64 = 0.8;
 

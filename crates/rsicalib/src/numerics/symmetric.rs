@@ -106,11 +106,6 @@ pub fn left_out(hat: &Mat<f64>, r: &[f64]) -> Option<(f64, f64)> {
     (width > 0.0).then_some((score, width))
 }
 
-/// `zᵀ m z` of a symmetric matrix.
-pub(crate) fn form(m: &Mat<f64>, z: &[f64]) -> f64 {
-    z.iter().enumerate().map(|(j, value)| value * dot(m.col_as_slice(j), z)).sum()
-}
-
 /// `aᵀ b`
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()

@@ -16,6 +16,11 @@ fn standstill(channel: &Channel) -> f64 {
     if channel.unit == "count" { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
 }
 
+/// [`STANDSTILL`] of every channel.
+pub(crate) fn standstills(channels: &[Channel]) -> Vec<f64> {
+    channels.iter().map(standstill).collect()
+}
+
 /// Rows to either side in the local fit of a velocity.
 const REACH: usize = 8;
 
@@ -31,7 +36,7 @@ pub struct Motion {
 /// Computes the context of every row.
 #[must_use]
 pub fn motion(table: &Table, pose: &[usize], channels: &[Channel], held: bool) -> Motion {
-    let still: Vec<f64> = channels.iter().map(standstill).collect();
+    let still = standstills(channels);
     if held { held_poses(table, pose, &still) } else { recording(table, &still) }
 }
 
@@ -98,7 +103,7 @@ fn recording(table: &Table, still: &[f64]) -> Motion {
     Motion { approach, velocity }
 }
 
-fn direction(change: f64, standstill: f64) -> f64 {
+pub(crate) fn direction(change: f64, standstill: f64) -> f64 {
     if change.abs() < standstill { 0.0 } else { change.signum() }
 }
 

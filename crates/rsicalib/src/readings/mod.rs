@@ -3,6 +3,7 @@
 mod block;
 pub mod codes;
 pub(crate) mod context;
+pub mod plain;
 mod samples;
 mod table;
 

@@ -251,6 +251,27 @@ impl Readings {
         }
     }
 
+    /// Places the samples at these times, in sessions from the first pose, one for each, after the
+    /// last of `poses`.
+    ///
+    /// The time of a pose that is not yet visited is beyond 1.
+    pub(crate) fn set_times(&mut self, times: &[f64], poses: usize) {
+        for block in &mut self.blocks {
+            block.time = Lanes(block.rows.map(|row| times[row]));
+            block.pose = Lanes::splat(poses as f64);
+        }
+    }
+
+    /// Lets all samples be approached from one reading `from`, one per channel.
+    pub(crate) fn set_approach(&mut self, mechanism: &Mechanism, from: &[f64]) {
+        let still = crate::readings::context::standstills(&mechanism.channels);
+        for (k, approach) in self.approach.iter_mut().enumerate() {
+            let c = k % self.channels;
+            let moved = self.raw[k] - Lanes::splat(from[c]);
+            *approach = moved.map(|change| crate::readings::context::direction(change, still[c]));
+        }
+    }
+
     /// Number of poses.
     #[must_use]
     pub fn poses(&self) -> usize {

@@ -96,6 +96,15 @@ macro_rules! result {
             /// Parameters that differ from an earlier result, where one was given.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub moved: Option<Vec<Moved>>,
+            /// SHA-256 of the earlier result that this one is meant to replace.
+            #[serde(default)]
+            pub supersedes: Option<String>,
+            /// How the loops close under this result: what a watch compares with.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub misclosure: Option<Misclosure>,
+            /// What has changed since an earlier result, and whether it is worth an update.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub update: Option<Update>,
             /// How well points that are touched are repeated, where the mechanism has such.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub groups: Option<Groups>,
@@ -147,6 +156,10 @@ result! {
         /// Effects that were found, in their order.
         #[serde(default)]
         steps: Vec<Step>,
+        /// Explanations within 12 of the best in penalised χ², itself included; the best first, 8
+        /// at most.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        rivals: Vec<Rival>,
         /// How well the model fits with the terms of `steps`.
         after: FitQuality,
         /// What is left.
@@ -313,6 +326,64 @@ pub struct Moved {
     pub unit: String,
 }
 
+/// Reference statistics of the misclosure: how the loops close under a result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Misclosure {
+    /// Root mean square by closure, in units of length.
+    pub rms: IndexMap<String, f64>,
+    /// Degrees of freedom of the noise; null where it was declared.
+    pub dof: Option<f64>,
+    /// Correlation of neighbouring samples.
+    pub correlation: f64,
+    /// Usual time between neighbouring samples, in seconds; null without times.
+    pub interval_s: Option<f64>,
+}
+
+/// A later session against an earlier result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Update {
+    /// True where something has changed by three standard deviations or more, and this result has
+    /// the smaller held-out error.
+    pub worth: bool,
+    /// The same as a sentence.
+    pub text: String,
+    /// χ² of the readings under the earlier result, its uncertainty counted in, per degree of
+    /// freedom.
+    pub chi2_per_dof: f64,
+    /// Probability of more by chance.
+    pub p_value: f64,
+    /// Misclosure of the poses under the earlier result, root mean square in units of length.
+    pub rms_before: f64,
+    /// The same under this result, poses left out in turn; null where that was not computed.
+    pub rms_after: Option<f64>,
+    /// What has changed, the most certain first.
+    pub changes: Vec<Changed>,
+    /// Effects of the earlier result that belong to its session, and are not compared.
+    pub session_only: Vec<String>,
+}
+
+/// A change between two sessions of a device.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Changed {
+    /// Id of the term.
+    pub term: String,
+    /// Where: a channel, a closure, a chain or a link of it.
+    pub target: String,
+    /// How large: the value of a single parameter, or the length of a displacement.
+    pub size: f64,
+    /// Standard deviation of the size.
+    pub sd: f64,
+    /// Unit of both.
+    pub unit: String,
+    /// Probability of such a change by chance, for any of the candidates.
+    pub p_value: f64,
+    /// What it does to the platform.
+    pub platform_rms: Option<Rms>,
+    /// Changes that these readings cannot tell from it, as `offset@a22`.
+    #[serde(default)]
+    pub also_fits: Vec<String>,
+}
+
 /// Mean distance of carried points from their own mean at what they touch, by placement.
 ///
 /// `docs/measured.md` says how the measure is formed. Null where there are no such groups.
@@ -418,6 +489,17 @@ pub struct Step {
     /// Error on poses left out, with this effect and those before.
     #[serde(default)]
     pub held_out: Option<HeldOut>,
+}
+
+/// Effects that explain a session together, nearly as well as the best do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Rival {
+    /// The effects.
+    pub terms: Vec<Name>,
+    /// χ², with 4 for each parameter of the effects and 4 for a time that was searched.
+    pub chi2_penalised: f64,
+    /// Probability among the explanations that are listed, all as likely beforehand.
+    pub probability: f64,
 }
 
 /// What is left when nothing scores any more.

@@ -7,7 +7,7 @@ use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::estimate::directions::{Directions, ParameterReport, parameter_names, reported};
 use crate::estimate::{Fit, Observations};
-use crate::readings::Table;
+use crate::readings::{Readings, Table};
 use crate::report::words;
 use crate::screening::excluded::Excluded;
 
@@ -85,12 +85,64 @@ pub struct StartReport {
     pub collapsed: bool,
 }
 
+/// How the loops close under a fit: what a watch compares with.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct MisclosureReport {
+    /// Root mean square by closure, length units.
+    pub rms: Named,
+    /// Degrees of freedom of the noise; none where it was declared.
+    pub dof: Option<f64>,
+    /// Of neighbouring samples.
+    pub correlation: f64,
+    /// Usual time between neighbouring samples (s), where rows have a time.
+    pub interval_s: Option<f64>,
+}
+
+/// Reference statistics of the misclosure of a fit.
+#[must_use]
+pub fn misclosure(observations: &Observations, fit: &Fit) -> MisclosureReport {
+    let Observations { readings, mechanism, weights, .. } = observations;
+    let k = fit.residuals.equations;
+    let mut first = 0;
+    let mut rms = Vec::with_capacity(mechanism.closures.len());
+    for (number, closure) in mechanism.closures.iter().enumerate() {
+        let own = first..first + fit.model.equations_of(number);
+        first = own.end;
+        let (mut sum, mut count) = (0.0, 0.0);
+        for row in (0..readings.samples).filter(|&row| weights[row] > 0.0) {
+            let lengths = &fit.residuals.lengths[row * k..(row + 1) * k];
+            sum += lengths[own.clone()].iter().map(|l| l * l).sum::<f64>();
+            count += own.len() as f64;
+        }
+        rms.push((closure.name.clone(), (sum / f64::max(count, 1.0)).sqrt()));
+    }
+    MisclosureReport {
+        rms: Named(rms),
+        dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
+        correlation: fit.noise.correlation,
+        interval_s: interval(readings),
+    }
+}
+
+/// Median time between neighbouring rows of one pose, or of a recording.
+fn interval(readings: &Readings) -> Option<f64> {
+    let time = readings.table.time.as_ref()?;
+    let same = |row: &usize| !readings.held || readings.pose[*row] == readings.pose[row - 1];
+    let steps = (1..readings.samples).filter(same).map(|row| time[row] - time[row - 1]);
+    let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied()
+}
+
 /// Everything about one fit.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Estimates {
     /// Noise.
     pub noise: NoiseReport,
+    /// How the loops close.
+    pub misclosure: MisclosureReport,
     /// Parameters.
     pub parameters: Vec<ParameterReport>,
     /// What must be noted of them, in sentences.
@@ -148,6 +200,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
             correlation: fit.noise.correlation,
         },
+        misclosure: misclosure(observations, fit),
         remarks: parameters.iter().filter_map(ParameterReport::remark).collect(),
         parameters,
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),

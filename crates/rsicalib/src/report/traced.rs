@@ -11,7 +11,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::stepwise::moves::cost;
-use crate::diagnosis::trace::{Found, Traced, trace};
+use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
 use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
@@ -68,6 +68,18 @@ pub struct StepReport {
     pub held_out: Option<HeldOut>,
 }
 
+/// Effects that explain a session together, nearly as well as the best do.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct RivalReport {
+    /// The effects.
+    pub terms: Vec<Place>,
+    /// χ² with what the effects are charged.
+    pub chi2_penalised: f64,
+    /// Probability among the explanations that are listed, all as likely beforehand.
+    pub probability: f64,
+}
+
 /// What is left.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -99,6 +111,9 @@ pub struct TraceReport {
     pub before: FitReport,
     /// Effects found.
     pub steps: Vec<StepReport>,
+    /// Explanations that are nearly as good as the best, itself included; the best first.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub rivals: Vec<RivalReport>,
     /// The fit with them.
     pub after: FitReport,
     /// What is left.
@@ -203,6 +218,7 @@ pub fn traced(
         with_excluded,
         before,
         steps,
+        rivals: traced.rivals.iter().map(|e| rival(observations, e)).collect(),
         after,
         unexplained: Unexplained { p_value, target, text },
         could_hide: hidden,
@@ -256,6 +272,14 @@ fn effect(observations: &Observations, instance: &Instance) -> Place {
         class: info.class,
         target: instance.target.name(&observations.mechanism),
         place: place(observations, instance),
+    }
+}
+
+fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport {
+    RivalReport {
+        terms: explanation.effects.iter().map(|i| effect(observations, i)).collect(),
+        chi2_penalised: explanation.chi2,
+        probability: explanation.probability,
     }
 }
 

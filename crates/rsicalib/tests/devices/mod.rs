@@ -217,6 +217,7 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
         gravity: Some([0.3, -0.2, -0.9]),
         platform: Default::default(),
         rest: None,
+        workspace: None,
         channels: Vec::new(),
         chains: Vec::new(),
         points: Vec::new(),

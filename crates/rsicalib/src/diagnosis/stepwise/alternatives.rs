@@ -6,30 +6,41 @@ use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, room};
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
-use crate::numerics::credible_set::AS_WELL;
+use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::screening::blame::Blame;
 
 /// Rivals to refit for each candidate that a step refits: scores are first order, and what fits
 /// as well may be far down their list.
 const RIVALS: usize = 3;
 
+/// What may stand in place of one effect.
+pub struct Alternatives {
+    /// True where something fits better, which has then taken its place.
+    pub better: bool,
+    /// What fits as well.
+    pub also: Vec<Instance>,
+    /// What is within [`RIVAL`] of the best, the best first; the effect itself is not among them.
+    pub near: Vec<Scored>,
+    /// Whose reading is wrong, if it is one.
+    pub blame: Blame,
+}
+
 impl Stepwise<'_> {
-    /// What fits as well in place of one effect; true where something fits
-    /// better, which then takes its place.
+    /// What fits as well in place of one effect; what fits better takes its place.
     pub fn alternatives(
         &self,
         current: &mut Fit,
         found: &mut [Scored],
         index: usize,
-    ) -> Result<(bool, Vec<Instance>, Blame), Error> {
+    ) -> Result<Alternatives, Error> {
         let own = found[index].instance;
         let without = self.without(current, &[own])?;
         let mut scored = self.scan(&without)?;
         let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
             let blame = Blame::among([(0.0, own.target)], &self.small.mechanism);
-            return Ok((false, Vec::new(), blame));
+            return Ok(Alternatives { better: false, also: Vec::new(), near: Vec::new(), blame });
         };
-        let room = AS_WELL + room(mine.score);
+        let room = RIVAL + room(mine.score);
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)
@@ -63,17 +74,23 @@ impl Stepwise<'_> {
         }
         also.extend(rivals.iter().map(|(value, candidate, _)| (*value, candidate.instance)));
         let named = found[index].instance;
-        let rivals: Vec<(f64, Target)> = also.iter().map(|(v, i)| (*v, i.target)).collect();
-        let blame = Blame::among(rivals.iter().copied(), &self.small.mechanism);
+        let blame = Blame::among(also.iter().map(|(v, i)| (*v, i.target)), &self.small.mechanism);
         let best = also.iter().map(|(value, _)| *value).fold(f64::NEG_INFINITY, f64::max);
         let as_well =
             |(value, instance): &&(f64, Instance)| *value > best - AS_WELL && *instance != named;
-        Ok((better, also.iter().filter(as_well).map(|(_, i)| *i).collect(), blame))
+        let near = rivals.iter().map(|(value, candidate, _)| (*value, *candidate));
+        let near = near
+            .chain([(my_value, mine)])
+            .filter(|(value, s)| *value > best - RIVAL && s.instance != named)
+            .map(|(_, s)| s)
+            .collect();
+        let also = also.iter().filter(as_well).map(|(_, i)| *i).collect();
+        Ok(Alternatives { better, also, near, blame })
     }
 }
 
 /// What a candidate pays: its parameters, and the time that was searched for.
-fn charge(candidate: &Scored) -> f64 {
+pub(crate) fn charge(candidate: &Scored) -> f64 {
     let time = if candidate.family == Family::Slip { CHARGE } else { 0.0 };
     CHARGE * candidate.width + time
 }

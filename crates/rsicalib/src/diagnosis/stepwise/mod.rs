@@ -4,4 +4,5 @@ mod alternatives;
 mod exchange;
 pub mod moves;
 mod prune;
+pub mod rivals;
 pub mod search;

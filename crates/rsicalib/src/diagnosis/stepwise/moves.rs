@@ -78,7 +78,7 @@ impl<'a> Stepwise<'a> {
                 observations.readings.averaged(&observations.mechanism, &observations.weights)?;
             let usual = counts.iter().copied().fold(1.0, f64::max);
             small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
-            small.readings = readings;
+            small.readings = readings.into();
             // Play is noise of one sample as well: a mean has its share of both.
             let share = fit.noise.inflation / usual;
             sigma.iter_mut().for_each(|s| *s *= share.sqrt());

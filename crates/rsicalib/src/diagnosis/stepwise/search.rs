@@ -6,7 +6,9 @@ use crate::diagnosis::doubt::doubt;
 use crate::diagnosis::isolation::{Isolated, isolate, leave_out};
 use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
+use crate::diagnosis::stepwise::alternatives::Alternatives;
 use crate::diagnosis::stepwise::moves::{Stepwise, cost};
+use crate::diagnosis::stepwise::rivals::Explanation;
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
@@ -34,6 +36,8 @@ pub struct Searched {
     /// What is wrong beside what is at fault alone.
     pub wrong: Vec<(Scored, Blame)>,
     pub left: Option<Scored>,
+    /// Explanations that are nearly as good as the best, itself included.
+    pub rivals: Vec<Explanation>,
     /// It ended because there were enough, not because nothing scored.
     more: bool,
 }
@@ -42,7 +46,8 @@ impl Searched {
     /// A search that did not look for anything.
     pub fn nothing(start: Fit) -> Self {
         let (found, poses, wrong) = (Vec::new(), Vec::new(), Vec::new());
-        Self { current: start, found, poses, wrong, left: None, more: false }
+        let rivals = Vec::new();
+        Self { current: start, found, poses, wrong, left: None, rivals, more: false }
     }
 
     /// What is found but wrong readings.
@@ -184,22 +189,25 @@ fn search_once(stepwise: &mut Stepwise, start: Fit, most: usize) -> Result<Searc
     let Growing { mut current, mut found, mut poses, left, more } = it;
     stepwise.against_the_rest(&mut current, &mut found, &mut poses)?;
     // What fits as well as each effect, the others kept; and a better one, if there is.
-    let mut rivals = Vec::new();
+    let mut beside = Vec::new();
     for index in 0..found.len() {
-        let (better, also, blame) = stepwise.alternatives(&mut current, &mut found, index)?;
-        if better {
+        let alternatives = stepwise.alternatives(&mut current, &mut found, index)?;
+        if alternatives.better {
             stepwise.rescale(&mut current)?;
         }
-        rivals.push((found[index].instance, also, blame));
+        beside.push((found[index].instance, alternatives));
     }
     stepwise.keep_gains(&mut current, &mut found)?;
-    rivals.retain(|(instance, ..)| found.iter().any(|s| s.instance == *instance));
+    beside.retain(|(instance, _)| found.iter().any(|s| s.instance == *instance));
+    let near: Vec<_> = beside.iter_mut().map(|(_, a)| std::mem::take(&mut a.near)).collect();
+    let rivals = stepwise.rivals(&current, &found, &near)?;
     let mut steps = Vec::new();
-    for (scored, (_, also, blame)) in found.into_iter().zip(rivals) {
+    for (scored, (_, Alternatives { also, blame, .. })) in found.into_iter().zip(beside) {
         let without = stepwise.without(&current, &[scored.instance])?;
         steps.push(FoundEffect { scored, also, blame, without });
     }
-    Ok(Searched { current, found: steps, poses, wrong: Vec::new(), left, more })
+    let wrong = Vec::new();
+    Ok(Searched { current, found: steps, poses, wrong, left, rivals, more })
 }
 
 /// The candidate least likely by chance.

@@ -138,7 +138,7 @@ impl Groups {
     /// for a reading at `x`, in units of a code.
     #[must_use]
     pub fn lasting_rounding(&self, observations: &Observations) -> f64 {
-        let Readings { channels, held, table, .. } = &observations.readings;
+        let Readings { channels, held, table, .. } = &*observations.readings;
         let counts = observations.mechanism.channels.iter().map(|c| c.unit == "count");
         let whole = counts.enumerate().all(|(c, count)| {
             let mut column = table.values.iter().skip(c).step_by(*channels);

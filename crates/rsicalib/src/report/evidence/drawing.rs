@@ -124,7 +124,7 @@ fn principal(covariance: &Matrix3<f64>) -> [f64; 3] {
 /// As [`readings_at`] and [`Readings::beside`].
 pub fn workspace(observations: &Observations, fit: &Fit) -> Result<Vec<Slice>, Error> {
     let mechanism = &observations.mechanism;
-    let Some(within) = mechanism.workspace() else { return Ok(Vec::new()) };
+    let Some(within) = mechanism.workspace.map(|w| w.bounds()) else { return Ok(Vec::new()) };
     let (values, _) = reported(fit);
     let of = |role: Role, c: usize, declared: f64| {
         fit.model.column(role, c).map_or(declared, |column| values[column])

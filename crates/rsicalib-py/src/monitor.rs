@@ -1,0 +1,133 @@
+//! The watch.
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyAny, PyDict};
+use pythonize::pythonize;
+use rsicalib::Error;
+use rsicalib::monitor::{Alarm, Monitor, MonitorOptions, Quiet};
+
+use crate::apply::PyApplied;
+use crate::error::PyError;
+use crate::mechanism::PyMechanism;
+
+/// A calibrated mechanism that is watched at work.
+#[pyclass(name = "Monitor", module = "rsicalib._core")]
+pub struct PyMonitor {
+    monitor: Monitor,
+    channels: usize,
+}
+
+#[pymethods]
+impl PyMonitor {
+    /// A watch under a result with the covariance of its parameters, (k, k).
+    ///
+    /// `false_alarms` per sample, at most; `dof`, `correlation` and `interval` [s] are those of the
+    /// noise in the calibration.
+    #[new]
+    #[pyo3(signature = (mechanism, applied, covariance=None, *, false_alarms=None, dof=None,
+                        correlation=0.0, interval=None))]
+    fn new(
+        mechanism: &PyMechanism,
+        applied: PyApplied,
+        covariance: Option<PyReadonlyArray2<'_, f64>>,
+        false_alarms: Option<f64>,
+        dof: Option<f64>,
+        correlation: f64,
+        interval: Option<f64>,
+    ) -> Result<Self, PyError> {
+        let covariance: Option<Vec<f64>> =
+            covariance.map(|c| c.as_array().iter().copied().collect());
+        let mut options = MonitorOptions::default();
+        options.false_alarms = false_alarms.unwrap_or(options.false_alarms);
+        options.quiet = Quiet { dof, correlation, interval };
+        let applied = applied.into();
+        let monitor = Monitor::new(&mechanism.0, &applied, covariance.as_deref(), &options)?;
+        Ok(Self { monitor, channels: mechanism.0.channels.len() })
+    }
+
+    /// Tests one row: a reading of each channel, and its time [s]. Returns the alarms.
+    #[pyo3(signature = (readings, time=None))]
+    fn update<'py>(
+        &mut self,
+        py: Python<'py>,
+        readings: PyReadonlyArray1<'_, f64>,
+        time: Option<f64>,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let found = readings.as_slice()?.len();
+        let expected = self.channels;
+        if found != expected {
+            return Err(PyError::from(shape(found, expected)).into());
+        }
+        let alarms = self.monitor.update(readings.as_slice()?, time);
+        alarms.iter().map(|alarm| plain(py, alarm)).collect()
+    }
+
+    /// Tests many rows, shape (n, channels), with their times [s]. Returns the alarms.
+    #[pyo3(signature = (readings, times=None))]
+    fn update_all<'py>(
+        &mut self,
+        py: Python<'py>,
+        readings: PyReadonlyArray2<'_, f64>,
+        times: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let (found, expected) = (readings.as_array().ncols(), self.channels);
+        if found != expected {
+            return Err(PyError::from(shape(found, expected)).into());
+        }
+        let values = readings.as_slice()?;
+        let times = times.as_ref().map(|t| t.as_slice()).transpose()?;
+        let alarms: Vec<Alarm> = py
+            .detach(|| self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))
+            .map_err(PyError::from)?;
+        alarms.iter().map(|alarm| plain(py, alarm)).collect()
+    }
+
+    /// Rows so far, by what became of them.
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize(py, &self.monitor.counts())?)
+    }
+
+    /// Noise at work over that of the calibration, and correlation of neighbouring samples.
+    #[getter]
+    fn noise(&self) -> (f64, f64) {
+        self.monitor.noise()
+    }
+
+    /// Usual time between neighbouring rows [s].
+    #[getter]
+    fn interval(&self) -> Option<f64> {
+        self.monitor.interval()
+    }
+}
+
+fn shape(found: usize, expected: usize) -> Error {
+    Error::Shape { what: "a row".into(), found, expected }
+}
+
+/// An alarm as a dictionary, in the order of the JSON.
+fn plain<'py>(py: Python<'py>, alarm: &Alarm) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let since = alarm.since.unwrap_or(alarm.since_row as f64);
+    out.set_item("since", since)?;
+    out.set_item("since_row", alarm.since_row)?;
+    out.set_item("row", alarm.row)?;
+    out.set_item("time_s", alarm.time)?;
+    out.set_item("term", &alarm.spec.term)?;
+    out.set_item("target", &alarm.spec.target)?;
+    out.set_item("size", alarm.size)?;
+    out.set_item("sd", alarm.sd)?;
+    out.set_item("unit", &alarm.unit)?;
+    out.set_item("parameters", pythonize(py, &alarm.parameters)?)?;
+    out.set_item("platform_rms", pythonize(py, &alarm.platform_rms)?)?;
+    out.set_item("p_value", alarm.p_value)?;
+    let also = alarm.also_fits.iter().map(|s| {
+        let one = PyDict::new(py);
+        one.set_item("term", &s.term)?;
+        one.set_item("target", &s.target)?;
+        Ok(one)
+    });
+    out.set_item("also_fits", also.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("revises", alarm.revises)?;
+    Ok(out)
+}

@@ -1,0 +1,17 @@
+//! The numbers of a CSV text that is nothing but numbers.
+
+use numpy::{PyArray1, ToPyArray};
+use pyo3::prelude::*;
+
+/// Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt.
+#[pyfunction]
+pub fn plain_numbers<'py>(
+    py: Python<'py>,
+    data: &[u8],
+    first: usize,
+    columns: usize,
+) -> Option<Vec<Bound<'py, PyArray1<f64>>>> {
+    let body = data.get(first..)?;
+    let found = py.detach(|| rsicalib::readings::plain::plain_numbers(body, columns))?;
+    Some(found.iter().map(|column| column.to_pyarray(py)).collect())
+}

@@ -1,0 +1,51 @@
+//! What an alarm says.
+
+use crate::apply::change::PlatformRms;
+use crate::model::Spec;
+
+/// A change of the device since its calibration.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Alarm {
+    /// Number of the row that raised it, from 0, all rows counted.
+    pub row: u64,
+    /// Time of that row (s).
+    pub time: Option<f64>,
+    /// Number of the first row of the change, as far as the grid of onsets tells.
+    pub since_row: u64,
+    /// Time of that row (s).
+    pub since: Option<f64>,
+    /// The term and what it acts on: `offset@a22`, `link_frame@arm2/2`, `distance@wrist1-wrist2`.
+    pub spec: Spec,
+    /// How large: the value of a single parameter, or the length of a displacement.
+    pub size: f64,
+    /// Standard deviation of the size.
+    pub sd: f64,
+    /// Unit of the size.
+    pub unit: String,
+    /// All parameters of the change.
+    pub parameters: Vec<Change>,
+    /// What the change does to the platform over poses seen; none without a platform.
+    pub platform_rms: Option<PlatformRms>,
+    /// Probability of such a deviation by chance, corrected for the number of tests of a sample.
+    pub p_value: f64,
+    /// Other changes that fit as well.
+    pub also_fits: Vec<Spec>,
+    /// Row of an earlier alarm that this one corrects: since then the readings have told what it
+    /// was. None for a new change.
+    pub revises: Option<u64>,
+}
+
+/// One parameter of a change.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Change {
+    /// Its name.
+    pub name: String,
+    /// By how much it has changed.
+    pub value: f64,
+    /// Standard deviation of that.
+    pub sd: f64,
+    /// Unit of both.
+    pub unit: String,
+}

@@ -1,0 +1,318 @@
+//! Two sessions of one device: what has changed between them.
+//!
+//! The readings of the later session are tested under the calibration of the earlier one, whose
+//! uncertainty is part of the test: (102) with an onset before the first row. Each change that is
+//! found joins the parameters that are not known, and the others are tested beside it.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::Error;
+use crate::apply::change::PlatformRms;
+use crate::apply::earlier::Applied;
+use crate::estimate::{Noise, Observations};
+use crate::mechanism::{Mechanism, Target};
+use crate::model::Spec;
+use crate::monitor::alarm::Change;
+use crate::monitor::platform::Seen;
+use crate::monitor::rows::Rows;
+use crate::monitor::score::Score;
+use crate::monitor::state::State;
+use crate::monitor::thresholds::{as_chi2, log_tail};
+use crate::monitor::watched::{Watched, changes};
+use crate::monitor::windows::{Sums, Windows};
+use crate::numerics::distributions::{chi2_tail, f_tail};
+use crate::numerics::lanes::WIDTH;
+
+/// Probability that chance alone makes any change of a device.
+pub const CHANGED_LEVEL: f64 = 0.01;
+
+/// Most changes that are looked for.
+const MOST: usize = 4;
+
+/// Linearisations until a change has settled.
+const SETTLED: usize = 4;
+
+/// Standard deviation, in typical sizes, of what is not known.
+const UNKNOWN: f64 = 1e3;
+
+/// Changes fit as well where twice the logarithm of their probability differs by less.
+const AS_WELL: f64 = 6.0;
+
+/// A later session against an earlier calibration.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
+pub struct Comparison {
+    /// χ² of the later readings under the earlier calibration, its uncertainty counted in, per
+    /// degree of freedom.
+    pub chi2_per_dof: f64,
+    /// Probability of more by chance.
+    pub p_value: f64,
+    /// Misclosure of the later poses, each the mean of its samples, under the earlier calibration,
+    /// length units.
+    pub rms_misclosure: f64,
+    /// What has changed, the most certain first.
+    pub changes: Vec<Found>,
+}
+
+/// A change between two sessions.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
+pub struct Found {
+    /// Id of the term.
+    pub term: String,
+    /// What it acts on.
+    pub target: String,
+    /// How large: the value of a single parameter, or the length of a displacement.
+    pub size: f64,
+    /// Standard deviation of the size.
+    pub sd: f64,
+    /// Unit of the size.
+    pub unit: String,
+    /// All parameters of the change.
+    pub parameters: Vec<Change>,
+    /// Probability of such a change by chance, for any of the candidates.
+    pub p_value: f64,
+    /// What it does to the platform in the later session; none without a platform.
+    pub platform_rms: Option<PlatformRms>,
+    /// Changes that these readings cannot tell from it: term and target.
+    pub also_fits: Vec<[String; 2]>,
+}
+
+/// The noise that a later session is judged by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    /// Of a reading, and of the closures.
+    pub noise: Noise,
+    /// Variance of a pose's mean over that of independent samples.
+    pub inflation: f64,
+    /// Degrees of freedom of the noise; infinite where it was declared.
+    pub dof: f64,
+}
+
+/// A pass over all rows.
+struct Pass {
+    state: State,
+    now: Sums,
+    chi2: f64,
+}
+
+struct Session<'a> {
+    observations: &'a Observations,
+    noise: &'a Noise,
+    /// Variance of a pose's mean over that of independent samples.
+    inflation: f64,
+}
+
+/// What has changed since the calibration `earlier`, whose parameters have this covariance, row
+/// by row: tested on the readings of a later session and their noise.
+///
+/// # Errors
+///
+/// As [`super::Monitor::new`].
+pub fn compare(
+    earlier: &Applied,
+    covariance: Option<&[f64]>,
+    observations: &Observations,
+    judged: &Judged,
+) -> Result<Comparison, Error> {
+    let Judged { noise, inflation, dof } = judged;
+    let (inflation, dof) = (*inflation, *dof);
+    let mechanism = &observations.mechanism;
+    let mut watched = Watched::new(mechanism, earlier, covariance, candidates(mechanism))?;
+    let session = Session { observations, noise, inflation };
+    let mut seen = Seen::new(mechanism.channels.len());
+    session.used().for_each(|row| seen.see(observations.readings.row(row)));
+    let count = session.used().count() as f64 * watched.under.model.equations() as f64;
+
+    let was = watched.at.clone();
+    let prior = watched.prior.clone();
+    let rms_misclosure = session.misclosure(&watched)?;
+    let first = session.pass(&watched, &was, &prior);
+    let per_dof = first.chi2 / count;
+    let p_value =
+        if dof.is_finite() { f_tail(per_dof, count, dof) } else { chi2_tail(first.chi2, count) };
+    let mut changes = Vec::new();
+    let (mut pass, mut prior) = (first, prior);
+    let mut taken: Vec<usize> = Vec::new();
+    let tests = watched.candidates.len() as f64;
+    while changes.len() < MOST {
+        let ranked = ranked(&watched, &pass, dof, &taken);
+        let Some(&(best, log_p)) = ranked.first() else { break };
+        if log_p.exp() * tests >= CHANGED_LEVEL {
+            break;
+        }
+        taken.push(best);
+        prior = unknown(&mut watched, &prior, best);
+        for _ in 0..SETTLED {
+            pass = session.pass(&watched, &was, &prior);
+            centre(&mut watched, &mut pass);
+        }
+        let near = |one: &&(usize, f64)| 2.0 * (one.1 - log_p) < AS_WELL;
+        let names = ranked[1..].iter().filter(near).map(|(k, _)| name(&watched, *k)).collect();
+        changes.push((best, (log_p.exp() * tests).min(1.0), names));
+    }
+    let found = changes.into_iter().map(|(k, p_value, also_fits)| {
+        let (values, covariance, alone) =
+            difference(&watched, &pass, &was, covariance.is_some(), k);
+        let candidate = &watched.candidates[k];
+        let (parameters, [size, sd], unit) = candidate.changes(&values, &covariance);
+        let [term, target] = name(&watched, k);
+        let platform_rms = seen.change(&watched, &noise.sigma, &was, &alone);
+        Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
+    });
+    let changes = found.collect();
+    Ok(Comparison { chi2_per_dof: per_dof, p_value, rms_misclosure, changes })
+}
+
+/// What may have changed: as at work, and the gain of a sensor.
+fn candidates(mechanism: &Mechanism) -> Vec<Spec> {
+    let gain = |c| Spec {
+        term: "gain".into(),
+        target: Some(Target::Channel(c).name(mechanism)),
+        place: None,
+    };
+    let mut all = changes(mechanism);
+    all.extend((0..mechanism.channels.len()).map(gain));
+    all
+}
+
+fn name(watched: &Watched, candidate: usize) -> [String; 2] {
+    let Spec { term, target, .. } = &watched.candidates[candidate].spec;
+    [term.clone(), target.clone().unwrap_or_default()]
+}
+
+impl Session<'_> {
+    fn used(&self) -> impl Iterator<Item = usize> {
+        (0..self.observations.readings.samples).filter(|&row| self.observations.weights[row] > 0.0)
+    }
+
+    /// Sums over all rows about the present parameters, `prior` holding about `was`.
+    fn pass(&self, watched: &Watched, was: &[f64], prior: &[f64]) -> Pass {
+        let width = watched.order.len();
+        let k = watched.under.model.equations();
+        let mut rows = Rows::new(watched, &self.noise.sigma);
+        let mut state = State::new(prior.to_vec(), watched.uncertain, width, k);
+        for (position, mean) in state.mean.iter_mut().enumerate() {
+            let column = watched.order[position];
+            *mean = (was[column] - watched.at[column]) / watched.scale[position];
+        }
+        let mut windows = Windows::new(width, 1, watched.tested());
+        let (mut r, mut g) = (vec![0.0; k], vec![0.0; k * width]);
+        let less = 1.0 / self.inflation.sqrt();
+        let mut chi2 = 0.0;
+        let used: Vec<usize> = self.used().collect();
+        for block in used.chunks(WIDTH) {
+            for (lane, &row) in block.iter().enumerate() {
+                rows.put(lane, self.observations.readings.row(row));
+            }
+            rows.linearise(watched);
+            for lane in 0..block.len() {
+                rows.read(lane, watched, &mut r, &mut g);
+                r.iter_mut().chain(&mut g).for_each(|v| *v *= less);
+                chi2 += state.compare(&r, &g, width) * self.inflation;
+                state.absorb();
+                windows.add(&r, &g, 0, None);
+            }
+        }
+        Pass { state, now: windows.now, chi2 }
+    }
+
+    /// Misclosure of the poses, each the mean of its samples, under the present parameters.
+    fn misclosure(&self, watched: &Watched) -> Result<f64, Error> {
+        let Observations { readings, mechanism, weights, .. } = self.observations;
+        let (poses, live) = match readings.held {
+            true => readings.averaged(mechanism, weights)?,
+            false => (readings.clone(), weights.clone()),
+        };
+        let lengths = watched.under.model.lengths();
+        let mut rows = Rows::new(watched, &self.noise.sigma);
+        let used: Vec<usize> = (0..poses.samples).filter(|&row| live[row] > 0.0).collect();
+        let mut squares = 0.0;
+        for block in used.chunks(WIDTH) {
+            for (lane, &row) in block.iter().enumerate() {
+                rows.put(lane, poses.row(row));
+            }
+            squares += rows.misclosure(watched, &lengths, block.len());
+        }
+        Ok((squares / (used.len() * lengths.len()).max(1) as f64).sqrt())
+    }
+}
+
+/// Candidates by how improbable they are by chance, with the logarithm of that probability.
+fn ranked(watched: &Watched, pass: &Pass, dof: f64, taken: &[usize]) -> Vec<(usize, f64)> {
+    let mut score = Score::new(watched.order.len());
+    let none = Sums::new(watched.order.len());
+    let mut ranked: Vec<(usize, f64)> = Vec::new();
+    for (k, candidate) in watched.candidates.iter().enumerate() {
+        if taken.contains(&k) {
+            continue;
+        }
+        let (statistic, rank) = score.test(&candidate.columns, &pass.state, &pass.now, &none);
+        if rank > 0 {
+            let statistic = if dof.is_finite() { as_chi2(statistic, dof) } else { statistic };
+            ranked.push((k, log_tail(statistic, rank as f64)));
+        }
+    }
+    ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
+    ranked
+}
+
+/// Lets the parameters of a candidate be unknown: the covariance beforehand, row by row.
+fn unknown(watched: &mut Watched, prior: &[f64], candidate: usize) -> Vec<f64> {
+    let before = watched.uncertain;
+    for i in 0..watched.candidates[candidate].columns.len() {
+        let column = watched.candidates[candidate].columns[i];
+        if column >= watched.uncertain {
+            watched.join(column);
+        }
+    }
+    let m = watched.uncertain;
+    let mut wider = vec![0.0; m * m];
+    for (i, row) in prior.chunks_exact(before.max(1)).enumerate() {
+        wider[i * m..i * m + before].copy_from_slice(row);
+    }
+    for &column in &watched.candidates[candidate].columns {
+        wider[column * m + column] += UNKNOWN.powi(2);
+    }
+    wider
+}
+
+/// Puts the mean of the state into the parameters.
+fn centre(watched: &mut Watched, pass: &mut Pass) {
+    for (position, mean) in pass.state.mean.iter_mut().enumerate() {
+        watched.at[watched.order[position]] += *mean * watched.scale[position];
+        *mean = 0.0;
+    }
+}
+
+/// Change of a candidate's parameters since before, with its covariance, in units of
+/// [`Watched::scale`]; and all parameters with that change alone.
+fn difference(
+    watched: &Watched,
+    pass: &Pass,
+    was: &[f64],
+    uncertain: bool,
+    candidate: usize,
+) -> (DVector<f64>, DMatrix<f64>, Vec<f64>) {
+    let columns = &watched.candidates[candidate].columns;
+    let (m, q) = (pass.state.size, columns.len());
+    let model = |i: usize| watched.order[columns[i]];
+    let values = DVector::from_fn(q, |i, _| {
+        (watched.at[model(i)] - was[model(i)]) / watched.scale[columns[i]]
+    });
+    // The scale of a parameter of the calibration is its standard deviation there.
+    let known = watched.prior.len();
+    let earlier = |i: usize| {
+        let own = uncertain && columns[i] * columns[i] < known;
+        if own { 1.0 } else { 0.0 }
+    };
+    let covariance = DMatrix::from_fn(q, q, |i, j| {
+        let now = pass.state.covariance[columns[i] * m + columns[j]];
+        if i == j { now + earlier(i) } else { now }
+    });
+    let mut alone = was.to_vec();
+    (0..q).for_each(|i| alone[model(i)] = watched.at[model(i)]);
+    (values, covariance, alone)
+}

@@ -1,0 +1,63 @@
+//! What a change does to the platform, over poses that the watch has seen.
+
+use crate::apply::change::PlatformRms;
+use crate::apply::check::{Check, error_of};
+use crate::apply::poses::poses_of;
+use crate::monitor::watched::Watched;
+use crate::readings::{Readings, Table};
+
+/// Rows that are kept.
+const KEPT: usize = 16;
+
+/// Some of the rows that were tested, evenly spread over the watch.
+#[derive(Debug, Clone)]
+pub(crate) struct Seen {
+    channels: usize,
+    rows: Vec<f64>,
+    every: u64,
+    count: u64,
+}
+
+impl Seen {
+    pub(crate) fn new(channels: usize) -> Self {
+        Self { channels, rows: Vec::with_capacity(KEPT * channels), every: 1, count: 0 }
+    }
+
+    /// Keeps a row if its turn has come; of too many rows every second one goes.
+    pub(crate) fn see(&mut self, readings: &[f64]) {
+        self.count += 1;
+        if self.count < self.every {
+            return;
+        }
+        self.count = 0;
+        if self.rows.len() == KEPT * self.channels {
+            for row in 0..KEPT / 2 {
+                let from = 2 * row * self.channels;
+                self.rows.copy_within(from..from + self.channels, row * self.channels);
+            }
+            self.rows.truncate(KEPT / 2 * self.channels);
+            self.every *= 2;
+        }
+        self.rows.extend_from_slice(readings);
+    }
+
+    /// Change of the platform between two sets of parameters; none without a platform.
+    pub(crate) fn change(
+        &self,
+        watched: &Watched,
+        sigma: &[f64],
+        before: &[f64],
+        after: &[f64],
+    ) -> Option<PlatformRms> {
+        let model = &watched.under.model;
+        if model.mechanism.platform.is_empty() {
+            return None;
+        }
+        let table = Table { values: self.rows.clone(), ..Table::default() };
+        let readings = Readings::beside(&model.mechanism, table, &watched.under.readings).ok()?;
+        let poses = |beta: &[f64]| poses_of(model, &readings, beta, sigma, 1.0);
+        let pairs: Vec<_> = poses(before).into_iter().zip(poses(after)).collect();
+        let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
+        Some(PlatformRms { position: position_rms, orientation: orientation_rms })
+    }
+}

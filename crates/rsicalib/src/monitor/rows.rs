@@ -1,0 +1,62 @@
+//! Whitened misclosure and its derivatives, eight rows at a time.
+
+use crate::estimate::settle::Room;
+use crate::estimate::{Noise, Part};
+use crate::model::Want;
+use crate::monitor::watched::Watched;
+use crate::numerics::lanes::{Lanes, WIDTH};
+
+/// Up to eight rows on their way to the test.
+pub(crate) struct Rows {
+    room: Room,
+    raw: Vec<Lanes>,
+    adjusted: Vec<Lanes>,
+}
+
+impl Rows {
+    pub(crate) fn new(watched: &Watched, sigma: &[f64]) -> Self {
+        let noise = Noise { sigma: sigma.to_vec(), play: 1.0 };
+        let model = &watched.under.model;
+        let none = vec![Lanes::ZERO; model.scales.len()];
+        Self { room: Room::new(model, &noise), raw: none.clone(), adjusted: none }
+    }
+
+    /// Puts a row into a lane and all after it.
+    pub(crate) fn put(&mut self, lane: usize, readings: &[f64]) {
+        for (lanes, value) in self.raw.iter_mut().zip(readings) {
+            lanes.0[lane..WIDTH].fill(*value);
+        }
+    }
+
+    /// Linearises all lanes about the present parameters, (51) and (52).
+    pub(crate) fn linearise(&mut self, watched: &Watched) {
+        let under = &watched.under;
+        let part = Part { model: &under.model, readings: &under.readings, weights: None };
+        self.room.settle_once(&part, 0, &self.raw, &watched.at, &mut self.adjusted);
+    }
+
+    /// Sum of squares of the misclosure of the raw readings in the first lanes, in length units.
+    pub(crate) fn misclosure(&mut self, watched: &Watched, lengths: &[f64], live: usize) -> f64 {
+        let (model, readings) = (&watched.under.model, &watched.under.readings);
+        let want = Want { x: false, a: false };
+        model.evaluate(readings, 0, &self.raw, &watched.at, want, &mut self.room.ws);
+        let lanes = |f: &Lanes| f.0[..live].iter().map(|f| f * f).sum::<f64>();
+        self.room.ws.f.iter().zip(lengths).map(|(f, length)| lanes(f) * length * length).sum()
+    }
+
+    /// `r` and `G` of one lane; `G` row by row, one entry per column that is watched.
+    #[inline(always)]
+    pub(crate) fn read(&self, lane: usize, watched: &Watched, r: &mut [f64], g: &mut [f64]) {
+        let columns = watched.order.len();
+        let width = watched.under.model.width();
+        let x = self.room.ws.x.chunks_exact(width.max(1));
+        for (((r, w), g), x) in
+            r.iter_mut().zip(&self.room.w).zip(g.chunks_exact_mut(columns)).zip(x)
+        {
+            *r = w.0[lane];
+            for ((g, column), scale) in g.iter_mut().zip(&watched.order).zip(&watched.scale) {
+                *g = -x[*column].0[lane] * scale;
+            }
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The error of the calibration, estimated sample by sample: a Kalman filter that stands still.
+
+use nalgebra::DMatrix;
+
+/// Mean and covariance of the error of the calibration, in units of [`super::watched::Watched::scale`].
+#[derive(Debug, Clone)]
+pub(crate) struct State {
+    /// Number of columns that take part: the first of all.
+    pub(crate) size: usize,
+    /// Mean.
+    pub(crate) mean: Vec<f64>,
+    /// Covariance, row by row, `size` entries each.
+    pub(crate) covariance: Vec<f64>,
+    /// `L⁻¹ G P`, equation by equation, with `L Lᵀ = 1 + G P Gᵀ`.
+    gains: Vec<f64>,
+    /// Whitened innovation.
+    innovation: Vec<f64>,
+}
+
+impl State {
+    /// A state of mean zero; `most` is the largest size that it may reach.
+    pub(crate) fn new(covariance: Vec<f64>, size: usize, most: usize, equations: usize) -> Self {
+        let mut own = Self {
+            size,
+            mean: Vec::with_capacity(most),
+            covariance: Vec::with_capacity(most * most),
+            gains: vec![0.0; most * equations],
+            innovation: vec![0.0; equations],
+        };
+        own.mean.resize(size, 0.0);
+        own.covariance.extend(covariance);
+        own
+    }
+
+    /// Mean and covariance of a state of another size: `mean` may be shorter, and is zero beyond.
+    pub(crate) fn set(&mut self, mean: &[f64], covariance: &DMatrix<f64>) {
+        self.size = covariance.nrows();
+        self.mean.clear();
+        self.mean.extend(mean);
+        self.mean.resize(self.size, 0.0);
+        self.covariance.clear();
+        // Symmetric, so the order of rows and columns is the same.
+        self.covariance.extend(covariance.iter());
+    }
+
+    /// Compares a sample `r` with what is expected, `G` having `width` entries a row: the squared
+    /// innovation in units of its covariance, `χ²` of as many degrees of freedom as equations.
+    #[inline(always)]
+    pub(crate) fn compare(&mut self, r: &[f64], g: &[f64], width: usize) -> f64 {
+        let (m, k) = (self.size, r.len());
+        for (row, gain) in g.chunks_exact(width).zip(self.gains.chunks_exact_mut(m.max(1))) {
+            gain.fill(0.0);
+            for (value, column) in row[..m].iter().zip(self.covariance.chunks_exact(m.max(1))) {
+                axpy(*value, column, gain);
+            }
+        }
+        let mut squared = 0.0;
+        for i in 0..k {
+            let row = &g[i * width..i * width + m];
+            let (above, here) = self.gains.split_at_mut(i * m);
+            let gain = &mut here[..m];
+            let mut variance = 1.0 + dot(row, gain);
+            let mut e = r[i] - dot(row, &self.mean);
+            for (known, above) in self.innovation.iter().zip(above.chunks_exact(m.max(1))) {
+                // `Gᵢ (L⁻¹ G P)ⱼ` is `Lᵢⱼ`, the rows before this one being whitened already.
+                let factor = dot(row, above);
+                variance -= factor * factor;
+                e -= factor * known;
+                axpy(-factor, above, gain);
+            }
+            let inverse = 1.0 / variance.max(f64::MIN_POSITIVE).sqrt();
+            gain.iter_mut().for_each(|g| *g *= inverse);
+            self.innovation[i] = e * inverse;
+            squared += self.innovation[i].powi(2);
+        }
+        squared
+    }
+
+    /// Takes over the sample of the last comparison.
+    #[inline(always)]
+    pub(crate) fn absorb(&mut self) {
+        let m = self.size;
+        for (i, e) in self.innovation.iter().enumerate() {
+            let gain = &self.gains[i * m..(i + 1) * m];
+            axpy(*e, gain, &mut self.mean);
+            for (factor, row) in gain.iter().zip(self.covariance.chunks_exact_mut(m)) {
+                axpy(-*factor, gain, row);
+            }
+        }
+    }
+}
+
+/// `y += a x`
+#[inline(always)]
+pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += a * x;
+    }
+}
+
+/// `xᵀ y`, in four running sums that the compiler keeps in one vector.
+#[inline(always)]
+pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
+    let n = x.len().min(y.len());
+    let (x, y) = (&x[..n], &y[..n]);
+    let mut sums = [0.0; 4];
+    let (heads, tails) = (x.chunks_exact(4), y.chunks_exact(4));
+    let rest: f64 = heads.remainder().iter().zip(tails.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in heads.zip(tails) {
+        for i in 0..4 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    sums[0] + sums[1] + sums[2] + sums[3] + rest
+}

@@ -1,0 +1,123 @@
+//! Thresholds from a promised rate of false alarms.
+//!
+//! A window of level `z` is tested every `s_z` samples for each of `J` candidates. With
+//! probability `p_z` of exceeding its threshold by chance, the expected number of false alarms
+//! per sample is at most `Σ_z J p_z / s_z`, however the tests depend on each other. The promised
+//! rate `α` is shared equally between the `Z` levels:
+//!
+//! ```text
+//! p_z = α s_z / (J Z),    P(χ²(q) > h_zq) = p_z                          (104)
+//! ```
+//!
+//! A long window is tested seldom, and has a lower threshold. Where the scale of the noise is
+//! known from `ν` values only, `T` follows `q F(q, ν)`; `ν ln(1 + T/ν)`, corrected as Wallace
+//! (1959) has it for Student's t, is compared with the threshold of `χ²`.
+
+use crate::numerics::distributions::chi2_tail;
+
+/// Largest rank of a candidate.
+const MOST_RANK: usize = 16;
+
+/// Thresholds of every level and rank.
+#[derive(Debug, Clone)]
+pub(crate) struct Thresholds {
+    /// Level by level, [`MOST_RANK`] entries each.
+    limits: Vec<f64>,
+    /// Number of tests whose p-value counts as one sample's.
+    tests: f64,
+}
+
+impl Thresholds {
+    /// For a rate per sample, shared by `levels` levels whose windows are tested every `step`
+    /// samples, for each of `candidates`.
+    pub(crate) fn new(
+        rate: f64,
+        levels: usize,
+        candidates: usize,
+        step: impl Fn(usize) -> f64,
+    ) -> Self {
+        let tests = (levels * candidates.max(1)) as f64;
+        let limits = (0..levels)
+            .flat_map(|level| {
+                let p = (rate * step(level) / tests).min(0.5);
+                (1..=MOST_RANK).map(move |rank| quantile(p, rank as f64))
+            })
+            .collect();
+        Self { limits, tests }
+    }
+
+    /// True where a statistic is above its threshold, with the scale known from `dof` values.
+    #[inline(always)]
+    pub(crate) fn exceeded(&self, level: usize, rank: usize, statistic: f64, dof: f64) -> bool {
+        let limit = self.limits[level * MOST_RANK + rank.clamp(1, MOST_RANK) - 1];
+        rank > 0 && statistic > limit && as_chi2(statistic, dof) > limit
+    }
+
+    /// Probability of a larger statistic by chance, corrected for the number of tests.
+    pub(crate) fn p_value(&self, rank: usize, statistic: f64, dof: f64) -> f64 {
+        (chi2_tail(as_chi2(statistic, dof), rank as f64) * self.tests).min(1.0)
+    }
+}
+
+/// The value of `χ²` that is as probable as `statistic`, whose scale is known from `dof` values.
+pub(crate) fn as_chi2(statistic: f64, dof: f64) -> f64 {
+    let correction = ((8.0 * dof + 1.0) / (8.0 * dof + 3.0)).powi(2);
+    dof * (statistic / dof).ln_1p() * correction
+}
+
+/// `x` with `P(χ²(dof) > x) = p`, also far out in the tail.
+pub(crate) fn quantile(p: f64, dof: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 2_000.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if chi2_tail(middle, dof) > p { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// `ln P(χ²(dof) > x)`, also where the probability is below the smallest number.
+pub(crate) fn log_tail(x: f64, dof: f64) -> f64 {
+    let tail = chi2_tail(x, dof);
+    if tail > 1e-280 {
+        return tail.ln();
+    }
+    // First term of the asymptotic series; its error is below 1 % there.
+    (0.5 * dof - 1.0) * (0.5 * x).ln() - 0.5 * x - statrs::function::gamma::ln_gamma(0.5 * dof)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::distributions::f_tail;
+
+    #[test]
+    fn quantiles_are_those_of_tables_and_reach_far_out() {
+        // Abramowitz & Stegun, Table 26.8: P = 0.001.
+        for (dof, expected) in [(1.0, 10.8276), (2.0, 13.8155), (6.0, 22.4577)] {
+            assert!((quantile(1e-3, dof) - expected).abs() < 1e-4);
+        }
+        // Two degrees of freedom: exp(-x/2).
+        assert!((quantile(1e-14, 2.0) - 64.472_4).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_rates_of_all_tests_add_up_to_the_promise() {
+        let step = |level: usize| 2.0_f64.powi(level as i32 + 1);
+        let (levels, candidates) = (12, 15);
+        let own = Thresholds::new(1e-5, levels, candidates, step);
+        let rate: f64 = (0..levels)
+            .map(|z| candidates as f64 * chi2_tail(own.limits[z * MOST_RANK + 2], 3.0) / step(z))
+            .sum();
+        assert!((rate / 1e-5 - 1.0).abs() < 1e-6, "{rate}");
+    }
+
+    #[test]
+    fn an_estimated_scale_is_charged() {
+        for (rank, statistic, dof) in [(1, 30.0, 200.0), (1, 45.0, 60.0), (6, 60.0, 300.0)] {
+            let exact = f_tail(statistic / rank as f64, rank as f64, dof);
+            let found = chi2_tail(as_chi2(statistic, dof), rank as f64);
+            // Exact for no rank; a fifth of the probability is a hundredth of the threshold.
+            assert!((found / exact).ln().abs() < 0.25, "{rank} {dof}: {found} {exact}");
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! The watch itself: one row after the other.
+
+use crate::Error;
+use crate::apply::earlier::Applied;
+use crate::mechanism::Mechanism;
+use crate::monitor::alarm::Alarm;
+use crate::monitor::open::Open;
+use crate::monitor::options::MonitorOptions;
+use crate::monitor::order::{Counts, Order, Row};
+use crate::monitor::platform::Seen;
+use crate::monitor::recent::Recent;
+use crate::monitor::rows::Rows;
+use crate::monitor::score::Score;
+use crate::monitor::state::{State, dot};
+use crate::monitor::thresholds::{Thresholds, as_chi2, quantile};
+use crate::monitor::watched::{Watched, changes};
+use crate::monitor::whitening::Whitening;
+use crate::monitor::windows::Windows;
+use crate::numerics::lanes::{WIDTH, dispatch};
+
+/// Levels of windows: the longest has 2^20 samples.
+const LEVELS: usize = 18;
+
+/// Probability with which a sound sample is taken for one far outside.
+const OUTSIDE: f64 = 1e-8;
+
+/// Number of samples far outside, one after the other, that make a change of the device.
+const CONFIRMED: usize = 4;
+
+/// Squared innovations are cut off here before the scale of the noise is learned from them, in
+/// their expectation.
+const CLIP: f64 = 8.0;
+
+/// Degrees of freedom of a noise that was declared: it may be somewhat wrong.
+const DECLARED: f64 = 1e3;
+
+/// Values after which older ones fade in the scale of the noise.
+const MEMORY: f64 = 1e6;
+
+/// Values for which the correlation in the calibration counts: the sampling at work may differ.
+const CORRELATION: f64 = 200.0;
+
+/// Samples after a start at which parameters are centred for the first time, and names looked at
+/// again; then at each power of two.
+const LOOK_AGAIN: u64 = 16;
+
+/// A calibrated mechanism that is watched at work.
+///
+/// # Example
+///
+/// ```
+/// use rsicalib::monitor::{Monitor, MonitorOptions};
+/// use rsicalib::{Mechanism, apply::earlier::{Applied, Reference}};
+///
+/// let mechanism = Mechanism::rsi();
+/// let reference = Reference { centre: vec![2048.0; 9], span: vec![[1000.0, 3000.0]; 9], temperature: None };
+/// let applied = Applied { reference, sigma: vec![1.0; 9], ..Applied::default() };
+/// let mut monitor = Monitor::new(&mechanism, &applied, None, &MonitorOptions::default())?;
+/// for row in 0..100 {
+///     // The rest pose under nominal parameters, read with a little noise.
+///     let readings: Vec<f64> = (0..9).map(|c| 2048.0 + f64::from((7 * row + 5 * c) % 3) - 1.0).collect();
+///     assert!(monitor.update(&readings, None).is_empty());
+/// }
+/// assert_eq!(monitor.counts().used, 100);
+/// # Ok::<(), rsicalib::Error>(())
+/// ```
+pub struct Monitor {
+    pub(super) watched: Watched,
+    pub(super) sigma: Vec<f64>,
+    pub(super) order: Order,
+    pub(super) counts: Counts,
+    pub(super) rows: Rows,
+    pub(super) whitening: Whitening,
+    pub(super) state: State,
+    pub(super) windows: Windows,
+    pub(super) thresholds: Thresholds,
+    pub(super) score: Score,
+    pub(super) seen: Seen,
+    /// Scale of the noise, as a variance, and the values that it is known from.
+    pub(super) scale: f64,
+    pub(super) dof: f64,
+    /// Limit beyond which a sample is far outside.
+    pub(super) outside: f64,
+    /// Samples far outside that wait to be confirmed.
+    pub(super) waiting: Vec<Waiting>,
+    pub(super) held: usize,
+    /// Samples since the start, or since the last change.
+    pub(super) age: u64,
+    /// The last rows, to look at a change again.
+    pub(super) recent: Recent,
+    /// Room to linearise them.
+    pub(super) again: Rows,
+    /// The last change, as long as its name is open.
+    pub(super) open: Option<Open>,
+    pub(super) r: Vec<f64>,
+    pub(super) g: Vec<f64>,
+    pub(super) alarms: Vec<Alarm>,
+}
+
+/// A sample that waits.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Waiting {
+    pub(super) r: Vec<f64>,
+    pub(super) g: Vec<f64>,
+    pub(super) row: u64,
+    pub(super) time: Option<f64>,
+}
+
+/// A row that is to be tested.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tested {
+    pub(super) row: u64,
+    pub(super) time: Option<f64>,
+    after_gap: bool,
+}
+
+impl Monitor {
+    /// A watch over a mechanism under a calibration.
+    ///
+    /// `covariance` is that of the calibration's parameters, row by row; none: they are exact.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Missing`] for a mechanism whose loops are not closed in every sample: with unknown
+    /// points or measured distances; [`Error::Context`] for a calibration with a term that
+    /// needs more than one row of readings; [`Error::Option`] for options that cannot be used;
+    /// else as [`crate::apply::earlier::platform_poses`].
+    pub fn new(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        covariance: Option<&[f64]>,
+        options: &MonitorOptions,
+    ) -> Result<Self, Error> {
+        options.check()?;
+        let watched = Watched::new(mechanism, applied, covariance, changes(mechanism))?;
+        let (equations, width) = (watched.under.model.equations(), watched.order.len());
+        let state = State::new(watched.prior.clone(), watched.uncertain, width, equations);
+        let thresholds =
+            Thresholds::new(options.false_alarms, LEVELS, watched.candidates.len(), Windows::step);
+        let waiting = Waiting {
+            r: vec![0.0; equations],
+            g: vec![0.0; equations * width],
+            ..Waiting::default()
+        };
+        Ok(Self {
+            sigma: applied.sigma.clone(),
+            order: Order::new(&mechanism.channels),
+            counts: Counts::default(),
+            rows: Rows::new(&watched, &applied.sigma),
+            whitening: Whitening::new(options.quiet.correlation, CORRELATION, equations, width),
+            state,
+            windows: Windows::new(width, LEVELS, watched.tested()),
+            thresholds,
+            score: Score::new(width),
+            seen: Seen::new(mechanism.channels.len()),
+            scale: 1.0,
+            dof: options.quiet.dof.unwrap_or(DECLARED),
+            outside: quantile(OUTSIDE, equations as f64),
+            r: waiting.r.clone(),
+            g: waiting.g.clone(),
+            waiting: vec![waiting; CONFIRMED],
+            held: 0,
+            age: 0,
+            recent: Recent::new(mechanism.channels.len()),
+            again: Rows::new(&watched, &applied.sigma),
+            open: None,
+            alarms: Vec::new(),
+            watched,
+        })
+    }
+
+    /// Tests one row: the reading of each channel, in the channel's unit, and its time (s).
+    ///
+    /// Returns the alarms that it raises. A row that cannot be used, is late or repeated is
+    /// counted and otherwise ignored. After the first row, memory is allocated only for an alarm.
+    pub fn update(&mut self, readings: &[f64], time: Option<f64>) -> &[Alarm] {
+        self.alarms.clear();
+        if let Some(tested) = self.judge(readings, time) {
+            self.rows.put(0, readings);
+            self.rows.linearise(&self.watched);
+            self.test(0, tested);
+            self.seen.see(readings);
+        }
+        &self.alarms
+    }
+
+    /// Tests many rows, `values` row by row, with their times (s): as [`Monitor::update`] with one
+    /// after the other, and faster.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`] where `values` is not whole rows, or where there is not a time for each.
+    pub fn update_all(&mut self, values: &[f64], times: Option<&[f64]>) -> Result<&[Alarm], Error> {
+        let channels = self.sigma.len();
+        let rows = values.len() / channels;
+        let shape =
+            |what: &str, found, expected| Error::Shape { what: what.into(), found, expected };
+        if !values.len().is_multiple_of(channels) {
+            return Err(shape("values", values.len(), (rows + 1) * channels));
+        }
+        if let Some(found) = times.map(<[f64]>::len).filter(|found| *found != rows) {
+            return Err(shape("time", found, rows));
+        }
+        self.alarms.clear();
+        let mut block = [Tested { row: 0, time: None, after_gap: false }; WIDTH];
+        let mut full = 0;
+        for (row, readings) in values.chunks_exact(channels).enumerate() {
+            if let Some(tested) = self.judge(readings, times.map(|t| t[row])) {
+                self.rows.put(full, readings);
+                self.seen.see(readings);
+                block[full] = tested;
+                full += 1;
+            }
+            if full == WIDTH || row + 1 == rows {
+                self.test_block(&block[..full]);
+                full = 0;
+            }
+        }
+        Ok(&self.alarms)
+    }
+
+    /// Rows so far, by what became of them.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Noise at work: its standard deviation over that of the calibration, and the correlation of
+    /// neighbouring samples.
+    #[must_use]
+    pub fn noise(&self) -> (f64, f64) {
+        (self.scale.sqrt(), self.whitening.correlation())
+    }
+
+    /// Usual time between neighbouring rows (s), where rows have a time.
+    #[must_use]
+    pub fn interval(&self) -> Option<f64> {
+        self.order.interval
+    }
+
+    fn judge(&mut self, readings: &[f64], time: Option<f64>) -> Option<Tested> {
+        let row = self.counts.rows;
+        match self.order.judge(readings, time, &mut self.counts) {
+            Row::LeftOut => None,
+            found => {
+                self.recent.keep(row, readings);
+                Some(Tested { row, time, after_gap: found == Row::AfterGap })
+            }
+        }
+    }
+
+    fn test_block(&mut self, block: &[Tested]) {
+        if block.is_empty() {
+            return;
+        }
+        self.rows.linearise(&self.watched);
+        for (lane, tested) in block.iter().enumerate() {
+            if self.test(lane, *tested) {
+                self.rows.linearise(&self.watched);
+            }
+        }
+    }
+
+    /// Tests the row in a lane; true where the parameters have moved.
+    fn test(&mut self, lane: usize, tested: Tested) -> bool {
+        if tested.after_gap {
+            self.whitening.interrupt();
+        }
+        self.rows.read(lane, &self.watched, &mut self.r, &mut self.g);
+        let crossed = dispatch(
+            #[inline(always)]
+            || self.advance(tested),
+        );
+        if let Some(onset) = crossed {
+            self.raise(onset, tested);
+            return true;
+        }
+        if self.held > 0 {
+            return false;
+        }
+        self.age += 1;
+        let due = self.age >= LOOK_AGAIN && self.age.is_power_of_two();
+        if due {
+            self.recentre();
+            self.look_again(tested);
+        }
+        due
+    }
+
+    /// Puts the mean of the state into the parameters about which rows are linearised.
+    pub(super) fn recentre(&mut self) {
+        let Watched { at, order, scale, .. } = &mut self.watched;
+        for ((position, column), mean) in order.iter().enumerate().zip(&self.state.mean) {
+            at[*column] += mean * scale[position];
+        }
+        self.windows.recentre(&self.state.mean);
+        self.whitening.recentre(&self.state.mean);
+        self.state.mean.fill(0.0);
+    }
+
+    /// Takes over one sample; the onset of a window that exceeds its threshold, `Some(None)` where
+    /// samples far outside have been confirmed.
+    #[inline(always)]
+    fn advance(&mut self, tested: Tested) -> Option<Option<usize>> {
+        let width = self.watched.order.len();
+        self.whitening.filter(&mut self.r, &mut self.g);
+        let squared = self.state.compare(&self.r, &self.g, width) / self.scale;
+        if squared > self.outside && as_chi2(squared, self.dof) > self.outside {
+            self.whitening.interrupt();
+            let place = &mut self.waiting[self.held];
+            place.r.copy_from_slice(&self.r);
+            place.g.copy_from_slice(&self.g);
+            (place.row, place.time) = (tested.row, tested.time);
+            self.held += 1;
+            return (self.held == CONFIRMED).then_some(None);
+        }
+        for place in &self.waiting[..self.held] {
+            self.recent.leave_out(place.row);
+        }
+        self.counts.outliers += std::mem::take(&mut self.held) as u64;
+        self.state.absorb();
+        self.counts.used += 1;
+        let equations = self.r.len() as f64;
+        let squared = squared.min(CLIP * equations) * self.scale;
+        self.scale = (self.scale * self.dof + squared) / (self.dof + equations);
+        self.dof = (self.dof + equations).min(MEMORY);
+        let (state, size) = (&self.state, self.state.size);
+        self.whitening.learn(|g| dot(&g[..size], &state.mean));
+        self.windows.add(&self.r, &self.g, tested.row, tested.time);
+        let (level, onset) = self.windows.keep()?;
+        for candidate in &self.watched.candidates {
+            let begin = self.windows.onset(onset);
+            let (statistic, rank) =
+                self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
+            if self.thresholds.exceeded(level, rank, statistic / self.scale, self.dof) {
+                return Some(Some(onset));
+            }
+        }
+        None
+    }
+}

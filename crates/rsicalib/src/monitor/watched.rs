@@ -1,0 +1,270 @@
+//! A calibration as the watch needs it: the model, what it is uncertain of, what may change.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::apply::earlier::{Applied, Under};
+use crate::mechanism::{ClosureKind, Mechanism, Target};
+use crate::model::Spec;
+use crate::monitor::alarm::Change;
+use crate::monitor::score::MOST_COLUMNS;
+use crate::numerics::random::Random;
+use crate::readings::Table;
+use crate::terms::targets::typical;
+use crate::terms::term::{Info, Needs};
+use crate::{Error, terms};
+
+/// Rows of the table that the model is compiled for.
+const ROWS: usize = 8;
+
+/// The model under a calibration, and its columns.
+pub(crate) struct Watched {
+    pub(crate) under: Under,
+    /// Parameters about which samples are linearised.
+    pub(crate) at: Vec<f64>,
+    /// Columns of the model that take part: those that are uncertain first.
+    pub(crate) order: Vec<usize>,
+    /// Unit of each of them.
+    pub(crate) scale: Vec<f64>,
+    /// Number of uncertain ones, and their covariance, row by row.
+    pub(crate) uncertain: usize,
+    pub(crate) prior: Vec<f64>,
+    /// What may change.
+    pub(crate) candidates: Vec<Candidate>,
+}
+
+/// A change that is tested.
+#[derive(Debug, Clone)]
+pub(crate) struct Candidate {
+    pub(crate) spec: Spec,
+    /// Positions in [`Watched::order`].
+    pub(crate) columns: Vec<usize>,
+    /// Name and unit of each parameter.
+    pub(crate) parameters: Vec<(&'static str, String)>,
+    /// Unit of each, as in [`Watched::scale`].
+    pub(crate) scale: Vec<f64>,
+}
+
+impl Watched {
+    /// Compiles the model with the changes to test; `covariance` is that of the calibration's
+    /// parameters, row by row.
+    pub(crate) fn new(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        covariance: Option<&[f64]>,
+        specs: Vec<Spec>,
+    ) -> Result<Self, Error> {
+        refuse(mechanism)?;
+        let under = Under::with_terms(mechanism, applied, spread(mechanism, applied), &specs)?;
+        refuse_context(&under)?;
+        let internal = internal_covariance(&under, covariance)?;
+        let model = &under.model;
+        let mut order: Vec<usize> =
+            (0..model.parameters).filter(|&p| internal[(p, p)] > 0.0).collect();
+        let uncertain = order.len();
+        let mut scale: Vec<f64> = order.iter().map(|&p| internal[(p, p)].sqrt()).collect();
+        let prior = (0..uncertain * uncertain)
+            .map(|k| (k / uncertain, k % uncertain))
+            .map(|(i, j)| internal[(order[i], order[j])] / (scale[i] * scale[j]))
+            .collect();
+        let mut candidates = Vec::new();
+        for spec in specs {
+            let (term, targets) = spec.targets(mechanism)?;
+            let target = targets[0];
+            let k = model
+                .instances
+                .iter()
+                .position(|i| i.term.info().id == term.info().id && i.target == target);
+            let Some(first) = k.map(|k| model.first[k]) else { continue };
+            let mut sizes = typical(mechanism, term, target);
+            if term.info().broad {
+                // A link bends by as much as it is longer than drawn, whatever is moved.
+                let bent = typical(mechanism, terms::find("link_length")?, target)[0];
+                let lengths = term.info().parameters.iter().map(|p| p.unit == "length");
+                sizes.iter_mut().zip(lengths).filter(|(_, l)| *l).for_each(|(s, _)| *s = bent);
+            }
+            let mut columns = Vec::new();
+            for (p, size) in (first..).zip(sizes) {
+                columns.push(order.iter().position(|&o| o == p).unwrap_or(order.len()));
+                if !order.contains(&p) {
+                    order.push(p);
+                    scale.push(size);
+                }
+            }
+            columns.truncate(MOST_COLUMNS);
+            let parameters = names(mechanism, term.info(), target);
+            let units = columns.iter().map(|&z| scale[z]).collect();
+            candidates.push(Candidate { spec, columns, parameters, scale: units });
+        }
+        let at = under.internal(&under.values);
+        Ok(Self { at, order, scale, uncertain, prior, candidates, under })
+    }
+
+    /// Positions of the columns that candidates have, ascending.
+    pub(crate) fn tested(&self) -> Vec<usize> {
+        let mut tested: Vec<usize> =
+            self.candidates.iter().flat_map(|c| c.columns.clone()).collect();
+        tested.sort_unstable();
+        tested
+    }
+
+    /// Moves a column among the uncertain ones.
+    pub(crate) fn join(&mut self, position: usize) {
+        let first = self.uncertain;
+        self.order.swap(position, first);
+        self.scale.swap(position, first);
+        for column in self.candidates.iter_mut().flat_map(|c| &mut c.columns) {
+            *column = match *column {
+                own if own == position => first,
+                other if other == first => position,
+                same => same,
+            };
+        }
+        self.uncertain += 1;
+    }
+}
+
+impl Candidate {
+    /// Values and covariance of the parameters, in units of [`Watched::scale`], as an alarm has
+    /// them: all parameters, size with standard deviation, unit of the size.
+    pub(crate) fn changes(
+        &self,
+        values: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+    ) -> (Vec<Change>, [f64; 2], String) {
+        let own = self.parameters.iter().zip(&self.scale).enumerate();
+        let parameters: Vec<Change> = own
+            .map(|(i, ((name, unit), scale))| Change {
+                name: (*name).into(),
+                value: values[i] * scale,
+                sd: covariance[(i, i)].max(0.0).sqrt() * scale,
+                unit: unit.clone(),
+            })
+            .collect();
+        let unit = self.parameters[0].1.clone();
+        if let [only] = &*parameters {
+            let size = [only.value, only.sd];
+            return (parameters, size, unit);
+        }
+        // The length of the displacement.
+        let along: Vec<usize> =
+            (0..parameters.len()).filter(|&i| parameters[i].unit == unit).collect();
+        let size = along.iter().map(|&i| parameters[i].value.powi(2)).sum::<f64>().sqrt();
+        let part = |i: usize| parameters[i].value * self.scale[i] / size.max(f64::MIN_POSITIVE);
+        let pairs = along.iter().flat_map(|&i| along.iter().map(move |&j| (i, j)));
+        let variance: f64 = pairs.map(|(i, j)| part(i) * part(j) * covariance[(i, j)]).sum();
+        (parameters, [size, variance.max(0.0).sqrt()], unit)
+    }
+}
+
+/// Name and unit of each parameter of a term at a target.
+fn names(mechanism: &Mechanism, info: &Info, target: Target) -> Vec<(&'static str, String)> {
+    let slides = matches!(target, Target::Channel(c) if mechanism.slides(c));
+    let unit = |unit: &str| match unit {
+        "length" => mechanism.length_unit.clone(),
+        "rad" if slides => mechanism.length_unit.clone(),
+        other => other.to_string(),
+    };
+    info.parameters.iter().map(|p| (p.name, unit(p.unit))).collect()
+}
+
+/// Refuses mechanisms whose loops are not closed in every sample.
+fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
+    let needs = if mechanism.closures.is_empty() {
+        "closure"
+    } else if !mechanism.key_columns().is_empty() {
+        "closure without unknown points"
+    } else if !mechanism.value_columns().is_empty() {
+        "closure of a constant value"
+    } else {
+        return Ok(());
+    };
+    let why = "the watch tests that the same loops close in every sample";
+    Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why })
+}
+
+/// Refuses terms that need more than one row.
+fn refuse_context(under: &Under) -> Result<(), Error> {
+    for instance in &under.model.instances {
+        let Info { id, needs, .. } = instance.term.info();
+        if matches!(needs, Needs::Approach | Needs::Motion | Needs::Temperature) {
+            return Err(Error::Context { term: id, needs: needs.words() });
+        }
+    }
+    Ok(())
+}
+
+/// What may change: every channel, closure and chain.
+///
+/// A link that bends moves all that it carries: the frame at its far end, or at the end of a
+/// chain the point itself.
+pub(crate) fn changes(mechanism: &Mechanism) -> Vec<Spec> {
+    let spec = |term: &str, target: Target| Spec {
+        term: term.into(),
+        target: Some(target.name(mechanism)),
+        place: None,
+    };
+    let mut changes: Vec<Spec> =
+        (0..mechanism.channels.len()).map(|c| spec("offset", Target::Channel(c))).collect();
+    for (k, closure) in mechanism.closures.iter().enumerate() {
+        if closure.kind == ClosureKind::Distance {
+            changes.push(spec("distance", Target::Closure(k)));
+        }
+    }
+    for (c, chain) in mechanism.chains.iter().enumerate() {
+        let sensed = chain.rows.iter().position(|r| r.channel.is_some());
+        for (r, row) in chain.rows.iter().enumerate() {
+            let moves = sensed.is_some_and(|first| r >= first);
+            if moves && row.body().translation.vector.norm() > 0.0 {
+                changes.push(spec("link_frame", Target::Row(c, r)));
+            }
+        }
+        let off = |at: &[f64; 3]| at.iter().any(|v| *v != 0.0);
+        let carried = mechanism.points.iter().filter(|p| p.chain.as_ref() == Some(&chain.name));
+        if sensed.is_some() && carried.filter_map(|p| p.at).any(|at| off(&at)) {
+            changes.push(spec("point_position", Target::Chain(c)));
+        }
+    }
+    changes
+}
+
+/// Readings over what the calibration has seen, for which the model is compiled.
+fn spread(mechanism: &Mechanism, applied: &Applied) -> Table {
+    let mut random = Random::new(0);
+    let mut values = Vec::with_capacity(ROWS * mechanism.channels.len());
+    for _ in 0..ROWS {
+        for (c, channel) in mechanism.channels.iter().enumerate() {
+            let [mut low, mut high] = applied.reference.span.get(c).copied().unwrap_or_default();
+            if high.is_nan() || high <= low {
+                [low, high] = channel.range.unwrap_or([-1.0, 1.0]);
+            }
+            values.push(random.uniform(low, high));
+        }
+    }
+    Table { values, time: Some((0..ROWS).map(|row| row as f64).collect()), ..Table::default() }
+}
+
+/// Covariance of the model's own parameters, which depend linearly on the reported ones.
+fn internal_covariance(under: &Under, covariance: Option<&[f64]>) -> Result<DMatrix<f64>, Error> {
+    let (n, p) = (under.values.len(), under.model.parameters);
+    let Some(covariance) = covariance else { return Ok(DMatrix::zeros(p, p)) };
+    if covariance.len() != n * n {
+        let (what, found) = ("covariance".into(), covariance.len());
+        return Err(Error::Shape { what, found, expected: n * n });
+    }
+    let known = |i: usize| (0..n).all(|j| covariance[i * n + j].is_finite());
+    let finite =
+        |i: usize, j: usize| if known(i) && known(j) { covariance[i * n + j] } else { 0.0 };
+    let here = under.internal(&under.values);
+    let mut slopes = DMatrix::zeros(p, n);
+    for k in 0..n {
+        let step = finite(k, k).max(0.0).sqrt();
+        if step > 0.0 {
+            let mut moved = under.values.clone();
+            moved[k] += step;
+            let change = under.internal(&moved);
+            (0..p).for_each(|row| slopes[(row, k)] = (change[row] - here[row]) / step);
+        }
+    }
+    let own = DMatrix::from_fn(n, n, finite);
+    Ok(&slopes * own * slopes.transpose())
+}

@@ -1,0 +1,201 @@
+"""Poses to visit after a session: beside its readings, under its result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.devices import Within
+from rsicalib.errors import InputError
+from rsicalib.plans import Forecast, Plan
+from rsicalib.results import Result, Trace
+from rsicalib.shapes import Name
+from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
+from rsicalib.work.job import Work
+from rsicalib.work.outcome import described
+
+__all__ = ["Choice", "Sessions", "explanations", "plan_further"]
+
+UNKNOWN_POINT = "unknown_point"
+Explained = tuple[list[str], float, float]
+"""Effects, penalised χ², probability."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How poses are chosen; None is as in Rust."""
+
+    poses: int
+    criterion: str | None = None
+    within: Within | None = None
+    candidates: int | None = None
+    off: FloatArray | None = None
+    here: FloatArray | None = None
+    way: float | None = None
+    seed: int = 0
+
+    def options(self) -> dict[str, Any]:
+        """As the core takes them."""
+        within = None if self.within is None else [(float(a), float(b)) for a, b in self.within]
+        return {
+            "poses": self.poses,
+            "criterion": self.criterion,
+            "within": within,
+            "candidates": self.candidates,
+            "off": self.off,
+            "from_": self.here,
+            "way": self.way,
+            "seed": self.seed,
+        }
+
+
+class Sessions:
+    """Readings with their result, ready to be planned beside."""
+
+    def __init__(
+        self, readings: SessionsArg, result: CalibrationArg, mechanism: MechanismArg = "rsi"
+    ) -> None:
+        job = Work(mechanism, False, result, {})
+        assert job.earlier is not None
+        self.result: Result = job.earlier
+        job.take(readings, None, None)
+        self.mechanism: Mechanism = job.mechanism
+        digest = described(job.readings).sha256
+        if digest != self.result.readings.sha256:
+            source = ", ".join(r.source for r in job.readings)
+            expected = f"the readings of the result, SHA-256 {self.result.readings.sha256}"
+            raise InputError.at(source, found=f"readings with SHA-256 {digest}", expected=expected)
+        self.readings = job.readings
+        noise = self.result.noise
+        declared = noise is not None and noise.source == "declared"
+        sigma = dict(noise.sigma) if noise is not None and declared else None
+        self.base = base_terms(self.result)
+        self.session = job.session(None, self.base, {"noise": job.noise(sigma)})
+
+    @property
+    def left_out(self) -> list[int]:
+        """Rows that the result leaves out."""
+        pose = np.concatenate([r.pose for r in self.readings])
+        first = np.r_[True, pose[1:] != pose[:-1]]
+        starts = np.flatnonzero(first)
+        sample = np.arange(len(pose)) - np.repeat(starts, np.diff(np.r_[starts, len(pose)])) + 1
+        keys = self.mechanism.key_columns
+        group = [g for r in self.readings for g in r.keys[keys[0]]] if keys else []
+        out = np.zeros(len(pose), dtype=bool)
+        for bad in self.result.excluded:
+            if bad.pose is None:
+                out |= np.array([g == bad.group for g in group]) if keys else False
+            else:
+                own = pose == bad.pose
+                out |= own if bad.sample is None else own & (sample == bad.sample)
+        return [int(row) for row in np.flatnonzero(out)]
+
+    @property
+    def next_label(self) -> int:
+        """Label of a pose after those of the sessions."""
+        return int(max(r.pose.max() for r in self.readings)) + 1
+
+
+def base_terms(result: Result) -> list[str]:
+    """Terms that a result began with, as `terms=[…]` takes them."""
+    steps = [(s.term, s.target, s.place) for s in getattr(result, "steps", ())]
+    bad = (UNKNOWN_POINT, "bad_reading")
+    kept = [p.spec for p in result.parameters if p.at not in steps and p.term not in bad]
+    return list(dict.fromkeys(kept))
+
+
+def explanations(result: Result) -> list[tuple[tuple[Name, ...], float, float]]:
+    """Effects, penalised χ² and probability of each explanation, the best first."""
+    if not isinstance(result, Trace):
+        return []
+    if result.rivals:
+        return [(r.terms, r.chi2_penalised, r.probability) for r in result.rivals]
+    steps = tuple(
+        Name(term=s.term, klass=s.klass, target=s.target, place=s.place) for s in result.steps
+    )
+    return [(steps, 0.0, 1.0)] if steps else []
+
+
+def words(terms: Sequence[Name]) -> str:
+    """Effects in words."""
+    return " + ".join(f"{t.term} {t.target}" for t in terms) or "nothing"
+
+
+def plan_further(sessions: Sessions, choice: Choice) -> Plan:
+    """Choose poses to visit after sessions: see `rsicalib.plan`."""
+    rivals = explanations(sessions.result)
+    specs: list[Explained] = [
+        ([_core.spec(t.term, t.target, t.place) for t in terms], chi2, probability)
+        for terms, chi2, probability in rivals
+    ]
+    options = choice.options()
+    found = _core.further(sessions.session, specs, left_out=sessions.left_out, **options)
+    names = [words(terms) for terms, _, _ in rivals]
+    keys = dict(zip(sessions.mechanism.key_columns, map(tuple, found["keys"]), strict=True))
+    unit = sessions.mechanism.length_unit
+    seconds = _session_seconds(sessions)
+    why = [
+        _pause(wait, seconds) + reason(purpose, names, unit)
+        for wait, purpose in zip(found["waits"], found["purposes"], strict=True)
+    ]
+    return Plan(
+        mechanism=sessions.mechanism.name,
+        length_unit=unit,
+        criterion=found["criterion"],
+        seed=choice.seed,
+        channels=tuple(c.name for c in sessions.mechanism.channels),
+        poses=found["poses"],
+        readings=found["readings"],
+        why=tuple(why),
+        keys=keys,
+        waits=tuple(found["waits"]) if any(found["waits"]) else (),
+        first=sessions.next_label,
+        merged=tuple(
+            f"no pose within reach tells {names[b]} from {names[a]}" for b, a in found["merged"]
+        ),
+        forecast=_forecast(found["forecast"]),
+    )
+
+
+def _session_seconds(sessions: Sessions) -> float | None:
+    times = sessions.readings[-1].time_s
+    return None if times is None else float(times.max() - times.min())
+
+
+def _pause(wait: float, seconds: float | None) -> str:
+    if wait == 0.0:
+        return ""
+    if seconds is None:
+        return f"wait {wait:g} of the session first; "
+    return f"wait {wait * seconds / 60:.3g} min first; "
+
+
+def reason(purpose: Mapping[str, Any], names: Sequence[str], unit: str) -> str:
+    """What a pose is visited for, in words."""
+    if "tells" in purpose:
+        (a, b), gain = purpose["tells"]
+        return f"tells {names[a]} from {names[b]} (λ +{gain:.3g})"
+    if "platform" in purpose:
+        before, after = purpose["platform"]
+        return f"platform {before:.3g} → {after:.3g} {unit}"
+    return f"makes what is minimised {purpose['falls']:.3g} times as large"
+
+
+def _forecast(found: Mapping[str, Any]) -> Forecast:
+    def ends(pair: Sequence[Any] | None) -> dict[str, Any] | None:
+        return None if pair is None else {"before": pair[0], "after": pair[1]}
+
+    return Forecast.from_dict(
+        {
+            "decides": found["decides"],
+            "least_lambda": found["least_lambda"],
+            "platform_sd": ends(found["platform_sd"]),
+            "worst_hidden": ends(found["worst_hidden"]),
+        }
+    )

@@ -1,0 +1,302 @@
+"""What to measure next, how good the calibration is, and what looks wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import RsicalibError
+from rsicalib.further import explanations, reason, words
+from rsicalib.guide.log import Sample
+from rsicalib.io.readings import Readings
+from rsicalib.records import plain
+from rsicalib.results import Trace
+from rsicalib.tracing import trace
+from rsicalib.work.applying import as_applied, as_table
+
+__all__ = ["Advice", "Adviser", "Repeat"]
+
+WAY = 0.1
+"""Weight of the way to the next pose, beside ln(variance after / variance before)."""
+OFFSET_SD = 0.1
+"""What is known of an offset before anything is measured [rad]."""
+GAIN_SD = 0.05
+"""What is known of a gain, as a fraction of it."""
+SPARE = 6
+"""Equations beyond the parameters, from which on a session is traced."""
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """A pose that is to be measured again, and why."""
+
+    label: int
+    why: str
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What the poses so far say.
+
+    `pose` [length unit, rad] and `readings` are where to go next, `why` is what for; `sd` is the
+    standard deviation of the platform now, `sd_next` with the next pose [length unit].
+    """
+
+    pose: FloatArray | None = None
+    readings: FloatArray | None = None
+    why: str = ""
+    criterion: str = ""
+    sd: float | None = None
+    sd_next: float | None = None
+    result: Trace | None = None
+    open: tuple[str, ...] = ()
+    troubles: tuple[str, ...] = ()
+    repeat: tuple[Repeat, ...] = ()
+    closure: float | None = None
+    """Error of the closures in the poses that are kept out [length unit]."""
+    closure_fitted: float | None = None
+    """The same in the poses that are fitted."""
+    wait_s: float = 0.0
+    gain: float | None = None
+    """By how much the next pose parts what is open [χ²]; None where it has another purpose."""
+
+
+@dataclass
+class Adviser:
+    """Plans and traces what was measured."""
+
+    mechanism: Mechanism
+    rest: Readings | None
+    seed: int = 0
+    prior: Mechanism = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.prior = _with_priors(self.mechanism, self.rest)
+
+    @property
+    def equations(self) -> int:
+        """Equations of one sample."""
+        kinds = [c["kind"] for c in self.mechanism.to_dict()["closure"]]
+        return sum(3 if kind == "touch" else 1 for kind in kinds)
+
+    def advise(
+        self,
+        fitted: Mapping[int, Sequence[Sample]],
+        kept_out: Mapping[int, Sequence[Sample]],
+        here: Sequence[float] | None,
+        off: Sequence[Sequence[float]],
+        target: float,
+    ) -> Advice:
+        """Trace the poses so far, and choose the next one.
+
+        Parameters
+        ----------
+        fitted, kept_out : mapping of int to samples
+            Poses by label: those to fit, and those that check the closure.
+        here : sequence of float or None
+            Reading of where the handle is.
+        off : sequence of sequence of float
+            Readings of poses that the operator struck off.
+        target : float
+            Standard deviation of the platform from which on poses decide what is open [length
+            unit].
+
+        Returns
+        -------
+        Advice
+            Troubles are in words.
+        """
+        result = self._traced(fitted)
+        rivals = [] if result is None else explanations(result)
+        planned = self._planned(fitted, result, here, off, decide=False)
+        sure = planned.get("sd")
+        if sure is not None and sure <= target and len(rivals) > 1:
+            planned = self._planned(fitted, result, here, off, decide=True)
+        check = self._closures(result, fitted, kept_out)
+        many = len(rivals) > 1
+        return Advice(
+            **planned,
+            result=result,
+            open=tuple(words(terms) for terms, _, _ in rivals) if many else (),
+            repeat=() if result is None else _repeats(result),
+            closure=check[1],
+            closure_fitted=check[0],
+        )
+
+    def _traced(self, fitted: Mapping[int, Sequence[Sample]]) -> Trace | None:
+        parameters = 2 * len(self.mechanism.channels)
+        if len(fitted) * self.equations < parameters + SPARE:
+            return None
+        try:
+            return trace(self._readings(fitted), self.mechanism, rest=self.rest)
+        except RsicalibError:
+            return None
+
+    def _readings(self, poses: Mapping[int, Sequence[Sample]]) -> Readings:
+        rows = [(label, s) for label in sorted(poses, key=_time_of(poses)) for s in poses[label]]
+        warm = [s.temperature_c for _, s in rows]
+        return Readings.from_arrays(
+            self.mechanism,
+            np.array([s.values for _, s in rows]),
+            pose=np.array([label for label, _ in rows]),
+            time_s=np.array([s.time_s for _, s in rows]),
+            temperature_c=None if None in warm else np.array(warm, dtype=np.float64),
+        )
+
+    def _session(self, fitted: Mapping[int, Sequence[Sample]], enough: bool) -> _core.Session:
+        """The poses for planning; before they are enough, the rest pose is one of them."""
+        poses = dict(fitted)
+        if not enough and self.rest is not None:
+            first = min((s[0].time_s for s in poses.values()), default=0.0)
+            at_rest = [Sample(first - 1.0, _warmth(poses), tuple(row)) for row in self.rest.values]
+            poses[0] = at_rest
+        if not poses:
+            middle = tuple(_middle(self.prior))
+            poses[0] = [Sample(0.0, None, middle)] * 2
+        return _core.Session(self.prior, as_table([self._readings(poses)], self.mechanism))
+
+    def _planned(
+        self,
+        fitted: Mapping[int, Sequence[Sample]],
+        result: Trace | None,
+        here: Sequence[float] | None,
+        off: Sequence[Sequence[float]],
+        decide: bool,
+    ) -> dict[str, Any]:
+        session = self._session(fitted, result is not None)
+        rivals = [] if result is None else explanations(result)
+        specs = [
+            ([_core.spec(t.term, t.target, t.place) for t in terms], chi2, probability)
+            for terms, chi2, probability in rivals
+        ]
+        options: dict[str, Any] = {
+            "poses": 1,
+            "left_out": [],
+            "off": np.array(off, dtype=np.float64) if len(off) else None,
+            "from_": None if here is None else np.array(here, dtype=np.float64),
+            "way": WAY,
+            "seed": self.seed + len(fitted),
+        }
+        criterion = "decide" if decide else "platform"
+        found = None
+        for attempt in (criterion, "platform"):
+            try:
+                found = _core.further(session, specs, criterion=attempt, **options)
+                break
+            except RsicalibError:
+                specs = specs if attempt == "decide" else []
+        if found is None:
+            return {"troubles": tuple(session.fit().warnings)}
+        spread = found["forecast"]["platform_sd"]
+        names = [words(terms) for terms, _, _ in rivals]
+        return {
+            "pose": found["poses"][0],
+            "readings": found["readings"][0],
+            "why": reason(found["purposes"][0], names, self.mechanism.length_unit),
+            "criterion": found["criterion"],
+            "gain": found["purposes"][0].get("tells", (None, None))[1],
+            "sd": spread[0]["position"],
+            "sd_next": spread[1]["position"],
+            "wait_s": found["waits"][0] * _length_s(fitted),
+            "troubles": tuple(
+                _wiring(session.fit().warnings if result is None else result.warnings)
+            ),
+        }
+
+    def _closures(
+        self,
+        result: Trace | None,
+        fitted: Mapping[int, Sequence[Sample]],
+        kept_out: Mapping[int, Sequence[Sample]],
+    ) -> tuple[float | None, float | None]:
+        if result is None or not kept_out:
+            return None, None
+        return (
+            closure_error(self.mechanism, result, self._readings(fitted)),
+            closure_error(self.mechanism, result, self._readings(kept_out)),
+        )
+
+
+def closure_error(mechanism: Mechanism, result: Trace, readings: Readings) -> float | None:
+    """Root mean square error of known distances under a result [length unit].
+
+    None where the mechanism has no distance between points that are known.
+    """
+    drawing = mechanism.to_dict()
+    drawing.pop("platform", None)
+    drawing.pop("rest", None)
+    bare = _core.Mechanism.from_dict(plain(drawing))
+    table = as_table([readings], bare, bare=True)
+    names, values, _ = _core.places(bare, as_applied(result, bare), table, None)
+    at = {name: np.asarray(values)[:, k] for k, name in enumerate(names)}
+    errors = []
+    for closure in drawing["closure"]:
+        columns = [[f"{end}.{axis}" for axis in "xyz"] for end in closure["between"]]
+        value = closure.get("value")
+        if not isinstance(value, int | float) or not all(c in at for end in columns for c in end):
+            continue
+        first, second = (np.stack([at[c] for c in end], axis=1) for end in columns)
+        errors.append(np.linalg.norm(first - second, axis=1) - value)
+    return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+
+def _with_priors(mechanism: Mechanism, rest: Readings | None) -> Mechanism:
+    """The mechanism with weak knowledge of its sensors, its offsets as of the rest reading."""
+    drawing = mechanism.to_dict()
+    gains = [abs(c.gain) for c in mechanism.channels]
+    model = drawing.setdefault("model", {})
+    known = {"offset": OFFSET_SD, "gain": GAIN_SD * float(np.median(gains))}
+    model["sd"] = {**known, **model.get("sd", {})}
+    if rest is not None and drawing.get("rest"):
+        angles = mechanism.inverse(drawing["rest"]["pose"])
+        read = rest.values.mean(axis=0)
+        for channel, angle, reading in zip(drawing["channel"], angles, read, strict=True):
+            channel["offset"] = float(angle - channel["gain"] * reading)
+    return _core.Mechanism.from_dict(plain(drawing))
+
+
+def _middle(mechanism: Mechanism) -> list[float]:
+    """Readings of the rest pose by the drawing, or of the middle of every range."""
+    drawing = mechanism.to_dict()
+    if drawing.get("rest"):
+        angles = mechanism.inverse(drawing["rest"]["pose"])
+        pairs = zip(mechanism.channels, angles, strict=True)
+        return [float((angle - c.offset) / c.gain) for c, angle in pairs]
+    return [sum(c.range) / 2 if c.range else 0.0 for c in mechanism.channels]
+
+
+def _time_of(poses: Mapping[int, Sequence[Sample]]) -> Any:
+    return lambda label: poses[label][0].time_s
+
+
+def _warmth(poses: Mapping[int, Sequence[Sample]]) -> float | None:
+    every = [s.temperature_c for samples in poses.values() for s in samples]
+    return every[0] if every else None
+
+
+def _length_s(poses: Mapping[int, Sequence[Sample]]) -> float:
+    times = [s.time_s for samples in poses.values() for s in samples]
+    return max(times) - min(times) if times else 0.0
+
+
+def _repeats(result: Trace) -> tuple[Repeat, ...]:
+    return tuple(
+        Repeat(bad.pose, f"pose {bad.pose} does not fit the others: {bad.reason}")
+        for bad in result.excluded
+        if bad.pose is not None
+    )
+
+
+WIRING = re.compile(r"exchang|revers|wrap|never changes|does not change|stuck|clip|saturat", re.I)
+
+
+def _wiring(warnings: Sequence[str]) -> list[str]:
+    """Warnings that an operator can do something about."""
+    return [w for w in warnings if WIRING.search(w)]

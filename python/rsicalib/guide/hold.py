@@ -1,0 +1,79 @@
+"""Whether a hand stands still: the last samples, and how much they spread."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from rsicalib.arrays import FloatArray
+from rsicalib.guide.log import Sample
+
+__all__ = ["Hold", "apart"]
+
+STILL = 0.004
+"""Spread of a hand that holds, as a share of what a channel can read: 16 counts of 4096."""
+
+
+class Hold:
+    """The last samples of a hand that moves, holds and moves on."""
+
+    def __init__(self, spans: FloatArray, samples: int, seconds: float) -> None:
+        self.loose = STILL * spans
+        self.samples = samples
+        self.seconds = seconds
+        self._last: deque[Sample] = deque(maxlen=1000)
+
+    def feed(self, sample: Sample) -> None:
+        """Take one more sample; those before a motion are forgotten."""
+        if self._last and sample.time_s < self._last[-1].time_s:
+            self._last.clear()
+        self._last.append(sample)
+        if len(self._last) >= 4 and self._moves():
+            while len(self._last) > 2 and self._moves():
+                self._last.popleft()
+
+    def clear(self) -> None:
+        """Forget all: a pose was taken."""
+        self._last.clear()
+
+    @property
+    def now(self) -> FloatArray | None:
+        """Mean of the last few samples: shape (C,)."""
+        if not self._last:
+            return None
+        now: FloatArray = np.mean([s.values for s in list(self._last)[-4:]], axis=0)
+        return now
+
+    @property
+    def held_s(self) -> float:
+        """For how long the hand has stood still [s]."""
+        return self._last[-1].time_s - self._last[0].time_s if self._last else 0.0
+
+    @property
+    def progress(self) -> float:
+        """From 0 to 1, where a pose can be taken."""
+        if len(self._last) < 2:
+            return 0.0
+        count = len(self._last) / self.samples
+        return float(min(1.0, count, self.held_s / self.seconds if self.seconds else 1.0))
+
+    def taken(self) -> list[Sample]:
+        """Samples of the pose that is held, evenly from the time that it was held."""
+        every = list(self._last)
+        picked = np.linspace(0, len(every) - 1, self.samples).round().astype(int)
+        return [every[k] for k in np.unique(picked)]
+
+    def _moves(self) -> bool:
+        values = np.array([s.values for s in self._last])
+        half = len(values) // 2
+        creep = np.abs(values[half:].mean(axis=0) - values[:half].mean(axis=0))
+        return bool(np.any(values.std(axis=0) > self.loose) or np.any(creep > self.loose))
+
+
+def apart(
+    a: Sequence[float] | FloatArray, b: Sequence[float] | FloatArray, spans: FloatArray
+) -> float:
+    """Distance of two rows of readings: root mean square of shares of what channels can read."""
+    return float(np.sqrt(np.mean(((np.asarray(a) - np.asarray(b)) / spans) ** 2)))

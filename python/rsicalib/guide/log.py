@@ -1,0 +1,203 @@
+"""What was measured, on disk before anybody sees it.
+
+`samples.csv` holds every sample in the order of its arrival; `readings.csv` and `held_out.csv` the
+poses that were taken. Each write is forced to the disk. After a crash, a line that is half written
+is dropped, and a pose of which rows are missing is taken again from its samples.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from rsicalib.errors import InputError
+from rsicalib.io.files import write_text
+
+__all__ = ["Columns", "Log", "Sample"]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample: when [s], how warm [°C], and the channels in order."""
+
+    time_s: float
+    temperature_c: float | None
+    values: tuple[float, ...]
+
+
+class Columns:
+    """Lines of CSV as samples: the header first, columns in any order."""
+
+    def __init__(self, channels: Sequence[str]) -> None:
+        self.channels = tuple(channels)
+        self._header: list[str] | None = None
+
+    def sample(self, line: str, clock_s: float) -> Sample | str | None:
+        """A sample; None for the header and for empty lines; else what is wrong, in words."""
+        cells = [cell.strip() for cell in line.strip().split(",")]
+        if cells == [""]:
+            return None
+        if set(self.channels) <= set(cells):
+            self._header = cells
+            return None
+        if self._header is None:
+            missing = ", ".join(c for c in self.channels if c not in cells)
+            return f"found no header with the channels ({missing} missing)"
+        if len(cells) != len(self._header):
+            return f"found {len(cells)} columns, expected {len(self._header)}"
+        row = dict(zip(self._header, cells, strict=True))
+        try:
+            values = tuple(float(row[name]) for name in self.channels)
+            time_s = float(row["time_s"]) if row.get("time_s") else clock_s
+            warm = float(row["temperature_c"]) if "temperature_c" in row else None
+        except ValueError as error:
+            return f"found no number ({error})"
+        if not all(abs(v) < float("inf") for v in (*values, time_s, warm or 0.0)):
+            return "found a reading that is not a number"
+        return Sample(time_s, warm, values)
+
+
+class Log:
+    """The files of a session in one folder."""
+
+    def __init__(self, folder: Path, channels: Sequence[str], resume: bool) -> None:
+        self.folder = folder
+        self.channels = tuple(channels)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            found = f"'{folder}', which cannot be made ({error.strerror})"
+            raise InputError(f"--out: found {found}, expected a folder") from None
+        there = (folder / "samples.csv").exists()
+        if there and not resume:
+            found = f"a session in '{folder}'"
+            raise InputError(f"--out: found {found}, expected an empty folder, or --resume")
+        self.samples: list[Sample] = []
+        self.poses: dict[int, list[Sample]] = {}
+        self._files: dict[str, TextIO] = {}
+        if there:
+            self._restore()
+
+    @staticmethod
+    def held_out(label: int) -> bool:
+        """Whether a pose is kept out of the fit: every fourth."""
+        return label % 4 == 0
+
+    @property
+    def warm(self) -> bool:
+        """Whether samples have a temperature: as the first has."""
+        return bool(self.samples) and self.samples[0].temperature_c is not None
+
+    def take(self, samples: Sequence[Sample]) -> None:
+        """Write samples to the disk."""
+        if samples:
+            self.samples += samples
+            _append(self._file("samples"), (self._cells(s) for s in samples))
+
+    def pose(self, label: int, samples: Sequence[Sample]) -> None:
+        """Write a pose that was taken to the disk, its rows in one go."""
+        self.poses[label] = list(samples)
+        rows = ([label, k, *self._cells(s)] for k, s in enumerate(samples, start=1))
+        _append(self._file(self._name(label)), rows)
+
+    def withdraw(self, label: int) -> None:
+        """Take a pose out of its file: it is measured again."""
+        self.poses.pop(label, None)
+        self._rewrite(self._name(label))
+
+    def _name(self, label: int) -> str:
+        return "held_out" if self.held_out(label) else "readings"
+
+    def _header(self, name: str) -> list[str]:
+        of_pose = [] if name == "samples" else ["pose", "sample"]
+        return [*of_pose, "time_s", *(["temperature_c"] if self.warm else []), *self.channels]
+
+    def _file(self, name: str) -> TextIO:
+        """A file to append to, with its header."""
+        if name not in self._files:
+            path = self.folder / f"{name}.csv"
+            new = not path.exists() or path.stat().st_size == 0
+            try:
+                self._files[name] = path.open("a", encoding="utf-8", newline="")
+            except OSError as error:
+                found = f"'{path}', where one cannot write ({error.strerror})"
+                raise InputError(f"--out: found {found}, expected a folder") from None
+            if new:
+                _append(self._files[name], [self._header(name)])
+        return self._files[name]
+
+    def _rewrite(self, name: str) -> None:
+        """Write a file anew, whole or not at all."""
+        if name in self._files:
+            self._files.pop(name).close()
+        rows: list[list[object]]
+        if name == "samples":
+            rows = [self._cells(s) for s in self.samples]
+        else:
+            labels = [k for k in self.poses if self._name(k) == name]
+            labels.sort(key=lambda k: self.poses[k][0].time_s)
+            rows = [
+                [k, i, *self._cells(s)]
+                for k in labels
+                for i, s in enumerate(self.poses[k], start=1)
+            ]
+        lines = [",".join(self._header(name)), *(",".join(map(str, row)) for row in rows)]
+        write_text(self.folder / f"{name}.csv", "\n".join(lines) + "\n")
+
+    def _restore(self) -> None:
+        """Read back what is whole, and drop the rest."""
+        self.samples = [_sample(row, self.channels) for row in self._rows("samples")]
+        for name in ("readings", "held_out"):
+            for row in self._rows(name):
+                self.poses.setdefault(int(row["pose"]), []).append(_sample(row, self.channels))
+        if len(self.poses) > 1:
+            # Rows of a pose are written together: the last pose alone may lack some.
+            last = max(self.poses, key=lambda k: self.poses[k][-1].time_s)
+            usual = max(len(rows) for rows in self.poses.values())
+            if len(self.poses[last]) < usual:
+                del self.poses[last]
+        for name in ("samples", "readings", "held_out"):
+            if (self.folder / f"{name}.csv").exists():
+                self._rewrite(name)
+
+    def _rows(self, name: str) -> list[dict[str, str]]:
+        """Rows of a file that are whole: a last line without its end is dropped."""
+        path = self.folder / f"{name}.csv"
+        if not path.exists():
+            return []
+        text = path.read_text(encoding="utf-8")
+        lines = text[: text.rfind("\n") + 1].splitlines()
+        if not lines:
+            return []
+        missing = [c for c in self.channels if c not in lines[0].split(",")]
+        if missing:
+            found = f"no column {missing[0]}"
+            raise InputError.at(str(path), found=found, expected="a session of this mechanism")
+        rows = list(csv.DictReader(lines))
+        return [row for row in rows if all(row.get(c) not in (None, "") for c in self.channels)]
+
+    def _cells(self, sample: Sample) -> list[object]:
+        warm = [repr(sample.temperature_c)] if self.warm else []
+        return [repr(sample.time_s), *warm, *(f"{v:.10g}" for v in sample.values)]
+
+    def close(self) -> None:
+        """Close the files."""
+        for file in self._files.values():
+            file.close()
+
+
+def _sample(row: dict[str, str], channels: Sequence[str]) -> Sample:
+    warm = row.get("temperature_c") or None
+    values = tuple(float(row[name]) for name in channels)
+    return Sample(float(row["time_s"]), None if warm is None else float(warm), values)
+
+
+def _append(file: TextIO, rows: Iterable[Sequence[object]]) -> None:
+    """Write rows, and wait until they are on the disk."""
+    file.write("".join(",".join(map(str, row)) + "\n" for row in rows))
+    file.flush()
+    os.fsync(file.fileno())

@@ -1,0 +1,154 @@
+"""Running a guided session: the verb `guide`."""
+
+from __future__ import annotations
+
+import os
+import time
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+from rsicalib.devices import workspace
+from rsicalib.errors import InputError
+from rsicalib.guide.advice import Adviser
+from rsicalib.guide.log import Columns, Log, Sample
+from rsicalib.guide.server import Page
+from rsicalib.guide.session import Session, Settings
+from rsicalib.guide.source import Lines, open_source
+from rsicalib.guide.terminal import Screen
+from rsicalib.results import Trace
+from rsicalib.work.arguments import Bare, MechanismArg, PathLike, ReadingsArg, load, open_mechanism
+
+__all__ = ["guide"]
+
+TRAVEL = 0.01
+"""Share of the travel that is the target where none is given, as the paper specifies."""
+SHOW_S = 0.15
+"""Between two pictures on a terminal."""
+
+
+def guide(
+    out: PathLike,
+    mechanism: MechanismArg = "rsi",
+    *,
+    rest: ReadingsArg | None = None,
+    target: float | None = None,
+    source: str = "-",
+    resume: bool = False,
+    port: int | None = 0,
+    browser: bool = False,
+    samples: int = 8,
+    seconds: float = 0.6,
+    seed: int = 0,
+    quiet: bool = False,
+    told: Callable[[str], None] | None = None,
+) -> Trace | None:
+    """Guide a person at the handle: which pose next, how good already, when done.
+
+    Parameters
+    ----------
+    out : path
+        Folder of the session: `samples.csv` has every sample, `readings.csv` the poses that are
+        fitted, `held_out.csv` every fourth pose, `result.json` the trace so far.
+    mechanism : str, path or Mechanism
+        With a platform.
+    rest : path or Readings, optional
+        A reading of the rest pose: what the sensors are known by at first.
+    target : float, optional
+        Standard deviation of the platform to reach [length unit]; 1 % of the travel by default.
+    source : str
+        Where samples come from, as lines of CSV with a header: `-` for standard input, a file that
+        grows, or a command.
+    resume : bool
+        Go on with the session in `out`.
+    port : int or None
+        Of the page, on the loopback address; 0 for a free one, None for no page.
+    browser : bool
+        Open the page in a browser.
+    samples : int
+        Samples of each pose.
+    seconds : float
+        For which a pose is held [s].
+    seed : int
+        Of the candidates.
+    quiet : bool
+        Nothing on the terminal.
+    told : callable, optional
+        Is called with the address of the page.
+
+    Returns
+    -------
+    Trace or None
+        The last result; None where the poses did not determine one.
+
+    Raises
+    ------
+    InputError
+        The folder, the source, the port or a number cannot be used.
+    """
+    opened = open_mechanism(mechanism)
+    drawing = opened.to_dict()
+    if not drawing.get("platform"):
+        found = f"mechanism {opened.name!r} without a platform"
+        raise InputError(f"guide: found {found}, expected one whose platform a hand can hold")
+    if target is None:
+        bounds = workspace(opened, None)[:3]
+        target = TRAVEL * float((bounds[:, 1] - bounds[:, 0]).max())
+    if not 0.0 < target < float("inf"):
+        raise InputError(f"target: found {target}, expected a length above zero")
+    if samples < 2 or not seconds >= 0.0:
+        found = f"{samples} samples in {seconds} s"
+        raise InputError(f"guide: found {found}, expected at least 2 samples in 0 s or more")
+    at_rest = None if rest is None else load(rest, Bare(opened), False)
+    names = [c.name for c in opened.channels]
+    lines = open_source(source)
+    log = Log(Path(os.fspath(out)), names, resume)
+    session = Session(
+        opened, Adviser(opened, at_rest, seed), log, Settings(target, samples, seconds)
+    )
+    page = None if port is None else Page(session.state, session.strike_off, port)
+    try:
+        if page is not None:
+            if told is not None:
+                told(page.url)
+            if browser:
+                webbrowser.open(page.url)
+        skip = len(log.samples) if resume and Path(source).exists() else 0
+        _measure(session, lines, Columns(names), Screen(quiet=quiet), skip)
+        result = session.finish()
+        if page is not None:
+            time.sleep(0.5)  # the page hears of the end
+        return result
+    finally:
+        lines.close()
+        if page is not None:
+            page.close()
+
+
+def _measure(session: Session, lines: Lines, columns: Columns, screen: Screen, skip: int) -> None:
+    """Take samples until the session is done, or the source ends."""
+    began = time.time()
+    shown = 0.0
+    while not session.done:
+        arrived: list[Sample] = []
+        for line in lines.take(0.02 if session.busy else 0.1):
+            found = columns.sample(line, time.time() - began)
+            if isinstance(found, str):
+                session.bad_lines += 1
+                session.bad_line = found
+            elif found is not None and skip > 0:
+                skip -= 1  # read before
+            elif found is not None:
+                arrived.append(found)
+        # A long backlog is taken in parts, so that poses are advised on in their turn.
+        for first in range(0, len(arrived), 50):
+            session.feed(arrived[first : first + 50])
+            session.poll()
+        advised = session.poll()
+        if screen.live and time.time() - shown < SHOW_S and not advised:
+            continue
+        shown = time.time()
+        screen.show(session.state())
+        if lines.ended and not session.busy:
+            break
+    screen.show(session.state())

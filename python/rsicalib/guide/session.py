@@ -1,0 +1,387 @@
+"""The state of a guided session: what was measured, what to do next, what is shown."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.guide.advice import Advice, Adviser
+from rsicalib.guide.hold import Hold, apart
+from rsicalib.guide.log import Log, Sample
+from rsicalib.io.files import write_text
+from rsicalib.results import Trace
+
+__all__ = ["Session", "Settings"]
+
+NEAR = 0.06
+"""A pose this near its target is taken at once, as a share of what channels can read."""
+SAME = 0.01
+"""A pose this near one that was taken is that one."""
+LONGER = 3.0
+"""A pose that is not near its target is taken where it is when it is held this much longer."""
+DECIDING = 12
+"""Poses at most to decide what is open, once the target is reached."""
+PARTS = 2.0
+"""A pose that parts what is open by less, in units of χ², is not worth taking."""
+AFTER = 6
+"""Poses at most after the target is reached, where the residual is significant."""
+LITTLE = 0.02
+"""A pose that makes the standard deviation smaller by less than this share adds little."""
+WATCHED = 60
+"""Samples over which a channel must change where others do."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a session is taken."""
+
+    target: float
+    """Standard deviation of the platform to reach [length unit]."""
+    samples: int = 8
+    """Of each pose."""
+    seconds: float = 0.6
+    """For which a pose is held."""
+    most: int = 60
+    """Poses, at the most."""
+
+
+@dataclass
+class Session:
+    """Measures pose after pose; `feed` takes samples, `state` says what to show."""
+
+    mechanism: Mechanism
+    adviser: Adviser
+    log: Log
+    settings: Settings
+    advice: Advice | None = None
+    done: bool = False
+    message: str = ""
+    note: str = ""
+    bad_lines: int = 0
+    bad_line: str = ""
+    off: list[list[float]] = field(default_factory=list)
+    repeated: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.channels = self.mechanism.channels
+        self.spans = np.array([_span(c) for c in self.channels])
+        self.hold = Hold(self.spans, self.settings.samples, self.settings.seconds)
+        self._recent: deque[tuple[float, ...]] = deque(maxlen=WATCHED)
+        self._lock = threading.RLock()
+        self._worker = ThreadPoolExecutor(max_workers=1)
+        self._pending: Future[Advice] | None = None
+        self.reached: int | None = None
+        """Poses after which the target was reached."""
+        self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
+        self._restore()
+        self._ask()
+
+    # ------------------------------------------------------------------ what comes in
+
+    def feed(self, samples: Sequence[Sample]) -> None:
+        """Take samples: to the disk first, then into the session."""
+        with self._lock:
+            self.log.take(samples)
+            for sample in samples:
+                self._recent.append(sample.values)
+                self.hold.feed(sample)
+                self._look()
+
+    def strike_off(self) -> None:
+        """The operator cannot reach the pose that is asked for: ask for another one."""
+        with self._lock:
+            if self.advice is None or self.advice.readings is None or self._pending is not None:
+                return
+            self.off.append([float(v) for v in self.advice.readings])
+            self.note = "struck off: another pose is chosen"
+            self._save()
+            self._ask()
+
+    def poll(self) -> bool:
+        """Take advice that has arrived; True where it has."""
+        with self._lock:
+            if self._pending is None or not self._pending.done():
+                return False
+            before, self.advice = self.advice, self._pending.result()
+            self._pending = None
+            self._advised(before)
+            return True
+
+    def finish(self) -> Trace | None:
+        """Wait for the last advice, and write its result."""
+        if self._pending is not None:
+            self._pending.result()
+            self.poll()
+        self._worker.shutdown(wait=True)
+        self.log.close()
+        return None if self.advice is None else self.advice.result
+
+    @property
+    def busy(self) -> bool:
+        """Whether advice is being worked out."""
+        return self._pending is not None
+
+    # ------------------------------------------------------------------ what to do with it
+
+    def _look(self) -> None:
+        """Whether the pose that is held can be taken."""
+        if self.done:
+            return
+        now = self.hold.now
+        if now is None or self.hold.progress < 1.0:
+            self.message = "hold still" if self.hold.progress > 0.3 else ""
+            return
+        ends = self._at_ends(now)
+        if ends:
+            self.message = f"{ends[0]} is at the end of its range: move away from there"
+            return
+        if self._pending is not None:
+            return
+        at = [float(v) for v in now]
+        taken = min(self._means.items(), key=lambda m: apart(at, m[1], self.spans), default=None)
+        wanted = self._goal()
+        near = wanted is not None and apart(at, wanted, self.spans) < NEAR
+        repeat = self._repeat()
+        again = repeat is not None and taken is not None and taken[0] == repeat
+        if taken is not None and not again and apart(at, taken[1], self.spans) < SAME:
+            self.message = f"this is pose {taken[0]}, which adds nothing again: go on to the next"
+            return
+        if not near and self.hold.held_s < LONGER * self.settings.seconds:
+            self.message = "go on to the pose, or hold to have this one taken"
+            return
+        self._take()
+
+    def _take(self) -> None:
+        samples = self.hold.taken()
+        label = max(self.log.poses, default=0) + 1
+        repeat = self._repeat()
+        if repeat is not None:
+            self.log.withdraw(repeat)
+            self._means.pop(repeat, None)
+            self.repeated += [repeat, label]
+            if self.log.held_out(label):
+                label += 1  # what is measured again belongs to the fit
+                self.repeated.append(label)
+            self._save()
+        self.log.pose(label, samples)
+        self._means[label] = _mean(samples)
+        self.hold.clear()
+        kept = ": it checks the closure and is not fitted" if self.log.held_out(label) else ""
+        self.note = f"pose {label} is taken{kept}"
+        self.message = ""
+        self._ask()
+
+    def _ask(self) -> None:
+        """Have advice worked out on what there is."""
+        poses = {k: list(v) for k, v in self.log.poses.items()}
+        fitted = {k: v for k, v in poses.items() if not self.log.held_out(k)}
+        kept_out = {k: v for k, v in poses.items() if self.log.held_out(k)}
+        here = self._recent[-1] if self._recent else None
+        self._pending = self._worker.submit(
+            self.adviser.advise, fitted, kept_out, here, list(self.off), self.settings.target
+        )
+
+    def _advised(self, before: Advice | None) -> None:
+        now = self.advice
+        assert now is not None
+        if now.result is not None:
+            write_text(self.log.folder / "result.json", now.result.to_json())
+        last = max(self.log.poses, default=0)
+        if before is not None and before.sd and now.sd and not self.log.held_out(last):
+            near = self._nearest_other(last)
+            if now.sd > (1.0 - LITTLE) * before.sd and now.sd > self.settings.target and near:
+                self.note = f"pose {last} added little: it is near pose {near}"
+        self._judge_end(now)
+
+    def _judge_end(self, now: Advice) -> None:
+        """Whether the session is done."""
+        count = len(self.log.poses)
+        if now.result is None or now.sd is None or now.sd > self.settings.target:
+            self.done = count >= self.settings.most
+            return
+        if self.reached is None:
+            self.reached = count
+        beyond = count - self.reached
+        if self._repeat() is not None:
+            self.done = False
+        elif now.open:
+            hopeless = now.gain is not None and now.gain < PARTS
+            self.done = beyond >= DECIDING or hopeless or now.criterion != "decide"
+        else:
+            self.done = now.result.exit_code == 0 or beyond >= AFTER
+        self.done = self.done or count >= self.settings.most
+
+    def _repeat(self) -> int | None:
+        """A pose that is to be measured again."""
+        repeats = self.advice.repeat if self.advice is not None else ()
+        known = (r.label for r in repeats if r.label in self._means)
+        return next((k for k in known if k not in self.repeated), None)
+
+    def _goal(self) -> FloatArray | None:
+        """Readings of where to go."""
+        repeat = self._repeat()
+        if repeat is not None:
+            return self._means[repeat]
+        return None if self.advice is None else self.advice.readings
+
+    def _nearest_other(self, label: int) -> int | None:
+        own = self._means.get(label)
+        others = {k: m for k, m in self._means.items() if k != label}
+        if own is None or not others:
+            return None
+        return min(others, key=lambda k: apart(own, others[k], self.spans))
+
+    def _at_ends(self, now: Sequence[float] | FloatArray) -> list[str]:
+        """Channels at an end of their range: a dead zone, or a wire that is off."""
+        out = []
+        for channel, value, span in zip(self.channels, now, self.spans, strict=True):
+            if channel.range is not None:
+                low, high = channel.range
+                if value <= low + 2e-4 * span or value >= high - 2e-4 * span:
+                    out.append(channel.name)
+        return out
+
+    def _lost(self) -> list[str]:
+        """Channels that do not change while others do."""
+        if len(self._recent) < WATCHED:
+            return []
+        spread = np.ptp(np.array(self._recent), axis=0) / self.spans
+        if np.sort(spread)[len(spread) // 2] < 0.02:
+            return []
+        return [c.name for c, s in zip(self.channels, spread, strict=True) if s == 0.0]
+
+    # ------------------------------------------------------------------ what is kept
+
+    def _save(self) -> None:
+        kept = {"struck_off": self.off, "repeated": self.repeated}
+        write_text(self.log.folder / "guide.json", json.dumps(kept) + "\n")
+
+    def _restore(self) -> None:
+        path = self.log.folder / "guide.json"
+        if path.exists():
+            kept = json.loads(path.read_text(encoding="utf-8"))
+            self.off, self.repeated = kept["struck_off"], kept["repeated"]
+        last = max((s[-1].time_s for s in self.log.poses.values()), default=-np.inf)
+        for sample in self.log.samples[-200:]:
+            self._recent.append(sample.values)
+            if sample.time_s > last:
+                self.hold.feed(sample)
+
+    # ------------------------------------------------------------------ what is shown
+
+    def troubles(self) -> list[str]:
+        """What is wrong while it can still be repeated, in words."""
+        out = []
+        lost = self._lost()
+        out += [f"{name} does not change while others do: is it connected?" for name in lost]
+        now = self.hold.now
+        ends = self._at_ends(now) if now is not None and not lost else []
+        out += [
+            f"{name} is at the end of its range: a dead zone, or a wire is off" for name in ends
+        ]
+        advice = self.advice
+        if advice is not None:
+            repeat = self._repeat()
+            out += [r.why + "; hold it once more" for r in advice.repeat if r.label == repeat]
+            out += [_short(w) for w in advice.troubles if not any(n in w for n in lost)]
+            if advice.result is not None:
+                out += [_slipped(s) for s in advice.result.steps if s.term == "slip"]
+        if self.bad_lines:
+            out.append(f"{self.bad_lines} lines could not be read; the last: {self.bad_line}")
+        return out
+
+    def state(self) -> dict[str, Any]:
+        """All that is shown, in plain values."""
+        with self._lock:
+            return self._state()
+
+    def _state(self) -> dict[str, Any]:
+        advice = self.advice
+        goal = self._goal()
+        now = self.hold.now
+        if now is None and self._recent:
+            now = np.array(self._recent[-1])
+        bars = []
+        for k, channel in enumerate(self.channels):
+            low, high = channel.range or (None, None)
+            bars.append(
+                {
+                    "name": channel.name,
+                    "now": None if now is None else float(now[k]),
+                    "want": None if goal is None else float(goal[k]),
+                    "low": low,
+                    "high": high,
+                    "loose": NEAR * float(self.spans[k]),
+                }
+            )
+        repeat = self._repeat()
+        steps = () if advice is None or advice.result is None else advice.result.steps
+        pose = None if advice is None or repeat is not None else advice.pose
+        return {
+            "mechanism": self.mechanism.name,
+            "unit": self.mechanism.length_unit,
+            "phase": self._phase(),
+            "channels": bars,
+            "hold": self.hold.progress,
+            "next": max(self.log.poses, default=0) + 1,
+            "repeat": repeat,
+            "pose": None if pose is None else [float(v) for v in pose],
+            "why": "" if advice is None or repeat is not None else advice.why,
+            "wait_s": 0.0 if advice is None else advice.wait_s,
+            "taken": len(self.log.poses),
+            "held_out": sum(self.log.held_out(k) for k in self.log.poses),
+            "samples": len(self.log.samples),
+            "sd": None if advice is None else advice.sd,
+            "sd_next": None if advice is None else advice.sd_next,
+            "target": self.settings.target,
+            "named": [f"{s.term} {s.target}" for s in steps],
+            "open": [] if advice is None else list(advice.open),
+            "closure": None if advice is None else advice.closure,
+            "closure_fitted": None if advice is None else advice.closure_fitted,
+            "verdict": None if advice is None or advice.result is None else advice.result.verdict,
+            "troubles": self.troubles(),
+            "message": self.message,
+            "note": self.note,
+            "done": self.done,
+        }
+
+    def _phase(self) -> str:
+        if self.done:
+            return "done"
+        if self._pending is not None:
+            return "think"
+        if not self._recent:
+            return "wait"
+        return "hold" if self.hold.progress > 0.3 else "move"
+
+
+def _span(channel: Any) -> float:
+    """What a channel can read: its range, else its limits."""
+    if channel.range is not None:
+        return float(channel.range[1] - channel.range[0])
+    if channel.limits is not None:
+        return float(abs((channel.limits[1] - channel.limits[0]) / channel.gain))
+    return float(abs(2.0 * np.pi / channel.gain))
+
+
+def _mean(samples: Sequence[Sample]) -> FloatArray:
+    out: FloatArray = np.mean([s.values for s in samples], axis=0)
+    return out
+
+
+def _short(text: str) -> str:
+    return text if len(text) < 160 else text[:157] + "…"
+
+
+def _slipped(step: Any) -> str:
+    at = f" before pose {step.place}" if step.place else ""
+    return f"{step.target} slipped{at}: fasten it, and begin again with --out of another folder"

@@ -1,0 +1,123 @@
+"""Where samples come from: standard input, a file that grows, or a command."""
+
+from __future__ import annotations
+
+import os
+import queue
+import shlex
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+from rsicalib.errors import InputError
+
+__all__ = ["Lines", "open_source"]
+
+POLL_S = 0.05
+"""Between two looks at a file that grows."""
+
+
+class Lines:
+    """Lines of a source, read by a thread of their own so that nobody waits for them."""
+
+    def __init__(self, lines: Iterator[str], stop: threading.Event) -> None:
+        self._queue: queue.Queue[str | None] = queue.Queue()
+        self._stop = stop
+        self.ended = False
+        threading.Thread(target=self._read, args=(lines,), daemon=True).start()
+
+    def _read(self, lines: Iterator[str]) -> None:
+        try:
+            for line in lines:
+                if self._stop.is_set():
+                    break
+                self._queue.put(line)
+        finally:
+            self._queue.put(None)
+
+    def take(self, timeout_s: float) -> list[str]:
+        """All lines that have arrived; an empty list where none has within the time."""
+        found: list[str] = []
+        try:
+            item = self._queue.get(timeout=timeout_s)
+            while True:
+                if item is None:
+                    self.ended = True
+                    break
+                found.append(item)
+                item = self._queue.get_nowait()
+        except queue.Empty:
+            pass
+        return found
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._stop.set()
+
+
+def open_source(source: str) -> Lines:
+    """Open a source of lines.
+
+    Parameters
+    ----------
+    source : str
+        `-` for standard input, the path of a file that grows, or a command.
+
+    Returns
+    -------
+    Lines
+        Its lines, as they arrive.
+
+    Raises
+    ------
+    InputError
+        There is no such file, and no such command.
+    """
+    stop = threading.Event()
+    if source == "-":
+        return Lines(iter(sys.stdin), stop)
+    path = Path(source)
+    if path.exists():
+        return Lines(_growing(path, stop), stop)
+    try:
+        process = subprocess.Popen(
+            shlex.split(source), stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+        )
+    except (OSError, ValueError) as error:
+        found = f"{source!r}, which is no file and cannot be run ({error})"
+        raise InputError(f"--source: found {found}, expected -, a file or a command") from None
+    assert process.stdout is not None
+    return Lines(_of_process(process, process.stdout, stop), stop)
+
+
+def _of_process(
+    process: subprocess.Popen[str], out: IO[str], stop: threading.Event
+) -> Iterator[str]:
+    try:
+        for line in out:
+            if stop.is_set():
+                break
+            yield line
+    finally:
+        process.terminate()
+
+
+def _growing(path: Path, stop: threading.Event) -> Iterator[str]:
+    """Whole lines of a file, for ever; a line that is half written is waited for."""
+    half = ""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        while not stop.is_set():
+            text = file.readline()
+            if not text:
+                if path.exists() and os.stat(path).st_size < file.tell():
+                    file.seek(0)  # begun anew
+                time.sleep(POLL_S)
+                continue
+            half += text
+            if half.endswith("\n"):
+                yield half
+                half = ""

@@ -1,0 +1,125 @@
+"""The same page in the terminal."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any, TextIO
+
+__all__ = ["Screen"]
+
+WIDTH = 40
+
+
+class Screen:
+    """Shows the state: drawn again on a terminal, line by line where it is none."""
+
+    def __init__(self, out: TextIO | None = None, quiet: bool = False) -> None:
+        self.out = sys.stderr if out is None else out
+        self.live = not quiet and self.out.isatty()
+        self.quiet = quiet
+        self._said: list[str] = []
+
+    def show(self, state: dict[str, Any]) -> None:
+        """Show a state."""
+        if self.quiet:
+            return
+        if self.live:
+            self.out.write("\x1b[H\x1b[2J" + "\n".join(screen(state)) + "\n")
+            self.out.flush()
+            return
+        news = [state["note"], *(f"! {t}" for t in state["troubles"])]
+        if state["phase"] in ("move", "think") and state["pose"] is not None:
+            news.append(f"{headline(state)}: {place(state)}  {state['why']}")
+        if state["done"]:
+            news.append(f"DONE: {size(state['sd'], state['unit'])} after {state['taken']} poses")
+        for line in news:
+            if line and line not in self._said[-20:]:
+                print(line, file=self.out, flush=True)
+                self._said.append(line)
+
+
+def screen(state: dict[str, Any]) -> list[str]:
+    """All lines of the page."""
+    unit = state["unit"]
+    if state["done"]:
+        lines = [*BIG_DONE, "", f"  {size(state['sd'], unit)} after {state['taken']} poses", ""]
+    else:
+        lines = [headline(state), place(state), state["why"], ""]
+        lines += [bar(channel) for channel in state["channels"]]
+        held = round(WIDTH * state["hold"])
+        lines += ["", f"{'still':6s} [{'#' * held}{' ' * (WIDTH - held)}]", state["message"], ""]
+    lines.append(
+        f"{state['taken']} poses, {state['held_out']} kept out   platform "
+        f"{size(state['sd'], unit)} (target {size(state['target'], unit)})"
+    )
+    if state["closure"] is not None:
+        fitted, kept = (size(state[k], unit) for k in ("closure_fitted", "closure"))
+        lines.append(f"closure: fitted {fitted}, kept out {kept}")
+    if state["named"]:
+        lines.append("found: " + ", ".join(state["named"]))
+    if state["open"]:
+        lines.append("still open: " + " | ".join(state["open"]))
+    lines += [f"! {trouble}" for trouble in state["troubles"]]
+    return [*lines, state["note"]]
+
+
+def headline(state: dict[str, Any]) -> str:
+    """What to do now."""
+    if state["phase"] == "wait":
+        return "Waiting for samples"
+    if state["repeat"]:
+        return f"Pose {state['repeat']} once more"
+    if state["phase"] == "think":
+        return "Choosing the next pose"
+    if state["wait_s"] > 0:
+        return f"Pose {state['next']}: first wait {math.ceil(state['wait_s'] / 60)} min"
+    return f"{'Hold still:' if state['phase'] == 'hold' else 'Go to'} pose {state['next']}"
+
+
+def place(state: dict[str, Any]) -> str:
+    """Where the next pose is."""
+    if state["pose"] is None:
+        return ""
+    x, y, z, *turns = state["pose"]
+    rx, ry, rz = (math.degrees(v) for v in turns)
+    return f"x {x:.1f} y {y:.1f} z {z:.1f} {state['unit']}  rx {rx:.0f}° ry {ry:.0f}° rz {rz:.0f}°"
+
+
+def bar(channel: dict[str, Any]) -> str:
+    """Where a channel is, and where it should be."""
+    now, want = channel["now"], channel["want"]
+    known = [v for v in (now, want) if v is not None]
+    if not known:
+        return f"{channel['name']:6s}"
+    loose = channel["loose"]
+    low = min(known) - 4 * loose if channel["low"] is None else channel["low"]
+    high = max(known) + 4 * loose if channel["high"] is None else channel["high"]
+
+    def at(value: float) -> int:
+        share = (value - low) / (high - low) if high > low else 0.5
+        return int(min(WIDTH - 1, max(0, share * WIDTH)))
+
+    track = ["·"] * WIDTH
+    if want is not None:
+        track[at(want)] = "|"
+    if now is not None:
+        track[at(now)] = "O"
+    off = "" if now is None or want is None else f"{want - now:+.4g}"
+    mark = " ok" if off and abs(want - now) < loose else ""
+    return f"{channel['name']:6s} [{''.join(track)}] {off}{mark}"
+
+
+def size(value: float | None, unit: str) -> str:
+    """A length in words."""
+    return "?" if value is None else f"{value:.2g} {unit}"
+
+
+BIG_DONE = (
+    "",
+    "  ######    #####   ##   ##  #######",
+    "  ##   ##  ##   ##  ###  ##  ##",
+    "  ##   ##  ##   ##  #### ##  #####",
+    "  ##   ##  ##   ##  ## ####  ##",
+    "  ######    #####   ##   ##  #######",
+)

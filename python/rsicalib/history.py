@@ -1,0 +1,308 @@
+"""Results of one device against their dates: the verb `history`."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+from rsicalib.io.readings import Readings
+from rsicalib.measures import parameters_of
+from rsicalib.report.past import Forecast, History, LeftOut, Past, Series
+from rsicalib.results import Result, load_calibration
+from rsicalib.work.applying import as_applied, as_table, covariance_of
+from rsicalib.work.arguments import MechanismArg, open_mechanism
+
+__all__ = ["history"]
+
+DAY_S = 86_400.0
+POSES = 40
+"""Poses of the workspace over which the platform's error is averaged."""
+
+DRAWS = 400
+"""Draws of what is not known of the parameters and of their drift."""
+
+HORIZON_DAYS = 3650
+"""Beyond ten years nothing is said."""
+
+
+def history(
+    folder: str | os.PathLike[str],
+    mechanism: MechanismArg = "rsi",
+    *,
+    device: str | None = None,
+    target: float | None = None,
+) -> History:
+    """Put the results of one device in order of their dates.
+
+    Parameters
+    ----------
+    folder : path
+        Folder with results (`*.json`), in it or in its folders.
+    mechanism : str, path or Mechanism
+        What they are results of.
+    device : str, optional
+        Whose results; of several devices the one with most of them where not given.
+    target : float, optional
+        Error of the platform's position that is too much, in units of length.
+
+    Returns
+    -------
+    History
+        Parameters with their intervals and drift rates. Files that are damaged, have no date or
+        are of another device are listed in `left_out`.
+
+    Raises
+    ------
+    InputError
+        There is no such folder, or no result in it that can be used.
+    """
+    place = Path(folder)
+    if not place.is_dir():
+        raise InputError.at(str(folder), found="no such folder", expected="a folder of results")
+    if target is not None and not (np.isfinite(target) and target > 0.0):
+        raise InputError(f"target: found {target}, expected a length above zero")
+    opened = open_mechanism(mechanism)
+    read, left_out = _read(place, opened)
+    if not read:
+        reasons = "; ".join(f"{one.file}: {one.reason}" for one in left_out[:3]) or "no *.json"
+        raise InputError.at(str(folder), found=reasons, expected="a result with a date")
+    chosen = _device(read) if device is None else device
+    own = [(name, result) for name, result in read if result.device == chosen]
+    left_out += [
+        LeftOut(name, f"of another device, {_called(result.device)}")
+        for name, result in read
+        if result.device != chosen
+    ]
+    if not own:
+        known = ", ".join(sorted({_called(result.device) for _, result in read}))
+        raise InputError(f"device: found no result of {_called(chosen)}, expected one of {known}")
+    own.sort(key=lambda one: _day(one[1]))
+    lasting, session_only = _lasting([result for _, result in own])
+    series = [_series(key, own) for key in lasting]
+    return History(
+        device=chosen,
+        mechanism=opened.name,
+        length_unit=opened.length_unit,
+        results=tuple(_past(name, result) for name, result in own),
+        parameters=tuple(series),
+        session_only=tuple(session_only),
+        left_out=tuple(sorted(left_out, key=lambda one: one.file)),
+        forecast=_forecast(opened, own[-1][1], series, target),
+    )
+
+
+def _read(place: Path, mechanism: Mechanism) -> tuple[list[tuple[str, Result]], list[LeftOut]]:
+    """Results of the mechanism with a date, and the other files."""
+    read: list[tuple[str, Result]] = []
+    left_out = []
+    for path in sorted(place.rglob("*.json")):
+        name = path.relative_to(place).as_posix()
+        try:
+            result = load_calibration(path)
+        except InputError as error:
+            left_out.append(LeftOut(name, error.message.removeprefix(f"{path}, ")))
+            continue
+        if result.mechanism != mechanism.name:
+            left_out.append(LeftOut(name, f"of another mechanism, {result.mechanism}"))
+        elif result.valid_from is None:
+            left_out.append(LeftOut(name, "without a date (--date)"))
+        elif result.verdict in ("undetermined", "implausible"):
+            left_out.append(LeftOut(name, f"{result.verdict}: no parameters to rely on"))
+        else:
+            read.append((name, result))
+    return read, left_out
+
+
+def _called(device: str | None) -> str:
+    return "no name" if device is None else repr(device)
+
+
+def _device(read: Sequence[tuple[str, Result]]) -> str | None:
+    """The device with most results; the first by name of several."""
+    counts = Counter(result.device for _, result in read)
+    return min(counts, key=lambda name: (-counts[name], name or ""))
+
+
+def _day(result: Result) -> float:
+    """Date of a result, in days."""
+    assert result.valid_from is not None
+    when = datetime.datetime.fromisoformat(result.valid_from)
+    if when.tzinfo is None:
+        when = when.replace(tzinfo=datetime.UTC)
+    return when.timestamp() / DAY_S
+
+
+def _date(day: float) -> str:
+    when = datetime.datetime.fromtimestamp(day * DAY_S, datetime.UTC)
+    return when.date().isoformat()
+
+
+def _past(name: str, result: Result) -> Past:
+    steps = getattr(result, "steps", ())
+    found = tuple(f"{step.term}@{step.target}" for step in steps)
+    assert result.valid_from is not None
+    return Past(name, result.valid_from, str(result.verdict), found, result.note)
+
+
+Key = tuple[tuple[str, str | None, str | None], str]
+"""Where a parameter acts, and its name."""
+
+
+def _lasting(results: Sequence[Result]) -> tuple[list[Key], list[str]]:
+    """Parameters of the device, in order of appearance, and effects of single sessions."""
+    keys: dict[Key, None] = {}
+    passing: dict[str, None] = {}
+    for result in results:
+        lasts = set(_core.lasting([p.at for p in result.parameters]))
+        for p in result.parameters:
+            if _core.spec(*p.at) not in lasts:
+                passing[p.spec] = None
+            elif p.value is not None and p.sd is not None:
+                keys[p.at, p.name] = None
+    return list(keys), list(passing)
+
+
+def _series(key: Key, own: Sequence[tuple[str, Result]]) -> Series:
+    at, name = key
+    dates, values, sd, days = [], [], [], []
+    unit = ""
+    for _, result in own:
+        for p in result.parameters:
+            if (p.at, p.name) == key and p.value is not None and p.sd is not None:
+                assert result.valid_from is not None
+                dates.append(result.valid_from)
+                values.append(p.value)
+                sd.append(p.sd)
+                days.append(_day(result))
+                unit = p.unit
+    rate, rate_sd, p_value = _drift(np.array(days), np.array(values), np.array(sd))
+    return Series(
+        term=at[0],
+        target=at[1] or "all",
+        name=name,
+        unit=unit,
+        valid_from=tuple(dates),
+        values=tuple(values),
+        sd=tuple(sd),
+        rate=rate,
+        rate_sd=rate_sd,
+        p_value=p_value,
+    )
+
+
+def _drift(
+    days: FloatArray, values: FloatArray, sd: FloatArray
+) -> tuple[float | None, float | None, float | None]:
+    """Weighted line through estimates: rate, its standard deviation, its probability by chance."""
+    if len(np.unique(days)) < 2 or not (sd > 0.0).all():
+        return None, None, None
+    weight = sd**-2.0
+    centre = float((weight * days).sum() / weight.sum())
+    moment = float((weight * (days - centre) ** 2).sum())
+    rate = float((weight * (days - centre) * values).sum()) / moment
+    mean = float((weight * values).sum() / weight.sum())
+    left = values - mean - rate * (days - centre)
+    dof, chi2 = len(days) - 2, float((weight * left**2).sum())
+    scattered = dof > 0 and chi2 > _chance(dof)
+    rate_sd = ((chi2 / dof if scattered else 1.0) / moment) ** 0.5
+    return rate, rate_sd, _two_sided(rate / rate_sd, dof if scattered else None)
+
+
+def _chance(dof: int) -> float:
+    """The value that χ² exceeds once in a hundred times, by Wilson and Hilferty."""
+    part = 2.0 / (9.0 * dof)
+    return dof * (1.0 - part + 2.326 * math.sqrt(part)) ** 3
+
+
+def _two_sided(z: float, dof: int | None) -> float:
+    """Probability of a larger deviation: normal, or Student's where the scale was estimated."""
+    if dof is None:
+        return math.erfc(abs(z) / math.sqrt(2.0))
+    # t = √dof tan(angle) turns the tail of Student's t into an integral of a power of a cosine.
+    angle = np.linspace(math.atan(abs(z) / math.sqrt(dof)), math.pi / 2, 2001)
+    scale = math.exp(math.lgamma(0.5 * (dof + 1)) - math.lgamma(0.5 * dof)) / math.sqrt(math.pi)
+    return min(1.0, 2.0 * scale * float(np.trapezoid(np.cos(angle) ** (dof - 1), angle)))
+
+
+def _forecast(
+    mechanism: Mechanism, last: Result, series: Sequence[Series], target: float | None
+) -> Forecast | None:
+    """When the error of the platform exceeds the target, drawn from what is not known."""
+    covariance = covariance_of(last)
+    if target is None or covariance is None or not mechanism.to_dict().get("platform"):
+        return None
+    slopes = _slopes(mechanism, last)
+    if slopes is None:
+        return None
+    rng = np.random.default_rng(0)
+    known = [p for p in last.parameters if p.value is not None]
+    rates = {(s.term, s.target, s.name): s for s in series}
+    found = [rates.get((p.term, p.target, p.name)) for p in known]
+    rate = np.array([0.0 if s is None or s.rate is None else s.rate for s in found])
+    rate_sd = np.array([0.0 if s is None or s.rate_sd is None else s.rate_sd for s in found])
+    now = rng.multivariate_normal(np.zeros(len(known)), covariance, DRAWS, method="svd")
+    drift = rate + rate_sd * rng.standard_normal((DRAWS, len(known)))
+    here, there = now @ slopes.T, drift @ slopes.T  # (draws, values): error, and error per day
+
+    def error(days: float) -> FloatArray:
+        out: FloatArray = np.sqrt(((here + days * there) ** 2).mean(axis=1))
+        return out
+
+    def day(share: float) -> str | None:
+        span = np.arange(HORIZON_DAYS + 1)
+        low, high = 0, HORIZON_DAYS
+        if (error(high) > target).mean() < share:
+            return None
+        while low < high:
+            middle = int(span[(low + high) // 2])
+            if (error(middle) > target).mean() >= share:
+                high = middle
+            else:
+                low = middle + 1
+        return _date(_day(last) + low)
+
+    return Forecast(
+        target=float(target), now=float(np.median(error(0.0))), day=day(0.5), from_day=day(0.05)
+    )
+
+
+def _slopes(mechanism: Mechanism, result: Result) -> FloatArray | None:
+    """Position of the platform by each known parameter, (3 poses, parameters)."""
+    rng = np.random.default_rng(0)
+    low, high = np.array(_core.workspace(mechanism)).T
+    poses = np.ascontiguousarray(rng.uniform(low, high, (20 * POSES, 6)))
+    offsets, gains = parameters_of(result, mechanism)
+    rows = _core.readings_at(mechanism, poses, offsets, gains, _core.MARGIN)
+    rows = rows[np.isfinite(rows).all(axis=1)][:POSES]
+    if len(rows) == 0:
+        return None
+    table = as_table([Readings.from_arrays(mechanism, rows)], mechanism, bare=True)
+    applied = as_applied(result, mechanism)
+
+    def position(parameters: list[Any]) -> FloatArray:
+        _, values, _ = _core.places(mechanism, {**applied, "parameters": parameters}, table)
+        out: FloatArray = values[:, :3].ravel()
+        return out
+
+    columns = []
+    sd = [p.sd for p in result.parameters if p.value is not None]
+    for k, (at, name, value) in enumerate(applied["parameters"]):
+        step = sd[k] or 1e-6 * abs(value) or 1e-6
+        moved = list(applied["parameters"])
+        ends = []
+        for sign in (1.0, -1.0):
+            moved[k] = (at, name, value + sign * step)
+            ends.append(position(moved))
+        columns.append((ends[0] - ends[1]) / (2.0 * step))
+    return np.column_stack(columns)

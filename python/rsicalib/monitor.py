@@ -1,0 +1,367 @@
+"""A calibration at work: the verb `watch`, and `Monitor` for a loop of one's own."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib.errors import InputError
+from rsicalib.io.readings import Readings
+from rsicalib.io.stream import Rows, rows_of
+from rsicalib.records import Record
+from rsicalib.shapes import Rms
+from rsicalib.work.applying import as_applied, covariance_of
+from rsicalib.work.arguments import (
+    CalibrationArg,
+    MechanismArg,
+    PathLike,
+    earlier_result,
+    open_mechanism,
+)
+
+__all__ = ["Alarm", "Change", "Monitor", "Suspect", "Watch", "watch"]
+
+ALARM = "rsicalib.alarm/1"
+WATCH = "rsicalib.watch/1"
+
+
+@dataclass(frozen=True)
+class Change(Record):
+    """By how much one parameter has changed."""
+
+    name: str
+    """Name of the parameter."""
+    value: float
+    """By how much it has changed."""
+    sd: float
+    """Standard deviation of that."""
+    unit: str
+    """Unit of both."""
+
+
+@dataclass(frozen=True)
+class Suspect(Record):
+    """A change that fits as well."""
+
+    term: str
+    """Id of the term."""
+    target: str
+    """What it acts on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alarm(Record):
+    """A change of the device since its calibration: one line of `rsicalib watch`."""
+
+    format: str = ALARM
+    """Kind of the line and version of its shape."""
+    since: float
+    """When it began: time of the row [s], or its number where rows have no time."""
+    since_row: int
+    """Number of that row, from 0, all rows counted."""
+    row: int
+    """Number of the row that raised the alarm."""
+    time_s: float | None
+    """Time of that row [s]."""
+    term: str
+    """What has changed: `offset` of a channel, `distance` of a closure, `link_frame` of a bent
+    link, `point_position` of the point at the end of a chain."""
+    target: str
+    """Where: `a22`, `wrist1-wrist2`, `arm2/2`, `arm2`."""
+    size: float
+    """How large: the value of a single parameter, or the length of a displacement."""
+    sd: float
+    """Standard deviation of the size."""
+    unit: str
+    """Unit of both."""
+    parameters: tuple[Change, ...]
+    """All parameters of the change."""
+    platform_rms: Rms | None
+    """What it does to the platform, over poses seen; None without a platform."""
+    p_value: float
+    """Probability of such a deviation by chance, corrected for the tests of one sample."""
+    also_fits: tuple[Suspect, ...] = ()
+    """Changes that the readings cannot tell from it yet."""
+    revises: int | None = None
+    """`row` of an earlier alarm whose name this one corrects; None for a new change."""
+
+    def text(self) -> str:
+        """The alarm as a sentence."""
+        when = f"row {self.since_row}" if self.time_s is None else f"{self.since:.6g} s"
+        words = f"{self.target} has changed since {when}: {self.term} by {self.size:.3g} "
+        words += f"± {self.sd:.1g} {self.unit}"
+        if self.platform_rms is not None and self.platform_rms.position is not None:
+            words += f", the platform by {self.platform_rms.position:.2g}"
+        if self.revises is not None:
+            return f"{words} (this was named otherwise in row {self.revises})"
+        if self.also_fits:
+            words += f"; or {', '.join(dict.fromkeys(s.target for s in self.also_fits))}"
+        return words
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watch(Record):
+    """Summary of a watch."""
+
+    format: str = WATCH
+    """Kind of the summary and version of its shape."""
+    rows: int
+    """Rows that came."""
+    used: int
+    """Rows that were tested."""
+    unreadable: int
+    """Rows with a reading that is no number in its channel's range."""
+    repeated: int
+    """Rows equal to the row before, or with its time."""
+    late: int
+    """Rows with a time before that of an earlier row."""
+    missing: int
+    """Rows that were not there when due, told by gaps in time."""
+    outliers: int
+    """Rows far outside that no later row confirmed."""
+    alarms: int
+    """Alarms that were raised."""
+    false_alarms: float
+    """Promised rate of false alarms, per sample."""
+    false_alarms_per_hour: float | None
+    """The same per hour, where rows have a time."""
+    noise: float
+    """Noise at work over that of the calibration."""
+    correlation: float
+    """Correlation of neighbouring samples."""
+
+    def text(self) -> str:
+        """The summary as a few lines."""
+        counted = {
+            "unreadable": self.unreadable,
+            "repeated": self.repeated,
+            "late": self.late,
+            "missing": self.missing,
+            "outliers": self.outliers,
+        }
+        left = ", ".join(f"{count} {word}" for word, count in counted.items() if count)
+        rate = f"{self.false_alarms:.3g} per sample"
+        if self.false_alarms_per_hour is not None:
+            rate += f", {self.false_alarms_per_hour:.3g} per hour"
+        return "\n".join(
+            [
+                f"{self.used} of {self.rows} rows tested" + (f" ({left})" if left else ""),
+                f"alarms   {self.alarms} (false ones promised: at most {rate})",
+                f"noise    {self.noise:.2f} of the calibration's, neighbours correlated by "
+                f"{self.correlation:.2f}",
+            ]
+        )
+
+
+class Monitor:
+    """A calibrated mechanism that is watched at work, sample by sample.
+
+    A closed chain closes its loops in every sample, unless something has changed: a sensor, a
+    link, a closure. `update` takes a sample and returns the alarms that it raises. The error
+    of the calibration itself is no alarm: it is estimated from the samples, beside every change
+    that is tested, see `docs/watch.md`.
+
+    Parameters
+    ----------
+    calibration : path, Calibration or Trace
+        A result of the device.
+    mechanism : str, path or Mechanism
+        What is read.
+    false_alarms : float, optional
+        Expected number of false alarms per sample, at most; 1e-5 where not given.
+
+    Raises
+    ------
+    InputError
+        The result cannot be used, or the mechanism has loops that are not closed in every sample
+        (unknown points, measured distances).
+
+    Examples
+    --------
+    >>> import rsicalib
+    >>> from rsicalib import DEMO
+    >>> found = rsicalib.trace(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    >>> monitor = rsicalib.Monitor(found)
+    >>> for row in rsicalib.load_readings(DEMO / "check.csv").values:
+    ...     assert monitor.update(row) == []
+    """
+
+    def __init__(
+        self,
+        calibration: CalibrationArg,
+        mechanism: MechanismArg = "rsi",
+        *,
+        false_alarms: float | None = None,
+    ) -> None:
+        self.mechanism = open_mechanism(mechanism)
+        result = earlier_result(calibration, self.mechanism)
+        applied = as_applied(result, self.mechanism)
+        noise = result.noise
+        assert noise is not None  # as_applied has refused it
+        self.false_alarms = _core.FALSE_ALARMS if false_alarms is None else float(false_alarms)
+        self._core = _core.Monitor(
+            self.mechanism,
+            applied,
+            covariance_of(result),
+            false_alarms=self.false_alarms,
+            dof=noise.dof,
+            correlation=noise.correlation or 0.0,
+        )
+        self._names = [channel.name for channel in self.mechanism.channels]
+
+    def update(
+        self,
+        readings: npt.ArrayLike | Mapping[str, float] | Readings,
+        time_s: npt.ArrayLike | None = None,
+    ) -> list[Alarm]:
+        """Test one sample, or several one after the other.
+
+        Parameters
+        ----------
+        readings : array_like, shape (channels,) or (n, channels), mapping, or Readings
+            In each channel's unit, in the mechanism's order or by name.
+        time_s : float or array_like, shape (n,), optional
+            Time of each sample [s]; that of `Readings` where they have one.
+
+        Returns
+        -------
+        list of Alarm
+            Nearly always empty. Samples that cannot be used, are late or repeated raise none;
+            `summary` counts them.
+
+        Raises
+        ------
+        InputError
+            The readings are not of these channels.
+        """
+        if isinstance(readings, Mapping):
+            missing = [name for name in self._names if name not in readings]
+            if missing:
+                found = f"no reading of {missing[0]}"
+                raise InputError(f"{found}; expected one of each of {', '.join(self._names)}")
+            readings = [readings[name] for name in self._names]
+        if isinstance(readings, Readings):
+            time_s = readings.time_s if time_s is None else time_s
+            readings = readings.values
+        values = np.ascontiguousarray(readings, dtype=np.float64)
+        if values.ndim == 1:
+            one = None if time_s is None else float(np.asarray(time_s))
+            return _alarms(self._core.update(values, one))
+        times = None if time_s is None else np.ascontiguousarray(time_s, dtype=np.float64)
+        return _alarms(self._core.update_all(values, times))
+
+    def summary(self) -> Watch:
+        """What became of the samples so far.
+
+        Returns
+        -------
+        Watch
+            Counts, and the noise at work.
+        """
+        noise, correlation = self._core.noise
+        interval = self._core.interval
+        hourly = self.false_alarms * 3600.0 / interval if interval else None
+        return Watch(
+            **self._core.counts(),
+            false_alarms=self.false_alarms,
+            false_alarms_per_hour=hourly,
+            noise=noise,
+            correlation=correlation,
+        )
+
+
+def _alarms(found: list[dict[str, Any]]) -> list[Alarm]:
+    return [Alarm.from_dict(one) for one in found]
+
+
+def watch(
+    readings: PathLike | Readings,
+    calibration: CalibrationArg,
+    mechanism: MechanismArg = "rsi",
+    *,
+    false_alarms: float | str | None = None,
+) -> Watching:
+    """Watch a device at work: alarms while its readings arrive.
+
+    Parameters
+    ----------
+    readings : path, "-" or Readings
+        CSV or Parquet with a column per channel, `time_s` optional; `-` is standard input.
+        Memory does not grow with the number of rows.
+    calibration : path, Calibration or Trace
+        A result of the device.
+    mechanism : str, path or Mechanism
+        What is read.
+    false_alarms : float or str, optional
+        Expected number of false alarms per sample, at most; or `"0.1/h"`, per hour, where rows
+        have a time. As in Rust where not given.
+
+    Returns
+    -------
+    Watching
+        An iterator of alarms; its `summary` counts what became of the rows so far.
+
+    Raises
+    ------
+    InputError
+        The readings or the result cannot be used.
+    """
+    opened = open_mechanism(mechanism)
+    result = earlier_result(calibration, opened)
+    if isinstance(readings, Readings):
+        rows: Iterator[Rows] = iter([Rows(readings.values, readings.time_s)])
+    else:
+        rows = rows_of(readings, [channel.name for channel in opened.channels])
+    rate, rows = _rate(false_alarms, rows)
+    return Watching(Monitor(result, opened, false_alarms=rate), rows)
+
+
+class Watching:
+    """A watch that is under way: iterate over it for its alarms."""
+
+    def __init__(self, monitor: Monitor, rows: Iterable[Rows]) -> None:
+        self.monitor = monitor
+        self._rows = rows
+
+    def __iter__(self) -> Iterator[Alarm]:
+        for rows in self._rows:
+            yield from self.monitor.update(rows.values, rows.time_s)
+
+    def summary(self) -> Watch:
+        """What became of the rows so far."""
+        return self.monitor.summary()
+
+
+def _rate(given: float | str | None, rows: Iterator[Rows]) -> tuple[float | None, Iterator[Rows]]:
+    """The rate per sample; rows that had to be read for it stand before the others."""
+    if given is None:
+        return None, rows
+    text = str(given).strip()
+    number, hourly = (text[:-2], True) if text.endswith("/h") else (text, False)
+    try:
+        rate = float(number)
+    except ValueError:
+        expected = "a rate per sample such as 1e-5, or per hour such as 0.1/h"
+        raise InputError(f"false alarms: found {given!r}, expected {expected}") from None
+    if not hourly:
+        return rate, rows
+    begun: list[Rows] = []
+    times: list[float] = []
+    while len(times) < 2:
+        more = next(rows, None)
+        if more is None or more.time_s is None:
+            found = "no column time_s" if more is not None else "fewer than two rows"
+            raise InputError(f"false alarms: found {given!r} and {found}, expected times")
+        begun.append(more)
+        times += [t for t in more.time_s.tolist() if np.isfinite(t)]
+    steps = np.diff(times)
+    interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if interval == 0.0:
+        raise InputError(f"false alarms: found {given!r} and no two times, expected times")
+    return rate * interval / 3600.0, itertools.chain(begun, rows)

@@ -1,0 +1,296 @@
+"""Poses to visit: what they are, what they bring, and how they are written."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rsicalib.arrays import FloatArray
+from rsicalib.io.files import write_text
+from rsicalib.plots import on_axes, scatter
+from rsicalib.records import IF_KNOWN, OMIT, Record
+from rsicalib.shapes import Rms
+from rsicalib.tabular import Tabular
+from rsicalib.work.arguments import PathLike
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Bound", "Forecast", "Hidden", "Plan", "Spread", "WorstHidden"]
+
+POSE = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Bound(Record):
+    """The least uncertainty that any unbiased estimate from these poses can have.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of one reading that it is for; it grows in proportion.
+    offset_sd : ndarray, shape (C,)
+        Bound of the offsets, at reading zero [rad]; NaN where the poses do not determine it.
+    gain_sd : ndarray, shape (C,)
+        Bound of the gains [rad/reading].
+    joint_sd : ndarray, shape (C,)
+        Bound of the joint coordinates, root mean square over the poses [rad].
+    """
+
+    noise: float
+    offset_sd: FloatArray
+    gain_sd: FloatArray
+    joint_sd: FloatArray
+
+    @property
+    def offset_rms(self) -> float:
+        """Root mean square of `offset_sd` [rad]; infinite where one is not determined."""
+        return _rms(self.offset_sd)
+
+    @property
+    def gain_rms(self) -> float:
+        """Root mean square of `gain_sd` [rad/reading]."""
+        return _rms(self.gain_sd)
+
+    @property
+    def joint_rms(self) -> float:
+        """Root mean square of `joint_sd` [rad]."""
+        return _rms(self.joint_sd)
+
+
+@dataclass(frozen=True)
+class Spread(Record):
+    """Standard deviation of the platform before and after a plan."""
+
+    before: Rms
+    after: Rms
+
+
+@dataclass(frozen=True)
+class WorstHidden(Record):
+    """An absent effect, and what it does to the platform at the size that just shows."""
+
+    term: str
+    target: str
+    platform_rms: Rms
+
+
+@dataclass(frozen=True)
+class Hidden(Record):
+    """The worst effect that could be there unseen, before and after a plan."""
+
+    before: WorstHidden | None
+    after: WorstHidden | None
+
+
+@dataclass(frozen=True)
+class Forecast(Record):
+    """What is to be expected of a plan.
+
+    Attributes
+    ----------
+    decides : float or None
+        Probability that the right explanation is decided for; None where nothing is open.
+    least_lambda : float or None
+        By how much χ² of a wrong explanation is expected to grow beyond that of the right one, the
+        least of all pairs.
+    platform_sd : Spread or None
+        Standard deviation of the platform over the workspace by the parameters.
+    worst_hidden : Hidden
+        The worst effect that could be there unseen.
+    """
+
+    decides: float | None
+    least_lambda: float | None
+    platform_sd: Spread | None
+    worst_hidden: Hidden
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(Tabular, Record):
+    """Poses to visit.
+
+    Attributes
+    ----------
+    mechanism, length_unit : str
+        Name of the mechanism, and the unit of x, y, z.
+    criterion : str
+        Criterion that was minimised.
+    seed : int
+        Seed of the candidates.
+    channels : tuple of str
+        Names of the columns of `readings`.
+    poses : ndarray, shape (n, 6)
+        `x y z` [length unit], `rx ry rz` [rad], in the order of the visits; shape (0, 6) without a
+        platform.
+    readings : ndarray, shape (n, C)
+        What the channels should read there, about.
+    why : tuple of str
+        What each pose is visited for.
+    bound : Bound or None
+        Bound with these poses and those visited already, by the offsets and gains alone.
+    before : Bound or None
+        Bound with only the poses visited already.
+    keys : dict of str to tuple of str
+        Columns that tell unknown points apart: `group`, `at`.
+    waits : tuple of float
+        Pause before each pose, as a share of the session; empty where none is planned.
+    first : int
+        Label of the first pose.
+    merged : tuple of str
+        Explanations that no pose tells apart, in words.
+    forecast : Forecast or None
+        What is to be expected, beside a result.
+    """
+
+    mechanism: str
+    length_unit: str
+    criterion: str
+    seed: int
+    channels: tuple[str, ...]
+    poses: FloatArray
+    readings: FloatArray
+    why: tuple[str, ...]
+    bound: Bound | None = field(default=None, metadata=IF_KNOWN)
+    before: Bound | None = None
+    keys: dict[str, tuple[str, ...]] = field(default_factory=dict, metadata=OMIT)
+    waits: tuple[float, ...] = field(default=(), metadata=OMIT)
+    first: int = 1
+    merged: tuple[str, ...] = field(default=(), metadata=OMIT)
+    forecast: Forecast | None = field(default=None, metadata=IF_KNOWN)
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw where the poses are in x and z, coloured by their order; needs matplotlib.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to; a new figure where not given.
+
+        Returns
+        -------
+        Axes
+            With a colour bar beside it.
+        """
+        order = np.arange(1.0, len(self.poses) + 1)
+        names = (f"x [{self.length_unit}]", f"z [{self.length_unit}]", "pose")
+        ax = on_axes(ax, figsize=(6, 5))
+        ax.plot(self.poses[:, 0], self.poses[:, 2], color="0.8", lw=0.8, zorder=0)
+        return scatter(ax, self.poses[:, 0], self.poses[:, 2], order, names)
+
+    def _table(self) -> dict[str, Any]:
+        columns: dict[str, Any] = {"pose": range(self.first, self.first + len(self.readings))}
+        if len(self.poses):
+            return columns | {name: self.poses[:, k] for k, name in enumerate(POSE)}
+        readings = {name: self.readings[:, k] for k, name in enumerate(self.channels)}
+        return columns | self.keys | readings
+
+    def __repr__(self) -> str:
+        what = f"{len(self.readings)} poses for {self.criterion}"
+        if self.bound is not None:
+            what += (
+                f", offsets to {self.bound.offset_rms:.2g} rad per {self.bound.noise:g} of noise"
+            )
+        return f"<Plan of {self.mechanism!r}: {what}>"
+
+    def csv(self) -> str:
+        """The poses as CSV: pose, x … rz (without a platform group, at), channels, why."""
+        place = POSE if len(self.poses) else tuple(self.keys)
+        file = io.StringIO()
+        write = csv.writer(file, lineterminator="\n").writerow
+        write(("pose", *place, *self.channels, "why"))
+        for k, (reading, why) in enumerate(zip(self.readings, self.why, strict=True)):
+            if len(self.poses):
+                at = [f"{v:.4f}" for v in self.poses[k]]
+            else:
+                at = [column[k] for column in self.keys.values()]
+            write((self.first + k, *at, *(f"{v:.6g}" for v in reading), why))
+        return file.getvalue()
+
+    def save(self, path: PathLike) -> None:
+        """Write the poses as CSV.
+
+        Parameters
+        ----------
+        path : path
+            Path of the file.
+        """
+        write_text(path, self.csv())
+
+    def text(self) -> str:
+        """The poses for people, in degrees, and what is to be expected."""
+        lines = [self._head()]
+        for k, why in enumerate(self.why):
+            reason = "" if self.forecast is None else f"  {why}"
+            lines.append(f"{self.first + k:4d} {self._place(k)}{reason}".rstrip())
+        if self.merged:
+            lines += ["", *self.merged]
+        if self.bound is not None:
+            lines += ["", *_bound_lines(self.bound, self.before)]
+        if self.forecast is not None:
+            lines += ["", *_forecast_lines(self.forecast, self.length_unit)]
+        return "\n".join(lines) + "\n"
+
+    def _head(self) -> str:
+        if len(self.poses):
+            unit = self.length_unit
+            place = f"{'x':>8s} {'y':>8s} {'z':>8s} [{unit}] {'rx':>7s} {'ry':>7s} {'rz':>7s} [°]"
+            return f"pose {place}"
+        return f"pose {', '.join(self.keys)}: {', '.join(self.channels)}"
+
+    def _place(self, k: int) -> str:
+        if len(self.poses):
+            pose = self.poses[k]
+            place = " ".join(f"{v:8.2f}" for v in pose[:3])
+            turn = " ".join(f"{math.degrees(v):7.1f}" for v in pose[3:])
+            return f"{place} {' ' * (len(self.length_unit) + 2)} {turn}   "
+        keys = ", ".join(column[k] for column in self.keys.values())
+        return f"{keys}: {' '.join(f'{v:.5g}' for v in self.readings[k])}"
+
+
+def _bound_lines(bound: Bound, before: Bound | None) -> list[str]:
+    of = f"per {bound.noise:g} of noise in a reading, one reading of each pose"
+    lines = [f"least standard deviation {of}:"]
+    lines.append(f"  offsets {bound.offset_rms:.2g} rad")
+    lines.append(f"  gains {bound.gain_rms:.2g} rad/reading")
+    lines.append(f"  joint coordinates at these poses {bound.joint_rms:.2g} rad")
+    if before is not None:
+        lines.append(f"  offsets without these poses {before.offset_rms:.2g} rad")
+    return lines
+
+
+def _forecast_lines(forecast: Forecast, unit: str) -> list[str]:
+    lines = ["to be expected with these poses:"]
+    if forecast.decides is not None:
+        lines.append(f"  the right explanation is decided for in {forecast.decides:.0%}")
+        lines.append(f"  least λ {forecast.least_lambda:.3g} (12 is a decision, 25 a safe one)")
+    if forecast.platform_sd is not None:
+        before, after = (_size(s, unit) for s in _ends(forecast.platform_sd))
+        lines.append(f"  standard deviation of the platform {before} → {after}")
+    hidden = forecast.worst_hidden
+    if hidden.before is not None and hidden.after is not None:
+        words = [
+            f"{h.term} {h.target} ({_size(h.platform_rms, unit)})"
+            for h in (hidden.before, hidden.after)
+        ]
+        lines.append(f"  the worst that could hide: {words[0]} → {words[1]}")
+    return lines
+
+
+def _ends(spread: Spread) -> tuple[Rms, Rms]:
+    return spread.before, spread.after
+
+
+def _size(rms: Rms, unit: str) -> str:
+    return "unknown" if rms.position is None else f"{rms.position:.2g} {unit}"
+
+
+def _rms(values: FloatArray) -> float:
+    if not np.isfinite(values).all():
+        return math.inf
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,249 @@
+"""The history of a device: its data, as lines for a terminal, and as a page."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from dataclasses import dataclass
+from html import escape
+
+from rsicalib.records import Record, to_json
+from rsicalib.report.figure import Figure
+from rsicalib.report.page import document, section, table
+from rsicalib.report.svg import Canvas, Chart, bounds
+from rsicalib.report.words import number, p_is, plus_minus
+
+__all__ = ["Forecast", "History", "LeftOut", "Past", "Series"]
+
+FORMAT = "rsicalib.history/1"
+
+YEAR = 365.25
+"""Days: rates are shown per year."""
+
+HEIGHT = 180.0
+
+SURE = 0.01
+"""Rates less probable than this by chance are called drifts, all parameters together."""
+
+
+@dataclass(frozen=True)
+class Past(Record):
+    """One result of the device."""
+
+    file: str
+    """Name of the file."""
+    valid_from: str
+    """Date from which it holds."""
+    verdict: str
+    """Its verdict."""
+    found: tuple[str, ...]
+    """Effects that were found, as `curvature@a22`."""
+    note: str | None = None
+    """What was noted of the session."""
+
+
+@dataclass(frozen=True)
+class LeftOut(Record):
+    """A file of the folder that is not part of the history."""
+
+    file: str
+    """Name of the file."""
+    reason: str
+    """Why."""
+
+
+@dataclass(frozen=True)
+class Series(Record):
+    """One parameter over time."""
+
+    term: str
+    """Id of the term."""
+    target: str
+    """What the term belongs to."""
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """Unit of the values."""
+    valid_from: tuple[str, ...]
+    """When."""
+    values: tuple[float, ...]
+    """Estimates."""
+    sd: tuple[float, ...]
+    """Their standard deviations."""
+    rate: float | None
+    """Drift per day; None with less than two dates."""
+    rate_sd: float | None
+    """Standard deviation of the rate, grown by scatter that the estimates' own does not explain."""
+    p_value: float | None
+    """Probability of such a rate by chance."""
+
+
+@dataclass(frozen=True)
+class Forecast(Record):
+    """When the platform's error will exceed a target under the last calibration."""
+
+    target: float
+    """Position, root mean square over components, in units of length."""
+    now: float
+    """Likely error on the day of the last calibration: what its uncertainty leaves."""
+    day: str | None
+    """The day from which the error is likely above the target; None: not within ten years."""
+    from_day: str | None
+    """The day by which one device in twenty like this one has exceeded it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class History(Record):
+    """What is known of one device over time."""
+
+    format: str = FORMAT
+    """Kind of the document and version of its shape."""
+    device: str | None
+    """The device, as results call it."""
+    mechanism: str
+    """Name of the mechanism."""
+    length_unit: str
+    """Unit of every length."""
+    results: tuple[Past, ...]
+    """The results, by date."""
+    parameters: tuple[Series, ...]
+    """What belongs to the device, over time."""
+    session_only: tuple[str, ...]
+    """Effects that belong to a session, and are not compared."""
+    left_out: tuple[LeftOut, ...]
+    """Files that are damaged, or of another device."""
+    forecast: Forecast | None = None
+    """With a target and a platform: when its error will exceed it."""
+
+    def to_json(self) -> str:
+        """The history as JSON text."""
+        return to_json(self.to_dict())
+
+    def text(self) -> str:
+        """The history as lines for a terminal."""
+        return "\n".join(lines(self))
+
+    def page(self) -> str:
+        """The history as one HTML page that needs no network."""
+        return page(self)
+
+
+def lines(history: History) -> list[str]:
+    """The history as lines."""
+    first, last = history.results[0], history.results[-1]
+    called = history.device or history.mechanism
+    out = [
+        f"{called}: {len(history.results)} results, {first.valid_from} to {last.valid_from}",
+        "",
+        *(_past(one) for one in history.results),
+        "",
+        f"{'parameter':24} {'last':>14} {'± 95 %':>10} {'per year':>12} {'± 95 %':>10}",
+    ]
+    out += [" ".join(_cells(one)) for one in history.parameters]
+    drifts = _drifts(history)
+    names = ", ".join(f"{s.term}@{s.target}" for s in drifts)
+    out += ["", f"drifts beyond chance: {names or 'none'}"]
+    if history.session_only:
+        out.append(f"of single sessions, not compared: {', '.join(history.session_only)}")
+    if history.forecast is not None:
+        out += ["", forecast_words(history.forecast, history.length_unit)]
+    if history.left_out:
+        out += ["", "left out:", *(f"  {one.file}: {one.reason}" for one in history.left_out)]
+    return out
+
+
+def _past(one: Past) -> str:
+    found = f", {', '.join(one.found)}" if one.found else ""
+    note = f" ({one.note})" if one.note else ""
+    return f"  {one.valid_from}  {one.verdict}{found}{note}  {one.file}"
+
+
+def _cells(one: Series) -> list[str]:
+    name = f"{one.term}@{one.target}"
+    if one.name != one.term:
+        name += f" {one.name}"
+    value, half = plus_minus(one.values[-1], 1.96 * one.sd[-1])
+    rate, rate_half = "-", "-"
+    if one.rate is not None and one.rate_sd is not None:
+        rate, rate_half = plus_minus(YEAR * one.rate, 1.96 * YEAR * one.rate_sd)
+    return [f"{name:24}", f"{value:>14}", f"{half:>10}", f"{rate:>12}", f"{rate_half:>10}"]
+
+
+def _drifts(history: History) -> list[Series]:
+    """Parameters whose rate is beyond chance, the number of parameters counted in."""
+    limit = SURE / max(len(history.parameters), 1)
+    return [s for s in history.parameters if s.p_value is not None and s.p_value < limit]
+
+
+def forecast_words(forecast: Forecast, unit: str) -> str:
+    """When the error of the platform will exceed the target, as a sentence."""
+    text = f"platform error now {number(forecast.now)} {unit}, "
+    if forecast.day is None:
+        text += f"not likely above {number(forecast.target)} {unit} within ten years"
+    else:
+        text += f"likely above {number(forecast.target)} {unit} by {forecast.day}"
+    if forecast.from_day is not None:
+        text += f" (in one case of twenty by {forecast.from_day})"
+    return text
+
+
+def page(history: History) -> str:
+    """The history as one HTML page."""
+    called = history.device or history.mechanism
+    words = lines(history)[0]
+    drifts = _drifts(history)
+    drifting = ", ".join(f"{s.term} of {s.target}" for s in drifts)
+    verdict = f"{words}. " + (
+        f"Drifting: {drifting}." if drifts else "Nothing drifts beyond chance."
+    )
+    mood = "bad" if drifts else "good"
+    parts = [
+        "<h1>History of a calibration</h1>",
+        f'<p class="verdict {mood}">{escape(verdict)}</p>',
+    ]
+    if history.forecast is not None:
+        forecast = forecast_words(history.forecast, history.length_unit)
+        parts.append(f"<p>{escape(forecast[0].upper() + forecast[1:])}.</p>")
+    rows = [
+        (one.valid_from, one.verdict, ", ".join(one.found), one.note or "", one.file)
+        for one in history.results
+    ]
+    heads = ("date", "verdict", "found", "note", "file")
+    parts.append(section("Results", table(heads, rows, text=5)))
+    columns = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
+    cells = [(*(c.strip() for c in _cells(s)), p_is(s.p_value), s.unit) for s in history.parameters]
+    parts.append(section("Parameters", table(columns, cells)))
+    parts.append(section("Over time", *(_figure(one).html() for one in history.parameters)))
+    rows_out = [(one.file, one.reason) for one in history.left_out]
+    if rows_out:
+        parts.append(section("Left out", table(("file", "why"), rows_out, text=2)))
+    return document(f"{called}: history", parts)
+
+
+def _figure(one: Series) -> Figure:
+    days = [_days(date) for date in one.valid_from]
+    since = [day - days[0] for day in days]
+    half = [1.96 * sd for sd in one.sd]
+    title = f"{one.term} of {one.target}"
+    title += f", {one.name}" if one.name != one.term else ""
+
+    def draw(width: float) -> str:
+        canvas = Canvas(width, HEIGHT)
+        ends = [v + s * h for v, h in zip(one.values, half, strict=True) for s in (-1.0, 1.0)]
+        words = (f"days since {one.valid_from[0]}", one.unit)
+        chart = Chart.on(canvas, bounds(since), bounds(ends), words, height=HEIGHT)
+        for day, value, h, date in zip(since, one.values, half, one.valid_from, strict=True):
+            (x, low), (_, high) = chart.at((day, value - h)), chart.at((day, value + h))
+            canvas.line(x, low, x, high, "whisker")
+            canvas.dot(*chart.at((day, value)), said=f"{date}: {value:g} ± {h:.2g}")
+        return canvas.svg(title)
+
+    name = re.sub(r"\W+", "-", f"{one.term}-{one.target}-{one.name}")
+    return Figure(name, draw, f"{title}, with 95 % intervals.")
+
+
+def _days(date: str) -> float:
+    when = datetime.datetime.fromisoformat(date)
+    if when.tzinfo is None:
+        when = when.replace(tzinfo=datetime.UTC)
+    return when.timestamp() / 86_400.0

@@ -1,0 +1,274 @@
+"""A person at the handle, simulated: `python -m tests.person --devices 50` guides so many.
+
+Reads the page's state as a person reads the page, moves the handle of a device of `tests.blind` to
+the pose that is asked for, misses it, holds it with a shaking hand, and goes on when it is taken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import secrets
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import rsicalib
+from rsicalib import Trace
+from rsicalib.guide.advice import Adviser
+from rsicalib.guide.log import Columns, Log, Sample
+from rsicalib.guide.session import Session, Settings
+from tests import oracle
+from tests.blind import effects as catalogue
+from tests.blind import simulator
+from tests.blind.effects import Effect
+from tests.blind.planning import wide_poses
+from tests.blind.scene import Scene, held
+from tests.blind.simulator import CHANNELS, Device
+from tests.oracle import Array
+
+State = dict[str, Any]
+MISSES = (0.15, 0.05)
+"""Standard deviation of where the pose ends up, (in, rad)."""
+SHAKES = (0.004, 0.002)
+"""Of the hand between samples, (in, rad)."""
+POSE_S = 20.0
+"""From pose to pose, by the clock of the samples."""
+
+
+@dataclass
+class Operator:
+    """A device with its effects, and the person at its handle.
+
+    `channels` may exchange two columns; `lost` names a channel that reads the same for ever.
+    """
+
+    device: Device
+    effects: tuple[Effect, ...]
+    rng: np.random.Generator
+    misses: tuple[float, float] = MISSES
+    shakes: tuple[float, float] = SHAKES
+    order: tuple[int, ...] = tuple(range(9))
+    lost: int | None = None
+    at: Array = field(default_factory=lambda: np.array(oracle.REST, dtype=float))
+    clock_s: float = 0.0
+    before: Array | None = None
+
+    def read(self, poses: Array, step_s: float = 0.02) -> list[tuple[float, Array]]:
+        """Samples of a way, and their times: the last pose before them counts for hysteresis."""
+        count = len(poses)
+        times = self.clock_s + step_s * np.arange(1, count + 1)
+        whole = np.vstack([self.at[None] if self.before is None else self.before[None], poses])
+        label = np.concatenate([[1], np.full(count, 2)])
+        scene = Scene(
+            pose=whole,
+            label=label,
+            sample=np.concatenate([[1], np.arange(1, count + 1)]),
+            before=np.where(label == 1, -1, 0),
+            time_s=np.concatenate([[self.clock_s], times]),
+            temperature_c=np.full(count + 1, 21.0),
+        )
+        ideal = self.device.ideal(scene, self.effects)[1:]
+        codes = simulator.digitise(ideal, self.rng, 1.0, self.effects)[:, list(self.order)]
+        if self.lost is not None:
+            codes[:, self.lost] = 2048
+        self.clock_s = float(times[-1])
+        return list(zip(times.tolist(), codes, strict=True))
+
+    def go(self, pose: Array) -> list[tuple[float, Array]]:
+        """Samples on the way to a pose, which is missed, and while it is held."""
+        missed = self.rng.standard_normal(6) * np.repeat(self.misses, 3)
+        goal = self._reachable(pose, missed)
+        way = self.at + np.linspace(0.1, 1.0, 10)[:, None] * (goal - self.at)
+        inside = self.device.allows(way)
+        moving = self.read(way[inside]) if inside.any() else []
+        self.clock_s += POSE_S
+        held = goal + self.rng.standard_normal((40, 6)) * np.repeat(self.shakes, 3)
+        self.before, self.at = self.at, goal
+        return moving + self.read(held[self.device.allows(held)])
+
+    def _reachable(self, pose: Array, missed: Array) -> Array:
+        for share in (1.0, 0.5, 0.25, 0.0):
+            if self.device.allows((pose + share * missed)[None])[0]:
+                return np.asarray(pose + share * missed)
+        return np.asarray(self.at + 0.5 * (pose - self.at))
+
+
+def operate(
+    person: Operator,
+    state: Callable[[], State],
+    write: Callable[[str], None],
+    pause_s: float = 0.0,
+    patience_s: float = 60.0,
+) -> None:
+    """Do what the page says until it is done."""
+    write("time_s," + ",".join(oracle.channel_names(oracle.rsi())))
+    taken, since = -1, time.monotonic()
+    remembered: dict[int, Array] = {}
+    while time.monotonic() - since < patience_s:
+        now = state()
+        if now["done"]:
+            return
+        if now["phase"] == "think" or (now["taken"] == taken and now["hold"] > 0.3):
+            if now["phase"] != "think":
+                _hold(person, write)  # a person holds until the pose is taken
+            time.sleep(0.01 + pause_s)
+            continue
+        if now["taken"] != taken or now["hold"] <= 0.3:
+            if now["taken"] > 0:
+                remembered.setdefault(now["next"] - 1, person.at)
+            taken, since = now["taken"], time.monotonic()
+            wanted = remembered.get(now["repeat"], now["pose"])
+            person.clock_s += now["wait_s"]
+            pose = person.at * 0.97 if wanted is None else np.array(wanted)
+            for moment, codes in person.go(pose):
+                write(_line(moment, codes))
+                if pause_s:
+                    time.sleep(pause_s)
+        time.sleep(0.01)
+
+
+def _hold(person: Operator, write: Callable[[str], None]) -> None:
+    shaking = person.rng.standard_normal((5, 6)) * np.repeat(person.shakes, 3)
+    poses = person.at + shaking
+    for moment, codes in person.read(poses[person.device.allows(poses)]):
+        write(_line(moment, codes))
+
+
+def _line(moment: float, codes: Array) -> str:
+    return f"{moment:.3f}," + ",".join(str(int(c)) for c in codes)
+
+
+def guided(
+    person: Operator, folder: Path, target: float, **settings: Any
+) -> tuple[Session, Trace | None]:
+    """A session in this process: the operator reads the state, without page or terminal."""
+    mechanism = rsicalib.load_mechanism("rsi")
+    codes = simulator.rest(person.device, person.rng, effects=person.effects)["values"]
+    rest = rsicalib.Readings.from_arrays(mechanism, codes[:, list(person.order)])
+    names = oracle.channel_names(oracle.rsi())
+    session = Session(
+        mechanism, Adviser(mechanism, rest), Log(folder, names, False), Settings(target, **settings)
+    )
+    columns = Columns(names)
+
+    waiting: list[Sample] = []
+
+    def feed() -> None:
+        session.feed(waiting)
+        waiting.clear()
+
+    def write(line: str) -> None:
+        found = columns.sample(line, 0.0)
+        if not isinstance(found, str) and found is not None:
+            waiting.append(found)
+        if len(waiting) >= 10:
+            feed()
+
+    def state() -> State:
+        feed()
+        session.poll()
+        return session.state()
+
+    operate(person, state, write)
+    return session, session.finish()
+
+
+def page_state(url: str) -> State:
+    """What the page shows."""
+    with urllib.request.urlopen(url + "state", timeout=10) as answer:
+        found: State = json.loads(answer.read())
+    return found
+
+
+def drawn(seed: int, effect: str | None = None, target: str = "a22") -> Operator:
+    """A device drawn with a seed, with an effect of the catalogue or without."""
+    rng = np.random.default_rng(seed)
+    device = Device.random(rng)
+    kinds = {kind.term: kind for kind in catalogue.CATALOGUE}
+    present = () if effect is None else (kinds[effect].draw(rng, target),)
+    return Operator(device, present, rng)
+
+
+def rest_lines(person: Operator) -> Iterator[str]:
+    """A file of readings of the rest pose."""
+    session = simulator.rest(person.device, person.rng, effects=person.effects)
+    yield ",".join(oracle.channel_names(oracle.rsi()))
+    for row in session["values"][:, list(person.order)]:
+        yield ",".join(str(int(c)) for c in row)
+
+
+EFFECTS = ("curvature", "cubic", "once_per_turn", "drift", "slip", "hysteresis", "crosstalk")
+"""Effects of sensors that guided devices have by turns, after one without."""
+
+
+def truth_error(person: Operator, result: Trace) -> float:
+    """Error of the platform [in], root mean square of components over random poses at rest."""
+    rng = np.random.default_rng(99)
+    poses = wide_poses(rng, person.device, 60)
+    standing = tuple(e for e in person.effects if e.term not in ("drift", "slip"))
+    scene = held(rng, poses, 1, (0.0, 0.0))
+    counts = np.clip(person.device.ideal(scene, standing), 0, 4095)
+    mechanism = rsicalib.load_mechanism("rsi")
+    read = rsicalib.Readings.from_arrays(mechanism, counts, pose=scene.label)
+    found = np.asarray(rsicalib.forward(read, mechanism, calibration=result))
+    return float(np.sqrt(np.mean((found[:, :3] - poses[:, :3]) ** 2)))
+
+
+def main() -> int:
+    """Guide simulated operators, and print what it took."""
+    parser = argparse.ArgumentParser(description="guided sessions of simulated operators")
+    parser.add_argument("--devices", type=int, default=50)
+    parser.add_argument("--target", type=float, default=0.003)
+    parser.add_argument("--effects", nargs="*", default=["none"], choices=["none", *EFFECTS])
+    parser.add_argument("--seed", type=int)
+    args = parser.parse_args()
+    seed = secrets.randbits(32) if args.seed is None else args.seed
+    print(f"seed {seed}", flush=True)
+    rows = []
+    for k in range(args.devices):
+        effect = args.effects[k % len(args.effects)]
+        target = CHANNELS[int(np.random.default_rng([seed, k]).integers(9))]
+        person = drawn(seed + k, None if effect == "none" else effect, target)
+        with tempfile.TemporaryDirectory() as folder:
+            session, result = guided(person, Path(folder) / "o", args.target)
+        state = session.state()
+        steps = () if result is None else result.steps
+        named = any(
+            step.target == target and effect in (step.term, *(a.term for a in step.also_fits))
+            for step in steps
+        )
+        error = np.nan if result is None else truth_error(person, result)
+        reached = session.reached if session.reached is not None else state["taken"]
+        rows.append((state["done"], reached, state["taken"], named, len(steps), error))
+        print(
+            f"{k} {effect} {target}: done {state['done']}, {reached} poses to the target, "
+            f"{state['taken']} in all, {state['verdict']}, named {state['named']}, "
+            f"open {len(state['open'])}, error {1e3 * error:.2f}e-3 in",
+            flush=True,
+        )
+    done, reach, taken, right, count, errors = (
+        np.array(c, dtype=float) for c in zip(*rows, strict=True)
+    )
+    print(
+        f"poses to the target: median {np.median(reach):.1f}, 90 % {np.percentile(reach, 90):.0f}; "
+        f"in all: median {np.median(taken):.1f}; done {np.mean(done):.0%}; "
+        f"error median {1e3 * np.nanmedian(errors):.2f}e-3 in"
+    )
+    own = np.array([args.effects[k % len(args.effects)] != "none" for k in range(args.devices)])
+    if own.any():
+        print(f"effect named: {np.mean(right[own]):.0%} of {own.sum()}")
+    if (~own).any():
+        print(f"something named where nothing is: {np.mean(count[~own] > 0):.0%} of {(~own).sum()}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,363 @@
+"""The guide: an operator whose hand shakes and who misses poses, a crash, and a real browser."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import InputError
+from rsicalib.guide.hold import Hold
+from rsicalib.guide.log import Columns, Log, Sample
+from rsicalib.guide.server import Page
+from rsicalib.guide.source import open_source
+from rsicalib.guide.terminal import Screen, screen
+from tests import oracle, person
+from tests.browser import CHROMIUM, needs_chromium
+
+CHANNELS = oracle.channel_names(oracle.rsi())
+TARGET = 0.004
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[person.Session, Any, Path]:
+    """A whole session of a device with the curve of a sensor that nobody declared."""
+    folder = tmp_path_factory.mktemp("guide") / "session"
+    operator = person.drawn(3, "curvature", "a22")
+    taken, result = person.guided(operator, folder, TARGET)
+    return taken, result, folder
+
+
+def test_a_shaking_hand_that_misses_poses_reaches_the_target(
+    session: tuple[person.Session, Any, Path],
+) -> None:
+    taken, result, folder = session
+    state = taken.state()
+    assert state["done"] and state["sd"] <= TARGET
+    assert result.exit_code == 0
+    named = [(s.target, [s.term, *(a.term for a in s.also_fits)]) for s in result.steps]
+    assert [(target, "curvature" in terms) for target, terms in named] == [("a22", True)]
+    assert json.loads((folder / "result.json").read_text())["format"] == "rsicalib.trace/1"
+
+
+def test_every_fourth_pose_is_kept_out_and_checks_the_closure(
+    session: tuple[person.Session, Any, Path],
+) -> None:
+    taken, result, folder = session
+    kept = rsicalib.load_readings(folder / "held_out.csv")
+    fitted = rsicalib.load_readings(folder / "readings.csv")
+    assert set(kept.pose) == {k for k in taken.log.poses if k % 4 == 0}
+    assert not set(kept.pose) & set(fitted.pose)
+    assert result.readings.poses == len(set(fitted.pose))
+    state = taken.state()
+    # By plain products of matrices: closures of what is read, under offsets and gains alone, are
+    # off by more than those of the result, which has the curve.
+    off = np.array([result["offset", n].value for n in CHANNELS])
+    gain = np.array([result["gain", n].value for n in CHANNELS])
+    without = oracle.misclosure(oracle.rsi(), off, gain, kept.values) / (2 * 2.598)
+    assert state["closure"] < np.sqrt(np.mean(without**2))
+    assert 0.3 < state["closure"] / state["closure_fitted"] < 3.0
+
+
+def test_the_session_is_that_of_the_trace_of_its_files(
+    session: tuple[person.Session, Any, Path],
+) -> None:
+    _, result, folder = session
+    again = rsicalib.load_calibration(folder / "result.json")
+    assert [p.value for p in again.parameters] == [p.value for p in result.parameters]
+    samples = (folder / "samples.csv").read_text().splitlines()
+    rows = {line.split(",", 1)[1] for line in samples[1:]}
+    for name in ("readings", "held_out"):
+        for line in (folder / f"{name}.csv").read_text().splitlines()[1:]:
+            assert line.split(",", 3)[3] in rows
+
+
+def test_a_pose_that_was_taken_adds_nothing_again(tmp_path: Path) -> None:
+    operator = person.drawn(5)
+    mechanism = rsicalib.load_mechanism("rsi")
+    log = Log(tmp_path / "o", CHANNELS, False)
+    state = person.Session(mechanism, person.Adviser(mechanism, None), log, person.Settings(0.01))
+    for moment, codes in operator.read(np.repeat(operator.at[None], 200, axis=0)):
+        state.feed([Sample(moment, None, tuple(float(c) for c in codes))])
+        while state.busy:
+            state.poll()
+            time.sleep(0.01)
+    assert sorted(log.poses) == [1]
+    assert "adds nothing" in state.state()["message"]
+    assert state.state()["troubles"] == []
+    before = state.state()["pose"]
+    state.strike_off()
+    while state.busy:
+        state.poll()
+        time.sleep(0.01)
+    assert not np.allclose(state.state()["pose"], before, atol=1e-3)
+    state.finish()
+
+
+def test_a_lost_channel_and_the_end_of_a_range_are_said(tmp_path: Path) -> None:
+    operator = person.drawn(6)
+    operator.lost = 4
+    mechanism = rsicalib.load_mechanism("rsi")
+    log = Log(tmp_path / "o", CHANNELS, False)
+    state = person.Session(mechanism, person.Adviser(mechanism, None), log, person.Settings(0.01))
+    assert state.state()["phase"] in ("think", "wait") and not state.state()["troubles"]
+    way = np.array(oracle.REST) + np.linspace(0, 1, 80)[:, None] * [1.5, 0.5, -0.8, 0.2, 0.3, 0.2]
+    for moment, codes in operator.read(way):
+        state.feed([Sample(moment, None, tuple(float(c) for c in codes))])
+    assert any("a22 does not change" in t for t in state.state()["troubles"])
+    end = tuple(4095.0 if k == 2 else 2000.0 + k for k in range(9))
+    for k in range(60):
+        state.feed([Sample(100.0 + 0.1 * k, None, end)])
+    assert any("a13 is at the end of its range" in t for t in state.state()["troubles"])
+    assert not log.poses  # a dead zone is no reading
+    state.finish()
+
+
+def test_a_hand_that_shakes_is_still_and_a_hand_that_moves_is_not() -> None:
+    rng = np.random.default_rng(2)
+    hold = Hold(np.full(9, 4095.0), 8, 0.5)
+    for k in range(40):
+        hold.feed(Sample(0.02 * k, None, tuple(2000 + 6 * rng.standard_normal(9))))
+    assert hold.progress == 1.0 and len(hold.taken()) == 8
+    for k in range(40, 80):
+        hold.feed(Sample(0.02 * k, None, tuple(2000 + 12.0 * (k - 40) * np.ones(9))))
+    assert hold.progress < 0.5
+
+
+def test_lines_that_cannot_be_read_are_told_from_samples() -> None:
+    columns = Columns(CHANNELS)
+    assert "no header" in str(columns.sample("1,2,3", 0.0))
+    assert columns.sample("time_s," + ",".join(CHANNELS), 0.0) is None
+    good = columns.sample("1.5," + ",".join(["7"] * 9), 0.0)
+    assert good == Sample(1.5, None, (7.0,) * 9)
+    assert "no number" in str(columns.sample("1.5," + ",".join(["x"] * 9), 0.0))
+    assert "columns" in str(columns.sample("1,2", 0.0))
+    assert "not a number" in str(columns.sample("1.5," + ",".join(["nan"] * 9), 0.0))
+
+
+def test_half_a_line_is_dropped_and_half_a_pose_is_taken_again(tmp_path: Path) -> None:
+    log = Log(tmp_path, CHANNELS, False)
+    rows = [Sample(float(k), 21.0, tuple(float(k + c) for c in range(9))) for k in range(12)]
+    log.take(rows)
+    log.pose(1, rows[:4])
+    log.pose(2, rows[4:8])
+    log.pose(3, rows[8:])
+    log.close()
+    for name in ("samples", "readings"):
+        text = (tmp_path / f"{name}.csv").read_text()
+        (tmp_path / f"{name}.csv").write_text(text[:-5])
+    with pytest.raises(InputError, match="--resume"):
+        Log(tmp_path, CHANNELS, False)
+    again = Log(tmp_path, CHANNELS, True)
+    assert again.samples == rows[:11]
+    assert again.poses == {1: rows[:4], 2: rows[4:8]}
+    again.pose(3, rows[7:11])
+    again.close()
+    assert len((tmp_path / "readings.csv").read_text().splitlines()) == 13
+
+
+def test_a_file_that_grows_is_read_line_by_line(tmp_path: Path) -> None:
+    path = tmp_path / "growing.csv"
+    path.write_text("a,b\n1,")
+    lines = open_source(str(path))
+    assert lines.take(2.0) == ["a,b\n"]
+    with path.open("a") as file:
+        file.write("2\n3,4\n")
+    found: list[str] = []
+    for _ in range(50):
+        found += lines.take(0.1)
+        if len(found) == 2:
+            break
+    assert found == ["1,2\n", "3,4\n"]
+    lines.close()
+    with pytest.raises(InputError, match="a file or a command"):
+        open_source("no-such-command-anywhere --x")
+
+
+def test_the_page_answers_to_this_machine_alone() -> None:
+    struck: list[int] = []
+    page = Page(lambda: {"done": False, "note": "</script>"}, lambda: struck.append(1))
+    try:
+        assert page.url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(page.url) as answer:
+            body = answer.read()
+        assert b"EventSource" in body and body.count(b"</script>") == 1
+        foreign = urllib.request.Request(page.url + "state", headers={"Host": "evil.example"})
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(foreign)
+        plain = urllib.request.Request(page.url + "strike-off", method="POST")
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(plain)
+        ours = urllib.request.Request(
+            page.url + "strike-off", method="POST", headers={"X-Guide": "1"}
+        )
+        urllib.request.urlopen(ours)
+        assert struck == [1]
+        with urllib.request.urlopen(page.url + "events") as events:
+            assert events.readline().startswith(b'data: {"done": false')
+    finally:
+        page.close()
+
+
+def test_the_terminal_shows_the_same(
+    session: tuple[person.Session, Any, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = session[0].state()
+    assert any("#####" in line for line in screen(state))
+    state = state | {"done": False, "phase": "move"}
+    lines = screen(state)
+    assert lines[0].startswith("Go to pose")
+    assert sum(line.startswith(tuple(CHANNELS)) for line in lines) == 9
+    Screen(sys.stdout).show(state | {"done": True})
+    assert "DONE" in capsys.readouterr().out
+
+
+class Served:
+    """The command with its page, and an operator who reads the page and writes to its input."""
+
+    def __init__(self, folder: Path, operator: person.Operator, *more: str) -> None:
+        self.folder = folder
+        self.operator = operator
+        rest = folder.parent / "rest.csv"
+        if not rest.exists():
+            rest.write_text("\n".join(person.rest_lines(operator)) + "\n")
+        command = [sys.executable, "-m", "rsicalib", "guide", "--rest", str(rest), "--json"]
+        command += ["--out", str(folder), "--target", str(TARGET), "--no-browser", *more]
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "RAYON_NUM_THREADS": "1"},
+        )
+        assert self.process.stderr is not None
+        self.url = self.process.stderr.readline().split()[-1]
+        self.said: list[str] = []
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        assert self.process.stderr is not None
+        self.said += self.process.stderr
+
+    def kill(self) -> None:
+        """As a power cut would end it."""
+        self.process.send_signal(signal.SIGKILL)
+        self.close()
+
+    def close(self) -> str:
+        """What was printed, once it has ended."""
+        assert self.process.stdout is not None and self.process.stdin is not None
+        out = self.process.stdout.read()
+        self.process.wait(timeout=60)
+        self._listener.join()
+        for pipe in (self.process.stdin, self.process.stdout, self.process.stderr):
+            assert pipe is not None
+            with contextlib.suppress(BrokenPipeError):
+                pipe.close()
+        return out
+
+    def write(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def state(self) -> dict[str, Any]:
+        try:
+            return person.page_state(self.url)
+        except OSError:
+            return {"done": True}
+
+    def operate(self, until: Callable[[dict[str, Any]], bool] = lambda state: False) -> None:
+        def state() -> dict[str, Any]:
+            found = self.state()
+            return found | {"done": found["done"] or until(found)}
+
+        person.operate(self.operator, state, self.write)
+
+
+def test_kill_9_and_resume_lose_nothing(tmp_path: Path) -> None:
+    operator = person.drawn(8)
+    first = Served(tmp_path / "o", operator)
+    first.operate(until=lambda s: s["taken"] >= 4)
+    seen = first.state()
+    first.kill()
+    lines = (tmp_path / "o" / "samples.csv").read_text().splitlines()
+    assert len(lines) - 1 >= seen["samples"]
+    second = Served(tmp_path / "o", operator, "--resume")
+    assert second.state()["taken"] >= seen["taken"]
+    assert second.state()["samples"] >= seen["samples"]
+    second.operate()
+    told = json.loads(second.close())
+    assert second.process.returncode == 0
+    assert told["verdict"] in ("adequate", "explained")
+    labels = [
+        int(line.split(",")[0])
+        for name in ("readings", "held_out")
+        for line in (tmp_path / "o" / f"{name}.csv").read_text().splitlines()[1:]
+    ]
+    counts = {k: labels.count(k) for k in labels}
+    assert sorted(counts) == list(range(1, max(counts) + 1))
+    assert set(counts.values()) == {8}
+
+
+@needs_chromium
+def test_a_browser_shows_the_session(tmp_path: Path) -> None:
+    assert CHROMIUM is not None
+    served = Served(tmp_path / "o", person.drawn(3, "curvature", "a22"))
+    served.operate(until=lambda s: s["taken"] >= 2 and s["pose"] is not None)
+    shown = served.state()
+    dom = _in_browser(CHROMIUM, served.url, tmp_path)
+    assert f'<strong id="taken">{shown["taken"]}</strong>' in dom
+    body = dom.split("<script>")[0]
+    assert body.count('class="track"') == 9
+    assert "Waiting for samples" not in body
+    served.kill()
+
+
+def _in_browser(chromium: str, url: str, folder: Path) -> str:
+    """What a real browser makes of the page, after a second."""
+    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--timeout=3000"]
+    command += [f"--user-data-dir={folder / 'profile'}", "--dump-dom", url]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=90)
+    return run.stdout
+
+
+def test_a_mechanism_without_a_platform_and_targets_that_mean_nothing_are_refused(
+    tmp_path: Path,
+) -> None:
+    from rsicalib.guide.run import guide
+
+    with pytest.raises(InputError, match="target: found 0"):
+        guide(tmp_path / "a", target=0.0, source="true")
+    drawing = oracle.rsi()
+    drawing.pop("platform", None)
+    bare = rsicalib._core.Mechanism.from_dict(rsicalib.records.plain(drawing))
+    with pytest.raises(InputError, match="without a platform"):
+        guide(tmp_path / "b", bare, source="true")
+
+
+def test_a_source_that_ends_early_determines_nothing(tmp_path: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "rsicalib", "guide", "--out", str(tmp_path / "o"), "--no-browser"],
+        input="time_s," + ",".join(CHANNELS) + "\n",
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert run.returncode == 3 and "do not determine" in run.stderr

@@ -1,0 +1,122 @@
+"""Results of one device against date."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import InputError
+from tests import oracle
+from tests.blind import simulator
+from tests.blind.simulator import Device
+from tests.watch.device import readings_of
+
+DATES = ("2025-01-10", "2025-02-11", "2025-04-01", "2025-06-20", "2025-09-01")
+DAYS = (0, 32, 81, 161, 234)
+DRIFT = 1e-4
+"""Of the offset of a22, rad per day."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five results of a device whose a22 drifts, and some files that are none of its own."""
+    place = tmp_path_factory.mktemp("history")
+    rng = np.random.default_rng(3)
+    device = Device.random(rng)
+    for date, day in zip(DATES, DAYS, strict=True):
+        offsets = device.offsets.copy()
+        offsets[4] += DRIFT * day
+        now = Device(offsets, device.gains)
+        session = simulator.session(now, rng, simulator.hand_poses(rng, 40, now), 8)
+        rest = readings_of(simulator.rest(now, rng))
+        found = rsicalib.calibrate(readings_of(session), rest=rest, device="seven", date=date)
+        found.save(place / f"{date}.json")
+    text = found.to_json()
+    (place / "broken.json").write_text('{"format":')
+    (place / "none.json").write_text("[]")
+    (place / "other.json").write_text(text.replace('"seven"', '"eight"'))
+    (place / "undated.json").write_text(text.replace(f'"{DATES[-1]}"', "null"))
+    return place
+
+
+def test_parameters_stand_against_date_with_their_drift(folder: Path) -> None:
+    found = rsicalib.history(folder)
+    assert found.device == "seven"
+    assert tuple(past.valid_from for past in found.results) == DATES
+    series = {(s.term, s.target): s for s in found.parameters}
+    assert len(series) == 18
+    drifting = series["offset", "a22"]
+    assert drifting.rate is not None
+    assert drifting.rate_sd is not None
+    assert drifting.p_value is not None
+    assert abs(drifting.rate - DRIFT) < 4 * drifting.rate_sd
+    assert drifting.p_value < 1e-3
+    # Witness: the same line by numpy, which scales nothing.
+    weight = 1.0 / np.array(drifting.sd)
+    slope, _ = np.polyfit(DAYS, drifting.values, 1, w=weight)
+    assert drifting.rate == pytest.approx(slope, rel=1e-6)
+    for key, one in series.items():
+        if key != ("offset", "a22"):
+            assert one.p_value is not None
+            assert one.p_value > 1e-4
+
+
+def test_damaged_and_foreign_files_are_listed_and_left_out(folder: Path) -> None:
+    left = {one.file: one.reason for one in rsicalib.history(folder).left_out}
+    assert set(left) == {"broken.json", "none.json", "other.json", "undated.json"}
+    assert "JSON" in left["broken.json"]
+    assert "'eight'" in left["other.json"]
+    assert "date" in left["undated.json"]
+    assert rsicalib.history(folder, device="eight").results[0].file == "other.json"
+    with pytest.raises(InputError, match="'nine'"):
+        rsicalib.history(folder, device="nine")
+
+
+def test_the_day_of_too_large_an_error_is_that_of_the_drift(folder: Path) -> None:
+    target = 0.02
+    found = rsicalib.history(folder, target=target).forecast
+    assert found is not None
+    assert found.day is not None
+    assert found.from_day is not None
+    assert DATES[-1] < found.from_day < found.day
+    # Witness: how far the handle moves with the offset of a22, by the oracle's kinematics.
+    rng = np.random.default_rng(1)
+    poses = simulator.hand_poses(rng, 200)
+    mechanism = oracle.rsi()
+    offsets, gains = oracle.nominal(mechanism)
+    counts = (oracle.rsi_inverse(poses).reshape(-1, 9) - offsets) / gains
+    moved = offsets.copy()
+    moved[4] += 1e-3
+    here, there = (oracle.points(mechanism, counts * gains + o) for o in (offsets, moved))
+    per_rad = np.sqrt(((there - here).mean(axis=1) ** 2).mean()) / 1e-3
+    days = (np.datetime64(found.day) - np.datetime64(DATES[-1])).astype(int)
+    # Readings are moved onto the closures first, and the rate is known to a quarter.
+    assert 0.3 < days * DRIFT * per_rad / target < 3.0
+
+
+def test_the_command_prints_text_json_and_a_page(folder: Path, tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "rsicalib", "history", str(folder), "--target", "0.02"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "drifts beyond chance: offset@a22" in done.stdout
+    assert "broken.json" in done.stdout
+    done = subprocess.run(
+        [*words, "--json", "--out", str(tmp_path)], capture_output=True, text=True, timeout=120
+    )
+    assert json.loads(done.stdout)["format"] == "rsicalib.history/1"
+    page = (tmp_path / "history.html").read_text()
+    assert page.count("<figure") == 18
+    assert "Drifting: offset of a22" in page
+
+
+def test_a_folder_without_results_says_so(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such folder"):
+        rsicalib.history(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="a result with a date"):
+        rsicalib.history(tmp_path)

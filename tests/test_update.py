@@ -1,0 +1,91 @@
+"""A later session against an earlier calibration: what has changed, and is an update worth it."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO
+from tests import oracle
+from tests.blind import simulator
+from tests.blind.simulator import CHANNELS, Device
+from tests.watch.device import calibrated
+from tests.watch.pairs import again, pair
+
+SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
+
+
+def test_unchanged_devices_keep_their_calibration_and_changed_ones_are_named() -> None:
+    # The full size is `python -m tests.watch.pairs`.
+    found = [pair(7, number) for number in range(8)]
+    assert sum(p.changes for p in found if p.right is None) == 0
+    assert not any(p.worth for p in found if p.right is None)
+    changed = [p for p in found if p.right is not None]
+    assert sum(bool(p.right) for p in changed) >= 3
+    assert all(p.error[1] < p.error[0] for p in changed if p.worth)
+
+
+def test_a_clamped_sensor_is_named_with_its_size_and_an_update_is_worth_it(tmp_path: Path) -> None:
+    device, earlier, rng = calibrated(21)
+    path = tmp_path / "earlier.json"
+    earlier.save(path)
+    offsets = device.offsets.copy()
+    offsets[CHANNELS.index("a32")] += 0.05
+    readings, rest = again(Device(offsets, device.gains), rng)
+    later = rsicalib.calibrate(readings, rest=rest, calibration=path)
+    assert later.supersedes == hashlib.sha256(path.read_bytes()).hexdigest()
+    update = later.update
+    assert update is not None
+    assert [(c.term, c.target) for c in update.changes] == [("offset", "a32")]
+    change = update.changes[0]
+    assert abs(change.size - 0.05) < 4 * change.sd
+    assert change.sd < 0.01
+    assert update.worth
+    assert update.rms_after is not None
+    assert update.rms_after < update.rms_before
+    assert "a32" in update.text
+    # Read back from its own JSON, it says the same.
+    later.save(path)
+    again_read = rsicalib.load_calibration(path)
+    assert again_read.update == update
+    assert again_read.supersedes == later.supersedes
+
+
+def test_a_result_holds_how_its_loops_close() -> None:
+    found = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    misclosure = found.misclosure
+    assert misclosure is not None
+    assert list(misclosure.rms) == ["wrist1-wrist2", "wrist2-wrist3", "wrist1-wrist3"]
+    together = np.sqrt(np.mean(np.square(list(misclosure.rms.values()))))
+    assert together == pytest.approx(found.fit.rms_misclosure, rel=0.05)
+    assert misclosure.interval_s == pytest.approx(0.02)
+    assert found.supersedes is None
+    assert found.update is None
+
+
+def test_the_misclosure_is_that_of_the_noise() -> None:
+    device, found, rng = calibrated(22)
+    # Witness: the distances of the wrists by the simulator's kinematics, under the truth.
+    poses = simulator.hand_poses(rng, 300, device)
+    session = simulator.session(device, rng, poses, samples=1)
+    angles = session["values"] * device.gains + device.offsets
+    wrists = oracle.points(oracle.rsi(), angles)
+    misclosure = found.misclosure
+    assert misclosure is not None
+    for (a, b), rms in zip(((0, 1), (1, 2), (0, 2)), misclosure.rms.values(), strict=True):
+        off = np.linalg.norm(wrists[:, a] - wrists[:, b], axis=1) - oracle.L4 * np.sqrt(3.0)
+        assert rms == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.2)
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="needs the devices of an independent simulator")
+def test_a_second_session_of_another_simulator_is_compared() -> None:
+    folder = SHARED / "unknown_k"
+    earlier = rsicalib.trace(folder / "readings.csv", rest=folder / "rest.csv")
+    later = rsicalib.calibrate(folder / "later.csv", rest=folder / "rest.csv", calibration=earlier)
+    assert later.update is not None
+    assert later.update.text
+    assert len(later.update.changes) <= 2

@@ -1,0 +1,212 @@
+"""A calibration at work: rows in, alarms out. The devices are simulated by `tests.watch`."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, InputError, Monitor
+from rsicalib.io.stream import rows_of
+from tests.oracle import Array
+from tests.watch.device import RATE_HZ, Change, Work, calibrated
+from tests.watch.trials import quiet
+
+SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
+NAMES = tuple(f"a{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
+
+
+def csv(values: Array, path: Path, times: Array | None = None) -> Path:
+    """Rows as a file of readings."""
+    times = np.arange(len(values)) / RATE_HZ if times is None else times
+    rows = [
+        ",".join([f"{t:.4f}", *(f"{v:.0f}" for v in row)])
+        for t, row in zip(times, values, strict=True)
+    ]
+    path.write_text("\n".join([",".join(["time_s", *NAMES]), *rows]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def step() -> dict[str, Any]:
+    """A device whose `a22` slips by 0.01 rad (7 counts) at row 3000."""
+    device, found, rng = calibrated(11)
+    change = Change("a22", 0.01, since=3000)
+    return {"calibration": found, "values": Work(device, rng, change=change).rows(12_000)}
+
+
+@pytest.mark.parametrize("kind", ["white", "tremor", "correlated"])
+def test_sound_devices_raise_no_more_false_alarms_than_promised(kind: str) -> None:
+    # The full size is `python -m tests.watch.run rate`.
+    found = [quiet([5, device], kind, 1e-3, 5_000) for device in range(3)]
+    promised = 1e-3 * sum(f.rows for f in found)
+    # Alarms of one device may follow each other: three standard errors of a Poisson count.
+    assert sum(f.alarms for f in found) <= promised + 3 * promised**0.5
+
+
+def test_a_slipped_sensor_is_named_with_its_time_and_size(step: dict[str, Any]) -> None:
+    monitor = Monitor(step["calibration"])
+    alarms = monitor.update(step["values"])
+    assert alarms
+    first, last = alarms[0], alarms[-1]
+    assert 3000 <= first.row < 3050
+    assert abs(first.since_row - 3000) <= 16
+    assert (last.term, last.target) == ("offset", "a22")
+    # What was told later corrects the same alarm; nothing else is accused.
+    assert all(a.revises == first.row for a in alarms[1:])
+    assert abs(last.size - 0.01) < 4 * last.sd
+    assert last.sd < 0.002
+    assert last.platform_rms is not None
+    assert monitor.summary().alarms == 1
+
+
+def test_row_by_row_and_all_at_once_say_the_same(step: dict[str, Any]) -> None:
+    values = step["values"][2500:4000]
+    at_once = Monitor(step["calibration"]).update(values)
+    monitor = Monitor(step["calibration"])
+    one_by_one = [a for row in values for a in monitor.update(dict(zip(NAMES, row, strict=True)))]
+    assert at_once
+    assert [a.row for a in at_once] == [a.row for a in one_by_one]
+    assert [a.target for a in at_once] == [a.target for a in one_by_one]
+    np.testing.assert_allclose([a.size for a in at_once], [a.size for a in one_by_one], rtol=1e-6)
+
+
+def test_a_bent_link_is_named_by_its_chain() -> None:
+    device, found, rng = calibrated(12)
+    work = Work(device, rng, change=Change("arm3", 0.05, since=2000, axis="forearm"))
+    alarms = Monitor(found).update(work.rows(12_000))
+    assert alarms
+    assert 2000 <= alarms[0].row < 2100
+    assert alarms[-1].target.split("/")[0] == "arm3"
+
+
+def test_missing_repeated_and_late_rows_are_counted_and_raise_no_alarm() -> None:
+    device, found, rng = calibrated(13)
+    values, times = Work(device, rng).rows(4000), np.arange(4000) / RATE_HZ
+    kept = np.ones(4000, dtype=bool)
+    kept[500:600] = kept[2000] = False
+    rows = np.flatnonzero(kept).tolist()
+    rows[1000:1000] = [rows[999]] * 3  # the same row again
+    rows[3000], rows[3001] = rows[3001], rows[3000]  # two exchanged: the later one is late
+    bad = values[rows].copy()
+    bad[3500, 4] = np.nan
+    bad[3600] = [4090.0] * 9  # one row of a disturbed bus
+    monitor = Monitor(found)
+    assert monitor.update(bad, times[rows]) == []
+    seen = monitor.summary()
+    assert (seen.repeated, seen.late, seen.unreadable, seen.outliers) == (3, 1, 1, 1)
+    # 100 and 1 left out; one that came late and one that is unreadable are not there when due.
+    assert seen.missing == 103
+    assert seen.rows == len(rows) == seen.used + 3 + 1 + 1 + 1
+
+
+def test_false_alarms_may_be_promised_per_hour(tmp_path: Path) -> None:
+    device, found, rng = calibrated(14)
+    path = csv(Work(device, rng).rows(2000), tmp_path / "work.csv")
+    watching = rsicalib.watch(path, found, false_alarms="0.36/h")
+    assert list(watching) == []
+    seen = watching.summary()
+    assert seen.false_alarms == pytest.approx(0.36 / 3600 / RATE_HZ)
+    assert seen.false_alarms_per_hour == pytest.approx(0.36)
+    for wrong in ("often", "2/h/h", 0.5, -1.0):
+        with pytest.raises(InputError, match="expected"):
+            rsicalib.watch(path, found, false_alarms=wrong)
+
+
+def test_rows_arrive_whatever_their_cells_are(tmp_path: Path) -> None:
+    path = tmp_path / "work.csv"
+    path.write_text("\ufeffb,time_s,other,a\r\n1,0.5,x,2\r\n\r\n3,,x,oops\r\n5\r\n7,2.5,x,8")
+    found = list(rows_of(path, ["a", "b"]))
+    values = np.concatenate([rows.values for rows in found])
+    times = np.concatenate([rows.time_s for rows in found if rows.time_s is not None])
+    np.testing.assert_array_equal(values, [[2, 1], [np.nan, 3], [np.nan, 5], [8, 7]])
+    np.testing.assert_array_equal(times, [0.5, np.nan, np.nan, 2.5])
+    with pytest.raises(InputError, match="column c"):
+        list(rows_of(path, ["a", "c"]))
+
+
+def command(*words: str | Path) -> list[str]:
+    return [sys.executable, "-m", "rsicalib", "watch", *map(str, words)]
+
+
+def test_the_command_prints_a_line_for_each_alarm(step: dict[str, Any], tmp_path: Path) -> None:
+    result = tmp_path / "result.json"
+    step["calibration"].save(result)
+    path = csv(step["values"], tmp_path / "work.csv")
+    words = command(path, "--calibration", result, "--json")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 4, done.stderr
+    *alarms, summary = [json.loads(line) for line in done.stdout.splitlines()]
+    assert alarms[0]["format"] == "rsicalib.alarm/1"
+    assert alarms[-1]["target"] == "a22"
+    assert alarms[0]["since"] == pytest.approx(3000 / RATE_HZ, abs=0.05)
+    assert summary["format"] == "rsicalib.watch/1"
+    assert summary["rows"] == 12_000
+    with path.open("rb") as file:
+        piped = subprocess.run(
+            command("-", "--calibration", result, "--quiet"),
+            stdin=file,
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+    assert piped.returncode == 4
+    assert [json.loads(line) for line in piped.stdout.splitlines()] == alarms
+    assert piped.stderr == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_an_interrupted_stream_ends_with_a_summary(step: dict[str, Any], tmp_path: Path) -> None:
+    result = tmp_path / "result.json"
+    step["calibration"].save(result)
+    lines = csv(step["values"][2500:3500], tmp_path / "work.csv").read_bytes()
+    with subprocess.Popen(
+        command("-", "--calibration", result),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdin.write(lines)
+        process.stdin.flush()
+        alarm = json.loads(process.stdout.readline())  # it is under way, and waits for more
+        assert 500 <= alarm["row"] < 550
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read().decode()
+        assert process.wait(60) == 4
+    assert "1000 of 1000 rows tested" in said
+
+
+def test_what_cannot_be_watched_is_refused(step: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="8 entries; expected 9"):
+        Monitor(step["calibration"]).update(np.zeros(8))
+    with pytest.raises(InputError, match="a33"):
+        Monitor(step["calibration"]).update(dict.fromkeys(NAMES[:8], 2000.0))
+    missing = tmp_path / "none.csv"
+    with pytest.raises(InputError, match="No such file"):
+        list(rsicalib.watch(missing, step["calibration"]))
+
+
+def test_the_demo_is_watched_under_all_that_was_found_of_it() -> None:
+    found = rsicalib.trace(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    watching = rsicalib.watch(DEMO / "check.csv", found)
+    assert list(watching) == []
+    assert watching.summary().used == 160
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="needs the devices of an independent simulator")
+def test_a_device_of_another_simulator_is_watched() -> None:
+    folder = SHARED / "unknown_l"
+    found = rsicalib.trace(folder / "readings.csv", rest=folder / "rest.csv")
+    alarms = list(rsicalib.watch(folder / "work.csv", found))
+    assert alarms  # it has changed at work; what and when nobody has told
+    assert len({a.target for a in alarms if a.revises is None}) <= 2
