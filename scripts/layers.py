@@ -49,6 +49,7 @@ PYTHON = (
     "measures",
     "platform_sd",
     "planning",
+    "supposing",
     "identifiability",
     "export",
     "fleets",

@@ -66,6 +66,7 @@ fn linkage() -> Mechanism {
         platform: BTreeMap::new(),
         rest: None,
         model: ModelSection::default(), // offset and gain of every channel
+        laws: Vec::new(),
     }
 }
 

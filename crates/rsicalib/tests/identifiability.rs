@@ -56,6 +56,7 @@ fn mechanism(chains: Vec<Chain>, points: Vec<Point>, closures: Vec<Closure>) -> 
         platform: BTreeMap::new(),
         rest: None,
         model: ModelSection::default(),
+        laws: Vec::new(),
     }
 }
 

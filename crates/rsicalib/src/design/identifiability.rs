@@ -515,6 +515,7 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
         platform: std::collections::BTreeMap::new(),
         rest: None,
         model: ModelSection::default(),
+        laws: Vec::new(),
         ..mechanism.clone()
     })
 }

@@ -29,6 +29,8 @@ pub enum Source {
     Channel(usize),
     /// A parameter of the model.
     Parameter(usize),
+    /// The amount of a law, by its number among the coordinates: after those of the channels.
+    Law(usize),
 }
 
 /// One element of a chain.

@@ -168,8 +168,8 @@ impl Posture {
 
     /// Computes the posture from the elements of a chain, base first.
     ///
-    /// `angles` holds one joint coordinate per channel of the mechanism, `parameters` the
-    /// parameters of the model.
+    /// `angles` holds one joint coordinate per channel of the mechanism, then the amounts by which
+    /// laws move, `parameters` the parameters of the model.
     #[inline(always)]
     pub fn take(&mut self, steps: &[Element], angles: &[Lanes], parameters: &[f64]) {
         let mut frame = Frame::BASE;
@@ -186,7 +186,7 @@ impl Posture {
                         origin: frame.origin,
                     });
                     let by = match *source {
-                        Source::Channel(c) => angles[c],
+                        Source::Channel(c) | Source::Law(c) => angles[c],
                         Source::Parameter(p) => Lanes::splat(parameters[p]),
                     };
                     match way {

@@ -171,6 +171,7 @@ impl Mechanism {
             platform: BTreeMap::new(),
             rest: Some(Rest { pose: rest, sd: None }),
             model: ModelSection::default(),
+            laws: Vec::new(),
         };
         let wrist = |i: usize| format!("wrist{}", i + 1);
         for (i, theta) in theta_0.into_iter().enumerate() {

@@ -5,3 +5,4 @@ mod exchange;
 pub mod moves;
 mod prune;
 pub mod search;
+mod sharing;
