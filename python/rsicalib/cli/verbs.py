@@ -33,6 +33,7 @@ __all__ = [
     "paper",
     "plan",
     "simulate",
+    "suppose",
     "terms",
     "trace",
 ]
@@ -88,7 +89,7 @@ def forward(args: Args) -> int:
     warn(args, readings.warnings)
     result = None
     if args.calibration is not None:
-        result = earlier_result(args.calibration, mechanism)
+        result, mechanism = earlier_result(args.calibration, mechanism)
     found = places(readings, mechanism, result)
     labels: dict[str, Any] = {"pose": readings.pose.tolist()}
     if readings.sample is not None:
@@ -174,6 +175,32 @@ def fleet(args: Args) -> int:
     elif not args.quiet:
         sys.stdout.write(found.text())
     return found.exit_code
+
+
+def suppose(args: Args) -> int:
+    """What an effect would do in these poses, and whether they would show it."""
+    from rsicalib.io.files import write_text
+    from rsicalib.supposing import suppose as suppose_effect
+
+    found = suppose_effect(
+        args.readings,
+        args.term,
+        args.mechanism,
+        rest=args.rest,
+        model=args.terms,
+        closures=args.closures,
+        noise=args.noise,
+        calibration=args.calibration,
+        skip_bad_rows=args.skip_bad_rows,
+    )
+    if args.out is not None:
+        write_text(args.out, found.report())
+    if args.json:
+        head = {"format": "rsicalib.supposition/1", "version": _core.__version__}
+        sys.stdout.write(to_json({**head, **found.to_dict()}))
+    elif not args.quiet:
+        sys.stdout.write(found.text())
+    return 0
 
 
 def paper(args: Args) -> int:

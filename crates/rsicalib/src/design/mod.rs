@@ -7,3 +7,4 @@ pub mod information;
 pub mod observability;
 pub mod plan;
 pub mod reach;
+pub mod suppose;
