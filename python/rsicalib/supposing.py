@@ -15,6 +15,7 @@ from rsicalib.report.words import name_of
 from rsicalib.shapes import Rms
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
 from rsicalib.work.job import Work
+from rsicalib.work.outcome import about
 
 __all__ = ["SupposedEffect", "SupposedParameter", "Supposition", "suppose"]
 
@@ -178,7 +179,7 @@ def suppose(
     >>> suppose(DEMO / "readings.csv", ["curvature@a22.c2=0.02"]).seen > 0.99
     True
     """
-    job = Work(mechanism, skip_bad_rows, calibration)
+    job = Work(mechanism, skip_bad_rows, calibration, about(None, None, None))
     job.take(readings, None, None, known_poses=True)
     options = {"closures": listed(closures), "noise": job.noise(noise)}
     session = job.session(rest, job.terms(model), options)

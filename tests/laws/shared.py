@@ -144,8 +144,15 @@ class Said:
         return any(target.startswith(("each", "all")) for _, target in self.steps)
 
     @property
+    def one(self) -> bool:
+        """Whether one constant is named, where there is one."""
+        if len(self.steps) != 1:
+            return False
+        return self.steps[0][1] in {target for _, target in self.names}
+
+    @property
     def right(self) -> bool:
-        """Whether one constant is named, and the right one."""
+        """Whether that is of the right term, or tied with few others."""
         if len(self.steps) != 1:
             return False
         ties = set(self.ties[0])
@@ -218,12 +225,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for family in ("rsi", "rps"):
         for agree in (True, False):
             rows = [row for row in every if (row.family, row.agree) == (family, agree)]
-            good = sum(row.right for row in rows) if agree else sum(row.shared for row in rows)
+            good = sum(row.one for row in rows) if agree else sum(row.shared for row in rows)
             words = "one constant named" if agree else "chains differ, yet one constant named"
+            words += f" (term right: {sum(row.right for row in rows)})" if agree else ""
             verdicts = dict(Counter(row.verdict for row in rows))
             print(f"{family}: {words}: {good} of {len(rows)}; {verdicts}")
             for row in rows:
-                if row.right != agree if agree else row.shared:
+                if not row.one if agree else row.shared:
                     print(
                         f"    {row.truth} {row.strength:.0f}: {row.verdict} {row.steps} "
                         f"{row.ties} for {sorted(row.names)}"

@@ -7,7 +7,7 @@ use crate::kinematics::elements::{Axis, Element, Source, Way, Weight, push_rigid
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
 use crate::model::instance::{Instance, bound_to_session};
-use crate::model::laws::LawAt;
+use crate::model::law_at::LawAt;
 use crate::model::numbering::{number_unknowns, unknown_name};
 use crate::model::specification::check_names;
 use crate::numerics::lanes::{Lanes, Vec3};

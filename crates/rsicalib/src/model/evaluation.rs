@@ -23,7 +23,7 @@ use crate::kinematics::elements::{Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::{ClosureKind, MOST_PARAMETERS};
 use crate::model::compiled::{End, Model};
-use crate::model::laws::LawRoom;
+use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
 use crate::terms::term::Site;
@@ -304,12 +304,12 @@ impl Model {
         if want.x || want.a {
             ws.g.clear();
             ws.g.resize(self.equations * channels, Lanes::ZERO);
+            ws.laws.clear_slopes(self.equations * self.amounts);
         }
         if want.x {
             ws.x.clear();
             ws.x.resize(self.equations * width, Lanes::ZERO);
         }
-        ws.laws.clear_slopes(self.equations * self.amounts, want);
         let group = readings.blocks()[block].group;
         for closure in &self.closures {
             let ends = closure.ends.map(|end| self.end_point(&end, group, beta, &ws.postures));

@@ -5,6 +5,7 @@ mod compiled;
 mod evaluation;
 mod instance;
 mod known;
+mod law_at;
 mod laws;
 mod null;
 mod numbering;

@@ -30,9 +30,12 @@ impl Stepwise<'_> {
             return Ok((false, Vec::new(), blame));
         };
         let room = AS_WELL + room(mine.score);
+        let others: Vec<Instance> =
+            found.iter().map(|s| s.instance).filter(|other| *other != own).collect();
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)
+                && !others.iter().any(|other| self.overlap(&s.instance, other))
                 && excluded_pose(&s.instance).is_none()
                 && value_of(s) > value_of(&mine) - room
         });

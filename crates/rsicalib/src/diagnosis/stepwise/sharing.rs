@@ -81,6 +81,14 @@ impl Stepwise<'_> {
         Ok(united)
     }
 
+    /// True where one is what chains share, and the other the same of one of them.
+    pub(crate) fn overlap(&self, a: &Instance, b: &Instance) -> bool {
+        let within = |all: &Instance, one: &Instance| {
+            self.parts_of(all).is_some_and(|parts| parts.contains(one))
+        };
+        within(a, b) || within(b, a)
+    }
+
     /// The instances of the single chains that a shared one stands for; none for another.
     fn parts_of(&self, instance: &Instance) -> Option<Vec<Instance>> {
         let shared = instance.target.is_shared();
