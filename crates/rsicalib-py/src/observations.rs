@@ -189,7 +189,7 @@ impl PyObservations {
 
     /// What effects would do in these poses: `supposed` as in `curvature@a22.c2=0.02`.
     fn suppose<'py>(&self, py: Python<'py>, supposed: Vec<String>) -> PyResult<Bound<'py, PyAny>> {
-        let session = Arc::clone(&self.0);
+        let session = Arc::clone(&self.observations);
         let found = py
             .detach(|| {
                 let all: Result<Vec<Supposed>, _> =
