@@ -15,9 +15,7 @@ import rsicalib
 from rsicalib.devices import draw_poses, nominal_device
 from rsicalib.io.files import write_text
 from rsicalib.io.readings import Readings
-from rsicalib.report import svg
 from rsicalib.supposing import Supposition, suppose
-from scripts.make_readme import styled
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
@@ -106,41 +104,37 @@ def supposed(term: dict[str, Any], device: rsicalib.Mechanism) -> tuple[Supposit
 def picture(found: Supposition, readings: Readings) -> str:
     """Both orders, one below the other."""
     column = list(readings.channels).index(CHANNEL)
-    first = np.unique(readings.pose, return_index=True)[1]
+    pose = np.arange(len(readings)) if readings.pose is None else readings.pose
+    first = np.unique(pose, return_index=True)[1]
     order = np.argsort(np.asarray(readings.values)[first, column])
-    rows = found.residuals
-    if len(rows) > 200:
-        step = len(rows) // 200 + 1
-        order = order[::step]
-        shown = rows[::step]
-    else:
-        shown = rows
-    words = found.effects[0].words
-    panels = [(f"{words}: in the order of time", shown.tolist())]
-    panels.append((f"in the order of the readings of {CHANNEL}", rows[order].tolist()))
-    return styled(svg.residuals(panels))
+    return found.figure(order, f"in the order of the readings of {CHANNEL}").svg()
 
 
-def made() -> tuple[str, dict[str, str]]:
-    """The page, and the pictures by the ids of their terms."""
-    device = mechanism()
-    sections, pictures = [], {}
-    for term in rsicalib.terms(device):
-        if term["id"] in OMITTED:
-            continue
-        found, readings = supposed(term, device)
-        pictures[term["id"]] = picture(found, readings)
+def drawn() -> dict[str, dict[str, Any]]:
+    """The terms that are drawn, by their ids."""
+    terms = {term["id"]: term for term in rsicalib.terms(mechanism())}
+    return {name: term for name, term in terms.items() if name not in OMITTED}
+
+
+def text() -> str:
+    """The page."""
+    sections = []
+    for name, term in drawn().items():
         first = " ".join(term["doc"].strip().split("\n\n")[0].split())
         sections.append(
-            f"## {term['id']}\n\n{first} [More](terms.md#{term['id']}).\n\n"
-            f"![Residual of {term['id']}](gallery/{term['id']}.svg)\n"
+            f"## {name}\n\n{first} [More](terms.md#{name}).\n\n"
+            f"![Residual of {name}](gallery/{name}.svg)\n"
         )
-    return HEAD + "\n".join(sections), pictures
+    return HEAD + "\n".join(sections)
+
+
+def picture_of(name: str) -> str:
+    """The picture of one term."""
+    return picture(*supposed(drawn()[name], mechanism()))
 
 
 if __name__ == "__main__":
-    page, pictures = made()
-    write_text(PAGE, page)
+    write_text(PAGE, text())
     PICTURES.mkdir(exist_ok=True)
-    for name, text in pictures.items():
-        write_text(PICTURES / f"{name}.svg", text)
+    for name in drawn():
+        write_text(PICTURES / f"{name}.svg", picture_of(name))

@@ -15,6 +15,7 @@ import rsicalib
 from rsicalib import DEMO, InputError, Mechanism, Term
 from rsicalib.cli import main
 from rsicalib.supposing import suppose
+from scripts import make_gallery
 from tests.families.draw import FAMILIES
 from tests.families.power import Linear
 from tests.families.trials import readings_of
@@ -223,6 +224,14 @@ def test_what_cannot_be_supposed_is_refused(term: str, words: str) -> None:
     with pytest.raises(InputError) as refused:
         suppose(READINGS, [term], noise=1.0)
     assert words in str(refused.value)
+
+
+def test_the_gallery_shows_every_term_as_suppose_draws_it() -> None:
+    assert make_gallery.PAGE.read_text(encoding="utf-8") == make_gallery.text()
+    there = {path.stem for path in make_gallery.PICTURES.glob("*.svg")}
+    assert there == set(make_gallery.drawn())
+    dots = (make_gallery.PICTURES / "curvature.svg").read_text(encoding="utf-8")
+    assert dots == make_gallery.picture_of("curvature")
 
 
 def test_families_have_the_legs_that_are_alike() -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
+
+import numpy as np
+import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.records import Record
-from rsicalib.report import svg
+from rsicalib.report.figure import Figure
 from rsicalib.report.page import document
+from rsicalib.report.residuals import MOST_DOTS, Dots, draw_residuals
 from rsicalib.report.words import name_of
 from rsicalib.shapes import Rms
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, listed
@@ -119,15 +123,37 @@ class Supposition(Record):
             lines.append("  These poses would more likely than not miss it.")
         return "\n".join(lines) + "\n"
 
-    def figure(self) -> str:
-        """The residual of every pose that the effect would leave, as SVG."""
+    def figure(self, order: npt.ArrayLike | None = None, words: str = "in order of time") -> Figure:
+        """Draw the residual of every pose that the effect would leave.
+
+        Parameters
+        ----------
+        order : array_like of int, shape (poses,), optional
+            Another order of the poses, which is drawn below.
+        words : str
+            What that order is.
+
+        Returns
+        -------
+        Figure
+            One dot for each equation of each pose, in units of noise.
+        """
         title = "; ".join(effect.words for effect in self.effects)
-        rows = self.residuals.tolist()
-        return svg.residuals([(title, rows)], "pose, in the order of the readings")
+        equations = tuple(f"equation {e + 1}" for e in range(self.residuals.shape[1]))
+        dots = Dots(-(-len(self.poses) // MOST_DOTS), (), equations, {})
+        panels = [(title, dots.blocks(self.residuals))]
+        if order is not None:
+            panels.append((words, dots.blocks(self.residuals[np.asarray(order)])))
+        dots = replace(dots, labels=tuple(str(k + 1) for k in range(len(panels[0][1]))))
+        caption = (
+            "Each dot is what the effect would leave of one closure in one pose, noise apart. "
+            "Inside the band of ± 2 σ noise alone lies 95 times in 100."
+        )
+        return Figure("supposed", lambda width: draw_residuals(panels, dots, width), caption)
 
     def report(self) -> str:
         """The same as one HTML file that needs no network."""
-        words = f"<pre>{escape(self.text())}</pre>\n<figure>{self.figure()}</figure>"
+        words = f"<pre>{escape(self.text())}</pre>\n{self.figure().html()}"
         return document(f"Suppose: {self.mechanism}", [words])
 
 

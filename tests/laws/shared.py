@@ -111,10 +111,18 @@ def twins(linear: Linear, effect: Effect, own: Place) -> set[Place]:
     """Everything shared that these readings cannot tell from it."""
     left = linear.left(linear.mean(effect))
     out = {own}
-    for place in places(linear.device):
-        draws = [
-            together(single(linear.device, place, seed), [1.0] * 3, place[1]) for seed in range(3)
-        ]
+    draw_all = {
+        place: [together(single(linear.device, place, k), [1.0] * 3, place[1]) for k in range(3)]
+        for place in places(linear.device)
+    }
+    # By the symmetry of a machine one chain may do to the loop what all do.
+    for term in ("base_tilt", "joint_tilt", "point_position"):
+        for target in catalogue.targets(linear.device, term):
+            make = catalogue.CATALOGUE[term]
+            draw_all[term, target] = [
+                make(linear.device, np.random.default_rng(k), target) for k in range(3)
+            ]
+    for place, draws in draw_all.items():
         columns = np.column_stack([linear.left(linear.column(e)) for e in draws])
         long = np.linalg.norm(columns, axis=0)
         if np.all(long > 1e-6):
@@ -146,9 +154,7 @@ class Said:
     @property
     def one(self) -> bool:
         """Whether one constant is named, where there is one."""
-        if len(self.steps) != 1:
-            return False
-        return self.steps[0][1] in {target for _, target in self.names}
+        return len(self.steps) == 1 and (self.shared or self.steps[0] in self.names)
 
     @property
     def right(self) -> bool:

@@ -84,6 +84,7 @@ pub enum Moves {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "document", schemars(rename = "OwnTerm"))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Law {
     /// Name of the term, for scripts.

@@ -127,6 +127,8 @@ impl Model {
         if want.x || want.a {
             self.chain_rule(beta, want, ws);
         }
+        // Amounts of laws are coordinates here only.
+        ws.angles.truncate(self.scales.len());
     }
 
     /// Eqs. (41, 42): joint coordinates before load, and their derivatives.
