@@ -53,6 +53,7 @@ PYTHON = (
     "plans",
     "further",
     "planning",
+    "supposing",
     "identifiability",
     "export",
     "guide",

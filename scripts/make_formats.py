@@ -18,6 +18,7 @@ from rsicalib.io.files import write_text
 from rsicalib.io.mechanisms import URDF_KEYS
 from rsicalib.plans import Bound, Forecast, Hidden, Plan, Spread, WorstHidden
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
+from rsicalib.supposing import SupposedEffect, SupposedParameter, Supposition
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "formats.md"
@@ -33,11 +34,13 @@ SECTIONS = {
     "Rest": ("`[rest]`: a pose that is known without a measurement", "rest"),
     "Workspace": ("`[workspace]`: poses that the platform can be brought to", "workspace"),
     "ModelSection": ("`[model]`: what `calibrate` identifies", "model"),
+    "OwnTerm": ("`[[term]]`: a law of your own", "term"),
 }
 """Types of a mechanism file in the order of the page."""
 
 OTHERS = {
     "rsicalib.plan/1": (Plan, Bound, Forecast, Spread, Hidden, WorstHidden),
+    "rsicalib.supposition/1": (Supposition, SupposedEffect, SupposedParameter),
     "rsicalib.paper/1": (Paper, Table, Row, Cell, Misprint),
 }
 """Documents whose keys are those of classes."""

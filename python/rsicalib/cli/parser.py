@@ -23,6 +23,7 @@ from rsicalib.cli.verbs import (
     paper,
     plan,
     simulate,
+    suppose,
     terms,
     trace,
 )
@@ -200,13 +201,13 @@ def make_parser() -> argparse.ArgumentParser:
     words = "keep the rows of devices whose readings are the same"
     sub.add_argument("--resume", action="store_true", help=words)
     words = "folder for fleet.parquet and fleet.html"
-    sub.add_argument("--out", metavar="FOLDER", type=Path, required=True, help=words)
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
 
     sub = verb(guide)
     _add_mechanism(sub)
     sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
     words = "samples.csv, readings.csv, held_out.csv and result.json grow there"
-    sub.add_argument("--out", metavar="FOLDER", type=Path, required=True, help=words)
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
     words = "standard deviation of the platform to reach; a hundredth of the travel where not given"
     sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
     words = "where samples come from, as CSV: standard input (-), a file that grows, a command"
@@ -218,7 +219,25 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
     words = "for which a pose is held (0.6)"
     sub.add_argument("--seconds", type=float, default=0.6, help=words)
-    sub.add_argument("--seed", type=int, default=0, help="of the candidates (0)")
+    sub.add_argument("--seed", type=_seed, default=0, help="of the candidates (0)")
+
+    sub = verb(suppose)
+    words = "a session, or a plan with a column for each channel"
+    sub.add_argument("readings", metavar="READINGS", nargs="+", help=words)
+    words = "what is supposed: curvature@a22.c2=0.02; again for more of them at once"
+    sub.add_argument("--term", metavar="SPEC=VALUE", action="append", required=True, help=words)
+    _add_mechanism(sub)
+    sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
+    sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
+    sub.add_argument("--terms", metavar="TERM,…", type=_names, help="terms that are fitted beside")
+    words = "standard deviation of one sample, quantisation included"
+    sub.add_argument("--noise", metavar="COUNTS|a11=1.2,…", type=_noise, help=words)
+    sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
+    _add_skip(sub)
+    sub.add_argument(
+        "--out", metavar="FILE", type=_folder, help="write the residual picture as HTML"
+    )
+    _add_force(sub)
 
     sub = verb(paper)
     words = "of every simulated cell (1000)"

@@ -46,7 +46,9 @@ class Work:
     ) -> None:
         self.mechanism = open_mechanism(mechanism)
         self.skip = skip
-        self.earlier = None if calibration is None else earlier_result(calibration, self.mechanism)
+        self.earlier: Result | None = None
+        if calibration is not None:
+            self.earlier, self.mechanism = earlier_result(calibration, self.mechanism)
         self.readings: list[Readings] = []
         """What is used, one for each session."""
         self.whole: list[Readings] = []
@@ -95,7 +97,7 @@ class Work:
         """As asked for; else those of the earlier result that hold beyond its session."""
         if terms is not None or self.earlier is None:
             return options.names("terms", terms)
-        return _core.lasting([p.at for p in self.earlier.parameters])
+        return _core.lasting(self.mechanism, [p.at for p in self.earlier.parameters])
 
     def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:
         """Standard deviation of one sample of each channel."""
@@ -161,11 +163,14 @@ class Work:
             "warnings": [*self.warnings, *found.get("warnings", []), *found.get("remarks", [])],
             "reference": reference,
         }
+        laws = [term.to_dict() for term in self.mechanism.terms]
+        if laws:
+            out["laws"] = laws
         if self.earlier is not None:
             new = [
                 p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
             ]
-            out["moved"] = moved_parameters(self.earlier, new)
+            out["moved"] = moved_parameters(self.mechanism, self.earlier, new)
         return out
 
     def too_few(

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rsicalib import _core
+from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
@@ -70,13 +71,15 @@ def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
     }
 
 
-def moved_parameters(earlier: Result, parameters: Sequence[Parameter]) -> list[Moved]:
+def moved_parameters(
+    mechanism: Mechanism, earlier: Result, parameters: Sequence[Parameter]
+) -> list[Moved]:
     """Parameters that differ by more than chance would make one of them differ once in 100."""
     before, now = (
         [(p.at, p.name, p.value, p.sd) for p in of] for of in (earlier.parameters, parameters)
     )
     moved = []
-    for number, old, new, sd in _core.moved(before, now):
+    for number, old, new, sd in _core.moved(mechanism, before, now):
         p = parameters[number]
         moved.append(Moved(p.term, p.target, p.name, before=old, after=new, sd=sd, unit=p.unit))
     return moved
