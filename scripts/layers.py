@@ -55,6 +55,7 @@ PYTHON = (
     "further",
     "planning",
     "history",
+    "supposing",
     "identifiability",
     "export",
     "guide",

@@ -18,26 +18,29 @@ from rsicalib.io.files import write_text
 from rsicalib.io.mechanisms import URDF_KEYS
 from rsicalib.plans import Bound, Forecast, Hidden, Plan, Spread, WorstHidden
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
+from rsicalib.supposing import SupposedEffect, SupposedParameter, Supposition
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "formats.md"
 SCHEMA = ROOT / "python" / "rsicalib" / "schema" / "mechanism.json"
 
 SECTIONS = {
-    "Mechanism": "The whole file",
-    "Channel": "`[[channel]]`: a sensor",
-    "Chain": "`[[chain]]`: links and joints in a row",
-    "Row": "`dh = […]`: one row of a chain",
-    "Point": "`[[point]]`: a place",
-    "Closure": "`[[closure]]`: what holds in every pose",
-    "Rest": "`[rest]`: a pose that is known without a measurement",
-    "Workspace": "`[workspace]`: poses that the platform can be brought to",
-    "ModelSection": "`[model]`: what `calibrate` identifies",
+    "Mechanism": ("The whole file", ""),
+    "Channel": ("`[[channel]]`: a sensor", "channel"),
+    "Chain": ("`[[chain]]`: links and joints in a row", "chain"),
+    "Row": ("`dh = […]`: one row of a chain", "dh"),
+    "Point": ("`[[point]]`: a place", "point"),
+    "Closure": ("`[[closure]]`: what holds in every pose", "closure"),
+    "Rest": ("`[rest]`: a pose that is known without a measurement", "rest"),
+    "Workspace": ("`[workspace]`: poses that the platform can be brought to", "workspace"),
+    "ModelSection": ("`[model]`: what `calibrate` identifies", "model"),
+    "OwnTerm": ("`[[term]]`: a law of your own", "term"),
 }
 """Types of a mechanism file in the order of the page, with their headings."""
 
 OTHERS = {
     "rsicalib.plan/1": (Plan, Bound, Forecast, Spread, Hidden, WorstHidden),
+    "rsicalib.supposition/1": (Supposition, SupposedEffect, SupposedParameter),
     "rsicalib.paper/1": (Paper, Table, Row, Cell, Misprint),
 }
 """Documents whose keys are those of classes."""

@@ -243,7 +243,7 @@ def _effect(
         if name == "link_frame":
             sizes = {"x": 0.5 * large, "y": -0.6 * large, "rz": 1.5 * large}
         return [((name, f"to{k}/2", None), p, v) for k in (2, 3) for p, v in sizes.items()]
-    if name == "joint_compliance":
+    if name in ("joint_compliance", "joint_sag"):
         return [((name, f"q2to{k}", None), parameter, large) for k in (2, 3)]
     if name == "sag":
         return [((name, "all", None), parameter, 0.6 * large)]

@@ -16,7 +16,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rsicalib._core import Channel, Mechanism, __version__
+    from rsicalib._core import Channel, Mechanism, Term, __version__
     from rsicalib.api import (
         DEMO,
         calibrate,
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from rsicalib.results import Calibration, Trace, load_calibration
     from rsicalib.shapes import Parameter, Step
     from rsicalib.simulation import simulate
+    from rsicalib.supposing import suppose
 
 __all__ = [
     "DEMO",
@@ -59,6 +60,7 @@ __all__ = [
     "Readings",
     "RsicalibError",
     "Step",
+    "Term",
     "Trace",
     "UndeterminedError",
     "__version__",
@@ -81,6 +83,7 @@ __all__ = [
     "paper",
     "plan",
     "simulate",
+    "suppose",
     "terms",
     "trace",
     "watch",
@@ -88,7 +91,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "rsicalib._core": "Channel Mechanism __version__",
+    "rsicalib._core": "Channel Mechanism Term __version__",
     "rsicalib.api": """DEMO calibrate demo fixture forward forward_sd inverse load_mechanism
         load_readings terms trace""",
     "rsicalib.errors": "InputError RsicalibError UndeterminedError",
@@ -106,6 +109,7 @@ _HOMES = {
     "rsicalib.results": "Calibration Trace load_calibration",
     "rsicalib.shapes": "Parameter Step",
     "rsicalib.simulation": "simulate",
+    "rsicalib.supposing": "suppose",
 }
 """Names by the module that has them; a module is imported where its first name is used."""
 

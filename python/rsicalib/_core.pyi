@@ -134,6 +134,10 @@ class Mechanism:
     def rsi() -> Mechanism:
         """The RSI 6-DOF hand controller."""
 
+    @property
+    def terms(self) -> list[Term]:
+        """Its terms beside those of the catalogue."""
+
     def to_dict(self) -> dict[str, Any]:
         """The mechanism as plain values, keys and units as in the TOML."""
 
@@ -146,6 +150,9 @@ class Mechanism:
 
     def with_sensors(self, sensors: Mapping[str, tuple[float, float]]) -> Mechanism:
         """The same mechanism with sensors of another gain and offset: `{name: (gain, offset)}`."""
+
+    def with_terms(self, terms: Sequence[Term]) -> Mechanism:
+        """The same mechanism with more terms of its own."""
 
 @final
 class Monitor:
@@ -215,6 +222,9 @@ class Session:
     def reference(self) -> dict[str, Any]:
         """What reported parameters refer to: `centre` and `span` of each channel, `temperature`."""
 
+    def suppose(self, supposed: Sequence[str]) -> dict[str, Any]:
+        """What effects would do in these poses: `supposed` as in `curvature@a22.c2=0.02`."""
+
     def trace(
         self,
         check: tuple[Mapping[str, Any], Array] | None = None,
@@ -223,6 +233,33 @@ class Session:
         alpha: float | None = None,
     ) -> dict[str, Any]:
         """Closes the loop; `check` is a table and its known poses."""
+
+@final
+class Term:
+    """A term that is written as a formula: an entry `[[term]]` of a mechanism file."""
+
+    def __new__(
+        cls,
+        id: str,
+        *,
+        klass: str,
+        per: str,
+        parameters: Mapping[str, float],
+        correction: str | None = None,
+        moves: str | None = None,
+        amount: str | None = None,
+        doc: str | None = None,
+    ) -> Term: ...
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> Term:
+        """Takes a term from plain values, keys as in the TOML."""
+
+    @property
+    def id(self) -> str:
+        """What scripts call it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The term as plain values, keys as in the TOML."""
 
 def bound(
     mechanism: Mechanism,
@@ -331,7 +368,7 @@ def jacobian(
 ) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
 
-def lasting(specs: Sequence[Spec]) -> list[str]:
+def lasting(mechanism: Mechanism, specs: Sequence[Spec]) -> list[str]:
     """The terms of a result that a later session is identified with: `curvature@a22`, each once."""
 
 def mechanism_schema() -> str:
@@ -365,7 +402,7 @@ def misclosure(
     """Misclosure `f` of readings of shape (n, channels), eq. (10): shape (n, equations)."""
 
 def moved(
-    earlier: Sequence[Estimate], now: Sequence[Estimate]
+    mechanism: Mechanism, earlier: Sequence[Estimate], now: Sequence[Estimate]
 ) -> list[tuple[int, float, float, float]]:
     """Parameters that differ from an earlier result: number among the new ones, before, after,
     standard deviation of the difference.

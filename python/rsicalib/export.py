@@ -69,8 +69,7 @@ def calibrated(mechanism: MechanismArg, calibration: CalibrationArg) -> Calibrat
     InputError
         The result is of another mechanism.
     """
-    loaded = open_mechanism(mechanism)
-    result = earlier_result(calibration, loaded)
+    result, loaded = earlier_result(calibration, open_mechanism(mechanism))
     found, tips, notes = _core.exported(loaded, as_applied(result, loaded))
     return Calibrated(found, tips, tuple(notes))
 

@@ -19,9 +19,9 @@ from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.measures import parameters_of
 from rsicalib.report.past import Forecast, History, LeftOut, Past, Series
-from rsicalib.results import Result, load_calibration
+from rsicalib.results import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
-from rsicalib.work.arguments import MechanismArg, open_mechanism
+from rsicalib.work.arguments import MechanismArg, earlier_result, open_mechanism
 
 __all__ = ["history"]
 
@@ -73,7 +73,7 @@ def history(
     if target is not None and not (np.isfinite(target) and target > 0.0):
         raise InputError(f"target: found {target}, expected a length above zero")
     opened = open_mechanism(mechanism)
-    read, left_out = _read(place, opened)
+    read, left_out, opened = _read(place, opened)
     if not read:
         reasons = "; ".join(f"{one.file}: {one.reason}" for one in left_out[:3]) or "no *.json"
         raise InputError.at(str(folder), found=reasons, expected="a result with a date")
@@ -88,7 +88,7 @@ def history(
         known = ", ".join(sorted({_called(result.device) for _, result in read}))
         raise InputError(f"device: found no result of {_called(chosen)}, expected one of {known}")
     own.sort(key=lambda one: _day(one[1]))
-    lasting, session_only = _lasting([result for _, result in own])
+    lasting, session_only = _lasting([result for _, result in own], opened)
     series = [_series(key, own) for key in lasting]
     return History(
         device=chosen,
@@ -102,26 +102,27 @@ def history(
     )
 
 
-def _read(place: Path, mechanism: Mechanism) -> tuple[list[tuple[str, Result]], list[LeftOut]]:
-    """Results of the mechanism with a date, and the other files."""
+def _read(
+    place: Path, mechanism: Mechanism
+) -> tuple[list[tuple[str, Result]], list[LeftOut], Mechanism]:
+    """Results of the mechanism with a date, the other files, the mechanism with their laws."""
     read: list[tuple[str, Result]] = []
     left_out = []
     for path in sorted(place.rglob("*.json")):
         name = path.relative_to(place).as_posix()
         try:
-            result = load_calibration(path)
+            result, extended = earlier_result(path, mechanism)
         except InputError as error:
             left_out.append(LeftOut(name, error.message.removeprefix(f"{path}, ")))
             continue
-        if result.mechanism != mechanism.name:
-            left_out.append(LeftOut(name, f"of another mechanism, {result.mechanism}"))
-        elif result.valid_from is None:
+        if result.valid_from is None:
             left_out.append(LeftOut(name, "without a date (--date)"))
         elif result.verdict in ("undetermined", "implausible"):
             left_out.append(LeftOut(name, f"{result.verdict}: no parameters to rely on"))
         else:
             read.append((name, result))
-    return read, left_out
+            mechanism = extended
+    return read, left_out, mechanism
 
 
 def _called(device: str | None) -> str:
@@ -159,12 +160,12 @@ Key = tuple[tuple[str, str | None, str | None], str]
 """Where a parameter acts, and its name."""
 
 
-def _lasting(results: Sequence[Result]) -> tuple[list[Key], list[str]]:
+def _lasting(results: Sequence[Result], mechanism: Mechanism) -> tuple[list[Key], list[str]]:
     """Parameters of the device, in order of appearance, and effects of single sessions."""
     keys: dict[Key, None] = {}
     passing: dict[str, None] = {}
     for result in results:
-        lasts = set(_core.lasting([p.at for p in result.parameters]))
+        lasts = set(_core.lasting(mechanism, [p.at for p in result.parameters]))
         for p in result.parameters:
             if _core.spec(*p.at) not in lasts:
                 passing[p.spec] = None

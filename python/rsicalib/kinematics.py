@@ -99,7 +99,9 @@ def _placed(
 ) -> Places:
     loaded = open_mechanism(mechanism)
     one = readings_for(readings, loaded, skip_bad_rows)
-    result = None if calibration is None else earlier_result(calibration, loaded)
+    result = None
+    if calibration is not None:
+        result, loaded = earlier_result(calibration, loaded)
     return places(one, loaded, result, sd=sd)
 
 

@@ -245,7 +245,7 @@ def parameters_of(
     """Offsets and gains of a calibration, or as the mechanism declares them."""
     offsets, gains = nominal(mechanism)
     if calibration is not None:
-        result = earlier_result(calibration, mechanism)
+        result, _ = earlier_result(calibration, mechanism)
         where = {c.name: k for k, c in enumerate(mechanism.channels)}
         for p in result.parameters:
             if p.term in ("offset", "gain") and p.target in where and p.value is not None:

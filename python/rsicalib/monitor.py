@@ -199,8 +199,7 @@ class Monitor:
         *,
         false_alarms: float | None = None,
     ) -> None:
-        self.mechanism = open_mechanism(mechanism)
-        result = earlier_result(calibration, self.mechanism)
+        result, self.mechanism = earlier_result(calibration, open_mechanism(mechanism))
         applied = as_applied(result, self.mechanism)
         noise = result.noise
         assert noise is not None  # as_applied has refused it
@@ -312,8 +311,7 @@ def watch(
     InputError
         The readings or the result cannot be used.
     """
-    opened = open_mechanism(mechanism)
-    result = earlier_result(calibration, opened)
+    result, opened = earlier_result(calibration, open_mechanism(mechanism))
     if isinstance(readings, Readings):
         rows: Iterator[Rows] = iter([Rows(readings.values, readings.time_s)])
     else:

@@ -34,6 +34,7 @@ __all__ = [
     "Name",
     "Node",
     "Noise",
+    "OwnTerm",
     "Parameter",
     "Predicted",
     "Reference",
@@ -279,6 +280,35 @@ class Groups(Record):
     """`fitted` before effects were traced."""
     before_others: float | None = field(default=None, metadata=IF_KNOWN)
     """`others` before effects were traced."""
+
+
+@dataclass(frozen=True)
+class OwnTerm(Record):
+    """A term that is written as a formula.
+
+    `correction` is added to joint coordinates (rad, or length units for a prismatic joint), or to
+    the value of a distance (length units). A law of geometry has `moves` and `amount` in its place
+    (length units or rad): the frame after the joint of the row moves, or that of the chain's first
+    joint. Formulas are of the parameters and of variables (`docs/laws.md`).
+    """
+
+    id: str
+    """Name of the term, for scripts."""
+    klass: str = field(metadata={"key": "class"})
+    """Kind of the fault."""
+    per: str
+    """Kind of target: `channel`, `row`, `chain`, `closure` or `all`."""
+    parameters: Mapping[str, float]
+    """Names of the parameters, and a size of each that occurs in practice. All are zero where the
+    effect is absent."""
+    correction: str | None = field(default=None, metadata=IF_KNOWN)
+    """Correction of a joint coordinate or of a distance."""
+    moves: str | None = field(default=None, metadata=IF_KNOWN)
+    """Axis that moves, of a law of geometry."""
+    amount: str | None = field(default=None, metadata=IF_KNOWN)
+    """By how much it moves."""
+    doc: str = ""
+    """Description of the effect."""
 
 
 @dataclass(frozen=True)
@@ -677,6 +707,8 @@ class ResultShape(Record):
     """Parameters that differ from an earlier result, where one was given."""
     groups: Groups | None = field(default=None, metadata=IF_KNOWN)
     """How well points that are touched are repeated, where the mechanism has such."""
+    laws: tuple[OwnTerm, ...] = field(default=(), metadata=OMIT)
+    """Terms that users wrote, as the mechanism file declared them."""
     before_residuals: FloatArray | None = field(default=None, metadata=NOT_WRITTEN)
     """Residuals in units of noise, shape (poses, equations), before; not in the JSON."""
     after_residuals: FloatArray | None = field(default=None, metadata=NOT_WRITTEN)

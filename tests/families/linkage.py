@@ -54,6 +54,10 @@ class Build:
         changes: dict[str, Any] = {name: {**old, key: old.get(key, 0.0) + value}}
         return replace(self, **changes)
 
+    def motion(self, chain: str, row: int, q: Array) -> Array:
+        """The rigid motion behind a row, (4, 4) or one for each row of `q`."""
+        return np.asarray(self.after.get((chain, row), np.eye(4)))
+
     @property
     def is_loaded(self) -> bool:
         """Whether anything gives under weight."""
@@ -130,7 +134,7 @@ def posture(
         if "mass" in row:
             centre = frame @ np.append(np.array(row.get("com", [0.0, 0.0, 0.0])), 1.0)
             masses.append((len(levers), float(row["mass"]), centre[:, :3]))
-        frame = frame @ body(row) @ build.after.get((chain, k), np.eye(4))
+        frame = frame @ body(row) @ build.motion(chain, k, q)
     return frame, levers, masses
 
 

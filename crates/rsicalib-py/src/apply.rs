@@ -135,9 +135,9 @@ pub fn calibrated_sensors(
 
 /// The terms of a result that a later session is identified with: `curvature@a22`, each once.
 #[pyfunction]
-pub fn lasting(specs: Vec<PySpec>) -> Result<Vec<String>, PyError> {
+pub fn lasting(mechanism: &PyMechanism, specs: Vec<PySpec>) -> Result<Vec<String>, PyError> {
     let specs: Vec<Spec> = specs.into_iter().map(spec_of).collect();
-    Ok(earlier::lasting(&specs)?.iter().map(ToString::to_string).collect())
+    Ok(earlier::lasting(&mechanism.0, &specs)?.iter().map(ToString::to_string).collect())
 }
 
 /// A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`.
@@ -153,10 +153,14 @@ type PyEstimate = (PySpec, String, Option<f64>, Option<f64>);
 /// Parameters that differ from an earlier result: number among the new ones, before, after,
 /// standard deviation of the difference.
 #[pyfunction]
-pub fn moved(earlier: Vec<PyEstimate>, now: Vec<PyEstimate>) -> Vec<(usize, f64, f64, f64)> {
+pub fn moved(
+    mechanism: &PyMechanism,
+    earlier: Vec<PyEstimate>,
+    now: Vec<PyEstimate>,
+) -> Vec<(usize, f64, f64, f64)> {
     let estimate = |(spec, name, value, sd)| Estimate { spec: spec_of(spec), name, value, sd };
     let all = |given: Vec<PyEstimate>| given.into_iter().map(estimate).collect::<Vec<Estimate>>();
-    rsicalib::apply::moved::moved(&all(earlier), &all(now))
+    rsicalib::apply::moved::moved(&mechanism.0, &all(earlier), &all(now))
         .into_iter()
         .map(|Moved { parameter, before, after, sd }| (parameter, before, after, sd))
         .collect()

@@ -36,6 +36,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
     module.add_class::<mechanism::PyMechanism>()?;
     module.add_class::<mechanism::PyChannel>()?;
+    module.add_class::<mechanism::PyTerm>()?;
     module.add_class::<observations::PyObservations>()?;
     module.add_class::<observations::PyFit>()?;
     module.add_class::<observations::PyEvidenceSource>()?;

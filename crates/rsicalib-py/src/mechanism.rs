@@ -3,14 +3,14 @@
 use std::collections::HashMap;
 
 use pyo3::prelude::*;
-use pyo3::types::PyAny;
+use pyo3::types::{PyAny, PyDict};
 use pythonize::{Depythonizer, pythonize};
-use rsicalib::mechanism::Mechanism;
+use rsicalib::mechanism::{Law, Mechanism};
 use rsicalib::model::check_names;
-use rsicalib::terms::ALL;
-use rsicalib::terms::targets::targets;
+use rsicalib::terms::targets::{shared, targets};
 use rsicalib::terms::term::Class;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::error::PyError;
 
@@ -60,6 +60,16 @@ impl PyChannel {
     }
 }
 
+/// Plain values as what they describe; a wrong one is refused with its path.
+fn from_values<T: DeserializeOwned>(values: &Bound<'_, PyAny>) -> Result<T, PyError> {
+    let found = serde_path_to_error::deserialize(&mut Depythonizer::from_object(values));
+    found.map_err(|error: serde_path_to_error::Error<pythonize::PythonizeError>| {
+        let path = error.path().to_string();
+        let place = if path == "." { "top level".into() } else { path };
+        rsicalib::Error::Entry { place, why: error.inner().to_string() }.into()
+    })
+}
+
 #[pymethods]
 impl PyMechanism {
     /// Takes a mechanism from a name, a path, TOML text or plain values: see `load_mechanism`.
@@ -87,13 +97,13 @@ impl PyMechanism {
     /// Takes a mechanism from plain values, keys and units as in the TOML.
     #[staticmethod]
     fn from_dict(values: &Bound<'_, PyAny>) -> Result<Self, PyError> {
-        Self::checked(plain(values)?.with_gains_per_degree())
+        Self::checked(from_values::<Mechanism>(values)?.with_gains_per_degree())
     }
 
     /// Takes a mechanism from the values that a pickle holds.
     #[staticmethod]
     fn _restored(values: &Bound<'_, PyAny>) -> Result<Self, PyError> {
-        Self::checked(plain(values)?)
+        Self::checked(from_values(values)?)
     }
 
     /// Copies and pickles by the plain values.
@@ -143,6 +153,21 @@ impl PyMechanism {
         Ok(Self(mechanism))
     }
 
+    /// The same mechanism with more terms of its own.
+    fn with_terms(&self, terms: Vec<PyRef<'_, PyTerm>>) -> Result<Self, PyError> {
+        let mut mechanism = self.0.clone();
+        mechanism.laws.extend(terms.iter().map(|term| term.0.clone()));
+        mechanism.validate()?;
+        check_names(&mechanism)?;
+        Ok(Self(mechanism))
+    }
+
+    /// Its terms beside those of the catalogue.
+    #[getter]
+    fn terms(&self) -> Vec<PyTerm> {
+        self.0.laws.iter().cloned().map(PyTerm).collect()
+    }
+
     /// Text columns of the readings that its unknown points need.
     #[getter]
     fn key_columns(&self) -> Vec<String> {
@@ -185,14 +210,71 @@ impl PyMechanism {
     }
 }
 
-/// A mechanism as its values are given, not checked.
-fn plain(values: &Bound<'_, PyAny>) -> Result<Mechanism, PyError> {
-    let found = serde_path_to_error::deserialize(&mut Depythonizer::from_object(values));
-    found.map_err(|error| {
-        let path = error.path().to_string();
-        let place = if path == "." { "top level".into() } else { path };
-        rsicalib::Error::Entry { place, why: error.inner().to_string() }.into()
-    })
+/// A term that is written as a formula: an entry `[[term]]` of a mechanism file.
+#[pyclass(frozen, eq, skip_from_py_object, name = "Term", module = "rsicalib")]
+#[derive(Clone, PartialEq)]
+pub struct PyTerm(pub Law);
+
+#[pymethods]
+impl PyTerm {
+    /// Takes the keys of such an entry; `class` is `klass` here.
+    #[new]
+    #[pyo3(signature = (id, *, klass, per, parameters, correction=None, moves=None, amount=None,
+                        doc=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn new(
+        py: Python<'_>,
+        id: &str,
+        klass: &str,
+        per: &str,
+        parameters: std::collections::BTreeMap<String, f64>,
+        correction: Option<&str>,
+        moves: Option<&str>,
+        amount: Option<&str>,
+        doc: Option<&str>,
+    ) -> PyResult<Self> {
+        let values = PyDict::new(py);
+        let words =
+            [("id", id), ("class", klass), ("per", per)].map(|(key, word)| (key, Some(word)));
+        let more = [("correction", correction), ("moves", moves), ("amount", amount), ("doc", doc)];
+        for (key, word) in words.into_iter().chain(more) {
+            word.map(|word| values.set_item(key, word)).transpose()?;
+        }
+        values.set_item("parameters", parameters)?;
+        Ok(Self::from_dict(&values)?)
+    }
+
+    /// Takes a term from plain values, keys as in the TOML.
+    #[staticmethod]
+    fn from_dict(values: &Bound<'_, PyAny>) -> Result<Self, PyError> {
+        let law: Law = from_values(values)?;
+        law.check()?;
+        Ok(Self(law))
+    }
+
+    /// Copies and pickles by the plain values.
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyAny>,))> {
+        let values = pythonize(slf.py(), &slf.get().0)?;
+        Ok((slf.get_type().getattr("from_dict")?, (values,)))
+    }
+
+    /// The term as plain values, keys as in the TOML.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize(py, &self.0)?)
+    }
+
+    /// What scripts call it.
+    #[getter]
+    fn id(&self) -> &str {
+        &self.0.id
+    }
+
+    fn __repr__(&self) -> String {
+        let (key, text) = self.0.text();
+        format!("Term({:?}, {key}={text:?})", self.0.id)
+    }
 }
 
 #[derive(Serialize)]
@@ -215,8 +297,8 @@ struct TermView {
 /// Every term there is, with its targets in a mechanism.
 #[pyfunction]
 pub fn terms<'py>(py: Python<'py>, mechanism: &PyMechanism) -> PyResult<Bound<'py, PyAny>> {
-    let views: Vec<TermView> = ALL
-        .iter()
+    let views: Vec<TermView> = rsicalib::terms::all(&mechanism.0)
+        .into_iter()
         .map(|term| {
             let info = term.info();
             let lines = info.doc.lines().map(|l| l.strip_prefix(' ').unwrap_or(l));
@@ -230,8 +312,9 @@ pub fn terms<'py>(py: Python<'py>, mechanism: &PyMechanism) -> PyResult<Bound<'p
                     .iter()
                     .map(|p| ParameterView { name: p.name, unit: p.unit, typical: p.typical })
                     .collect(),
-                targets: targets(*term, &mechanism.0)
+                targets: targets(term, &mechanism.0)
                     .iter()
+                    .chain(&shared(term, &mechanism.0))
                     .map(|t| t.name(&mechanism.0))
                     .collect(),
             }

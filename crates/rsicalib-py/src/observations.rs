@@ -7,6 +7,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyTuple};
 use pythonize::pythonize;
+use rsicalib::design::suppose::Supposed;
 use rsicalib::diagnosis::options::SearchOptions;
 use rsicalib::diagnosis::trace::Traced;
 use rsicalib::estimate::directions::directions;
@@ -18,7 +19,6 @@ use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
 use rsicalib::report::result::{self, Estimates, FitReport, Known, estimates};
 use rsicalib::screening::excluded::Excluded;
-use rsicalib::terms::ALL;
 use rsicalib::terms::targets::provided;
 use rsicalib::terms::term::Term;
 use serde::Serialize;
@@ -186,7 +186,20 @@ impl PyObservations {
             Err(rsicalib::Error::Context { term, needs }) => Some((term, needs)),
             _ => None,
         };
-        ALL.iter().filter_map(lacks).collect()
+        rsicalib::terms::all(mechanism).iter().filter_map(lacks).collect()
+    }
+
+    /// What effects would do in these poses: `supposed` as in `curvature@a22.c2=0.02`.
+    fn suppose<'py>(&self, py: Python<'py>, supposed: Vec<String>) -> PyResult<Bound<'py, PyAny>> {
+        let session = Arc::clone(&self.observations);
+        let found = py
+            .detach(|| {
+                let all: Result<Vec<Supposed>, _> =
+                    supposed.iter().map(|text| Supposed::parse(text)).collect();
+                rsicalib::design::suppose::suppose(&session, &all?)
+            })
+            .map_err(PyError::from)?;
+        Ok(pythonize(py, &found)?)
     }
 
     /// Closes the loop; `check` is a table and its known poses.

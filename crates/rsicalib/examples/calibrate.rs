@@ -67,6 +67,7 @@ fn linkage() -> Mechanism {
         rest: None,
         workspace: None,
         model: ModelSection::default(), // offset and gain of every channel
+        laws: Vec::new(),
     }
 }
 

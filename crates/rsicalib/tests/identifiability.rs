@@ -57,6 +57,7 @@ fn mechanism(chains: Vec<Chain>, points: Vec<Point>, closures: Vec<Closure>) -> 
         rest: None,
         workspace: None,
         model: ModelSection::default(),
+        laws: Vec::new(),
     }
 }
 

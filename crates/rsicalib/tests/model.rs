@@ -355,3 +355,40 @@ fn wide_instructions_give_the_bits_of_plain_ones() {
         }
     }
 }
+
+// --- targets that chains share ---------------------------------------------
+
+#[test]
+fn a_shared_parameter_moves_what_its_parts_move_together() {
+    let device = hand_controller(How::Held, 4);
+    let readings = device.readings();
+    let mut mechanism = device.mechanism.clone();
+    mechanism.gravity = Some([0.2, 0.1, -1.0]);
+    let of = |specs: &[&str]| {
+        let specs: Vec<String> = specs.iter().map(ToString::to_string).collect();
+        let instances = model::parse(&mechanism, &readings, &specs).expect("targets");
+        let model = Model::new(&mechanism, &readings, instances).expect("a model");
+        let beta = vec![2e-3; model.parameters];
+        (0..readings.blocks().len())
+            .map(|block| evaluated(&model, &readings, block, readings.raw(block), &beta))
+            .collect::<Vec<Workspace>>()
+    };
+    for (shared, parts) in [
+        ("link_length@each/3", ["link_length@arm1/3", "link_length@arm2/3", "link_length@arm3/3"]),
+        ("curvature@each.2", ["curvature@a12", "curvature@a22", "curvature@a32"]),
+        ("joint_sag@each.2", ["joint_sag@a12", "joint_sag@a22", "joint_sag@a32"]),
+        ("sag@all", ["sag@arm1", "sag@arm2", "sag@arm3"]),
+    ] {
+        for (one, several) in of(&[shared]).iter().zip(of(&parts)) {
+            for k in 0..one.f.len() {
+                for lane in 0..WIDTH {
+                    let (x, f) = (one.x[k].0[lane], one.f[k].0[lane]);
+                    let sum: f64 = several.x[3 * k..3 * k + 3].iter().map(|x| x.0[lane]).sum();
+                    // The same sums in another order: a few roundings of squares up to 100.
+                    assert!((x - sum).abs() <= 1e-11 * sum.abs().max(1.0), "{shared}: {x} {sum}");
+                    assert!((f - several.f[k].0[lane]).abs() <= 1e-11, "{shared}");
+                }
+            }
+        }
+    }
+}

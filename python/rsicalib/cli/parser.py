@@ -24,6 +24,7 @@ from rsicalib.cli.verbs import (
     paper,
     plan,
     simulate,
+    suppose,
     terms,
     trace,
     watch,
@@ -239,6 +240,24 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
     words = "write history.json, history.txt and history.html there"
     sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
+    _add_force(sub)
+
+    sub = verb(suppose)
+    words = "a session, or a plan with a column for each channel"
+    sub.add_argument("readings", metavar="READINGS", nargs="+", help=words)
+    words = "what is supposed: curvature@a22.c2=0.02; again for more of them at once"
+    sub.add_argument("--term", metavar="SPEC=VALUE", action="append", required=True, help=words)
+    _add_mechanism(sub)
+    sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
+    sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
+    sub.add_argument("--terms", metavar="TERM,…", type=_names, help="terms that are fitted beside")
+    words = "standard deviation of one sample, quantisation included"
+    sub.add_argument("--noise", metavar="COUNTS|a11=1.2,…", type=_noise, help=words)
+    sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
+    _add_skip(sub)
+    sub.add_argument(
+        "--out", metavar="FILE", type=_folder, help="write the residual picture as HTML"
+    )
     _add_force(sub)
 
     sub = verb(paper)

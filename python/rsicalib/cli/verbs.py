@@ -38,6 +38,7 @@ __all__ = [
     "paper",
     "plan",
     "simulate",
+    "suppose",
     "terms",
     "trace",
     "watch",
@@ -101,7 +102,7 @@ def forward(args: Args) -> int:
     warn(args, readings.warnings)
     result = None
     if args.calibration is not None:
-        result = earlier_result(args.calibration, mechanism)
+        result, mechanism = earlier_result(args.calibration, mechanism)
     found = places(readings, mechanism, result)
     labels: dict[str, Any] = {"pose": readings.pose.tolist()}
     if readings.sample is not None:
@@ -227,6 +228,32 @@ def fleet(args: Args) -> int:
     elif not args.quiet:
         say(found.text().removesuffix("\n"))
     return found.exit_code
+
+
+def suppose(args: Args) -> int:
+    """What an effect would do in these poses, and whether they would show it."""
+    from rsicalib.supposing import suppose as suppose_effect
+
+    found = suppose_effect(
+        args.readings,
+        args.term,
+        args.mechanism,
+        rest=args.rest,
+        model=args.terms,
+        closures=args.closures,
+        noise=args.noise,
+        calibration=args.calibration,
+        skip_bad_rows=args.skip_bad_rows,
+    )
+    if args.out is not None:
+        page = {args.out.name: f"{found.report()}<!-- {MARK} -->\n"}
+        write_folder(args.out.parent, page, force=args.force)
+    if args.json:
+        head = {"format": "rsicalib.supposition/1", "version": _core.__version__}
+        emit(to_json({**head, **found.to_dict()}))
+    elif not args.quiet:
+        say(found.text().removesuffix("\n"))
+    return 0
 
 
 def paper(args: Args) -> int:

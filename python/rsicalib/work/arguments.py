@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rsicalib import options
-from rsicalib._core import Mechanism
+from rsicalib._core import Mechanism, Term
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.frames import TableArg
@@ -51,8 +51,11 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
     return load_mechanism(name_or_path)
 
 
-def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:
-    """A result as it is, or from its file; refused if it is of another mechanism."""
+def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[Result, Mechanism]:
+    """A result, or that of its file, and the mechanism with the laws that it was found with.
+
+    Refused if it is of another mechanism.
+    """
     if not isinstance(calibration, str | os.PathLike | Result):
         expected = "a path or a result"
         raise InputTypeError(f"calibration: found {calibration!r}, expected {expected}")
@@ -60,7 +63,21 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> Result:
     if result.mechanism != mechanism.name:
         found = f"a calibration of {result.mechanism!r}"
         raise InputError(f"found {found}, expected one of {mechanism.name!r}")
-    return result
+    return result, _with_laws(mechanism, result)
+
+
+def _with_laws(mechanism: Mechanism, result: Result) -> Mechanism:
+    """A mechanism with the laws of a result as well; refused if it has others of their names."""
+    own = {term.id: term for term in mechanism.terms}
+    new = []
+    for law in result.laws:
+        term = Term.from_dict(law.to_dict())
+        if own.get(term.id, term) != term:
+            found, expected = f"the term {own[term.id]}", f"{term}, as the calibration has it"
+            raise InputError(f"mechanism {mechanism.name}: found {found}, expected {expected}")
+        if term.id not in own:
+            new.append(term)
+    return mechanism.with_terms(new) if new else mechanism
 
 
 class Bare:

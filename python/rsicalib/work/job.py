@@ -52,9 +52,12 @@ class Work:
     ) -> None:
         self.mechanism = open_mechanism(mechanism)
         self.skip = skip
-        self.earlier = None if calibration is None else earlier_result(calibration, self.mechanism)
-        self.supersedes = None if self.earlier is None else digest_of(calibration, self.earlier)
+        self.earlier: Result | None = None
+        self.supersedes: str | None = None
         """Digest of the earlier result."""
+        if calibration is not None:
+            self.earlier, self.mechanism = earlier_result(calibration, self.mechanism)
+            self.supersedes = digest_of(calibration, self.earlier)
         self.readings: list[Readings] = []
         """What is used, one for each session."""
         self.whole: list[Readings] = []
@@ -103,7 +106,7 @@ class Work:
         """As asked for; else those of the earlier result that hold beyond its session."""
         if terms is not None or self.earlier is None:
             return options.names("terms", terms)
-        return _core.lasting([p.at for p in self.earlier.parameters])
+        return _core.lasting(self.mechanism, [p.at for p in self.earlier.parameters])
 
     def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:
         """Standard deviation of one sample of each channel."""
@@ -169,11 +172,14 @@ class Work:
             "warnings": [*self.warnings, *found.get("warnings", []), *found.get("remarks", [])],
             "reference": reference,
         }
+        laws = [term.to_dict() for term in self.mechanism.terms]
+        if laws:
+            out["laws"] = laws
         if self.earlier is not None:
             new = [
                 p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
             ]
-            out["moved"] = moved_parameters(self.earlier, new)
+            out["moved"] = moved_parameters(self.mechanism, self.earlier, new)
             out["supersedes"] = self.supersedes
         return out
 
@@ -186,7 +192,7 @@ class Work:
             changes = fit.changes(applied, covariance_of(self.earlier))
         except InputError:
             return None  # the loops are not the same: unknown points, measured distances
-        return update_of(self.earlier, found, changes, self.mechanism.length_unit)
+        return update_of(self.mechanism, self.earlier, found, changes)
 
     def too_few(
         self, kind: type[Result], error: UndeterminedError, session: _core.Session | None

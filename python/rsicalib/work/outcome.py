@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rsicalib import _core
+from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
@@ -91,7 +92,10 @@ def digest_of(calibration: Any, earlier: Result) -> str:
 
 
 def update_of(
-    earlier: Result, found: Mapping[str, Any], changes: Mapping[str, Any], unit: str
+    mechanism: Mechanism,
+    earlier: Result,
+    found: Mapping[str, Any],
+    changes: Mapping[str, Any],
 ) -> dict[str, Any]:
     """What has changed since an earlier result, and whether a new one is worth an update."""
     named = [
@@ -101,10 +105,11 @@ def update_of(
     held_out = found["fit"].get("held_out")
     before = changes["rms_misclosure"]
     after = None if held_out is None else held_out["rms_misclosure"]
-    lasting = set(_core.lasting([p.at for p in earlier.parameters]))
+    lasting = set(_core.lasting(mechanism, [p.at for p in earlier.parameters]))
     passing = [p.spec for p in earlier.parameters if _core.spec(*p.at) not in lasting]
     sure = any(abs(p["value"]) >= SURE * p["sd"] for one in named for p in one["parameters"])
     better = after is not None and after < before
+    unit = mechanism.length_unit
     if not named:
         text = "nothing has changed beyond both uncertainties: the earlier result holds"
     else:
@@ -130,13 +135,15 @@ def update_of(
     }
 
 
-def moved_parameters(earlier: Result, parameters: Sequence[Parameter]) -> list[Moved]:
+def moved_parameters(
+    mechanism: Mechanism, earlier: Result, parameters: Sequence[Parameter]
+) -> list[Moved]:
     """Parameters that differ by more than chance would make one of them differ once in 100."""
     before, now = (
         [(p.at, p.name, p.value, p.sd) for p in of] for of in (earlier.parameters, parameters)
     )
     moved = []
-    for number, old, new, sd in _core.moved(before, now):
+    for number, old, new, sd in _core.moved(mechanism, before, now):
         p = parameters[number]
         moved.append(Moved(p.term, p.target, p.name, before=old, after=new, sd=sd, unit=p.unit))
     return moved

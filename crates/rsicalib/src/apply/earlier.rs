@@ -74,10 +74,10 @@ pub struct Applied {
 /// # Errors
 ///
 /// [`Error::Unknown`] where there is no such term.
-pub fn outlasts(spec: &Spec) -> Result<Outlasts, Error> {
+pub fn outlasts(mechanism: &Mechanism, spec: &Spec) -> Result<Outlasts, Error> {
     match spec.term.as_str() {
         UNKNOWN_POINT => Ok(Outlasts::Nothing),
-        id => terms::find(id).map(Term::outlasts),
+        id => terms::find_in(mechanism, id).map(Term::outlasts),
     }
 }
 
@@ -89,10 +89,13 @@ pub fn outlasts(spec: &Spec) -> Result<Outlasts, Error> {
 /// # Errors
 ///
 /// As [`outlasts`].
-pub fn lasting<'a>(specs: impl IntoIterator<Item = &'a Spec>) -> Result<Vec<Spec>, Error> {
+pub fn lasting<'a>(
+    mechanism: &Mechanism,
+    specs: impl IntoIterator<Item = &'a Spec>,
+) -> Result<Vec<Spec>, Error> {
     let mut lasting: Vec<Spec> = Vec::new();
     for spec in specs {
-        if outlasts(spec)? == Outlasts::Whole && !lasting.contains(spec) {
+        if outlasts(mechanism, spec)? == Outlasts::Whole && !lasting.contains(spec) {
             lasting.push(spec.clone());
         }
     }
@@ -220,8 +223,10 @@ impl Under {
         table: Table,
     ) -> Result<Self, Error> {
         let table = Table { keys: Vec::new(), columns: Vec::new(), ..table };
-        let carries =
-            |spec: &Spec| terms::find(&spec.term).is_ok_and(|term| term.info().per != Per::Closure);
+        let carries = |spec: &Spec| {
+            let term = terms::find_in(mechanism, &spec.term);
+            term.is_ok_and(|term| term.info().per != Per::Closure)
+        };
         Self::build(&opened(mechanism)?, applied, table, carries, &[])
     }
 
@@ -351,7 +356,7 @@ fn acting_as(
     if spec.term == UNKNOWN_POINT {
         return Ok(Vec::new());
     }
-    match outlasts(spec)? {
+    match outlasts(mechanism, spec)? {
         Outlasts::Nothing if !own => Ok(Vec::new()),
         Outlasts::Value if !own => {
             let (term, targets) = spec.targets(mechanism)?;

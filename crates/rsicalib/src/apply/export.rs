@@ -114,7 +114,7 @@ pub fn exported(mechanism: &Mechanism, applied: &Applied) -> Result<Exported, Er
         }
     }
     for effect in &effects {
-        notes.extend(other(effect, &mut out));
+        notes.extend(other(effect, mechanism, &mut out));
     }
     out.validate()?;
     Ok(Exported { mechanism: out, tips, notes })
@@ -137,7 +137,7 @@ fn effects(mechanism: &Mechanism, applied: &Applied) -> Result<Vec<Effect>, Erro
     for p in applied.parameters.iter().filter(|p| p.spec.term != UNKNOWN_POINT) {
         let (term, targets) = p.spec.targets(mechanism)?;
         let k = parameter_index(term, &p.name)?;
-        for target in targets {
+        for target in targets.into_iter().flat_map(|target| mechanism.parts(target)) {
             let same = |e: &&mut Effect| e.spec == p.spec && e.target == target;
             match effects.iter_mut().find(same) {
                 Some(effect) => effect.values[k] = p.value,
@@ -194,7 +194,7 @@ fn noise(out: &mut Mechanism, applied: &Applied) {
 }
 
 /// Puts an effect in that is neither of a channel's line nor of a chain, or says why not.
-fn other(effect: &Effect, out: &mut Mechanism) -> Option<Note> {
+fn other(effect: &Effect, mechanism: &Mechanism, out: &mut Mechanism) -> Option<Note> {
     let spec = || effect.spec.clone();
     match (effect.term.acts(), effect.target) {
         (Acts::Geometry(_), _) => None,
@@ -211,7 +211,9 @@ fn other(effect: &Effect, out: &mut Mechanism) -> Option<Note> {
             None
         }
         _ if effect.term.role() != Role::Other => None,
-        _ if outlasts(&effect.spec) == Ok(Outlasts::Nothing) => Some(Note::OfItsSession(spec())),
+        _ if outlasts(mechanism, &effect.spec) == Ok(Outlasts::Nothing) => {
+            Some(Note::OfItsSession(spec()))
+        }
         _ => Some(Note::NoPlace(spec())),
     }
 }

@@ -1,6 +1,7 @@
 //! Parameters that are not what an earlier result says.
 
 use crate::apply::earlier::outlasts;
+use crate::mechanism::Mechanism;
 use crate::model::Spec;
 use crate::numerics::distributions::normal_quantile;
 use crate::terms;
@@ -42,11 +43,11 @@ pub struct Moved {
 /// session is not compared. A sensor that slipped in the earlier session has the offset that the
 /// slip left it.
 #[must_use]
-pub fn moved(earlier: &[Estimate], now: &[Estimate]) -> Vec<Moved> {
+pub fn moved(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -> Vec<Moved> {
     let same = |new: &Estimate| {
         earlier.iter().rfind(|old| (&old.spec, &old.name) == (&new.spec, &new.name))
     };
-    let lasts = |new: &&Estimate| outlasts(&new.spec) == Ok(Outlasts::Whole);
+    let lasts = |new: &&Estimate| outlasts(mechanism, &new.spec) == Ok(Outlasts::Whole);
     let all = now.iter().enumerate().filter(|(_, new)| lasts(new));
     let pairs: Vec<(usize, &Estimate, &Estimate)> =
         all.filter_map(|(k, new)| Some((k, same(new)?, new))).collect();
@@ -95,7 +96,7 @@ mod tests {
             estimate("offset@a14", Some(9.0), Some(0.04)),
             estimate("offset@a15", Some(9.0), Some(0.04)),
         ];
-        let found = moved(&old, &new);
+        let found = moved(&Mechanism::rsi(), &old, &new);
         // 0.2 is 4 standard deviations of 0.05, 0.1 is 2; the limit for four is 3.02.
         assert_eq!(found.len(), 1);
         assert_eq!((found[0].parameter, found[0].before, found[0].after), (0, 1.0, 1.2));
@@ -107,8 +108,8 @@ mod tests {
         let step = estimate("slip@a11:17", Some(0.5), Some(0.01));
         let old = [estimate("offset@a11", Some(1.0), Some(0.01)), step];
         let sound = [estimate("offset@a11", Some(1.5), Some(0.01))];
-        assert_eq!(moved(&old, &sound), []);
-        assert_eq!(moved(&old, &old[..1])[0].before, 1.5);
+        assert_eq!(moved(&Mechanism::rsi(), &old, &sound), []);
+        assert_eq!(moved(&Mechanism::rsi(), &old, &old[..1])[0].before, 1.5);
     }
 
     #[test]
@@ -117,6 +118,6 @@ mod tests {
             ["drift@a11", "slip@a11:3", "unknown_point@ball[at=1]"]
                 .map(|spec| estimate(spec, Some(value), Some(0.01)))
         };
-        assert_eq!(moved(&of(0.0), &of(1.0)), []);
+        assert_eq!(moved(&Mechanism::rsi(), &of(0.0), &of(1.0)), []);
     }
 }

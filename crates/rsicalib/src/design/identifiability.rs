@@ -517,6 +517,7 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
         rest: None,
         workspace: None,
         model: ModelSection::default(),
+        laws: Vec::new(),
         ..mechanism.clone()
     })
 }

@@ -14,3 +14,4 @@ pub mod plan;
 mod precision;
 pub mod reach;
 mod reachable;
+pub mod suppose;

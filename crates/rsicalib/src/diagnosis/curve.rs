@@ -23,7 +23,16 @@ const POINTS: usize = 33;
 #[must_use]
 pub fn curve(fit: &Fit, instance: &Instance, first: usize) -> Option<Curve> {
     let scales: &[Scale] = &fit.model.scales;
-    let channel = if let Target::Channel(channel) = instance.target { channel } else { 0 };
+    let mechanism = &fit.model.mechanism;
+    let channel = match (instance.term.acts(), instance.target) {
+        // Sensors of one make have one curve; others have none in common.
+        (Acts::Sensor(_), Target::Channel(_) | Target::EachJoint(..)) => {
+            mechanism.channels_at(instance.target).first().copied()?
+        }
+        (Acts::Sensor(_), _) => return None,
+        (_, Target::Channel(channel)) => channel,
+        _ => 0,
+    };
     // What is straight over time its rate says.
     let over = instance.term.over()?;
     if over == Over::Time && !instance.term.info().penalised {

@@ -300,12 +300,12 @@ pub fn place(observations: &Observations, instance: &Instance) -> Option<String>
 /// and `reading`.
 #[must_use]
 pub fn unit(observations: &Observations, instance: &Instance, unit: &str) -> String {
+    let mechanism = &observations.mechanism;
     let reading = match instance.target {
-        crate::Target::Channel(c) => observations.mechanism.channels[c].unit.as_str(),
+        crate::Target::Channel(c) => mechanism.channels[c].unit.as_str(),
         _ => "reading",
     };
-    let slides =
-        matches!(instance.target, crate::Target::Channel(c) if observations.mechanism.slides(c));
+    let slides = mechanism.slides_at(instance.target);
     let unit = if slides { unit.replace("rad", "length") } else { unit.into() };
     unit.replace("reading", reading).replace("length", &observations.mechanism.length_unit)
 }

@@ -32,6 +32,8 @@ pub enum Source {
     /// A parameter of the model that acts in some samples: the parameter, and the number of the
     /// gate that is one in those samples, and zero in all others.
     Gated(usize, usize),
+    /// The amount of a law, by its number among the coordinates: after those of the channels.
+    Law(usize),
 }
 
 /// One element of a chain.

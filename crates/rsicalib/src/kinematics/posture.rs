@@ -199,8 +199,9 @@ impl Posture {
 
     /// Computes the posture from the elements of a chain, base first.
     ///
-    /// `angles` holds one joint coordinate per channel of the mechanism, `parameters` the
-    /// parameters of the model, `gates` the samples in which gated parameters act.
+    /// `angles` holds one joint coordinate per channel of the mechanism, then the amounts by which
+    /// laws move, `parameters` the parameters of the model, `gates` the samples in which gated
+    /// parameters act.
     #[inline(always)]
     pub fn take(
         &mut self,
@@ -228,7 +229,7 @@ impl Posture {
                         origin: frame.origin,
                     });
                     let by = match *source {
-                        Source::Channel(c) => angles[c],
+                        Source::Channel(c) | Source::Law(c) => angles[c],
                         Source::Parameter(p) => Lanes::splat(parameters[p]),
                         Source::Gated(p, gate) => gates[gate] * parameters[p],
                     };

@@ -8,6 +8,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
+use crate::mechanism::law::Law;
+
 /// Serial chains with sensed joints, and the closures between the chains.
 ///
 /// Lengths are in `length_unit`, angles in radians, points in the frame that each field names.
@@ -48,6 +50,10 @@ pub struct Mechanism {
     /// The terms that are identified by default.
     #[cfg_attr(feature = "serde", serde(default))]
     pub model: ModelSection,
+    /// Terms of its own, beside those of the catalogue.
+    #[cfg_attr(feature = "serde", serde(rename = "term", default))]
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub laws: Vec<Law>,
 }
 
 /// A box of platform poses: lowest and highest of each coordinate.

@@ -172,6 +172,7 @@ impl Mechanism {
             rest: Some(Rest { pose: rest, sd: None }),
             workspace: Some(WORKSPACE.into()),
             model: ModelSection::default(),
+            laws: Vec::new(),
         };
         let wrist = |i: usize| format!("wrist{}", i + 1);
         for (i, theta) in theta_0.into_iter().enumerate() {

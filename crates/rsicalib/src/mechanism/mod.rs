@@ -1,8 +1,10 @@
 //! Mechanisms as data: channels, chains, points, closures, platform, rest.
 
+mod alike;
 mod degrees;
 mod drawing;
 pub mod hand_controller;
+mod law;
 mod queries;
 mod target;
 #[cfg(feature = "toml")]
@@ -20,5 +22,6 @@ pub use drawing::{
     Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Motion, Point, Rest, Row, Value,
     Workspace,
 };
+pub use law::{Class, Formula, Law, MOST_PARAMETERS, MOST_VARIABLES, Moves, Per, Variable};
 pub(crate) use queries::list;
 pub use target::Target;

@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
+use crate::mechanism::target::Target;
 
 impl Mechanism {
     /// Index of a channel.
@@ -116,6 +117,19 @@ impl Mechanism {
         names.filter_map(|n| self.channels.iter().position(|c| c.name == *n)).collect()
     }
 
+    /// The channels that a target is of, or has: all of a chain; none of a row or a closure. Of a
+    /// target that chains share, those of all of them.
+    #[must_use]
+    pub fn channels_at(&self, target: Target) -> Vec<usize> {
+        match target {
+            Target::All => (0..self.channels.len()).collect(),
+            Target::Channel(c) => vec![c],
+            Target::Chain(chain) => self.channels_of(chain),
+            Target::Row(..) | Target::Closure(_) | Target::EachRow(..) => Vec::new(),
+            shared => self.parts(shared).into_iter().flat_map(|t| self.channels_at(t)).collect(),
+        }
+    }
+
     /// True for a single chain that touches unknown points alone. Nothing ties such a mechanism
     /// to its base: a rotation of chain and points together changes no reading.
     #[must_use]
@@ -134,6 +148,13 @@ impl Mechanism {
         let Some(Channel { name, .. }) = self.channels.get(channel) else { return false };
         let mut rows = self.chains.iter().flat_map(|c| &c.rows);
         rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
+    }
+
+    /// True for a target whose joint, or each of whose joints, slides.
+    #[must_use]
+    pub fn slides_at(&self, target: Target) -> bool {
+        matches!(target, Target::Channel(_) | Target::EachJoint(..))
+            && self.channels_at(target).into_iter().all(|c| self.slides(c))
     }
 
     /// The chain that a channel belongs to; `None` for an index beyond the last channel.

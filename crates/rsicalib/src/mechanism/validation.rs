@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::mechanism::drawing::{Channel, Closure, ClosureKind, Mechanism, Point, Value};
+use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 
 impl Mechanism {
@@ -32,7 +33,36 @@ impl Mechanism {
             self.check_closure(closure)?;
         }
         self.check_workspace()?;
-        self.check_platform()
+        self.check_platform()?;
+        self.check_laws()
+    }
+
+    fn check_laws(&self) -> Result<(), Error> {
+        for (k, law) in self.laws.iter().enumerate() {
+            law.check()?;
+            self.check_joints(law)?;
+            if self.laws[..k].iter().any(|other| other.id == law.id) {
+                let place = format!("term {:?}", law.id);
+                return Err(refuse(place, "the name again".into(), "one of its own".into()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a law that refers to a joint which no chain has.
+    fn check_joints(&self, law: &Law) -> Result<(), Error> {
+        let most = (0..self.chains.len()).map(|c| self.channels_of(c).len()).max().unwrap_or(0);
+        for variable in law.formula()?.variables {
+            if let Variable::Theta(k) = variable
+                && k > most
+            {
+                let (place, expected) =
+                    (format!("term {:?}, {}", law.id, law.text().0), "theta[1]");
+                let expected = format!("{expected} to theta[{most}]: joints of a chain");
+                return Err(refuse(place, format!("theta[{k}]"), expected));
+            }
+        }
+        Ok(())
     }
 
     fn check_workspace(&self) -> Result<(), Error> {

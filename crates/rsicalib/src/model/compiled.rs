@@ -7,6 +7,7 @@ use crate::kinematics::elements::{Axis, Element, Source, Way, Weight, push_rigid
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
 use crate::model::instance::{Instance, bound_to_session};
+use crate::model::law_at::LawAt;
 use crate::model::numbering::{number_unknowns, unknown_name};
 use crate::model::prior::Prior;
 use crate::model::specification::check_names;
@@ -14,9 +15,6 @@ use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Block, Readings};
 use crate::terms::targets::provided;
 use crate::terms::term::{Acts, Electronics, Placed, Role, Scale, Sensor, Spot};
-
-/// Most parameters that one term may have.
-pub const MOST_PARAMETERS: usize = 16;
 
 /// One end of a closure.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +36,8 @@ pub(crate) struct CompiledClosure {
     pub(crate) column: Option<usize>,
     /// Parameter of a `distance` term at this closure.
     pub(crate) parameter: Option<usize>,
+    /// Coordinates of the laws of this closure.
+    pub(crate) laws: Vec<usize>,
     /// Number of the first equation.
     pub(crate) equation: usize,
     /// Directions along which points that touch must coincide, one equation each; none: the
@@ -154,6 +154,9 @@ pub struct Model {
     pub(crate) electronics: Vec<ElectronicsAt>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) loads: Vec<LoadAt>,
+    pub(crate) laws: Vec<LawAt>,
+    /// Laws that move a frame or change a distance: each has a coordinate of its own.
+    pub(crate) amounts: usize,
     /// Largest torque of each load in these readings, by the drawing.
     pub(crate) torques: Vec<f64>,
     pub(crate) gravity: Vec3,
@@ -282,6 +285,8 @@ impl Model {
             electronics: Vec::new(),
             gates: Vec::new(),
             loads: Vec::new(),
+            laws: Vec::new(),
+            amounts: 0,
             torques: Vec::new(),
             parameters: term_parameters + 3 * unknown_names.len(),
             mechanism: mechanism.clone(),
@@ -313,15 +318,25 @@ impl Model {
                 Placed::AtPose => readings.session_of_pose.get(place).copied(),
                 _ => None,
             };
-            let channel = if let Target::Channel(c) = instance.target { Some(c) } else { None };
             match instance.term.acts() {
                 Acts::Sensor(term) => {
-                    let channel = channel.unwrap_or_default();
-                    self.sensors.push(SensorAt { term, channel, place, session, first, width });
+                    let affected = self.mechanism.channels_at(instance.target).into_iter();
+                    let suited = affected.filter(|&c| instance.term.suits(&self.mechanism, c));
+                    self.sensors.extend(suited.map(|channel| SensorAt {
+                        term,
+                        channel,
+                        place,
+                        session,
+                        first,
+                        width,
+                    }));
+                }
+                Acts::Coupled(term) => {
+                    let at = LawAt::each(&self.mechanism, instance, term, first, session);
+                    self.laws.extend(at);
                 }
                 Acts::Electronics(term) => {
-                    let every = 0..self.mechanism.channels.len();
-                    let affected = channel.map_or(every, |c| c..c + 1);
+                    let affected = self.mechanism.channels_at(instance.target).into_iter();
                     let suited = affected.filter(|&c| instance.term.suits(&self.mechanism, c));
                     self.electronics.extend(suited.map(|channel| ElectronicsAt {
                         term,
@@ -333,12 +348,18 @@ impl Model {
                     }));
                 }
                 Acts::Load(whose) => {
-                    let chains = match instance.target {
-                        Target::All => (0..self.mechanism.chains.len()).collect(),
-                        Target::Chain(chain) => vec![chain],
-                        _ => channel.and_then(|c| self.mechanism.chain_of(c)).into_iter().collect(),
+                    let chains = |c: &usize| self.mechanism.chain_of(*c);
+                    let places: Vec<(usize, Option<usize>)> = match instance.target {
+                        Target::All => {
+                            (0..self.mechanism.chains.len()).map(|chain| (chain, None)).collect()
+                        }
+                        Target::Chain(chain) => vec![(chain, None)],
+                        joints => {
+                            let joints = self.mechanism.channels_at(joints);
+                            joints.iter().filter_map(|c| Some((chains(c)?, Some(*c)))).collect()
+                        }
                     };
-                    for chain in chains {
+                    for (chain, channel) in places {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
@@ -347,6 +368,10 @@ impl Model {
                 }
                 Acts::Geometry(_) | Acts::Distance => {}
             }
+        }
+        let channels = self.mechanism.channels.len();
+        for law in &mut self.laws {
+            self.amounts += law.number(channels + self.amounts);
         }
     }
 
@@ -402,9 +427,12 @@ impl Model {
     /// Appends the motions that geometry terms add at one spot of a chain.
     fn free(&self, steps: &mut Vec<Element>, spot: Spot, chain: usize, row: Option<usize>) {
         let here = row.map_or(Target::Chain(chain), |row| Target::Row(chain, row));
+        let is_here = |target: Target| {
+            target == here || (target.is_shared() && self.mechanism.parts(target).contains(&here))
+        };
         for (number, (instance, first)) in self.instances.iter().zip(&self.first).enumerate() {
             let Acts::Geometry(freedoms) = instance.term.acts() else { continue };
-            if instance.target != here {
+            if !is_here(instance.target) {
                 continue;
             }
             let gate = self.gates.iter().position(|gate| gate.instance == number);
@@ -416,6 +444,11 @@ impl Model {
                     };
                     steps.push(Element::Move(*axis, *way, source));
                 }
+            }
+        }
+        for law in &self.laws {
+            if let Some((axis, way)) = law.moves(spot, here) {
+                steps.push(Element::Move(axis, way, Source::Law(law.to)));
             }
         }
     }
@@ -455,6 +488,7 @@ impl Model {
                 value,
                 column,
                 parameter,
+                laws: self.laws.iter().filter(|law| law.of_closure(k)).map(|l| l.to).collect(),
                 equation,
                 along: None,
                 noise,
@@ -548,6 +582,8 @@ impl Model {
         let mut active = Vec::with_capacity(self.equations);
         for closure in &self.closures {
             let mut columns: Vec<usize> = closure.parameter.into_iter().collect();
+            let laws = self.laws.iter().filter(|law| closure.laws.contains(&law.to));
+            columns.extend(laws.flat_map(|law| law.first..law.first + law.term.width));
             for end in &closure.ends {
                 match end {
                     End::Carried(chain, _) => self.columns_of_chain(*chain, &mut columns),
@@ -573,6 +609,11 @@ impl Model {
                 Target::Chain(c) | Target::Row(c, _) => c == chain,
                 Target::All => true,
                 Target::Closure(_) => false,
+                shared => self.mechanism.parts(shared).into_iter().any(|part| match part {
+                    Target::Channel(c) => channels.contains(&c),
+                    Target::Chain(c) | Target::Row(c, _) => c == chain,
+                    _ => false,
+                }),
             };
             if on_chain {
                 columns.extend(first..first + instance.width());

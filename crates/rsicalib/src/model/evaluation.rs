@@ -21,8 +21,9 @@
 
 use crate::kinematics::elements::{Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
-use crate::mechanism::ClosureKind;
-use crate::model::compiled::{End, MOST_PARAMETERS, Model};
+use crate::mechanism::{ClosureKind, MOST_PARAMETERS};
+use crate::model::compiled::{End, Model};
+use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
 use crate::terms::term::Site;
@@ -38,17 +39,18 @@ pub struct Workspace {
     pub x: Vec<Lanes>,
     /// Joint coordinates after all corrections, one per channel.
     pub angles: Vec<Lanes>,
-    corrected: Vec<Lanes>,
+    pub(crate) corrected: Vec<Lanes>,
     slopes: Vec<Lanes>,
     mix: Vec<Lanes>,
     partials: Vec<(usize, usize, Lanes)>,
     electric: Vec<(usize, usize, Lanes)>,
-    g: Vec<Lanes>,
+    pub(crate) g: Vec<Lanes>,
     turned: Vec<Lanes>,
-    gates: Vec<Lanes>,
+    pub(crate) gates: Vec<Lanes>,
     pub(crate) postures: Vec<Posture>,
-    unloaded: Vec<Posture>,
-    carried: Vec<Vec<Carried>>,
+    pub(crate) unloaded: Vec<Posture>,
+    pub(crate) carried: Vec<Vec<Carried>>,
+    pub(crate) laws: LawRoom,
 }
 
 /// The derivatives to compute.
@@ -111,8 +113,14 @@ impl Model {
         self.joint_angles(readings, block, a, beta, want, ws);
         ws.gates.clear();
         ws.gates.extend(self.gates.iter().map(|gate| gate.of(&readings.blocks()[block])));
+        if !self.laws.is_empty() {
+            self.take_laws(readings, block, beta, want, ws);
+        }
         if !self.loads.is_empty() {
             self.bend(beta, ws);
+        }
+        if !self.laws.is_empty() {
+            self.add_laws(ws);
         }
         ws.postures.resize_with(self.steps.len(), Posture::new);
         for (posture, steps) in ws.postures.iter_mut().zip(&self.steps) {
@@ -122,6 +130,8 @@ impl Model {
         if want.x || want.a {
             self.chain_rule(beta, want, ws);
         }
+        // Amounts of laws are coordinates here only.
+        ws.angles.truncate(self.scales.len());
     }
 
     /// Eqs. (41, 42): joint coordinates before load, and their derivatives.
@@ -265,7 +275,13 @@ impl Model {
 
     /// Derivative of the torque of gravity about lever `j` by lever `s`.
     #[inline(always)]
-    fn torque_slope(&self, levers: &[Lever], carried: &[Carried], j: usize, s: usize) -> Lanes {
+    pub(crate) fn torque_slope(
+        &self,
+        levers: &[Lever],
+        carried: &[Carried],
+        j: usize,
+        s: usize,
+    ) -> Lanes {
         // All bodies after the later lever move rigidly with the earlier lever.
         let (turning, moved) = match s <= j {
             true => (&levers[s], carried[j].moved_by(&levers[j])),
@@ -293,6 +309,7 @@ impl Model {
         if want.x || want.a {
             ws.g.clear();
             ws.g.resize(self.equations * channels, Lanes::ZERO);
+            ws.laws.clear_slopes(self.equations * self.amounts);
         }
         if want.x {
             ws.x.clear();
@@ -310,6 +327,12 @@ impl Model {
                 if want.x {
                     ws.x[closure.equation * width + parameter] = distance * -2.0;
                 }
+            }
+            closure.laws.iter().for_each(|&to| distance += ws.angles[to]);
+            if want.x || want.a {
+                closure.laws.iter().for_each(|&to| {
+                    ws.laws.h[closure.equation * self.amounts + to - channels] = distance * -2.0;
+                });
             }
             match closure.kind {
                 ClosureKind::Distance => {
@@ -337,6 +360,10 @@ impl Model {
                                 value * ws.gates[gate] * sign;
                         }
                         Source::Parameter(_) | Source::Gated(..) => {}
+                        Source::Law(to) => {
+                            let row = (closure.equation + row) * self.amounts;
+                            ws.laws.h[row + to - channels] += value * sign;
+                        }
                     };
                     match closure.kind {
                         ClosureKind::Distance => add(0, dot(&apart, moved) * 2.0),
@@ -390,8 +417,14 @@ impl Model {
     #[inline(always)]
     fn chain_rule(&self, beta: &[f64], want: Want, ws: &mut Workspace) {
         let (channels, width) = (self.scales.len(), self.width());
+        if !self.laws.is_empty() {
+            self.hold_laws(ws);
+        }
         if !self.loads.is_empty() {
             self.bend_back(beta, want, ws);
+        }
+        if !self.laws.is_empty() {
+            self.turn_laws(want, ws);
         }
         if want.x {
             for &(column, channel, partial) in &ws.partials {
@@ -400,9 +433,15 @@ impl Model {
                 }
             }
             for &(column, channel, partial) in &ws.electric {
-                let partial = ws.slopes[channel] * partial;
+                let slope = ws.slopes[channel] * partial;
                 for k in 0..self.equations {
-                    ws.x[k * width + column] += ws.g[k * channels + channel] * partial;
+                    ws.x[k * width + column] += ws.g[k * channels + channel] * slope;
+                }
+                if !self.laws.is_empty() {
+                    for k in 0..self.equations {
+                        ws.x[k * width + column] +=
+                            ws.laws.direct[k * channels + channel] * partial;
+                    }
                 }
             }
         }
@@ -412,6 +451,9 @@ impl Model {
                 for c in 0..channels {
                     ws.a.push(ws.g[k * channels + c] * ws.slopes[c]);
                 }
+            }
+            if !self.laws.is_empty() {
+                ws.a.iter_mut().zip(&ws.laws.direct).for_each(|(a, direct)| *a += *direct);
             }
             if !self.electronics.is_empty() {
                 for k in 0..self.equations {
@@ -456,7 +498,7 @@ impl Model {
                             Source::Gated(p, gate) if want.x => {
                                 ws.x[k * width + p] += change * ws.gates[gate];
                             }
-                            Source::Parameter(_) | Source::Gated(..) => {}
+                            Source::Parameter(_) | Source::Gated(..) | Source::Law(_) => {}
                         }
                     }
                 }

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::mechanism::{Mechanism, Target, list};
 use crate::readings::Readings;
-use crate::terms::targets::targets;
+use crate::terms::targets::{shared, targets};
 use crate::terms::term::{Needs, Outlasts, Per, Placed, Term};
 
 /// One term at one target.
@@ -37,14 +37,15 @@ impl Instance {
     pub(crate) fn check(&self, mechanism: &Mechanism) -> Result<(), Error> {
         let kind = match self.term.info().per {
             Per::All => matches!(self.target, Target::All),
-            Per::Channel => matches!(self.target, Target::Channel(_)),
-            Per::Row => matches!(self.target, Target::Row(..)),
-            Per::Chain => matches!(self.target, Target::Chain(_)),
+            Per::Channel => matches!(self.target, Target::Channel(_) | Target::EachJoint(..)),
+            Per::Row => matches!(self.target, Target::Row(..) | Target::EachRow(..)),
+            Per::Chain => matches!(self.target, Target::Chain(_) | Target::EachChain(_)),
             Per::ChainOrAll => matches!(self.target, Target::Chain(_) | Target::All),
             Per::Closure => matches!(self.target, Target::Closure(_)),
         };
         if !kind || !self.target.is_in(mechanism) {
-            let known = targets(self.term, mechanism).into_iter().map(|t| t.name(mechanism));
+            let all = targets(self.term, mechanism).into_iter().chain(shared(self.term, mechanism));
+            let known = all.map(|t| t.name(mechanism));
             return Err(Error::Unknown {
                 kind: "target",
                 found: self.target.name(mechanism),

@@ -5,13 +5,16 @@ mod compiled;
 mod evaluation;
 mod instance;
 mod known;
+mod law_at;
+mod laws;
 mod null;
 mod numbering;
 mod prior;
 mod specification;
 mod unknown_points;
 
-pub use compiled::{MOST_PARAMETERS, Model};
+pub use crate::mechanism::MOST_PARAMETERS;
+pub use compiled::Model;
 pub use evaluation::{Want, Workspace};
 pub use instance::Instance;
 pub(crate) use instance::{bound_to_session, place_name, places};

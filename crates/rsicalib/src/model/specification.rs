@@ -7,7 +7,7 @@ use std::str::FromStr;
 use crate::mechanism::{Mechanism, Target};
 use crate::model::instance::{Instance, bound_to_session, place_name, places};
 use crate::readings::Readings;
-use crate::terms::targets::targets;
+use crate::terms::targets::{shared, targets};
 use crate::terms::term::Term;
 use crate::{Error, terms};
 
@@ -77,9 +77,11 @@ impl Spec {
         &self,
         mechanism: &Mechanism,
     ) -> Result<(&'static dyn Term, Vec<Target>), Error> {
-        let term = terms::find(&self.term)?;
+        let term = terms::find_in(mechanism, &self.term)?;
         let mut all = targets(term, mechanism);
         if let Some(name) = &self.target {
+            // One parameter for all of several is asked for by its name alone.
+            all.extend(shared(term, mechanism));
             let named = all.iter().find(|t| t.name(mechanism) == *name).copied();
             let known = || all.iter().map(|t| t.name(mechanism)).collect::<Vec<_>>().join(", ");
             let unknown = || Error::Unknown { kind: "target", found: name.clone(), known: known() };
@@ -151,7 +153,8 @@ pub fn instances_of(
     Ok(instances)
 }
 
-/// Refuses a mechanism that names a term which there is not.
+/// Refuses a mechanism that names a term which there is not, or whose laws bear the names of
+/// others.
 ///
 /// Where the terms act is told by the readings, too, and is checked with them.
 ///
@@ -159,10 +162,17 @@ pub fn instances_of(
 ///
 /// [`Error::Mechanism`] with the ids there are.
 pub fn check_names(mechanism: &Mechanism) -> Result<(), Error> {
+    if let Some(law) = mechanism.laws.iter().find(|law| terms::find(&law.id).is_ok()) {
+        return Err(Error::Mechanism {
+            place: format!("term {:?}", law.id),
+            found: "the id of a term of the catalogue".into(),
+            expected: "an id of its own".into(),
+        });
+    }
     let ids = mechanism.model.terms.iter().map(|spec| ("terms", spec));
     for (key, spec) in ids.chain(mechanism.model.sd.keys().map(|id| ("sd", id))) {
         if let Err(Error::Unknown { found, known, .. }) =
-            terms::find(&Spec::from(spec.as_str()).term)
+            terms::find_in(mechanism, &Spec::from(spec.as_str()).term)
         {
             let place = format!("model, {key}");
             return Err(Error::Mechanism {

@@ -4,6 +4,8 @@
 //! uncertainty is part of the test: (102) with an onset before the first row. Each change that is
 //! found joins the parameters that are not known, and the others are tested beside it.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::Error;
@@ -223,8 +225,11 @@ impl Session<'_> {
     fn misclosure(&self, watched: &Watched) -> Result<f64, Error> {
         let Observations { readings, mechanism, weights, .. } = self.observations;
         let (poses, live) = match readings.held {
-            true => readings.averaged(mechanism, weights)?,
-            false => (readings.clone(), weights.clone()),
+            true => {
+                let (poses, live) = readings.averaged(mechanism, weights)?;
+                (Arc::new(poses), live)
+            }
+            false => (Arc::clone(readings), weights.clone()),
         };
         let lengths = watched.under.model.lengths();
         let mut rows = Rows::new(watched, &self.noise.sigma);

@@ -4,6 +4,7 @@
 pub mod credible_set;
 pub mod dense;
 pub(crate) mod distributions;
+pub mod formula;
 pub mod lanes;
 pub mod linearization;
 pub mod lm;

@@ -15,6 +15,7 @@ use crate::apply::check::Check;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::Verdict;
+use crate::mechanism::Law;
 use crate::terms::term::{Class, Over};
 
 /// Formats of results, with the version that this program writes.
@@ -108,6 +109,9 @@ macro_rules! result {
             /// How well points that are touched are repeated, where the mechanism has such.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub groups: Option<Groups>,
+            /// Terms that users wrote, as the mechanism file declared them.
+            #[serde(default, skip_serializing_if = "Vec::is_empty")]
+            pub laws: Vec<Law>,
             $($(#[$meta])* pub $field: $kind,)*
         }
 

@@ -12,10 +12,13 @@
 //! parameters of a term are zero where the effect is absent.
 
 use crate::Error;
+use crate::mechanism::Mechanism;
 use crate::terms::term::Term;
 
 #[macro_use]
 pub mod term;
+pub mod coupled;
+pub mod law;
 pub mod targets;
 
 /// Lists the terms, and makes the tests of the laws that each must pass.
@@ -71,6 +74,31 @@ pub fn find(id: &str) -> Result<&'static dyn Term, Error> {
     })
 }
 
+/// Every term of a mechanism: the catalogue, then its own laws.
+#[must_use]
+pub fn all(mechanism: &Mechanism) -> Vec<&'static dyn Term> {
+    // A law that cannot be read is refused where its mechanism is checked.
+    let laws = mechanism.laws.iter().filter_map(|law| law::term_of(law).ok());
+    ALL.iter().copied().chain(laws).collect()
+}
+
+/// The term of a mechanism with an id: of the catalogue, or one of its own laws.
+///
+/// # Errors
+///
+/// [`Error::Unknown`] with the known ids.
+pub fn find_in(mechanism: &Mechanism, id: &str) -> Result<&'static dyn Term, Error> {
+    if mechanism.laws.is_empty() {
+        return find(id);
+    }
+    let all = all(mechanism);
+    all.iter().copied().find(|t| t.info().id == id).ok_or_else(|| Error::Unknown {
+        kind: "term",
+        found: id.into(),
+        known: all.iter().map(|t| t.info().id).collect::<Vec<_>>().join(", "),
+    })
+}
+
 #[cfg(test)]
 mod laws;
 
@@ -90,6 +118,7 @@ mod free_curve;
 mod gain;
 mod hysteresis;
 mod joint_compliance;
+mod joint_sag;
 mod joint_tilt;
 mod lag;
 mod link_frame;
@@ -140,6 +169,7 @@ registry! {
     point_position::PointPosition,
     tool_slip::ToolSlip,
     sag::Sag,
+    joint_sag::JointSag,
     joint_compliance::JointCompliance,
     distance::Distance,
 }

@@ -32,24 +32,18 @@ impl Term for OncePerTurn {
 
 impl Sensor for OncePerTurn {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
-        let (sin, cos) = phase(site).sin_cos();
+        let (sin, cos) = site.phi().sin_cos();
         sin * p[0] + cos * p[1]
     }
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        let (sin, cos) = phase(site).sin_cos();
+        let (sin, cos) = site.phi().sin_cos();
         out[0] = sin;
         out[1] = cos;
     }
 
     fn slope(&self, p: &[f64], site: &Site) -> Lanes {
-        let (sin, cos) = phase(site).sin_cos();
+        let (sin, cos) = site.phi().sin_cos();
         (cos * p[0] - sin * p[1]) * (site.scale().gain)
     }
-}
-
-/// `φ`, the nominal angle from the middle of the range.
-fn phase(site: &Site) -> Lanes {
-    let scale = site.scale();
-    (site.reading() - Lanes::splat(scale.middle)) * (scale.gain)
 }

@@ -3,12 +3,12 @@
 use crate::Error;
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::readings::Readings;
-use crate::terms::term::{Needs, Per, Term};
+use crate::terms::term::{Class, Needs, Per, Placed, Role, Spot, Term};
 
 /// Every target that a term may have in a mechanism.
 #[must_use]
 pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
-    match term.info().per {
+    let mut targets: Vec<Target> = match term.info().per {
         Per::All => (0..mechanism.channels.len())
             .find(|&c| term.suits(mechanism, c))
             .map(|_| Target::All)
@@ -36,7 +36,51 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             .enumerate()
             .flat_map(|(c, chain)| (0..chain.rows.len()).map(move |r| Target::Row(c, r)))
             .collect(),
+    };
+    targets.retain(|target| term.suits_target(mechanism, *target));
+    targets
+}
+
+/// Every target that chains share and that a term may have, with one parameter for all of them.
+///
+/// Rows and chains share what moves with them, joints what their sensors do where those may be of
+/// one make, and how they give to their load. What each session has anew, a free shape, and the
+/// line of a channel are of one channel.
+#[must_use]
+pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
+    let info = term.info();
+    let once = term.placed() == Placed::Once && term.role() == Role::Other;
+    let needs_order = term.needs().contains(&Needs::Order);
+    if !once || needs_order || info.penalised || info.broad {
+        return Vec::new();
     }
+    let single = targets(term, mechanism);
+    let fits = |target: &Target| match (target, info.per) {
+        (Target::EachRow(..), Per::Row) => true,
+        (Target::EachChain(first), Per::Chain) => {
+            !term.moves_only(&[Spot::Base]) && carry_alike(mechanism, *first)
+        }
+        (Target::EachJoint(..), Per::Channel) => {
+            info.class == Class::Load || mechanism.one_make(*target)
+        }
+        _ => false,
+    };
+    let there = |target: &Target| mechanism.parts(*target).iter().all(|t| single.contains(t));
+    mechanism.shared_targets().into_iter().filter(|t| fits(t) && there(t)).collect()
+}
+
+/// True where the chains of a group carry points at the same places.
+fn carry_alike(mechanism: &Mechanism, first: usize) -> bool {
+    let points = |chain: usize| {
+        let name = Some(&mechanism.chains[chain].name);
+        let own = mechanism.points.iter().filter(move |p| p.chain.as_ref() == name);
+        own.map(|p| p.at).collect::<Vec<_>>()
+    };
+    let chains = mechanism.parts(Target::EachChain(first)).into_iter();
+    let chains = chains.filter_map(|t| if let Target::Chain(c) = t { Some(c) } else { None });
+    let mut carried = chains.map(points);
+    let first = carried.next();
+    carried.all(|points| Some(points) == first)
 }
 
 fn carries_mass(mechanism: &Mechanism, channel: usize) -> bool {
@@ -58,7 +102,7 @@ const CONVERTER: &str = "channels that a converter reads, in counts or volts";
 pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> Result<(), Error> {
     let info = term.info();
     let masses = || mechanism.chains.iter().any(|c| c.rows.iter().any(|r| r.mass.is_some()));
-    let there = match info.needs {
+    let there = |needs: Needs| match needs {
         Needs::Nothing => true,
         Needs::Order => readings.timed && readings.poses() > 2,
         Needs::Temperature => readings.tempered,
@@ -68,10 +112,10 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
         Needs::Masses => mechanism.gravity.is_some() && masses(),
     };
     let lacks = |needs| Err(Error::Context { term: info.id, needs });
-    match there {
-        false => lacks(info.needs.words()),
-        true if info.per == Per::All && targets(term, mechanism).is_empty() => lacks(CONVERTER),
-        true => Ok(()),
+    match term.needs().into_iter().find(|needs| !there(*needs)) {
+        Some(missing) => lacks(missing.words()),
+        None if info.per == Per::All && targets(term, mechanism).is_empty() => lacks(CONVERTER),
+        None => Ok(()),
     }
 }
 
@@ -81,12 +125,15 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
 /// for all masses at the end of that link. An angle of a prismatic joint is a length.
 #[must_use]
 pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f64> {
+    if term.info().law {
+        return term.info().parameters.iter().map(|p| p.typical).collect();
+    }
     let rows = || mechanism.chains.iter().flat_map(|c| &c.rows);
     let at = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
     let lengths = rows().flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]).chain(at.flatten());
     let longest = lengths.fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
     let mass: f64 = rows().filter_map(|r| r.mass).sum();
-    let slides = matches!(target, Target::Channel(c) if mechanism.slides(c));
+    let slides = mechanism.slides_at(target);
     let scale = |unit: &str| match unit {
         "rad" | "length" if slides => longest,
         "length" => longest,

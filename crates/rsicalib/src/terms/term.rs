@@ -13,47 +13,10 @@
 //! of this one. Its parameters are zero where the effect is absent.
 
 use crate::kinematics::elements::{Axis, Way, Weight};
-use crate::mechanism::{Channel, Mechanism};
+use crate::mechanism::{Channel, Mechanism, Target};
+pub use crate::mechanism::{Class, Per};
 use crate::numerics::lanes::Lanes;
-
-/// Kind of the fault that a term describes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
-#[non_exhaustive]
-pub enum Class {
-    /// One channel.
-    Sensor,
-    /// All channels in the same way.
-    Electronics,
-    /// Lengths and axes.
-    Geometry,
-    /// Closures.
-    Closure,
-    /// Weight and stiffness.
-    Load,
-    /// A reading that is wrong.
-    Data,
-}
-
-/// Kind of target of a term.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Per {
-    /// A channel: `a22`.
-    Channel,
-    /// A row of a chain: `arm2/2`.
-    Row,
-    /// A chain: `arm2`.
-    Chain,
-    /// A chain, or all chains with one parameter: `arm2`, `all`.
-    ChainOrAll,
-    /// A closure: `wrist1-wrist2`.
-    Closure,
-    /// The whole mechanism: `all`.
-    All,
-}
+use crate::terms::coupled::Coupled;
 
 /// Data that a term needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,6 +89,9 @@ pub struct Info {
     /// True for a term that contains many others. Such a term is identified on request, and is no
     /// candidate of a trace.
     pub broad: bool,
+    /// True for a law that users write. The typical sizes of its parameters are those of one
+    /// mechanism, in its units.
+    pub law: bool,
 }
 
 /// Constants of one channel, for the scaling of terms.
@@ -208,6 +174,14 @@ impl Site<'_> {
         (self.reading() - Lanes::splat(scale.middle)) * (1.0 / scale.half_range)
     }
 
+    /// `φ`: the nominal angle of the reading from the middle of the range (rad, or length).
+    #[inline(always)]
+    #[must_use]
+    pub fn phi(&self) -> Lanes {
+        let scale = self.scale();
+        (self.reading() - Lanes::splat(scale.middle)) * scale.gain
+    }
+
     /// One where the sample belongs to pose `place`, zero elsewhere.
     #[must_use]
     pub fn at_place(&self) -> Lanes {
@@ -270,6 +244,9 @@ pub enum Acts {
     Load(Weight),
     /// Corrects the value of a distance.
     Distance,
+    /// Corrects joint coordinates, moves a frame, or corrects the value of a distance, by a formula
+    /// of what all stages before it left.
+    Coupled(&'static Coupled),
 }
 
 /// What of a term holds beyond the session in which it was found.
@@ -315,6 +292,16 @@ pub trait Term: Sync {
     /// by how the joint moves.
     fn suits(&self, _mechanism: &Mechanism, _channel: usize) -> bool {
         true
+    }
+
+    /// Whether it can act on a target of its kind.
+    fn suits_target(&self, _mechanism: &Mechanism, _target: Target) -> bool {
+        true
+    }
+
+    /// All data that it needs.
+    fn needs(&self) -> Vec<Needs> {
+        vec![self.info().needs]
     }
 
     /// The places of the term at a channel, which a search tries one by one.
@@ -422,6 +409,7 @@ macro_rules! term {
                 doc: concat!($($doc, "\n"),*),
                 penalised: false $(|| term!(@penalised $flag))?,
                 broad: false $(|| term!(@broad $flag))?,
+                law: false,
             };
         }
     };

@@ -3,8 +3,8 @@
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
 use crate::model::{Instance, places};
-use crate::terms::ALL;
-use crate::terms::targets::{provided, targets};
+use crate::terms;
+use crate::terms::targets::{provided, shared, targets};
 use crate::terms::term::{Per, Placed, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
@@ -14,7 +14,7 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     let live = observations.weights.iter().filter(|w| **w > 0.0).count();
     let room = (fit.model.equations() * live).saturating_sub(fit.beta.len());
     let mut all = Vec::new();
-    for term in ALL.iter().copied() {
+    for term in terms::all(mechanism) {
         let info = term.info();
         if term.placed() == Placed::AtPose
             || (info.broad && !tip(term))
@@ -24,7 +24,8 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
         {
             continue;
         }
-        for target in targets(term, mechanism) {
+        let targets = targets(term, mechanism).into_iter().chain(shared(term, mechanism));
+        for target in targets {
             if !meaningful(observations, fit, term, target) {
                 continue;
             }
@@ -51,6 +52,16 @@ fn tip(term: &dyn Term) -> bool {
 /// free shape is any shape.
 fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let mechanism = &observations.mechanism;
+    if target.is_shared() {
+        // What all parts have by themselves, they do not share beside that.
+        let parts = mechanism.parts(target);
+        let its = |part: &Target| {
+            let mut instances = fit.model.instances.iter();
+            instances.any(|i| i.target == *part && i.term.info().id == term.info().id)
+        };
+        let each = |part: &Target| meaningful(observations, fit, term, *part);
+        return !parts.iter().all(its) && parts.iter().all(each);
+    }
     if has_free_shape(fit, term, target) {
         return false;
     }

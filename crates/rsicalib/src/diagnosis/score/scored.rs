@@ -108,6 +108,12 @@ fn share(family: Family) -> f64 {
     SHARES.iter().find(|(f, _)| *f == family).map_or(1.0, |(_, share)| *share)
 }
 
+/// Places of so many named candidates, over their share of the error budget.
+#[must_use]
+pub fn named_places(candidates: f64) -> f64 {
+    candidates / share(Family::Named)
+}
+
 /// True for terms whose class says that a reading is wrong, not the device.
 #[must_use]
 pub fn is_data(instance: &Instance) -> bool {

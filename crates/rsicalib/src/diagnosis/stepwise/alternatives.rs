@@ -41,9 +41,12 @@ impl Stepwise<'_> {
             return Ok(Alternatives { better: false, also: Vec::new(), near: Vec::new(), blame });
         };
         let room = RIVAL + room(mine.score);
+        let others: Vec<Instance> =
+            found.iter().map(|s| s.instance).filter(|other| *other != own).collect();
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)
+                && !others.iter().any(|other| self.overlap(&s.instance, other))
                 && excluded_pose(&s.instance).is_none()
                 && value_of(s) > value_of(&mine) - room
         });

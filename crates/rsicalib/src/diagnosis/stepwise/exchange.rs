@@ -19,11 +19,13 @@ impl Stepwise<'_> {
     /// does. What takes many effects to make up is not made up of pairs.
     pub fn exchange(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
         let read = self.read_slips(current, found)?;
+        let shared = self.share(current, found)?;
         if found.len() > FEW_EFFECTS + 1 {
-            return Ok(read);
+            return Ok(read || shared);
         }
         let merged = self.merge_pairs(current, found)?;
-        Ok(self.find_pairs(current, found)? || merged || read)
+        let paired = self.find_pairs(current, found)?;
+        Ok(self.share(current, found)? || paired || merged || read || shared)
     }
 
     /// Replaces a slip near an end of the session, and the wrong readings there, by wrong

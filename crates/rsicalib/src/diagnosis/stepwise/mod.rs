@@ -6,3 +6,4 @@ pub mod moves;
 mod prune;
 pub mod rivals;
 pub mod search;
+mod sharing;

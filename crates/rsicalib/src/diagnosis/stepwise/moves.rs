@@ -56,6 +56,8 @@ pub struct Stepwise<'a> {
     pub small: Observations,
     /// The channel, closure or chain to which the search is confined.
     pub only: Option<Target>,
+    /// Chains share nothing: each has its own effects.
+    pub(crate) divided: bool,
     pub search: &'a SearchOptions,
     /// Weights of the samples before any pose was left out.
     pub(crate) counts: Vec<f64>,
@@ -91,7 +93,7 @@ impl<'a> Stepwise<'a> {
         let counts = small.weights.clone();
         let samples = observations.readings.rows_of_poses().iter().map(Vec::len).collect();
         let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
-        Ok(Self { small, only: None, search, counts, samples, source, noise_dof })
+        Ok(Self { small, only: None, divided: false, search, counts, samples, source, noise_dof })
     }
 
     pub fn judge(&self, fit: &Fit) -> Judge {
@@ -119,6 +121,9 @@ impl<'a> Stepwise<'a> {
 
     /// Whether this may be wrong. Where a chain is at fault alone, no one channel is to blame.
     fn open_to(&self, instance: &Instance) -> bool {
+        if self.divided && instance.target.is_shared() {
+            return false;
+        }
         let channel = matches!(instance.target, Target::Channel(_));
         self.only.is_none_or(|only| {
             belongs(&self.small.mechanism, instance.target, only)

@@ -67,5 +67,6 @@ fn joint_at(observations: &Observations, target: Target) -> Option<usize> {
         Target::Chain(chain) => mechanism.channels_of(chain).first().copied(),
         Target::Row(chain, row) => (0..=row).rev().find_map(|row| channel(chain, row)),
         Target::All | Target::Closure(_) => None,
+        shared => mechanism.parts(shared).first().and_then(|part| joint_at(observations, *part)),
     }
 }

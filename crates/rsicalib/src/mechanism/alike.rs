@@ -1,0 +1,172 @@
+//! Chains that are drawn alike, and what they share.
+
+use crate::mechanism::drawing::{Chain, Mechanism, Row};
+use crate::mechanism::target::Target;
+
+/// Numbers of drawings that differ by less than this, in parts of the larger, are the same.
+const SAME: f64 = 1e-6;
+
+/// Sensors whose nominal gains differ by less than this, in parts, may be of one make.
+const MAKE: f64 = 0.1;
+
+impl Mechanism {
+    /// Chains that are drawn alike, but for where they stand: groups of two or more.
+    ///
+    /// Their rows from the first sensed joint on are the same.
+    #[must_use]
+    pub fn alike(&self) -> Vec<Vec<usize>> {
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for c in 0..self.chains.len() {
+            let same = |group: &&mut Vec<usize>| alike(&self.chains[group[0]], &self.chains[c]);
+            match groups.iter_mut().find(same) {
+                Some(group) => group.push(c),
+                None => groups.push(vec![c]),
+            }
+        }
+        groups.retain(|group| group.len() > 1);
+        groups
+    }
+
+    /// The group that a chain is the first of.
+    fn group_of(&self, first: usize) -> Vec<usize> {
+        let groups = self.alike().into_iter();
+        groups.filter(|group| group[0] == first).flatten().collect()
+    }
+
+    /// The targets that a target stands for: one of each chain for a shared one, else itself.
+    #[must_use]
+    pub fn parts(&self, target: Target) -> Vec<Target> {
+        match target {
+            Target::EachChain(first) => {
+                self.group_of(first).into_iter().map(Target::Chain).collect()
+            }
+            Target::EachRow(first, row) => {
+                self.group_of(first).into_iter().map(|c| Target::Row(c, row)).collect()
+            }
+            Target::EachJoint(first, joint) => {
+                let channel = |c: usize| self.channels_of(c).get(joint).copied();
+                let channels = self.group_of(first).into_iter().filter_map(channel);
+                channels.map(Target::Channel).collect()
+            }
+            single => vec![single],
+        }
+    }
+
+    /// Targets of all chains of a group: the chains, their rows, and their joints.
+    ///
+    /// A row before the first joint is one where it differs in nothing but the angle at which
+    /// its chain stands.
+    #[must_use]
+    pub fn shared_targets(&self) -> Vec<Target> {
+        let mut targets = Vec::new();
+        for group in self.alike() {
+            let (first, chain) = (group[0], &self.chains[group[0]]);
+            targets.push(Target::EachChain(first));
+            let everywhere = |row: &usize| {
+                group.iter().all(|&c| {
+                    let other = self.chains[c].rows.get(*row);
+                    other.is_some_and(|other| same_row(other, &chain.rows[*row], false))
+                })
+            };
+            // Chains that begin with other rows number theirs differently.
+            let rows = (0..chain.rows.len()).filter(everywhere);
+            targets.extend(rows.map(|row| Target::EachRow(first, row)));
+            let joints = self.channels_of(first).len();
+            targets.extend((0..joints).map(|joint| Target::EachJoint(first, joint)));
+        }
+        targets
+    }
+
+    /// True where the sensors of all parts of a target may be of one make: the same unit and
+    /// range, and nearly the same nominal gain.
+    #[must_use]
+    pub fn one_make(&self, target: Target) -> bool {
+        let channels = self.channels_at(target);
+        let Some((first, others)) = channels.split_first() else { return false };
+        let first = &self.channels[*first];
+        others.iter().map(|&c| &self.channels[c]).all(|other| {
+            let width = [first.half_range(), other.half_range()];
+            let gains = (first.gain, other.gain);
+            first.unit == other.unit
+                && first.range.is_some() == other.range.is_some()
+                && (first.range.is_none() || close(width[0], width[1], SAME))
+                && close(gains.0, gains.1, MAKE)
+        })
+    }
+}
+
+/// True for chains with the same rows from the first sensed joint on.
+fn alike(a: &Chain, b: &Chain) -> bool {
+    let from = |chain: &Chain| chain.rows.iter().position(|r| r.channel.is_some());
+    let (Some(i), Some(j)) = (from(a), from(b)) else { return false };
+    let (a, b) = (&a.rows[i..], &b.rows[j..]);
+    a.len() == b.len() && a.iter().zip(b).enumerate().all(|(k, (a, b))| same_row(a, b, k > 0))
+}
+
+/// True for the same rows; `turned` says whether the fixed angle before the joint counts.
+fn same_row(a: &Row, b: &Row, turned: bool) -> bool {
+    let numbers = |row: &Row| {
+        let own = [row.d, row.a, row.alpha, row.mass.unwrap_or(-1.0)];
+        let vectors = row.xyz.into_iter().chain(row.rpy).chain(row.com);
+        own.into_iter().chain(vectors).collect::<Vec<f64>>()
+    };
+    a.channel.is_some() == b.channel.is_some()
+        && a.joint == b.joint
+        && (!turned || close(a.theta, b.theta, SAME))
+        && numbers(a).into_iter().zip(numbers(b)).all(|(a, b)| close(a, b, SAME))
+}
+
+fn close(a: f64, b: f64, share: f64) -> bool {
+    (a - b).abs() <= share * a.abs().max(b.abs()).max(SAME * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arms_of_the_hand_controller_share_rows_joints_and_themselves() {
+        let mechanism = Mechanism::rsi();
+        assert_eq!(mechanism.alike(), [[0, 1, 2]]);
+        let names: Vec<String> =
+            mechanism.shared_targets().iter().map(|t| t.name(&mechanism)).collect();
+        let expected =
+            ["each", "each/1", "each/2", "each/3", "each/4", "each.1", "each.2", "each.3"];
+        assert_eq!(names, expected);
+        assert_eq!(mechanism.channels_at(Target::EachJoint(0, 1)), [1, 4, 7]);
+        assert!(mechanism.one_make(Target::EachJoint(0, 1)));
+    }
+
+    #[test]
+    fn a_chain_of_other_length_is_not_alike() {
+        let mut mechanism = Mechanism::rsi();
+        mechanism.chains[1].rows[1].a += 0.01;
+        assert_eq!(mechanism.alike(), [[0, 2]]);
+        assert_eq!(mechanism.parts(Target::EachRow(0, 1)), [Target::Row(0, 1), Target::Row(2, 1)]);
+        mechanism.chains[2].rows[3].alpha += 0.01;
+        assert!(mechanism.alike().is_empty() && mechanism.shared_targets().is_empty());
+    }
+
+    #[test]
+    fn where_a_chain_stands_does_not_matter_but_its_first_row_is_then_its_own() {
+        let mut mechanism = Mechanism::rsi();
+        mechanism.chains[1].rows[0].a += 0.5;
+        let names: Vec<String> =
+            mechanism.shared_targets().iter().map(|t| t.name(&mechanism)).collect();
+        assert!(names.contains(&"each/2".into()) && !names.contains(&"each/1".into()));
+    }
+
+    #[test]
+    fn a_second_group_is_named_by_its_first_chain() {
+        let mut mechanism = Mechanism::rsi();
+        let mut more = mechanism.chains[1..].to_vec();
+        for chain in &mut more {
+            chain.name += "b";
+            chain.rows[1].a += 1.0;
+        }
+        mechanism.chains.extend(more);
+        let names: Vec<String> =
+            mechanism.shared_targets().iter().map(|t| t.name(&mechanism)).collect();
+        assert!(names.contains(&"each(arm2b)/2".into()) && names.contains(&"each/2".into()));
+    }
+}

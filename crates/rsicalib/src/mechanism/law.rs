@@ -1,0 +1,341 @@
+//! Laws that users write: a term in one line of the mechanism file.
+
+use std::collections::BTreeMap;
+
+use crate::Error;
+use crate::numerics::formula::{Graph, Id, Program, parse};
+use crate::numerics::lanes::Lanes;
+
+/// Most parameters that one term may have.
+pub const MOST_PARAMETERS: usize = 16;
+
+/// Most variables of one law: those by name, and joints.
+pub const MOST_VARIABLES: usize = 16;
+
+/// Kind of the fault that a term describes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+#[non_exhaustive]
+pub enum Class {
+    /// One channel.
+    Sensor,
+    /// All channels in the same way.
+    Electronics,
+    /// Lengths and axes.
+    Geometry,
+    /// Closures.
+    Closure,
+    /// Weight and stiffness.
+    Load,
+    /// A reading that is wrong.
+    Data,
+}
+
+/// Kind of target of a term.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+#[non_exhaustive]
+pub enum Per {
+    /// A channel: `a22`.
+    Channel,
+    /// A row of a chain: `arm2/2`.
+    Row,
+    /// A chain: `arm2`.
+    Chain,
+    /// A chain, or all chains with one parameter: `arm2`, `all`.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    ChainOrAll,
+    /// A closure: `wrist1-wrist2`.
+    Closure,
+    /// The whole mechanism: `all`.
+    All,
+}
+
+/// The axis of a frame along or about which a law of geometry moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
+pub enum Moves {
+    /// Along x.
+    Tx,
+    /// Along y.
+    Ty,
+    /// Along z.
+    Tz,
+    /// About x.
+    Rx,
+    /// About y.
+    Ry,
+    /// About z.
+    Rz,
+}
+
+/// A term that is written as a formula.
+///
+/// `correction` is added to joint coordinates (rad, or length units for a prismatic joint), or to
+/// the value of a distance (length units). A law of geometry has `moves` and `amount` in its place
+/// (length units or rad): the frame after the joint of the row moves, or that of the chain's first
+/// joint. Formulas are of the parameters and of variables (`docs/laws.md`).
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "document", schemars(rename = "OwnTerm"))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Law {
+    /// Name of the term, for scripts.
+    pub id: String,
+    /// Kind of the fault.
+    pub class: Class,
+    /// Kind of target: `channel`, `row`, `chain`, `closure` or `all`.
+    pub per: Per,
+    /// Names of the parameters, and a size of each that occurs in practice. All are zero where the
+    /// effect is absent.
+    pub parameters: BTreeMap<String, f64>,
+    /// Correction of a joint coordinate or of a distance.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub correction: Option<String>,
+    /// Axis that moves, of a law of geometry.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub moves: Option<Moves>,
+    /// By how much it moves.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub amount: Option<String>,
+    /// Description of the effect.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub doc: String,
+}
+
+/// What a formula may refer to beside its parameters. That of the joint is of the joint which is
+/// corrected, of the row's joint, or of the chain's first one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variable {
+    /// `reading`: of the joint, in the channel's unit.
+    Reading,
+    /// `u`: the reading from the middle of its range, in half ranges.
+    U,
+    /// `phi`: the nominal angle of the reading from the middle of its range (rad, or length).
+    Phi,
+    /// `t`: time, 0 to 1 over the session.
+    Time,
+    /// `temperature`: above the mean of the session (K).
+    Temperature,
+    /// `direction`: from which the reading was approached, -1, 0 or 1.
+    Direction,
+    /// `velocity`: change of the reading, in its unit per second.
+    Velocity,
+    /// `theta[k]`: coordinate of joint `k` of the chain, counted from 1 (rad, or length).
+    Theta(usize),
+    /// `torque`: of gravity about the joint, of the links' masses where any is declared, else of a
+    /// unit weight at the points that the chain carries (length times mass, without g).
+    Torque,
+    /// `reach`: from the joint to the middle of the points that the chain carries (length).
+    Reach,
+}
+
+impl Variable {
+    /// Names of those without an index.
+    pub const NAMES: [(&'static str, Self); 9] = [
+        ("reading", Self::Reading),
+        ("u", Self::U),
+        ("phi", Self::Phi),
+        ("t", Self::Time),
+        ("temperature", Self::Temperature),
+        ("direction", Self::Direction),
+        ("velocity", Self::Velocity),
+        ("torque", Self::Torque),
+        ("reach", Self::Reach),
+    ];
+
+    /// True for what is of the joint itself, not of the session or of the chain.
+    #[must_use]
+    pub fn of_joint(self) -> bool {
+        !matches!(self, Self::Time | Self::Temperature | Self::Theta(_))
+    }
+
+    /// True for what depends on where the chain is.
+    #[must_use]
+    pub fn of_posture(self) -> bool {
+        matches!(self, Self::Theta(_) | Self::Torque | Self::Reach)
+    }
+}
+
+/// A formula that was read: inputs are the parameters, then the variables.
+#[derive(Debug, Clone)]
+pub struct Formula {
+    /// Operations.
+    pub graph: Graph,
+    /// The result.
+    pub value: Id,
+    /// The variables that it refers to.
+    pub variables: Vec<Variable>,
+}
+
+impl Law {
+    /// The key of the formula, and its text.
+    #[must_use]
+    pub fn text(&self) -> (&'static str, &str) {
+        match &self.amount {
+            Some(amount) => ("amount", amount),
+            None => ("correction", self.correction.as_deref().unwrap_or_default()),
+        }
+    }
+
+    /// Reads the formula.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Mechanism`] with the character at which it cannot be read.
+    pub fn formula(&self) -> Result<Formula, Error> {
+        let (key, text) = self.text();
+        let (mut graph, mut variables) = (Graph::default(), Vec::new());
+        let mut input = |name: &str, index: Option<usize>| {
+            if let Some(k) = self.parameters.keys().position(|p| p == name && index.is_none()) {
+                return Ok(k);
+            }
+            let variable = self.variable(name, index).ok_or_else(|| self.known())?;
+            let k = variables.iter().position(|v| *v == variable).unwrap_or_else(|| {
+                variables.push(variable);
+                variables.len() - 1
+            });
+            Ok(self.parameters.len() + k)
+        };
+        let value = parse(text, &mut graph, &mut input).map_err(|misread| {
+            let place = format!("term {:?}, {key}", self.id);
+            refuse(place, format!("{misread} in {text:?}"), misread.expected)
+        })?;
+        Ok(Formula { graph, value, variables })
+    }
+
+    fn variable(&self, name: &str, index: Option<usize>) -> Option<Variable> {
+        let found = match index {
+            Some(0) => None,
+            Some(k) if name == "theta" => Some(Variable::Theta(k)),
+            Some(_) => None,
+            None => Variable::NAMES.iter().find(|(known, _)| *known == name).map(|(_, v)| *v),
+        };
+        // A closure is of no joint and of no one chain.
+        found.filter(|v| {
+            self.class != Class::Closure || matches!(v, Variable::Time | Variable::Temperature)
+        })
+    }
+
+    /// What a formula may refer to.
+    fn known(&self) -> String {
+        let parameters = self.parameters.keys().map(String::as_str);
+        let variables = Variable::NAMES.iter().map(|(name, _)| *name).chain(["theta[1]"]);
+        let there = |name: &&str| match *name {
+            "theta[1]" => self.variable("theta", Some(1)).is_some(),
+            name => self.variable(name, None).is_some(),
+        };
+        parameters.chain(variables.filter(there)).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Refuses a law that cannot be used.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Mechanism`] with the entry, what was found and what was expected.
+    pub fn check(&self) -> Result<(), Error> {
+        let place = |key: &str| format!("term {:?}, {key}", self.id);
+        let named = |name: &str| {
+            let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            !name.is_empty()
+                && name.chars().all(letters)
+                && !name.starts_with(|c: char| c.is_ascii_digit())
+        };
+        if !named(&self.id) {
+            let expected = "letters, digits and _, and no digit first";
+            return Err(refuse("term, id".into(), format!("{:?}", self.id), expected.into()));
+        }
+        let (allowed, words): (&[Per], _) = match self.class {
+            Class::Sensor | Class::Electronics | Class::Load => {
+                (&[Per::Channel, Per::Chain, Per::All], "channel, chain or all")
+            }
+            Class::Geometry => (&[Per::Row, Per::Chain, Per::All], "row, chain or all"),
+            Class::Closure => (&[Per::Closure, Per::All], "closure or all"),
+            Class::Data => {
+                let expected = "sensor, electronics, geometry, load or closure";
+                return Err(refuse(place("class"), "\"data\"".into(), expected.into()));
+            }
+        };
+        if !allowed.contains(&self.per) {
+            let found = format!("{:?}", self.per).to_lowercase();
+            return Err(refuse(place("per"), format!("{found:?}"), words.into()));
+        }
+        let has = (self.correction.is_some(), self.moves.is_some(), self.amount.is_some());
+        let (wanted, words) = match self.class {
+            Class::Geometry => ((false, true, true), "`moves` and `amount`"),
+            _ => ((true, false, false), "`correction`"),
+        };
+        if has != wanted {
+            let there = [("correction", has.0), ("moves", has.1), ("amount", has.2)];
+            let there: Vec<&str> = there.iter().filter(|k| k.1).map(|k| k.0).collect();
+            let found = if there.is_empty() { "none".into() } else { there.join(", ") };
+            return Err(refuse(format!("term {:?}", self.id), found, words.into()));
+        }
+        if !(1..=MOST_PARAMETERS).contains(&self.parameters.len()) {
+            let expected = format!("1 to {MOST_PARAMETERS}");
+            let found = self.parameters.len().to_string();
+            return Err(refuse(place("parameters"), found, expected));
+        }
+        for (name, typical) in &self.parameters {
+            let taken = self.variable(name, None).is_some() || name == "theta" || name == "pi";
+            if !named(name) || taken {
+                let expected = "a name that is no variable, of letters, digits and _";
+                return Err(refuse(place("parameters"), format!("{name:?}"), expected.into()));
+            }
+            if !(typical.is_finite() && *typical > 0.0) {
+                let found = format!("{name} = {typical}");
+                return Err(refuse(place("parameters"), found, "a typical size above 0".into()));
+            }
+        }
+        self.check_formula()
+    }
+
+    /// Refuses a formula that is not zero where all parameters are, or that some parameter does
+    /// not change from there: neither could be searched for.
+    fn check_formula(&self) -> Result<(), Error> {
+        let Formula { mut graph, value, variables } = self.formula()?;
+        let (key, text) = self.text();
+        let place = format!("term {:?}, {key}", self.id);
+        if variables.len() > MOST_VARIABLES {
+            let found = format!("{} variables", variables.len());
+            return Err(refuse(place, found, format!("at most {MOST_VARIABLES}")));
+        }
+        // Values of the variables at which nothing vanishes that does not always vanish.
+        let input = |k: usize| match k.checked_sub(self.parameters.len()) {
+            None => Lanes::ZERO,
+            Some(k) => Lanes(std::array::from_fn(|lane| probe(k, lane))),
+        };
+        let at_zero = Program::new(&graph, &[value]).value(input);
+        if at_zero.0.iter().any(|v| *v != 0.0) {
+            let found = format!("{:?} at parameters of zero, from {text:?}", at_zero.0[0]);
+            return Err(refuse(place, found, "0: no effect".into()));
+        }
+        for (k, name) in self.parameters.keys().enumerate() {
+            let slope = graph.derivative(value, k);
+            let slope = Program::new(&graph, &[slope]).value(input);
+            if slope.0.iter().all(|v| *v == 0.0) || slope.0.iter().any(|v| !v.is_finite()) {
+                let found = format!("parameter {name:?}, which changes nothing by itself");
+                let expected = "parameters that act when all others are zero; write other \
+                                constants as numbers";
+                return Err(refuse(place, found, expected.into()));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A number between 0 and 1 for a variable in a lane, each another one.
+fn probe(variable: usize, lane: usize) -> f64 {
+    ((1 + lane) as f64 * (2.0 + variable as f64).sqrt()).fract() + 0.01
+}
+
+fn refuse(place: String, found: String, expected: String) -> Error {
+    Error::Mechanism { place, found, expected }
+}

@@ -1,0 +1,134 @@
+//! A law that couples joints, at one place of a mechanism.
+
+use crate::kinematics::elements::{Axis, Way, Weight};
+use crate::mechanism::{ClosureKind, Mechanism, Target};
+use crate::model::instance::Instance;
+use crate::numerics::lanes::Lanes;
+use crate::terms::coupled::Coupled;
+use crate::terms::term::{Class, Spot};
+
+/// A law at one place.
+#[derive(Clone)]
+pub(crate) struct LawAt {
+    pub(crate) term: &'static Coupled,
+    /// Its part of the mechanism, of a target that has several.
+    part: Target,
+    /// The chain whose joints it sees.
+    pub(crate) chain: usize,
+    /// The joint that it is of.
+    pub(crate) channel: Option<usize>,
+    /// The joints of the chain, base first.
+    pub(crate) joints: Vec<usize>,
+    pub(crate) whose: Weight,
+    pub(crate) session: Option<usize>,
+    pub(crate) first: usize,
+    /// Number of the coordinate to which it adds.
+    pub(crate) to: usize,
+}
+
+impl LawAt {
+    /// The law of an instance at each part of its target.
+    pub(crate) fn each(
+        mechanism: &Mechanism,
+        instance: &Instance,
+        term: &'static Coupled,
+        first: usize,
+        session: Option<usize>,
+    ) -> Vec<Self> {
+        let masses = mechanism.chains.iter().flat_map(|c| &c.rows).any(|r| r.mass.is_some());
+        let whose = if masses { Weight::Links } else { Weight::Tip };
+        let at = |part: Target| {
+            let (chain, channel) = place(mechanism, part);
+            let joints = mechanism.channels_of(chain);
+            let to = channel.unwrap_or_default();
+            Self { term, part, chain, channel, joints, whose, session, first, to }
+        };
+        let term = instance.term;
+        let parts = parts(mechanism, instance).into_iter();
+        let suited = parts.filter(|part| match part {
+            Target::Channel(c) => term.suits(mechanism, *c),
+            part => term.suits_target(mechanism, *part),
+        });
+        suited.map(at).collect()
+    }
+
+    /// Gives the law a coordinate of its own, if it adds to no joint's; the number of them.
+    pub(crate) fn number(&mut self, next: usize) -> usize {
+        if matches!(self.part, Target::Channel(_)) {
+            return 0;
+        }
+        self.to = next;
+        1
+    }
+
+    /// What moves at one spot.
+    pub(crate) fn moves(&self, spot: Spot, here: Target) -> Option<(Axis, Way)> {
+        let spots = match self.part {
+            Target::Row(..) => Spot::Joint,
+            _ => Spot::Root,
+        };
+        self.term.moves.filter(|_| self.part == here && spot == spots)
+    }
+
+    /// True for a law of one closure.
+    pub(crate) fn of_closure(&self, closure: usize) -> bool {
+        self.part == Target::Closure(closure)
+    }
+}
+
+/// The parts of a target that a law acts on, one by one.
+fn parts(mechanism: &Mechanism, instance: &Instance) -> Vec<Target> {
+    let class = instance.term.info().class;
+    let chains = || (0..mechanism.chains.len()).map(Target::Chain).collect();
+    let distance = |k: &usize| mechanism.closures[*k].kind == ClosureKind::Distance;
+    match (class, instance.target) {
+        (Class::Closure, Target::All) => {
+            let links = |k: &usize| mechanism.is_link(&mechanism.closures[*k]);
+            let closures = (0..mechanism.closures.len()).filter(distance);
+            closures.filter(|k| !links(k)).map(Target::Closure).collect()
+        }
+        (Class::Geometry, Target::All) => chains(),
+        (Class::Geometry | Class::Closure, part) => mechanism.parts(part),
+        (_, target) => mechanism.channels_at(target).into_iter().map(Target::Channel).collect(),
+    }
+}
+
+/// The chain of a part of the mechanism, and the joint.
+fn place(mechanism: &Mechanism, part: Target) -> (usize, Option<usize>) {
+    match part {
+        Target::Channel(c) => (mechanism.chain_of(c).unwrap_or_default(), Some(c)),
+        Target::Chain(chain) => (chain, mechanism.channels_of(chain).first().copied()),
+        Target::Row(chain, row) => {
+            let name = mechanism.chains[chain].rows[row].channel.as_ref();
+            (chain, name.and_then(|name| mechanism.channel_index(name).ok()))
+        }
+        _ => (0, None),
+    }
+}
+
+/// Room for the laws of one block.
+#[derive(Debug, Clone, Default)]
+pub struct LawRoom {
+    /// What each law adds.
+    pub(crate) values: Vec<Lanes>,
+    /// Derivatives of laws by parameters: column, law, value.
+    pub(crate) by_parameter: Vec<(usize, usize, Lanes)>,
+    /// By coordinates of joints: channel, law, value.
+    pub(crate) by_joint: Vec<(usize, usize, Lanes)>,
+    /// By readings: channel, law, value.
+    pub(crate) by_reading: Vec<(usize, usize, Lanes)>,
+    /// `∂f/∂q'` of the amounts, equation by equation.
+    pub(crate) h: Vec<Lanes>,
+    /// `∂f/∂L`, equation by equation.
+    pub(crate) pulls: Vec<Lanes>,
+    /// `∂f/∂r` that does not go through joint coordinates, equation by equation.
+    pub(crate) direct: Vec<Lanes>,
+}
+
+impl LawRoom {
+    /// Clears the derivatives by the amounts, for so many entries.
+    pub(crate) fn clear_slopes(&mut self, size: usize) {
+        self.h.clear();
+        self.h.resize(size, Lanes::ZERO);
+    }
+}

@@ -1,0 +1,254 @@
+//! Laws that couple joints, at the stage of loads.
+//!
+//! A law sees the coordinates `q` that the sensors' stage leaves, as loads do, and adds to one
+//! coordinate: of a joint, or an amount of its own by which a frame moves or a distance changes,
+//!
+//! ```text
+//! q'_j = q_j + Σ L(r, q, β)                                               (45)
+//! ∂f/∂β += (∂f/∂q'_j) ∂L/∂β,   ∂f/∂q += (∂f/∂q'_j) ∂L/∂q,   ∂f/∂r += (∂f/∂q'_j) ∂L/∂r
+//! ```
+
+use crate::kinematics::elements::{Source, Way, Weight};
+use crate::kinematics::posture::{Carried, Lever, Posture};
+use crate::mechanism::{MOST_PARAMETERS, MOST_VARIABLES, Variable};
+use crate::model::compiled::Model;
+use crate::model::evaluation::{Want, Workspace};
+use crate::model::law_at::{LawAt, LawRoom};
+use crate::numerics::lanes::{Lanes, Vec3, dot, minus};
+use crate::readings::Readings;
+use crate::terms::law::of_channel;
+use crate::terms::term::Site;
+
+impl Model {
+    /// Computes what each law adds, and its derivatives.
+    #[inline(always)]
+    pub(crate) fn take_laws(
+        &self,
+        readings: &Readings,
+        block: usize,
+        beta: &[f64],
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        ws.angles.resize(self.scales.len() + self.amounts, Lanes::ZERO);
+        self.hang(beta, ws);
+        let room = &mut ws.laws;
+        room.values.clear();
+        room.by_parameter.clear();
+        room.by_joint.clear();
+        room.by_reading.clear();
+        let meta = &readings.blocks()[block];
+        let mut site = Site {
+            readings: &ws.corrected,
+            channel: 0,
+            scales: &self.scales,
+            time: meta.time,
+            temperature: meta.temperature,
+            approach: readings.approach(block),
+            velocity: readings.velocity(block),
+            pose: meta.pose,
+            place: 0,
+        };
+        let mut out = [Lanes::ZERO; 1 + MOST_PARAMETERS + MOST_VARIABLES];
+        for (l, law) in self.laws.iter().enumerate() {
+            site.channel = law.channel.unwrap_or_default();
+            let term = law.term;
+            let mut seen = [Lanes::ZERO; MOST_VARIABLES];
+            for (seen, variable) in seen.iter_mut().zip(&term.variables) {
+                *seen = match variable {
+                    Variable::Theta(k) => ws.angles[law.joints[k - 1]],
+                    Variable::Torque => self.torque(law, &ws.unloaded, &ws.carried),
+                    Variable::Reach => reach(law, &ws.unloaded, &ws.carried),
+                    own => of_channel(*own, &site),
+                };
+            }
+            let p = &beta[law.first..law.first + term.width];
+            let input = |k: usize| match k.checked_sub(p.len()) {
+                None => Lanes::splat(p[k]),
+                Some(k) => seen[k],
+            };
+            let within = law.session.map_or(Lanes::ONE, |s| meta.within(s));
+            if !(want.x || want.a) {
+                room.values.push(term.value(input) * within);
+                continue;
+            }
+            let out = &mut out[..1 + term.width + term.variables.len()];
+            term.derivatives(input, out);
+            out.iter_mut().for_each(|value| *value = *value * within);
+            room.values.push(out[0]);
+            for k in 0..term.width {
+                room.by_parameter.push((law.first + k, l, out[1 + k]));
+            }
+            for (variable, slope) in term.variables.iter().zip(&out[1 + term.width..]) {
+                let (scale, slope) = (&self.scales[site.channel], *slope);
+                let by_reading = match variable {
+                    Variable::Reading => 1.0,
+                    Variable::U => 1.0 / scale.half_range,
+                    Variable::Phi => scale.gain,
+                    Variable::Theta(k) => {
+                        room.by_joint.push((law.joints[k - 1], l, slope));
+                        continue;
+                    }
+                    Variable::Torque | Variable::Reach => {
+                        let (hung, carried) = (&ws.unloaded, &ws.carried);
+                        let gates = &ws.gates;
+                        self.through_posture(law, l, *variable, slope, hung, carried, gates, room);
+                        continue;
+                    }
+                    _ => continue,
+                };
+                room.by_reading.push((site.channel, l, slope * by_reading));
+            }
+        }
+    }
+
+    /// The chains under no load, where a law needs to know how they hang.
+    #[inline(always)]
+    fn hang(&self, beta: &[f64], ws: &mut Workspace) {
+        let hangs = |law: &LawAt| law.term.has(Variable::Torque) || law.term.has(Variable::Reach);
+        if !self.laws.iter().any(hangs) {
+            return;
+        }
+        ws.unloaded.resize_with(self.steps.len(), Posture::new);
+        ws.carried.resize_with(2 * self.steps.len(), Vec::new);
+        for (chain, (posture, steps)) in ws.unloaded.iter_mut().zip(&self.steps).enumerate() {
+            if self.laws.iter().any(|law| law.chain == chain && hangs(law)) {
+                posture.take(steps, &ws.angles, beta, &ws.gates);
+                for whose in [Weight::Tip, Weight::Links] {
+                    posture.carried(whose, &mut ws.carried[2 * chain + whose as usize]);
+                }
+            }
+        }
+    }
+
+    /// Torque of gravity about the joint of a law.
+    #[inline(always)]
+    fn torque(&self, law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> Lanes {
+        let Some(j) = own_lever(law, hung) else { return Lanes::ZERO };
+        let carried = &carried[2 * law.chain + law.whose as usize];
+        dot(&carried[j].moved_by(&hung[law.chain].levers[j]), &self.gravity)
+    }
+
+    /// Derivatives of a law through the torque or the reach of its joint.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "parts of one workspace")]
+    fn through_posture(
+        &self,
+        law: &LawAt,
+        l: usize,
+        variable: Variable,
+        slope: Lanes,
+        hung: &[Posture],
+        carried: &[Vec<Carried>],
+        gates: &[Lanes],
+        room: &mut LawRoom,
+    ) {
+        let Some(j) = own_lever(law, hung) else { return };
+        let levers = &hung[law.chain].levers;
+        let (whose, arm) = match variable {
+            Variable::Torque => (law.whose, None),
+            _ => (Weight::Tip, Some(arm(law, hung, carried))),
+        };
+        let carried = &carried[2 * law.chain + whose as usize];
+        for (s, by) in levers.iter().enumerate() {
+            let change = match &arm {
+                None => self.torque_slope(levers, carried, j, s),
+                Some((point, along)) => reach_slope(levers, point, along, j, s),
+            };
+            match by.source {
+                Source::Channel(c) => room.by_joint.push((c, l, slope * change)),
+                Source::Parameter(p) => room.by_parameter.push((p, l, slope * change)),
+                Source::Gated(p, gate) => {
+                    room.by_parameter.push((p, l, slope * change * gates[gate]));
+                }
+                Source::Law(_) => {}
+            }
+        }
+    }
+
+    /// Eq. (45): adds what the laws add.
+    #[inline(always)]
+    pub(crate) fn add_laws(&self, ws: &mut Workspace) {
+        for (law, value) in self.laws.iter().zip(&ws.laws.values) {
+            ws.angles[law.to] += *value;
+        }
+    }
+
+    /// Holds `∂f/∂L` before the loads turn `∂f/∂q'` to `∂f/∂q`.
+    #[inline(always)]
+    pub(crate) fn hold_laws(&self, ws: &mut Workspace) {
+        let channels = self.scales.len();
+        ws.laws.pulls.clear();
+        for k in 0..self.equations {
+            for law in &self.laws {
+                ws.laws.pulls.push(match law.to.checked_sub(channels) {
+                    None => ws.g[k * channels + law.to],
+                    Some(amount) => ws.laws.h[k * self.amounts + amount],
+                });
+            }
+        }
+    }
+
+    /// The chain rule through the laws.
+    #[inline(always)]
+    pub(crate) fn turn_laws(&self, want: Want, ws: &mut Workspace) {
+        let (channels, width, laws) = (self.scales.len(), self.width(), self.laws.len());
+        let room = &mut ws.laws;
+        room.direct.clear();
+        room.direct.resize(self.equations * channels, Lanes::ZERO);
+        for k in 0..self.equations {
+            let pulls = &room.pulls[k * laws..(k + 1) * laws];
+            if want.x {
+                for &(column, law, slope) in &room.by_parameter {
+                    ws.x[k * width + column] += pulls[law] * slope;
+                }
+            }
+            for &(channel, law, slope) in &room.by_joint {
+                ws.g[k * channels + channel] += pulls[law] * slope;
+            }
+            for &(channel, law, slope) in &room.by_reading {
+                room.direct[k * channels + channel] += pulls[law] * slope;
+            }
+        }
+    }
+}
+
+/// The lever of the joint of a law.
+#[inline(always)]
+fn own_lever(law: &LawAt, hung: &[Posture]) -> Option<usize> {
+    let source = Source::Channel(law.channel?);
+    hung[law.chain].levers.iter().position(|lever| lever.source == source)
+}
+
+/// The middle of the points that the chain of a law carries, and the direction to it from the
+/// joint.
+#[inline(always)]
+fn arm(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> (Vec3, Vec3) {
+    let levers = &hung[law.chain].levers;
+    let tip = &carried[2 * law.chain + Weight::Tip as usize];
+    let (Some(j), Some(last)) = (own_lever(law, hung), tip.last()) else {
+        return ([Lanes::ZERO; 3], [Lanes::ZERO; 3]);
+    };
+    let mut along = minus(&last.moment, &levers[j].origin);
+    let length = dot(&along, &along).sqrt().map(|l| l.max(f64::MIN_POSITIVE));
+    along.iter_mut().for_each(|a| *a = *a / length);
+    (last.moment, along)
+}
+
+/// `reach` of a law.
+#[inline(always)]
+fn reach(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> Lanes {
+    let (point, along) = arm(law, hung, carried);
+    let Some(j) = own_lever(law, hung) else { return Lanes::ZERO };
+    dot(&along, &minus(&point, &hung[law.chain].levers[j].origin))
+}
+
+/// Derivative of the reach from lever `j` by lever `s`: what is before the joint moves both ends.
+#[inline(always)]
+fn reach_slope(levers: &[Lever], point: &Vec3, along: &Vec3, j: usize, s: usize) -> Lanes {
+    let turns = levers[s].way == Way::Turn;
+    if s < j || (s == j && turns) {
+        return Lanes::ZERO;
+    }
+    dot(along, &levers[s].moves(point))
+}

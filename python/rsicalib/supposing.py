@@ -1,0 +1,224 @@
+"""What an effect would do in given poses, and whether they would show it: the verb `suppose`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+from rsicalib.options import names
+from rsicalib.records import Record
+from rsicalib.report.figure import Figure
+from rsicalib.report.page import document
+from rsicalib.report.residuals import MOST_DOTS, Dots, draw_residuals
+from rsicalib.report.words import name_of
+from rsicalib.shapes import Rms
+from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
+from rsicalib.work.job import Work
+from rsicalib.work.outcome import about
+
+__all__ = ["SupposedEffect", "SupposedParameter", "Supposition", "suppose"]
+
+SEEN = 0.5
+"""An effect that is found more often than not is called visible."""
+
+
+@dataclass(frozen=True)
+class SupposedParameter(Record):
+    """A parameter of an effect, with the value that it is supposed to have.
+
+    Attributes
+    ----------
+    name, unit : str
+        Name of the parameter, and unit of the value.
+    value : float
+        The value.
+    """
+
+    name: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class SupposedEffect(Record):
+    """An effect with the sizes that it is supposed to have.
+
+    Attributes
+    ----------
+    term, target : str
+        Id of the term, and what it belongs to.
+    klass : str
+        Where its fault lies.
+    place : str or None
+        Where a searched term acts.
+    parameters : tuple of SupposedParameter
+        All parameters of the term.
+    """
+
+    term: str
+    target: str
+    klass: str = field(metadata={"key": "class"})
+    place: str | None
+    parameters: tuple[SupposedParameter, ...]
+
+    @property
+    def words(self) -> str:
+        """The effect and its sizes."""
+        sizes = [f"{p.name} = {p.value:g} {p.unit}" for p in self.parameters if p.value]
+        return f"{name_of(self.term)} of {self.target}: {', '.join(sizes) or 'nothing'}"
+
+
+@dataclass(frozen=True, eq=False)
+class Supposition(Record):
+    """What an effect would do in given poses, to first order in its size.
+
+    Attributes
+    ----------
+    mechanism, length_unit : str
+        Name of the mechanism, and its unit of length.
+    effects : tuple of SupposedEffect
+        What is supposed.
+    noncentrality : float
+        By how much χ² would grow on average, after the other parameters have absorbed what they
+        can.
+    seen : float
+        Probability that `trace` scores the effect above chance.
+    noticed : float
+        Probability that the residual as a whole is significant.
+    platform_rms : Rms or None
+        What the effect does to the platform while it is not in the model [length unit, rad];
+        None without a platform.
+    poses : tuple of int
+        Numbers of the poses.
+    residuals : ndarray, shape (poses, equations)
+        Residual that the effect would leave, in units of noise.
+    """
+
+    mechanism: str
+    length_unit: str
+    effects: tuple[SupposedEffect, ...]
+    noncentrality: float
+    seen: float
+    noticed: float
+    platform_rms: Rms | None
+    poses: tuple[int, ...]
+    residuals: FloatArray
+
+    def text(self) -> str:
+        """What would happen, for people."""
+        lines = [effect.words for effect in self.effects]
+        lines.append(f"  noncentrality   {self.noncentrality:.3g}")
+        lines.append(f"  found by trace  {_percent(self.seen)}")
+        lines.append(f"  fit significant {_percent(self.noticed)}")
+        if self.platform_rms is not None and self.platform_rms.position is not None:
+            cost = f"{self.platform_rms.position:.2g} {self.length_unit}"
+            turn = f"{1e3 * (self.platform_rms.orientation or 0.0):.2g} mrad"
+            lines.append(f"  platform off by {cost} and {turn} rms while it is not in the model")
+        if self.seen < SEEN:
+            lines.append("  These poses would more likely than not miss it.")
+        return "\n".join(lines) + "\n"
+
+    def figure(self, order: npt.ArrayLike | None = None, words: str = "in order of time") -> Figure:
+        """Draw the residual of every pose that the effect would leave.
+
+        Parameters
+        ----------
+        order : array_like of int, shape (poses,), optional
+            Another order of the poses, which is drawn below.
+        words : str
+            What that order is.
+
+        Returns
+        -------
+        Figure
+            One dot for each equation of each pose, in units of noise.
+        """
+        title = "; ".join(effect.words for effect in self.effects)
+        equations = tuple(f"equation {e + 1}" for e in range(self.residuals.shape[1]))
+        dots = Dots(-(-len(self.poses) // MOST_DOTS), (), equations, {})
+        panels = [(title, dots.blocks(self.residuals))]
+        if order is not None:
+            panels.append((words, dots.blocks(self.residuals[np.asarray(order)])))
+        dots = replace(dots, labels=tuple(str(k + 1) for k in range(len(panels[0][1]))))
+        caption = (
+            "Each dot is what the effect would leave of one closure in one pose, noise apart. "
+            "Inside the band of ± 2 σ noise alone lies 95 times in 100."
+        )
+        return Figure("supposed", lambda width: draw_residuals(panels, dots, width), caption)
+
+    def report(self) -> str:
+        """The same as one HTML file that needs no network."""
+        words = f"<pre>{escape(self.text())}</pre>\n{self.figure().html()}"
+        return document(f"Suppose: {self.mechanism}", [words])
+
+
+def suppose(
+    readings: SessionsArg,
+    terms: Sequence[str],
+    mechanism: MechanismArg = "rsi",
+    *,
+    rest: ReadingsArg | None = None,
+    model: Sequence[str] | None = None,
+    closures: Sequence[str] | None = None,
+    noise: float | Mapping[str, float] | None = None,
+    calibration: CalibrationArg | None = None,
+    skip_bad_rows: bool = False,
+) -> Supposition:
+    """Say what an effect would do in the poses of a session or of a plan.
+
+    The readings say where the mechanism was, how often each pose was sampled, and the noise; a
+    plan has one sample of each pose, so its noise must be given.
+
+    Parameters
+    ----------
+    readings : path, Readings, or a sequence of them
+        As in `calibrate`, or the CSV of a plan with a column for each channel.
+    terms : sequence of str
+        What is supposed: `curvature@a22.c2=0.02`; the name of the parameter may be left out where
+        the term has one. Several are supposed together.
+    mechanism : str, path or Mechanism
+        What is read.
+    rest, closures, noise, calibration, skip_bad_rows : optional
+        As in `calibrate`.
+    model : sequence of str, optional
+        Terms that are fitted beside; `terms` of `calibrate`.
+
+    Returns
+    -------
+    Supposition
+        Residuals, noncentrality, probability to be seen, and the cost at the platform.
+
+    Raises
+    ------
+    InputError
+        There is no such term, target or parameter, the readings lack what the term needs, or
+        nothing says what the noise is.
+
+    Examples
+    --------
+    >>> from rsicalib import DEMO
+    >>> suppose(DEMO / "readings.csv", ["curvature@a22.c2=0.02"]).seen > 0.99
+    True
+    """
+    job = Work(mechanism, skip_bad_rows, calibration, about(None, None, None))
+    job.take(readings, None, None, known_poses=True)
+    options = {"closures": names("closures", closures), "noise": job.noise(noise)}
+    session = job.session(rest, job.terms(model), options)
+    wanted = names("terms", terms) or []
+    if not wanted:
+        raise InputError("found no term, expected one such as 'curvature@a22.c2=0.02'")
+    own = {"mechanism": job.mechanism.name, "length_unit": job.mechanism.length_unit}
+    return Supposition.from_dict({**own, **session.suppose(wanted)})
+
+
+def _percent(share: float) -> str:
+    """A probability in words that do not claim certainty."""
+    if share > 0.999:
+        return "> 99.9 %"
+    return "< 0.1 %" if share < 0.001 else f"{100 * share:.1f} %"
