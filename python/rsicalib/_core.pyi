@@ -25,6 +25,7 @@ COMPLETE: tuple[str, ...]
 CRITERIA: tuple[str, ...]
 """Names of what a plan can make small; the default first."""
 FALSE_ALARMS: float
+"""False alarms per sample that a watch promises at most where nothing is said."""
 MARGIN: float
 """Readings that a planned pose keeps from the ends of the range."""
 SCALINGS: tuple[str, ...]

@@ -19,6 +19,7 @@ __all__ = [
     "Against",
     "Alternative",
     "CalibrationShape",
+    "Changed",
     "Check",
     "Data",
     "Drawing",
@@ -30,6 +31,7 @@ __all__ = [
     "HeldOut",
     "Hidden",
     "Law",
+    "Misclosure",
     "Moved",
     "Name",
     "Node",
@@ -54,6 +56,7 @@ __all__ = [
     "Switchboard",
     "TraceShape",
     "Unexplained",
+    "Update",
     "WithExcluded",
 ]
 
@@ -258,6 +261,76 @@ class Moved(Record):
 
 
 @dataclass(frozen=True)
+class Misclosure(Record):
+    """Reference statistics of the misclosure: how the loops close under a result."""
+
+    rms: Mapping[str, float]
+    """Root mean square by closure, in units of length."""
+    dof: float | None
+    """Degrees of freedom of the noise; null where it was declared."""
+    correlation: float
+    """Correlation of neighbouring samples."""
+    interval_s: float | None
+    """Usual time between neighbouring samples, in seconds; null without times."""
+
+
+@dataclass(frozen=True)
+class Rms(Record):
+    """What an effect does to the platform pose: root mean square over components."""
+
+    position: float | None
+    """Position, in units of length."""
+    orientation: float | None
+    """Orientation, in radians."""
+
+
+@dataclass(frozen=True)
+class Changed(Record):
+    """A change between two sessions of a device."""
+
+    term: str
+    """Id of the term."""
+    target: str
+    """Where: a channel, a closure, a chain or a link of it."""
+    size: float
+    """How large: the value of a single parameter, or the length of a displacement."""
+    sd: float
+    """Standard deviation of the size."""
+    unit: str
+    """Unit of both."""
+    p_value: float
+    """Probability of such a change by chance, for any of the candidates."""
+    platform_rms: Rms | None
+    """What it does to the platform."""
+    also_fits: tuple[str, ...] = ()
+    """Changes that these readings cannot tell from it, as `offset@a22`."""
+
+
+@dataclass(frozen=True)
+class Update(Record):
+    """A later session against an earlier result."""
+
+    worth: bool
+    """True where something has changed by three standard deviations or more, and this result has
+    the smaller held-out error."""
+    text: str
+    """The same as a sentence."""
+    chi2_per_dof: float
+    """χ² of the readings under the earlier result, its uncertainty counted in, per degree of
+    freedom."""
+    p_value: float
+    """Probability of more by chance."""
+    rms_before: float
+    """Misclosure of the poses under the earlier result, root mean square in units of length."""
+    rms_after: float | None
+    """The same under this result, poses left out in turn; null where that was not computed."""
+    changes: tuple[Changed, ...]
+    """What has changed, the most certain first."""
+    session_only: tuple[str, ...]
+    """Effects of the earlier result that belong to its session, and are not compared."""
+
+
+@dataclass(frozen=True)
 class Groups(Record):
     """Mean distance of carried points from their own mean at what they touch, by placement.
 
@@ -339,16 +412,6 @@ class Name(Record):
     """What the term belongs to."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
     """Where a searched term acts."""
-
-
-@dataclass(frozen=True)
-class Rms(Record):
-    """What an effect does to the platform pose: root mean square over components."""
-
-    position: float | None
-    """Position, in units of length."""
-    orientation: float | None
-    """Orientation, in radians."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -705,6 +768,12 @@ class ResultShape(Record):
     """The check poses with the mechanism as it is declared."""
     moved: tuple[Moved, ...] | None = field(default=None, metadata=IF_KNOWN)
     """Parameters that differ from an earlier result, where one was given."""
+    supersedes: str | None = None
+    """SHA-256 of the earlier result that this one is meant to replace."""
+    misclosure: Misclosure | None = field(default=None, metadata=IF_KNOWN)
+    """How the loops close under this result: what a watch compares with."""
+    update: Update | None = field(default=None, metadata=IF_KNOWN)
+    """What has changed since an earlier result, and whether it is worth an update."""
     groups: Groups | None = field(default=None, metadata=IF_KNOWN)
     """How well points that are touched are repeated, where the mechanism has such."""
     laws: tuple[OwnTerm, ...] = field(default=(), metadata=OMIT)
