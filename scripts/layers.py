@@ -54,7 +54,7 @@ PYTHON = (
     "plans",
     "further",
     "planning",
-    "history",
+    "lifetime",
     "supposing",
     "identifiability",
     "export",

@@ -50,12 +50,12 @@ def mechanism() -> rsicalib.Mechanism:
     values["gravity"] = [0.0, 0.0, -1.0]
     for chain in values["chain"]:
         for row in chain["dh"][1:]:
-            row["mass"], row["com"] = 0.3, [0.5 * row.get("a", 0.0), 0.0, 0.0]
+            row["mass"], row["com"] = 0.3, [0.5 * row.get("a", 2.0), 0.0, 0.0]
     return rsicalib.Mechanism.from_dict(values)
 
 
 def session(device: rsicalib.Mechanism, held: bool) -> Readings:
-    """Exact readings: held poses in a warming room, or a wave of the handle at 100 per second."""
+    """Exact readings: held poses in a warming room, or a wave of the handle at 8 per second."""
     rng = np.random.default_rng(SEED)
     nominal = nominal_device(device)
     if held:
@@ -66,7 +66,7 @@ def session(device: rsicalib.Mechanism, held: bool) -> Readings:
         time = begin + 0.02 * np.tile(np.arange(SAMPLES), POSES)
         warm = 21.0 + 4.0 * begin / 1800.0 + np.sin(begin / 300.0)
         return Readings.from_arrays(device, values, pose=pose, time_s=time, temperature_c=warm)
-    time = np.arange(2000) / 100.0
+    time = np.arange(160) / 8.0
     pace = 2 * np.pi * rng.uniform(0.1, 0.4, 6)
     half = np.array([1.5, 1.5, 1.2, 0.4, 0.4, 0.4])
     poses = np.array([0.0, 0.0, -2.9, 0.0, 0.0, 0.0]) + half * np.sin(

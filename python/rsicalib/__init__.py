@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rsicalib.export import export_toml, export_urdf
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
-    from rsicalib.history import history
+    from rsicalib.lifetime import history
     from rsicalib.identifiability import identifiable
     from rsicalib.io.readings import Readings
     from rsicalib.measures import observability
@@ -98,7 +98,7 @@ _HOMES = {
     "rsicalib.export": "export_toml export_urdf",
     "rsicalib.fleets.devices": "calibrate_devices",
     "rsicalib.fleets.run": "Fleet fleet",
-    "rsicalib.history": "history",
+    "rsicalib.lifetime": "history",
     "rsicalib.identifiability": "identifiable",
     "rsicalib.io.readings": "Readings",
     "rsicalib.measures": "observability",

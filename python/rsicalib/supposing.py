@@ -203,7 +203,7 @@ def suppose(
     Examples
     --------
     >>> from rsicalib import DEMO
-    >>> suppose(DEMO / "readings.csv", ["curvature@a22.c2=0.02"]).seen > 0.99
+    >>> suppose(DEMO / "readings.csv", ["curvature@a22.c2=0.06"]).seen > 0.99
     True
     """
     job = Work(mechanism, skip_bad_rows, calibration, about(None, None, None))

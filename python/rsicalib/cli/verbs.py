@@ -278,7 +278,7 @@ def paper(args: Args) -> int:
 
 def history(args: Args) -> int:
     """Parameters of one device against date."""
-    from rsicalib.history import history as history_of
+    from rsicalib.lifetime import history as history_of
 
     found = history_of(args.folder, args.mechanism, device=args.device, target=args.target)
     if args.out is not None:

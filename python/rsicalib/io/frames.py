@@ -17,8 +17,8 @@ __all__ = ["Cells", "Columns", "TableArg", "columns_of", "in_memory", "table_in_
 Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
 Columns: TypeAlias = dict[str, Cells]
 
-SOURCE = "data frame"
-"""What messages call columns in memory."""
+SOURCE = "data in memory"
+"""What messages call them."""
 
 
 class ArrowStream(Protocol):
@@ -65,7 +65,7 @@ def table_in_memory(given: object, channels: Sequence[str]) -> Table:
     if isinstance(given, np.ndarray | Sequence):
         given = np.asarray(given)
         given = given[np.newaxis] if given.ndim == 1 else given  # one reading
-        return table_of_arrays([(list(channels), given)], "arrays")
+        return table_of_arrays([(list(channels), given)], SOURCE)
     if not in_memory(given):
         expected = "a path, readings, a data frame, an array, or a dictionary of columns"
         raise InputTypeError(f"readings: found {given!r}, expected {expected}")
