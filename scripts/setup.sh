@@ -15,13 +15,26 @@ find_python() {
     die "no Python of 3.11 or later with the module venv; set PYTHON to one"
 }
 
-# setup [EXTRA]: the package, and what an extra of pyproject.toml asks for.
+pip_install() {
+    .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"
+}
+
+build() {
+    VIRTUAL_ENV="$PWD/.venv" .venv/bin/maturin develop --release --quiet "$@" >&2
+}
+
+# setup [EXTRAS]: the package, and what these extras of pyproject.toml ask for, separated by commas.
 setup() {
     command -v cargo >/dev/null || die "no cargo; see https://rustup.rs"
     if [ ! -x .venv/bin/python ]; then
         find_python
         "$python" -m venv .venv
     fi
-    .venv/bin/python -m pip --disable-pip-version-check install --quiet "maturin>=1.9,<2"
-    VIRTUAL_ENV=$PWD/.venv .venv/bin/maturin develop --release --quiet ${1:+--extras "$1"} >&2
+    pip_install "maturin>=1.9,<2"
+    # What Python needs is fetched while the core compiles.
+    .venv/bin/python scripts/requirements.py "${1:-}" | pip_install -r /dev/stdin &
+    fetched=$!
+    build --skip-install
+    wait "$fetched"
+    build
 }

@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from rsicalib.export import export_toml, export_urdf
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
-    from rsicalib.lifetime import history
     from rsicalib.identifiability import identifiable
     from rsicalib.io.readings import Readings
+    from rsicalib.lifetime import history
     from rsicalib.measures import observability
     from rsicalib.monitor import Alarm, Monitor, watch
     from rsicalib.planning import plan
