@@ -21,6 +21,7 @@ __all__ = [
     "CalibrationShape",
     "Changed",
     "Check",
+    "CurveLaw",
     "Data",
     "Drawing",
     "EffectEvidence",
@@ -31,6 +32,7 @@ __all__ = [
     "HeldOut",
     "Hidden",
     "Law",
+    "LawParameter",
     "Misclosure",
     "Moved",
     "Name",
@@ -414,6 +416,34 @@ class Name(Record):
     """Where a searched term acts."""
 
 
+@dataclass(frozen=True)
+class LawParameter(Record):
+    """A number of a closed form."""
+
+    name: str
+    """Its name."""
+    value: float
+    """Its value."""
+    interval: tuple[float, ...]
+    """Values between which it lies with 95 % probability."""
+    unit: str
+    """Unit of all three."""
+
+
+@dataclass(frozen=True)
+class CurveLaw(Record):
+    """The closed form behind a free curve."""
+
+    form: str | None
+    """Name of the form; null where no form that is known is the law."""
+    text: str
+    """What the curve does, in words."""
+    parameters: tuple[LawParameter, ...] = ()
+    """What was searched for, then the amplitudes."""
+    also_fits: tuple[str, ...] = ()
+    """Other forms that fit as well."""
+
+
 @dataclass(frozen=True, repr=False)
 class Step(Effect, Record):
     """A missing term that was found."""
@@ -444,6 +474,8 @@ class Step(Effect, Record):
     curve_over: str | None = field(default=None, metadata=IF_KNOWN)
     """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction (rad); for
     the converter's reference the correction is the fraction by which all readings change."""
+    curve_law: CurveLaw | None = field(default=None, metadata=IF_KNOWN)
+    """The closed form behind a free curve, for the readings or times that occur."""
     held_out: HeldOut | None = None
     """Error on poses left out, with this effect and those before."""
 

@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub(crate) mod curve;
+pub(crate) mod curve_law;
 pub(crate) mod detectability;
 pub(crate) mod doubt;
 pub mod held_out;

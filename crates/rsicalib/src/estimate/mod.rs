@@ -1,6 +1,7 @@
 //! Estimation: a session of readings, its objective, starts, noise and fit.
 
 mod algebraic;
+pub(crate) mod angles;
 pub mod directions;
 mod doubts;
 mod fit;

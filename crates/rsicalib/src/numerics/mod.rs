@@ -12,6 +12,7 @@ pub(crate) mod normal_equations;
 pub mod random;
 pub mod rank;
 pub(crate) mod schur;
+pub(crate) mod search;
 pub(crate) mod small;
 pub(crate) mod symmetric;
 pub(crate) mod workers;

@@ -490,9 +490,40 @@ pub struct Step {
     /// the converter's reference the correction is the fraction by which all readings change.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve_over: Option<Over>,
+    /// The closed form behind a free curve, for the readings or times that occur.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve_law: Option<CurveLaw>,
     /// Error on poses left out, with this effect and those before.
     #[serde(default)]
     pub held_out: Option<HeldOut>,
+}
+
+/// The closed form behind a free curve.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CurveLaw {
+    /// Name of the form; null where no form that is known is the law.
+    pub form: Option<String>,
+    /// What the curve does, in words.
+    pub text: String,
+    /// What was searched for, then the amplitudes.
+    #[serde(default)]
+    pub parameters: Vec<LawParameter>,
+    /// Other forms that fit as well.
+    #[serde(default)]
+    pub also_fits: Vec<String>,
+}
+
+/// A number of a closed form.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LawParameter {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Values between which it lies with 95 % probability.
+    pub interval: [f64; 2],
+    /// Unit of all three.
+    pub unit: String,
 }
 
 /// Effects that explain a session together, nearly as well as the best do.

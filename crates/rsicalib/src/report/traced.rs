@@ -4,6 +4,7 @@ use crate::Error;
 use crate::apply::accuracy::predicted;
 use crate::apply::change::{PlatformRms, platform_difference};
 use crate::diagnosis::curve::curve;
+use crate::diagnosis::curve_law::{CurveLaw, curve_law};
 use crate::diagnosis::detectability::{Detectability, could_hide};
 use crate::diagnosis::held_out::{HeldOut, held_out};
 use crate::diagnosis::localisation::{Residual, residual};
@@ -64,6 +65,9 @@ pub struct StepReport {
     /// Standard deviation of each correction of the curve.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub curve_sd: Option<Vec<f64>>,
+    /// The closed form behind a free curve.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub curve_law: Option<CurveLaw>,
     /// Error on poses left out, with this effect and those before it.
     pub held_out: Option<HeldOut>,
 }
@@ -327,6 +331,7 @@ fn step(
         also_fits: found.also.iter().map(|i| effect(observations, i)).collect(),
         platform_rms,
         held_out: held_out(&traced.small, &fitted),
+        curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),
         curve_over: curve.as_ref().map(|c| c.over),
         curve_sd: curve.as_ref().map(|c| c.points.iter().map(|p| p[2]).collect()),
         curve: curve.map(|c| c.points.into_iter().map(|p| [p[0], p[1]]).collect()),

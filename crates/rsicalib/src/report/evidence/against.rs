@@ -1,10 +1,10 @@
 //! The residual against a variable of the configuration, for effects that are no law of one
 //! variable: lengths, axes, closures, loads of a whole chain.
 
+use crate::estimate::angles::Angles;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
 use crate::model::Instance;
-use crate::report::evidence::angles::Angles;
 use crate::report::evidence::shapes::Against;
 use crate::report::evidence::thinned::some;
 

@@ -6,10 +6,10 @@
 
 use crate::Error;
 use crate::diagnosis::trace::Found;
+use crate::estimate::angles::Angles;
 use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::Target;
 use crate::model::Instance;
-use crate::report::evidence::angles::Angles;
 use crate::report::evidence::scores::name;
 use crate::report::evidence::shapes::{Alternative, Law};
 use crate::report::evidence::thinned::{grouped, some};

@@ -2,7 +2,6 @@
 
 mod added_variable;
 mod against;
-mod angles;
 mod drawing;
 pub mod gather;
 mod laws;
