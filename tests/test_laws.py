@@ -19,7 +19,7 @@ from scripts import make_gallery
 from tests.families.draw import FAMILIES
 from tests.families.power import Linear
 from tests.families.trials import readings_of
-from tests.laws import shared, trials
+from tests.laws import curves, shared, trials
 from tests.laws.draw import LAWS
 
 READINGS, REST = DEMO / "readings.csv", DEMO / "rest.csv"
@@ -239,3 +239,16 @@ def test_families_have_the_legs_that_are_alike() -> None:
     mechanism = Mechanism.from_dict(drawing.mechanism)
     link = next(t for t in rsicalib.terms(mechanism) if t["id"] == "link_length")
     assert [t for t in link["targets"] if t.startswith("each")] == ["each/1", "each/2", "each/3"]
+
+
+@pytest.mark.parametrize("form", ["n_per_turn", "step", "none"])
+def test_the_closed_form_of_a_curve_is_named_and_only_where_there_is_one(form: str) -> None:
+    heard = [row for row in (curves.run((form, k), seed=5) for k in range(4)) if row.curve]
+    assert len(heard) >= 2  # else a named term does as well
+    assert sum(row.right for row in heard) >= len(heard) - 1
+    for row in heard:
+        assert row.law is not None
+        if row.law["form"] == form == "n_per_turn":
+            # Of four standard deviations: the interval has two to either side.
+            low, high = row.law["parameters"][0]["interval"]
+            assert abs(row.law["parameters"][0]["value"] - row.place) < high - low

@@ -71,7 +71,7 @@ FORMS: dict[str, Callable[[Rng, float, float], tuple[Law, float]]] = {
 
 @dataclass(frozen=True)
 class Heard:
-    """What was said of one device."""
+    """What was said of one device; `place` is the angle, or the order, that its law hides."""
 
     form: str
     target: str

@@ -16,6 +16,7 @@ from rsicalib.report.words import (
     advice,
     comparison,
     excluded_words,
+    law_words,
     name_of,
     noise_words,
     number,
@@ -230,7 +231,10 @@ def _cost(step: Step, unit: str) -> str:
         )
     if step.also_fits:
         names = ", ".join(subject(n) for n in step.also_fits)
-        out += f"These poses cannot tell it from: {names}."
+        out += f"These poses cannot tell it from: {names}. "
+    if step.curve_law is not None:
+        words = law_words(step.curve_law)
+        out += f"{words[0].upper()}{words[1:]}, for the readings and times that occur."
     return out.strip()
 
 

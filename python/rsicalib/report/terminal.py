@@ -9,6 +9,7 @@ from rsicalib.report.words import (
     advice,
     comparison,
     excluded_words,
+    law_words,
     name_of,
     noise_words,
     number,
@@ -102,6 +103,8 @@ def _found(result: TraceShape) -> list[str]:
             names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
             more = "" if len(names) < 4 else f" and {len(names) - 3} more"
             lines.append(_cut(f"            fits as well: {', '.join(names[:3])}{more}"))
+        if step.curve_law is not None:
+            lines.append(_cut(f"            {law_words(step.curve_law)}"))
     return lines if not lines or result.excluded else [*lines, ""]
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from rsicalib.shapes import (
     CalibrationShape,
+    CurveLaw,
     Excluded,
     FitQuality,
     Name,
@@ -21,6 +22,7 @@ __all__ = [
     "advice",
     "comparison",
     "excluded_words",
+    "law_words",
     "name_of",
     "noise_words",
     "number",
@@ -276,6 +278,19 @@ def size_words(step: Step) -> str:
         value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
         parts.append(f"{p.name} = {value} ± {half} {p.unit}")
     return ", ".join(parts)
+
+
+def law_words(law: CurveLaw) -> str:
+    """Which closed form a free curve is, with its shape and the intervals of 95 %."""
+    if law.form is None:
+        return law.text
+    within = [" to ".join(map(number, p.interval)) for p in law.parameters]
+    numbers = ", ".join(
+        f"{p.name} = {number(p.value)} ({ends}) {p.unit}"
+        for p, ends in zip(law.parameters, within, strict=True)
+    )
+    others = f"; {', '.join(map(name_of, law.also_fits))} would do as well" if law.also_fits else ""
+    return f"the curve {law.text} ({name_of(law.form)}): {numbers}{others}"
 
 
 def excluded_words(entry: Excluded) -> str:
