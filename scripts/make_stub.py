@@ -201,6 +201,8 @@ COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]
 """Names of what a plan can make small; the default first."""
+LARGEST: float
+"""The largest number that is taken as an input, in size."""
 FALSE_ALARMS: float
 """False alarms per sample that a watch promises at most where nothing is said."""
 MARGIN: float

@@ -257,6 +257,7 @@ def test_a_channel_without_range_still_takes_finite_numbers_only(write):
         ("time_s", "", "a finite number"),
         ("time_s", "noon", "a finite number"),
         ("temperature_c", "inf", "a finite number"),
+        ("temperature_c", "1e308", "a number of at most 1e+60 in size"),
     ],
 )
 def test_the_other_numbers_are_checked_too(write, column, cell, expected):

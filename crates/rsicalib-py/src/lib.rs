@@ -32,6 +32,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
     module.add("CRITERIA", PyTuple::new(module.py(), CRITERIA.map(|c| c.0))?)?;
     module.add("MARGIN", MARGIN)?;
+    module.add("LARGEST", rsicalib::numerics::bounds::LARGEST)?;
     module.add("FALSE_ALARMS", MonitorOptions::default().false_alarms)?;
     module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
     module.add_class::<mechanism::PyMechanism>()?;

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
@@ -199,7 +200,8 @@ def _channel(
     values: FloatArray, channel: ChannelLike
 ) -> tuple[FloatArray, npt.NDArray[np.bool_], str]:
     if channel.range is None:
-        return values, ~np.isfinite(values), f"a finite number ({channel.unit})"
+        bad, expected = _too_large(values)
+        return values, bad, f"{expected} ({channel.unit})"
     low, high = channel.range
     expected = f"a number from {low:.10g} to {high:.10g} ({channel.unit})"
     return values, ~((values >= low) & (values <= high)) | ~np.isfinite(values), expected
@@ -208,11 +210,20 @@ def _channel(
 def _unusable(
     name: str, values: FloatArray, mechanism: MechanismLike
 ) -> tuple[npt.NDArray[np.bool_], str]:
+    bad, expected = _too_large(values)
     if name in mechanism.value_columns:
-        return ~(np.isfinite(values) & (values > 0.0)), "a distance above zero"
+        return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
         return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
-    return ~np.isfinite(values), "a finite number"
+    return bad, expected
+
+
+def _too_large(values: FloatArray) -> tuple[npt.NDArray[np.bool_], str]:
+    """What cannot be computed with, and what is expected there."""
+    if np.isfinite(values).all():
+        expected = f"a number of at most {_core.LARGEST:g} in size"
+        return np.abs(values) > _core.LARGEST, expected
+    return ~(np.abs(values) <= _core.LARGEST), "a finite number"
 
 
 def _unknown(raw: Sequence[Any] | npt.NDArray[Any], table: Table) -> npt.NDArray[np.bool_]:

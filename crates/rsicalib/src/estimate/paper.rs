@@ -27,6 +27,7 @@ use crate::Error;
 use crate::kinematics::elements::{Axis, Element, Source, Way, push_rigid};
 use crate::kinematics::posture::Posture;
 use crate::mechanism::{ClosureKind, Mechanism, Motion, Value};
+use crate::numerics::bounds::LARGEST;
 use crate::numerics::lanes::{Lanes, Vec3, WIDTH, dispatch, dot, minus};
 use crate::numerics::linearization::{Curvature, Linearization, Problem};
 use crate::numerics::lm::{self, Termination};
@@ -149,7 +150,7 @@ impl Paper {
             return Err(Error::Empty("the table has no rows".into()));
         }
         for (c, channel) in mechanism.channels.iter().enumerate() {
-            let [low, high] = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            let [low, high] = channel.range.unwrap_or([-LARGEST, LARGEST]);
             let outside = |found: f64| !(found.is_finite() && found >= low && found <= high);
             let mut column = counts[c..].iter().step_by(channels);
             if let Some(row) = column.position(|found| outside(*found)) {

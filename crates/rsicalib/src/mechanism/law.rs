@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::Error;
+use crate::numerics::bounds;
 use crate::numerics::formula::{Graph, Id, Program, parse};
 use crate::numerics::lanes::Lanes;
 
@@ -289,7 +290,7 @@ impl Law {
                 let expected = "a name that is no variable, of letters, digits and _";
                 return Err(refuse(place("parameters"), format!("{name:?}"), expected.into()));
             }
-            if !(typical.is_finite() && *typical > 0.0) {
+            if !bounds::positive(*typical) {
                 let found = format!("{name} = {typical}");
                 return Err(refuse(place("parameters"), found, "a typical size above 0".into()));
             }

@@ -4,6 +4,7 @@ use crate::Error;
 use crate::mechanism::drawing::{Channel, Closure, ClosureKind, Mechanism, Point, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
+use crate::numerics::bounds;
 
 impl Mechanism {
     /// Checks that every name is known and unique, and that every number can be used.
@@ -88,7 +89,7 @@ impl Mechanism {
                 let numbers = [row.theta, row.d, row.a, row.alpha];
                 let all = numbers.iter().chain(&row.xyz).chain(&row.rpy).chain(&row.com);
                 finite(all, place)?;
-                if let Some(mass) = row.mass.filter(|m| !(m.is_finite() && *m >= 0.0)) {
+                if let Some(mass) = row.mass.filter(|m| !(bounds::usable(*m) && *m >= 0.0)) {
                     let expected = "a number of 0 or more".into();
                     return Err(refuse(place(), format!("mass {mass}"), expected));
                 }
@@ -133,13 +134,13 @@ impl Mechanism {
     fn check_closure(&self, closure: &Closure) -> Result<(), Error> {
         let place = || format!("closure {:?}", closure.name);
         for noise in closure.noise.iter().chain(&closure.sd) {
-            if !(noise.is_finite() && *noise >= 0.0) {
+            if !(bounds::usable(*noise) && *noise >= 0.0) {
                 return Err(refuse(place(), format!("{noise}"), "a length of 0 or more".into()));
             }
         }
         match (closure.kind, &closure.value) {
             (ClosureKind::Touch, None) | (ClosureKind::Distance, Some(Value::Column(_))) => {}
-            (ClosureKind::Distance, Some(Value::Known(d))) if d.is_finite() && *d > 0.0 => {}
+            (ClosureKind::Distance, Some(Value::Known(d))) if bounds::positive(*d) => {}
             (kind, value) => {
                 let expected = "a positive `value` for a distance, none for a touch";
                 return Err(refuse(place(), format!("{kind:?} with {value:?}"), expected.into()));
@@ -184,8 +185,7 @@ impl Mechanism {
         }
         let rest = self.rest.iter().filter_map(|rest| Some(("rest", rest.sd?)));
         let model = self.model.sd.iter().map(|(term, sd)| (term.as_str(), *sd));
-        let positive = |sd: f64| sd.is_finite() && sd > 0.0;
-        if let Some((what, sd)) = rest.chain(model).find(|(_, sd)| !positive(*sd)) {
+        if let Some((what, sd)) = rest.chain(model).find(|(_, sd)| !bounds::positive(*sd)) {
             return Err(refuse(format!("{what}, sd"), sd.to_string(), "a positive number".into()));
         }
         if self.closures.is_empty() {
@@ -228,8 +228,8 @@ fn finite<'a>(
     mut numbers: impl Iterator<Item = &'a f64>,
     place: impl Fn() -> String,
 ) -> Result<(), Error> {
-    match numbers.find(|n| !n.is_finite()) {
-        Some(n) => Err(refuse(place(), n.to_string(), "a finite number".into())),
+    match numbers.find(|n| !bounds::usable(**n)) {
+        Some(n) => Err(refuse(place(), format!("{n:?}"), bounds::expected(*n))),
         None => Ok(()),
     }
 }
@@ -237,17 +237,18 @@ fn finite<'a>(
 fn check_channel(channel: &Channel) -> Result<(), Error> {
     let place = || format!("channel {:?}", channel.name);
     finite([channel.gain, channel.offset].iter(), place)?;
-    if channel.gain == 0.0 {
-        return Err(refuse(place(), "gain 0".into(), "a gain other than zero".into()));
+    if !bounds::positive(channel.gain.abs()) {
+        let found = format!("gain {:?}", channel.gain);
+        return Err(refuse(place(), found, "a gain other than zero".into()));
     }
     for [low, high] in channel.range.iter().chain(&channel.limits) {
-        if !(low.is_finite() && high.is_finite() && low < high) {
+        if !(bounds::usable(*low) && bounds::usable(*high) && low < high) {
             let expected = "the lower end before the upper";
             return Err(refuse(place(), format!("[{low}, {high}]"), expected.into()));
         }
     }
     match channel.noise {
-        Some(n) if !(n.is_finite() && n > 0.0) => {
+        Some(n) if !bounds::positive(n) => {
             Err(refuse(place(), format!("noise {n}"), "a positive number".into()))
         }
         _ => Ok(()),

@@ -1,6 +1,7 @@
 //! Numerics that do not depend on mechanisms: vector lanes, least squares, elimination,
 //! eigenproblems, distributions.
 
+pub mod bounds;
 pub mod credible_set;
 pub mod dense;
 pub(crate) mod distributions;

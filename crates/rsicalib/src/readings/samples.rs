@@ -7,6 +7,7 @@
 
 use crate::Error;
 use crate::mechanism::Mechanism;
+use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
 use crate::readings::table::Table;
@@ -435,7 +436,7 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     }
     for (row, values) in table.values.chunks_exact(channels).enumerate() {
         for (channel, &found) in mechanism.channels.iter().zip(values) {
-            let [low, high] = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            let [low, high] = channel.range.unwrap_or([-LARGEST, LARGEST]);
             if !(found.is_finite() && found >= low && found <= high) {
                 let channel = channel.name.clone();
                 return Err(Error::Reading { row, channel, found, low, high });
@@ -447,14 +448,14 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
 
 /// Refuses a column with an entry that is not a number.
 fn finite(name: &str, column: &[f64]) -> Result<(), Error> {
-    match column.iter().position(|v| !v.is_finite()) {
+    match column.iter().position(|v| !bounds::usable(*v)) {
         None => Ok(()),
         Some(row) => Err(Error::Reading {
             row,
             channel: name.into(),
             found: column[row],
-            low: f64::NEG_INFINITY,
-            high: f64::INFINITY,
+            low: -LARGEST,
+            high: LARGEST,
         }),
     }
 }
