@@ -1,6 +1,6 @@
 //! Joint coordinates of readings under parameters of a fit.
 
-use crate::estimate::Observations;
+use crate::estimate::observations::Observations;
 use crate::model::{Model, Want, Workspace};
 
 /// Joint coordinates after all corrections, and their slopes by the readings, row by row, one per
