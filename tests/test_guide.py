@@ -21,9 +21,10 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
-from rsicalib.guide.hold import Hold
+from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Columns, Log, Sample
 from rsicalib.guide.server import Page
+from rsicalib.guide.session import SAME
 from rsicalib.guide.source import open_source
 from rsicalib.guide.terminal import Screen, screen
 from tests import oracle, person
@@ -100,6 +101,9 @@ def test_a_pose_that_was_taken_adds_nothing_again(tmp_path: Path) -> None:
     assert "adds nothing" in state.state()["message"]
     assert state.state()["troubles"] == []
     before = state.state()["pose"]
+    wanted = np.array([bar["want"] for bar in state.state()["channels"]])
+    taken = np.mean([s.values for s in log.poses[1]], axis=0)
+    assert apart(wanted, taken, state.spans) > SAME  # what is asked for can be taken
     state.strike_off()
     while state.busy:
         state.poll()

@@ -16,12 +16,14 @@ import secrets
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 import rsicalib
 from rsicalib.planning import plan
+from rsicalib.records import plain
 from tests.blind import effects as catalogue
 from tests.blind import simulator
 from tests.blind.effects import Effect
@@ -44,7 +46,6 @@ WAYS = ("decide", "volume", "random")
 SIZES = ((24, 4), (48, 8))
 """Poses and samples of a session, by turns."""
 RIGHT = 0.05
-DECIDED = 12.0
 WIDE = np.array([[-3.0, 3.0], [-3.0, 3.0], [-5.7, -0.3]] + 3 * [[-np.pi / 6, np.pi / 6]])
 MARGIN = 20
 """Counts that a wide pose keeps from the ends of the range."""
@@ -80,6 +81,9 @@ class Outcome:
     truth: str
     named: str
     decided: bool
+    """No explanation is left that poses within reach tell from the best."""
+    alone: bool
+    """Every other explanation is 12 behind, those too that no pose within reach tells apart."""
     right: bool
     across: bool
     """The explanations had different targets."""
@@ -87,11 +91,32 @@ class Outcome:
     least_lambda: float | None = None
 
 
+def settling(rng: np.random.Generator) -> Callable[[Array], Array]:
+    """A room that warms during a session, and levels off in a quarter of a session after it."""
+    during = room(rng)
+
+    def temperature(turn: Array) -> Array:
+        beyond = np.maximum(np.asarray(turn) - 1.0, 0.0)
+        trend: Array = 6.0 * (0.25 * (1.0 - np.exp(-4.0 * beyond)) - beyond)
+        return during(turn) + trend
+
+    return temperature
+
+
 def wide_poses(rng: np.random.Generator, device: Device, count: int) -> Array:
     """Random poses of the workspace: shape (count, 6)."""
     drawn = rng.uniform(WIDE[:, 0], WIDE[:, 1], (8 * count + 40, 6))
     kept = drawn[device.allows(drawn)]
     return kept[:count] if len(kept) >= count else wide_poses(rng, device, count)
+
+
+@cache
+def built() -> Any:
+    """The mechanism as it is built: the drawing lets an elbow go straight, its stops do not."""
+    drawing = rsicalib.load_mechanism("rsi").to_dict()
+    for channel, limits in zip(drawing["channel"], 3 * simulator.LIMITS.tolist(), strict=True):
+        channel["limits"] = limits
+    return rsicalib._core.Mechanism.from_dict(plain(drawing))
 
 
 def readings_of(scene: Scene, values: Array) -> Any:
@@ -134,7 +159,7 @@ def tie(number: int, seed: int) -> Tie | None:
     rng = np.random.default_rng([seed, number])
     device = Device.random(rng)
     poses, samples = SIZES[number % len(SIZES)]
-    warmth = room(rng)
+    warmth = settling(rng)
     scene = held(
         rng, simulator.hand_poses(rng, poses, device), samples, (0.0, 0.0), 0.0, SESSION_S, warmth
     )
@@ -168,7 +193,8 @@ def reached(
     found = None
     for _ in range(4):
         found = plan(
-            poses=count,
+            built(),
+            count,
             result=result,
             beside=readings,
             criterion=criterion,
@@ -226,6 +252,11 @@ def leaves_little(it: Tie, scene: Scene, terms: Sequence[Any]) -> bool:
     return left(it, scene, specs) < RIGHT * left(it, scene, [])
 
 
+def nothing_open(result: Any, readings: Any) -> bool:
+    """Whether no pose within reach tells the explanations of a result apart."""
+    return plan(built(), 1, result=result, beside=readings).criterion != "decide"
+
+
 def outcome(it: Tie, way: str, count: int, seed: int) -> Outcome:
     """Plans, measures and traces anew."""
     poses, waits, forecast = further_poses(it, way, count, seed)
@@ -233,16 +264,15 @@ def outcome(it: Tie, way: str, count: int, seed: int) -> Outcome:
     result = rsicalib.trace(readings_of(scene, values), rest=it.rest)
     rivals = result.rivals
     best = rivals[0].terms if rivals else ()
-    alone = len(rivals) == 1 or (
-        len(rivals) > 1 and rivals[1].chi2_penalised - rivals[0].chi2_penalised >= DECIDED
-    )
+    alone = len(rivals) == 1
     return Outcome(
         number=it.number,
         way=way,
         poses=count,
         truth=f"{it.effect.term} {it.effect.target}",
         named=" + ".join(f"{t.term} {t.target}" for t in best) or "nothing",
-        decided=alone,
+        decided=alone or (len(rivals) > 1 and nothing_open(result, readings_of(scene, values))),
+        alone=alone,
         right=bool(best) and leaves_little(it, scene, best),
         across=len(it.targets) > 1,
         forecast=None if forecast is None else forecast.decides,
@@ -283,6 +313,7 @@ def table(rows: Sequence[Outcome]) -> list[str]:
             lines += [
                 f"{way}, {count} poses",
                 f"  decided and right     {rate([r.decided and r.right for r in own])}",
+                f"    and alone           {rate([r.alone and r.right for r in own])}",
                 f"  decided and wrong     {rate([r.decided and not r.right for r in own])}",
                 f"  undecided             {rate([not r.decided for r in own])}",
                 f"  names the right one   {rate([r.right for r in own])}",
@@ -303,7 +334,7 @@ def platform_error(number: int, seed: int, way: str, more: int = 12) -> float:
     rng = np.random.default_rng([seed, number, 17])
     device = Device.random(rng)
     first = wide_poses(rng, device, 6)
-    warmth = room(rng)
+    warmth = settling(rng)
     scene = held(rng, first, 8, (0.0, 0.0), 0.0, SESSION_S, warmth)
     values = simulator.digitise(device.ideal(scene), rng, 1.0)
     mechanism = rsicalib.load_mechanism("rsi")

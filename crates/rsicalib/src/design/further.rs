@@ -127,10 +127,7 @@ pub struct Further {
 /// Poses from which the platform is judged.
 const JUDGED: usize = 48;
 
-/// Poses at which rivals must differ for any plan to tell them apart.
-const PROBES: usize = 64;
-
-/// Rivals are merged where all probes together give no `λ` beyond this.
+/// Rivals are merged where all candidates together give no `λ` beyond this.
 const APART: f64 = 12.0;
 
 /// Candidates that are looked at again for each pose where time or direction matters.
@@ -329,7 +326,7 @@ fn contest_of(rivals: &[Explained], sides: &[Side]) -> Contest {
 
 /// Leaves of rivals that no pose tells apart the likelier one, with the probability of both: the
 /// numbers of those that are left, and pairs of the merged one and the one that it is merged with.
-/// The probes are taken now, and `later` after a pause where time matters.
+/// All candidates are visited `now`, and `later` after a pause where time matters.
 fn merge(
     contest: &mut Contest,
     sides: &[Side],
@@ -339,8 +336,7 @@ fn merge(
     let mut probed = contest.clone();
     for rows in std::iter::once(now).chain(later) {
         let each: Vec<Whitened> = sides.iter().map(|s| rows.select(&s.columns)).collect();
-        let stride = rows.len().div_ceil(PROBES).max(1);
-        for k in (0..rows.len()).step_by(stride) {
+        for k in 0..rows.len() {
             probed.visit(&of_each(&each, k));
         }
     }

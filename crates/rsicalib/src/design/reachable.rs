@@ -17,9 +17,9 @@ use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::random::Random;
 use crate::readings::{Readings, Table};
 
-/// Share of a channel's limits that a pose keeps from each end: the pose is missed by a hand, and
-/// an elbow that is nearly straight cannot follow.
-const FROM_LIMITS: f64 = 0.06;
+/// Share of a channel's limits that a pose keeps from each end: a hand misses the pose. Effects of a
+/// sensor differ most at the ends of what it goes through, so that more costs information.
+const FROM_LIMITS: f64 = 0.02;
 
 /// Share of a channel's range that a pose keeps from each end, where the channel does not count.
 const FROM_RANGE: f64 = 0.005;
