@@ -2,8 +2,10 @@
 
 Sessions of simulated devices with one effect of a sensor curve or of time, in which `trace` lists
 several explanations. Further poses are planned in several ways, read from the same device, and
-traced anew together with the session. A decision is right where the explanation leaves less than
-5 % of what the effect does to the platform, in fits of noise-free readings of the same poses.
+traced anew together with the session. An explanation is right where it leaves less than 5 % of what
+the effect does to the platform, in fits of noise-free readings of the same poses: a cosine that
+imitates a square is right. A tie is decided where the explanations that are left, less than 12
+behind the best in penalised χ², are all right or all wrong.
 
 Seeds are drawn at random and printed; `--seed` repeats a run.
 """
@@ -81,10 +83,11 @@ class Outcome:
     truth: str
     named: str
     decided: bool
-    """No explanation is left that poses within reach tell from the best."""
+    """What is left, less than 12 behind, is all right or all wrong."""
     alone: bool
-    """Every other explanation is 12 behind, those too that no pose within reach tells apart."""
+    """One explanation is left: all others are 12 behind."""
     right: bool
+    """The best explanation is right."""
     across: bool
     """The explanations had different targets."""
     forecast: float | None = None
@@ -252,11 +255,6 @@ def leaves_little(it: Tie, scene: Scene, terms: Sequence[Any]) -> bool:
     return left(it, scene, specs) < RIGHT * left(it, scene, [])
 
 
-def nothing_open(result: Any, readings: Any) -> bool:
-    """Whether no pose within reach tells the explanations of a result apart."""
-    return plan(built(), 1, result=result, beside=readings).criterion != "decide"
-
-
 def outcome(it: Tie, way: str, count: int, seed: int) -> Outcome:
     """Plans, measures and traces anew."""
     poses, waits, forecast = further_poses(it, way, count, seed)
@@ -264,16 +262,16 @@ def outcome(it: Tie, way: str, count: int, seed: int) -> Outcome:
     result = rsicalib.trace(readings_of(scene, values), rest=it.rest)
     rivals = result.rivals
     best = rivals[0].terms if rivals else ()
-    alone = len(rivals) == 1
+    rights = [leaves_little(it, scene, r.terms) for r in rivals]
     return Outcome(
         number=it.number,
         way=way,
         poses=count,
         truth=f"{it.effect.term} {it.effect.target}",
         named=" + ".join(f"{t.term} {t.target}" for t in best) or "nothing",
-        decided=alone or (len(rivals) > 1 and nothing_open(result, readings_of(scene, values))),
-        alone=alone,
-        right=bool(best) and leaves_little(it, scene, best),
+        decided=bool(rights) and len(set(rights)) == 1,
+        alone=len(rights) == 1,
+        right=bool(rights) and rights[0],
         across=len(it.targets) > 1,
         forecast=None if forecast is None else forecast.decides,
         least_lambda=None if forecast is None else forecast.least_lambda,
