@@ -107,6 +107,7 @@ def operate(
     person: Operator,
     state: Callable[[], State],
     write: Callable[[str], None],
+    strike_off: Callable[[], None],
     pause_s: float = 0.0,
     patience_s: float = 60.0,
 ) -> None:
@@ -119,7 +120,10 @@ def operate(
         if now["done"]:
             return
         if now["phase"] == "think" or (now["taken"] == taken and now["hold"] > 0.3):
-            if now["phase"] != "think":
+            if now["phase"] != "think" and "adds nothing" in now["message"]:
+                strike_off()  # the stops do not let the hand leave the last pose
+                taken = -1
+            elif now["phase"] != "think":
                 _hold(person, write)  # a person holds until the pose is taken
             time.sleep(0.01 + pause_s)
             continue
@@ -138,9 +142,9 @@ def operate(
 
 
 def _hold(person: Operator, write: Callable[[str], None]) -> None:
-    shaking = person.rng.standard_normal((5, 6)) * np.repeat(person.shakes, 3)
-    poses = person.at + shaking
-    for moment, codes in person.read(poses[person.device.allows(poses)]):
+    poses = person.at + person.rng.standard_normal((5, 6)) * np.repeat(person.shakes, 3)
+    inside = person.device.allows(poses)[:, None]
+    for moment, codes in person.read(np.where(inside, poses, person.at)):
         write(_line(moment, codes))
 
 
@@ -179,7 +183,7 @@ def guided(
         session.poll()
         return session.state()
 
-    operate(person, state, write)
+    operate(person, state, write, session.strike_off)
     return session, session.finish()
 
 
@@ -188,6 +192,13 @@ def page_state(url: str) -> State:
     with urllib.request.urlopen(url + "state", timeout=10) as answer:
         found: State = json.loads(answer.read())
     return found
+
+
+def strike_off(url: str) -> None:
+    """Press the page's button."""
+    ours = urllib.request.Request(url + "strike-off", method="POST", headers={"X-Guide": "1"})
+    with urllib.request.urlopen(ours, timeout=10):
+        pass
 
 
 def drawn(seed: int, effect: str | None = None, target: str = "a22") -> Operator:

@@ -292,7 +292,9 @@ class Served:
             found = self.state()
             return found | {"done": found["done"] or until(found)}
 
-        person.operate(self.operator, state, self.write)
+        person.operate(
+            self.operator, state, self.write, lambda: person.strike_off(self.url), patience_s=30.0
+        )
 
 
 def test_kill_9_and_resume_lose_nothing(tmp_path: Path) -> None:

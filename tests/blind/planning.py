@@ -399,7 +399,8 @@ def main() -> int:
         errors = [platform_error(k, seed, way) for k in range(args.devices)]
         print(
             f"platform error after 6 random and 12 {way} poses [1e-3 in]: "
-            f"mean {1e3 * np.mean(errors):.2f}, median {1e3 * np.median(errors):.2f}",
+            f"mean {1e3 * np.mean(errors):.2f} ± {1e3 * np.std(errors) / len(errors) ** 0.5:.2f}, "
+            f"median {1e3 * np.median(errors):.2f}, of {len(errors)}",
             flush=True,
         )
     return 0

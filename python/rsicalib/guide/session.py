@@ -310,7 +310,9 @@ class Session:
 
     def _state(self) -> dict[str, Any]:
         advice = self.advice
-        goal = self._goal()
+        # What was asked for is done with while the next pose is chosen.
+        asks = self._pending is None and advice is not None
+        goal = self._goal() if asks else None
         now = self.hold.now
         if now is None and self._recent:
             now = np.array(self._recent[-1])
@@ -329,17 +331,17 @@ class Session:
             )
         repeat = self._repeat()
         steps = () if advice is None or advice.result is None else advice.result.steps
-        pose = None if advice is None or repeat is not None else advice.pose
+        pose = advice.pose if advice is not None and asks and repeat is None else None
         return {
             "mechanism": self.mechanism.name,
             "unit": self.mechanism.length_unit,
             "phase": self._phase(),
             "channels": bars,
-            "hold": self.hold.progress,
+            "hold": self.hold.progress if asks else 0.0,
             "next": max(self.log.poses, default=0) + 1,
             "repeat": repeat,
             "pose": None if pose is None else [float(v) for v in pose],
-            "why": "" if advice is None or repeat is not None else advice.why,
+            "why": "" if advice is None or pose is None else advice.why,
             "wait_s": 0.0 if advice is None else advice.wait_s,
             "taken": len(self.log.poses),
             "held_out": sum(self.log.held_out(k) for k in self.log.poses),
@@ -353,7 +355,7 @@ class Session:
             "closure_fitted": None if advice is None else advice.closure_fitted,
             "verdict": None if advice is None or advice.result is None else advice.result.verdict,
             "troubles": self.troubles(),
-            "message": self.message,
+            "message": self.message if asks else "",
             "note": self.note,
             "done": self.done,
         }
