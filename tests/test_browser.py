@@ -199,13 +199,19 @@ def test_the_page_of_a_plan_has_a_row_and_a_dot_for_each_pose(tmp_path: Path) ->
     found = rsicalib.plan(poses=12, candidates=300, starts=1)
     said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
     probe = """
-    return [[...document.querySelectorAll("tbody tr")].map((r) => +r.cells[1].textContent),
-      document.querySelectorAll(".desk circle").length];
+    const heads = [...document.querySelectorAll("thead th")].map((cell) => cell.textContent);
+    const column = (head) => [...document.querySelectorAll("tbody tr")]
+      .map((row) => row.cells[heads.indexOf(head)].textContent);
+    return [column("pose"), column("why"), column("x").map(Number), column("a22").map(Number),
+      [...document.querySelectorAll(".desk circle title")].map((t) => t.textContent)];
     """
-    (x, dots), errors = look(poses_html(*said), probe, tmp_path)
+    (labels, why, x, a22, dots), errors = look(poses_html(*said), probe, tmp_path)
     assert errors == []
+    assert labels == [str(k) for k in range(1, 13)]
+    assert why == list(found.why)
     np.testing.assert_allclose(x, found.poses[:, 0], atol=5e-5)
-    assert dots == 2 * 12
+    np.testing.assert_allclose(a22, found.readings[:, found.channels.index("a22")], rtol=5e-6)
+    assert [text.split(":")[0] for text in dots] == 2 * [f"pose {label}" for label in labels]
 
 
 def test_the_page_of_the_paper_has_every_table_and_every_misprint(tmp_path: Path) -> None:

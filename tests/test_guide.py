@@ -21,9 +21,10 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
-from rsicalib.guide.hold import Hold
+from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Columns, Log, Sample
 from rsicalib.guide.server import Page
+from rsicalib.guide.session import SAME
 from rsicalib.guide.source import open_source
 from rsicalib.guide.terminal import Screen, screen
 from tests import oracle, person
@@ -86,6 +87,26 @@ def test_the_session_is_that_of_the_trace_of_its_files(
             assert line.split(",", 3)[3] in rows
 
 
+def test_two_kept_out_poses_check_an_effect_of_the_direction_of_approach() -> None:
+    readings = rsicalib.load_readings(rsicalib.DEMO / "readings.csv")
+    terms = ["offset", "gain", "hysteresis@a22"]
+    result = rsicalib.calibrate(readings, rest=rsicalib.DEMO / "rest.csv", terms=terms)
+    poses = {
+        int(k): [Sample(float(k), None, tuple(row)) for row in readings.values[readings.pose == k]]
+        for k in np.unique(readings.pose)
+    }
+    kept_out = {k: poses.pop(k) for k in (4, 8)}
+    adviser = person.Adviser(rsicalib.load_mechanism("rsi"), None)
+    fitted, kept = adviser._closures(result, poses, kept_out)
+    assert fitted is not None and kept is not None
+    # By plain products of matrices without the hysteresis, which is small: closures alike.
+    off = np.array([result["offset", n].value for n in CHANNELS])
+    gain = np.array([result["gain", n].value for n in CHANNELS])
+    held = np.isin(readings.pose, (4, 8))
+    plain = oracle.misclosure(oracle.rsi(), off, gain, readings.values[held]) / (2 * 2.598)
+    assert kept == pytest.approx(np.sqrt(np.mean(plain**2)), rel=0.3)
+
+
 def test_a_pose_that_was_taken_adds_nothing_again(tmp_path: Path) -> None:
     operator = person.drawn(5)
     mechanism = rsicalib.load_mechanism("rsi")
@@ -100,6 +121,9 @@ def test_a_pose_that_was_taken_adds_nothing_again(tmp_path: Path) -> None:
     assert "adds nothing" in state.state()["message"]
     assert state.state()["troubles"] == []
     before = state.state()["pose"]
+    wanted = np.array([bar["want"] for bar in state.state()["channels"]])
+    taken = np.mean([s.values for s in log.poses[1]], axis=0)
+    assert apart(wanted, taken, state.spans) > SAME  # what is asked for can be taken
     state.strike_off()
     while state.busy:
         state.poll()
@@ -288,7 +312,9 @@ class Served:
             found = self.state()
             return found | {"done": found["done"] or until(found)}
 
-        person.operate(self.operator, state, self.write)
+        person.operate(
+            self.operator, state, self.write, lambda: person.strike_off(self.url), patience_s=30.0
+        )
 
 
 def test_kill_9_and_resume_lose_nothing(tmp_path: Path) -> None:

@@ -183,7 +183,7 @@ def reason(purpose: Mapping[str, Any], names: Sequence[str], unit: str) -> str:
         return f"tells {names[a]} from {names[b]} (λ +{gain:.3g})"
     if "platform" in purpose:
         before, after = purpose["platform"]
-        return f"platform {before:.3g} → {after:.3g} {unit}"
+        return f"platform known to {after:.2g} {unit} instead of {before:.2g}"
     return f"makes what is minimised {purpose['falls']:.3g} times as large"
 
 

@@ -218,14 +218,17 @@ class Adviser:
     ) -> tuple[float | None, float | None]:
         if result is None or not kept_out:
             return None, None
-        return (
-            closure_error(self.mechanism, result, self._readings(fitted)),
-            closure_error(self.mechanism, result, self._readings(kept_out)),
-        )
+        # All poses at once: time and the direction of approach are those of the whole session.
+        readings = self._readings({**fitted, **kept_out})
+        errors = closure_errors(self.mechanism, result, readings)
+        if errors is None:
+            return None, None
+        out = np.isin(readings.pose, list(kept_out))
+        return _rms(errors[~out]), _rms(errors[out])
 
 
-def closure_error(mechanism: Mechanism, result: Trace, readings: Readings) -> float | None:
-    """Root mean square error of known distances under a result [length unit].
+def closure_errors(mechanism: Mechanism, result: Trace, readings: Readings) -> FloatArray | None:
+    """Errors of known distances under a result [length unit]: shape (rows, distances).
 
     None where the mechanism has no distance between points that are known.
     """
@@ -244,7 +247,11 @@ def closure_error(mechanism: Mechanism, result: Trace, readings: Readings) -> fl
             continue
         first, second = (np.stack([at[c] for c in end], axis=1) for end in columns)
         errors.append(np.linalg.norm(first - second, axis=1) - value)
-    return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+    return np.stack(errors, axis=1) if errors else None
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _with_priors(mechanism: Mechanism, rest: Readings | None) -> Mechanism:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -36,13 +37,14 @@ def poses_html(mechanism: str, unit: str, rows: str, said: str, poses: FloatArra
         The document.
     """
     heads, *lines = list(csv.reader(io.StringIO(rows)))
-    words = sum(head in ("group", "at") for head in heads)
-    numbers = [k for k, head in enumerate(heads) if head not in ("group", "at", "why")]
-    order = [k for k in range(len(heads)) if k not in numbers] + numbers
+    text = ("pose", "group", "at", "why")
+    order = [heads.index(head) for head in text if head in heads]
+    words = len(order)
+    order += [k for k, head in enumerate(heads) if head not in text]
     shown = [[line[k] for k in order] for line in lines]
     brings = [line.strip() for line in said.partition("\n\n")[2].splitlines() if line.strip()]
-    text = words + sum(head == "why" for head in heads)
-    figure = poses_figure(poses, unit) if poses is not None and len(poses) else None
+    labels = [line[heads.index("pose")] for line in lines]
+    figure = poses_figure(poses, unit, labels) if poses is not None and len(poses) else None
     return document(
         f"{mechanism}: plan",
         [
@@ -50,14 +52,12 @@ def poses_html(mechanism: str, unit: str, rows: str, said: str, poses: FloatArra
             f'<p class="verdict good">{len(lines)} poses to visit, in this order.</p>',
             section("What they bring", listed(brings)),
             section("Where they are", figure.html() if figure else ""),
-            section(
-                "The poses", table([heads[k] for k in order], shown, max(text, 0), "poses to visit")
-            ),
+            section("The poses", table([heads[k] for k in order], shown, words, "poses to visit")),
         ],
     )
 
 
-def poses_figure(poses: FloatArray, unit: str) -> Figure:
+def poses_figure(poses: FloatArray, unit: str, labels: Sequence[str]) -> Figure:
     """Draw the positions of poses from above and from the side, with the way between them."""
 
     def draw(width: float) -> str:
@@ -71,11 +71,11 @@ def poses_figure(poses: FloatArray, unit: str) -> Figure:
             words = (f"{names[u]} [{unit}]", f"{names[v]} [{unit}]")
             chart = Chart.on(part, x, y, words, title=title, height=height)
             chart.curve([(p[u], p[v]) for p in poses.tolist()], "whisker way")
-            for number, pose in enumerate(poses.tolist(), start=1):
+            for label, pose in zip(labels, poses.tolist(), strict=True):
                 place = chart.at((pose[u], pose[v]))
                 angles = ", ".join(f"{value:.0f}°" for value in np.degrees(pose[3:]))
-                part.dot(*place, 3.4, said=f"pose {number}: rx, ry, rz {angles}")
-                part.text(place[0] + 5.0, place[1] - 4.0, str(number))
+                part.dot(*place, 3.4, said=f"pose {label}: rx, ry, rz {angles}")
+                part.text(place[0] + 5.0, place[1] - 4.0, label)
             column, row = k % across, k // across
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')

@@ -3,7 +3,7 @@
 use crate::apply::earlier::outlasts;
 use crate::mechanism::Mechanism;
 use crate::model::Spec;
-use crate::numerics::distributions::normal_quantile;
+use crate::numerics::distributions::two_sided_limit;
 use crate::terms;
 use crate::terms::term::{Outlasts, Role};
 
@@ -51,7 +51,7 @@ pub fn moved(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -> V
     let all = now.iter().enumerate().filter(|(_, new)| lasts(new));
     let pairs: Vec<(usize, &Estimate, &Estimate)> =
         all.filter_map(|(k, new)| Some((k, same(new)?, new))).collect();
-    let limit = normal_quantile(1.0 - MOVED_LEVEL / (2.0 * pairs.len().max(1) as f64));
+    let limit = two_sided_limit(MOVED_LEVEL, pairs.len());
     let differs = |(parameter, old, new): (usize, &Estimate, &Estimate)| {
         let (shift, variance) = shifts(earlier, &old.spec);
         let (before, after) = (old.value? + shift, new.value?);

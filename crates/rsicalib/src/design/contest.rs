@@ -97,7 +97,7 @@ impl Contest {
     }
 
     /// (96).
-    #[cfg(test)]
+    #[must_use]
     pub fn criterion(&self) -> f64 {
         self.sum(|ab| self.lambda[ab])
     }

@@ -11,10 +11,10 @@ use crate::design::contest::{Contest, Field, Rival};
 use crate::design::exchange::Criterion;
 use crate::design::hidden::{WorstHidden, with_priors, worst_hidden};
 use crate::design::linearised::{Linearised, Whitened};
-use crate::design::moments::{Moments, moments_of};
+use crate::design::moments::{Moments, PoseSlopes, moments_of, slopes_of};
 use crate::design::plan::{Within, workspace};
 use crate::design::precision::Precision;
-use crate::design::reachable::{Reachable, reachable};
+use crate::design::reachable::{Reachable, around, reachable};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates::candidates;
 use crate::diagnosis::stepwise::moves::Stepwise;
@@ -127,14 +127,17 @@ pub struct Further {
 /// Poses from which the platform is judged.
 const JUDGED: usize = 48;
 
-/// Poses at which rivals must differ for any plan to tell them apart.
-const PROBES: usize = 64;
-
-/// Rivals are merged where all probes together give no `λ` beyond this.
+/// Rivals are merged where all candidates together give no `λ` beyond this.
 const APART: f64 = 12.0;
 
 /// Candidates that are looked at again for each pose where time or direction matters.
 const AGAIN: usize = 400;
+
+/// Chosen poses are refined among poses around them, within these shares of the box.
+const CLOSER: [f64; 3] = [0.15, 0.05, 0.02];
+
+/// Poses around all chosen ones in a round.
+const AROUND: usize = 400;
 
 /// A pause, as a share of the session.
 const PAUSE: f64 = 0.5;
@@ -229,16 +232,26 @@ pub fn further(
         let turns = Turns { at: &at, sides: &sides, kept: &kept, found: &found, visits: &visits };
         steps = turns.decide(&mut contest, rows, options)?;
     } else if criterion == Criterion::Decide {
+        let choose = |rows: &Whitened, found: &Reachable| {
+            decide(&contest, &select(rows, &sides), found, &visits, options)
+        };
+        let chosen;
+        (found, rows, chosen) =
+            refined(choose, (found, rows), (&at, within), &visits, options, &mut random)?;
         let selected = select(&rows, &sides);
-        let chosen = decide(&contest, &selected, &found, &visits, options);
         for k in chosen {
             let gains = contest.gains(&of_each(&selected, k));
             contest.visit(&of_each(&selected, k));
             steps.push(Step { candidate: k, wait: 0.0, purpose: tells(&gains, &kept, &contest) });
         }
     } else {
+        let choose = |rows: &Whitened, found: &Reachable| {
+            make_certain(&precision, &rows.select(&best.columns), found, &visits, options)
+        };
+        let chosen;
+        (found, rows, chosen) =
+            refined(choose, (found, rows), (&at, within), &visits, options, &mut random)?;
         let selected = rows.select(&best.columns);
-        let chosen = make_certain(&precision, &selected, &found, &visits, options);
         let mut certain = Precision::new(&best.information, Some(platform.clone()));
         for k in chosen {
             let before = [certain.trace(), precision.measure()];
@@ -300,7 +313,7 @@ struct Side {
 
 impl Side {
     fn of(at: &Linearised<'_>, fit: &Fit, old: &Whitened) -> Self {
-        let columns = at.columns_of(fit);
+        let columns = at.columns_of(&fit.model);
         let theta = columns.iter().zip(&fit.beta).map(|(&c, b)| b - at.beta[c]).collect();
         let n = columns.len();
         let mut priors = Mat::zeros(n, n);
@@ -329,7 +342,7 @@ fn contest_of(rivals: &[Explained], sides: &[Side]) -> Contest {
 
 /// Leaves of rivals that no pose tells apart the likelier one, with the probability of both: the
 /// numbers of those that are left, and pairs of the merged one and the one that it is merged with.
-/// The probes are taken now, and `later` after a pause where time matters.
+/// All candidates are visited `now`, and `later` after a pause where time matters.
 fn merge(
     contest: &mut Contest,
     sides: &[Side],
@@ -339,8 +352,7 @@ fn merge(
     let mut probed = contest.clone();
     for rows in std::iter::once(now).chain(later) {
         let each: Vec<Whitened> = sides.iter().map(|s| rows.select(&s.columns)).collect();
-        let stride = rows.len().div_ceil(PROBES).max(1);
-        for k in (0..rows.len()).step_by(stride) {
+        for k in 0..rows.len() {
             probed.visit(&of_each(&each, k));
         }
     }
@@ -403,14 +415,42 @@ fn least(count: usize, taken: &[usize], score: impl Fn(usize) -> f64 + Sync) -> 
     scored.reduce(|| (f64::INFINITY, usize::MAX), first)
 }
 
-/// Greedy choice with one round of exchange, for (96); in an order of short ways.
+/// Poses, their rows, and those that are chosen: from all candidates, then from others around the
+/// chosen ones, round by round, where that is better.
+fn refined(
+    choose: impl Fn(&Whitened, &Reachable) -> (Vec<usize>, f64),
+    (mut found, mut rows): (Reachable, Whitened),
+    (at, within): (&Linearised<'_>, Option<Within>),
+    visits: &Visits<'_>,
+    options: &FurtherOptions,
+    random: &mut Random,
+) -> Result<(Reachable, Whitened, Vec<usize>), Error> {
+    let (mut chosen, mut score) = choose(&rows, &found);
+    for share in CLOSER {
+        let best = found.some(&chosen);
+        let each = (share, AROUND.div_ceil(chosen.len()));
+        let readings = &visits.session.readings;
+        let Some(near) = around(at, readings, within, &best, each, &options.off, random)? else {
+            break;
+        };
+        let rows_near = visits.rows(at, &near, 0, 0.0, visits.start())?;
+        let (other, better) = choose(&rows_near, &near);
+        if better < score {
+            (found, rows, chosen, score) = (near, rows_near, other, better);
+        }
+    }
+    Ok((found, rows, chosen))
+}
+
+/// Greedy choice with one round of exchange, for (96); in an order of short ways, with `ln` of (96)
+/// and the weight of the way.
 fn decide(
     contest: &Contest,
     rows: &[Whitened],
     found: &Reachable,
     visits: &Visits<'_>,
     options: &FurtherOptions,
-) -> Vec<usize> {
+) -> (Vec<usize>, f64) {
     let mut contest = contest.clone();
     let mut field = Field::new(&contest, rows);
     let mut chosen: Vec<usize> = Vec::with_capacity(options.poses);
@@ -423,7 +463,7 @@ fn decide(
         field.update(&contest.visit(&field.rows_of(best)));
         chosen.push(best);
     }
-    for place in 0..chosen.len() {
+    for place in exchanged(&chosen) {
         let now = chosen[place];
         field.update(&contest.leave(&field.rows_of(now)));
         let others: Vec<usize> = chosen.iter().copied().filter(|&k| k != now).collect();
@@ -432,17 +472,19 @@ fn decide(
         chosen[place] = if better { best } else { now };
         field.update(&contest.visit(&field.rows_of(chosen[place])));
     }
-    tour(chosen, found, &visits.start())
+    let (order, way) = tour(chosen, found, &visits.start());
+    (order, contest.criterion().max(1e-300).ln() + options.way * way)
 }
 
-/// Greedy choice with one round of exchange, for a variance; in an order of short ways.
+/// Greedy choice with one round of exchange, for a variance; in an order of short ways, with its
+/// measure and the weight of the way.
 fn make_certain(
     precision: &Precision,
     rows: &Whitened,
     found: &Reachable,
     visits: &Visits<'_>,
     options: &FurtherOptions,
-) -> Vec<usize> {
+) -> (Vec<usize>, f64) {
     let after = |chosen: &[usize]| {
         let mut precision = precision.clone();
         chosen.iter().for_each(|&k| precision.visit(rows.of(k)));
@@ -458,7 +500,7 @@ fn make_certain(
         now.visit(rows.of(best));
         chosen.push(best);
     }
-    for place in 0..chosen.len() {
+    for place in exchanged(&chosen) {
         let own = chosen[place];
         let others: Vec<usize> = chosen.iter().copied().filter(|&k| k != own).collect();
         let rest = after(&others);
@@ -467,22 +509,30 @@ fn make_certain(
             chosen[place] = best;
         }
     }
-    tour(chosen, found, &visits.start())
+    let measure = after(&chosen).measure();
+    let (order, way) = tour(chosen, found, &visits.start());
+    (order, measure + options.way * way)
 }
 
-/// An order in which the next pose is never far: the nearest each time.
-fn tour(mut left: Vec<usize>, found: &Reachable, start: &[f64]) -> Vec<usize> {
-    let mut at = start.to_vec();
+/// Places of an exchange: a single pose was chosen from all, with its way.
+fn exchanged(chosen: &[usize]) -> std::ops::Range<usize> {
+    if chosen.len() > 1 { 0..chosen.len() } else { 0..0 }
+}
+
+/// An order in which the next pose is never far, the nearest each time; and the length of the way.
+fn tour(mut left: Vec<usize>, found: &Reachable, start: &[f64]) -> (Vec<usize>, f64) {
+    let (mut at, mut way) = (start.to_vec(), 0.0);
     let mut tour = Vec::with_capacity(left.len());
     left.sort_unstable(); // of two that are as near, the earlier candidate
     while !left.is_empty() {
         let far = |i: usize| found.distance(&at, found.row(left[i]));
         let nearest = (1..left.len()).fold(0, |best, i| if far(i) < far(best) { i } else { best });
+        way += far(nearest);
         let next = left.remove(nearest);
         at = found.row(next).to_vec();
         tour.push(next);
     }
-    tour
+    (tour, way)
 }
 
 /// Pose by pose where time or the direction of approach matters: the rows change on the way.
@@ -627,10 +677,61 @@ fn moments(
     session: &Observations,
     judged: &Reachable,
 ) -> Result<Moments, Error> {
+    let steps = steps_of(at);
+    let all: Vec<usize> = (0..at.model.parameters).collect();
+    let (columns, slopes) = slopes(at, &all, &steps, session, judged)?;
+    Ok(moments_of(&slopes, &columns, at.model.parameters))
+}
+
+/// The same for a model of many absent effects, each in a small model of its own: what one does
+/// does not depend on the others while they are absent.
+fn moments_of_absent(
+    at: &Linearised<'_>,
+    (best, named): (&Fit, &[Instance]),
+    session: &Observations,
+    judged: &Reachable,
+) -> Result<Moments, Error> {
+    let steps = steps_of(at);
+    let one = |effect: &[Instance]| {
+        let small = Linearised::new(session, best, effect, &[])?;
+        let columns = at.columns_of(&small.model);
+        let own = columns.iter().map(|&c| steps[c]).collect::<Vec<_>>();
+        let own_terms = best.model.term_parameters..small.model.term_parameters;
+        let some: Vec<usize> = match effect.is_empty() {
+            true => (0..columns.len()).collect(),
+            false => own_terms.collect(),
+        };
+        let (found, slopes) = slopes(&small, &some, &own, session, judged)?;
+        Ok((found.iter().map(|&k| columns[k]).collect::<Vec<_>>(), slopes))
+    };
+    let effects = named.par_iter().map(|effect| one(std::slice::from_ref(effect)));
+    let found: Vec<_> = effects.chain(rayon::iter::once(one(&[]))).collect::<Result<_, Error>>()?;
+    let (columns, slopes): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    Ok(moments_of(&slopes.concat(), &columns.concat(), at.model.parameters))
+}
+
+/// Steps that the session would hardly notice: linear, and far above rounding.
+fn steps_of(at: &Linearised<'_>) -> Vec<f64> {
+    let information = at.session().gram();
+    let step = |column: usize| {
+        let size = information[(column, column)].max(0.0).sqrt();
+        if size > 0.0 { 1.0 / size } else { 1e-6 }
+    };
+    (0..at.model.parameters).map(step).collect()
+}
+
+/// Derivatives by some parameters of a model, of those that act on these poses: their numbers, and
+/// the derivatives over the poses.
+fn slopes(
+    at: &Linearised<'_>,
+    some: &[usize],
+    steps: &[f64],
+    session: &Observations,
+    judged: &Reachable,
+) -> Result<(Vec<usize>, Vec<PoseSlopes>), Error> {
     let readings = Readings::beside(&session.mechanism, judged.table.clone(), &session.readings)?;
     let (model, columns) = at.under(&session.mechanism, &readings)?;
     let beta = at.beta_of(&columns);
-    let n = at.model.parameters;
     let platform = !judged.poses.is_empty();
     let place = |beta: &[f64]| -> Vec<[f64; 6]> {
         match platform {
@@ -638,14 +739,10 @@ fn moments(
             false => carried(&model, &readings, beta),
         }
     };
-    let information = at.session().gram();
-    // A step that the session would hardly notice: linear, and far above rounding.
-    let step = |&column: &usize| {
-        let size = information[(column, column)].max(0.0).sqrt();
-        if size > 0.0 { 1.0 / size } else { 1e-6 }
-    };
-    let steps: Vec<f64> = columns.iter().map(step).collect();
-    Ok(moments_of(&beta, &steps, &columns, n, place))
+    let acting = (0..columns.len()).filter(|&own| some.contains(&columns[own]));
+    let acting: Vec<(usize, f64)> = acting.map(|own| (own, steps[columns[own]])).collect();
+    let found = acting.iter().map(|&(own, _)| columns[own]).collect();
+    Ok((found, slopes_of(&beta, &acting, place)))
 }
 
 /// Places of the first carried point that a closure holds, row by row.
@@ -742,7 +839,7 @@ fn hidden(
     let before = with_priors(&old, &side.priors, &side.columns);
     let after = &before + visits.visited(&at, planned, steps)?.gram();
     let some: Vec<usize> = (0..judged.len()).step_by(2).collect();
-    let moments = moments(&at, session, &judged.some(&some))?;
+    let moments = moments_of_absent(&at, (best, &named), session, &judged.some(&some))?;
     let worst = |gram: &Mat<f64>| {
         worst_hidden(&session.mechanism, &at.model, &named, gram, &side.columns, &moments)
     };

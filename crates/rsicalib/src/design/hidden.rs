@@ -42,7 +42,7 @@ pub(crate) fn worst_hidden(
     let inverse = inverse_of(&Mat::from_fn(n, n, |i, j| gram[(fitted[i], fitted[j])]));
     let alpha = SearchOptions::default().alpha;
     // Noncentrality that is seen in four sessions of five, at the corrected level.
-    let seen = distributions::normal_quantile(1.0 - 0.5 * alpha / named.len() as f64) + 0.84;
+    let seen = distributions::two_sided_limit(alpha, named.len()) + 0.84;
     let one = |instance: &Instance| {
         let at = model.instances.iter().position(|i| i == instance)?;
         let own: Vec<usize> = (model.first[at]..model.first[at] + instance.width()).collect();

@@ -86,13 +86,13 @@ impl<'a> Linearised<'a> {
         Ok(Self { session, model, beta, noise: best.assumed() })
     }
 
-    /// The parameters of another fit of the session among those of this model.
-    pub(crate) fn columns_of(&self, fit: &Fit) -> Vec<usize> {
+    /// The parameters of another model of the session among those of this model.
+    pub(crate) fn columns_of(&self, other: &Model) -> Vec<usize> {
         let at = |instance: &Instance| {
             let k = self.model.instances.iter().position(|i| i == instance).unwrap_or_default();
             self.model.first[k]..self.model.first[k] + instance.width()
         };
-        let terms = fit.model.instances.iter().flat_map(at);
+        let terms = other.instances.iter().flat_map(at);
         terms.chain(self.model.term_parameters..self.model.parameters).collect()
     }
 

@@ -15,32 +15,36 @@ pub(crate) struct Moments {
     pub(crate) orientation: Mat<f64>,
 }
 
-/// Moments of the poses that `place` gives for parameters `beta`, by differences of these steps.
-///
-/// `columns` are the numbers of the parameters among `n`; others do not act.
-pub(crate) fn moments_of(
+/// Derivatives of poses by one parameter, pose by pose.
+pub(crate) type PoseSlopes = Vec<[f64; 6]>;
+
+/// Derivatives of the poses that `place` gives for parameters `beta`, by some of these, by
+/// differences of these steps: parameter by parameter.
+pub(crate) fn slopes_of(
     beta: &[f64],
-    steps: &[f64],
-    columns: &[usize],
-    n: usize,
+    some: &[(usize, f64)],
     place: impl Fn(&[f64]) -> Vec<[f64; 6]> + Sync,
-) -> Moments {
-    let slope_of = |own: usize| -> Vec<[f64; 6]> {
+) -> Vec<PoseSlopes> {
+    let slope_of = |&(own, step): &(usize, f64)| -> PoseSlopes {
         let moved = |sign: f64| {
             let mut there = beta.to_vec();
-            there[own] += sign * steps[own];
+            there[own] += sign * step;
             place(&there)
         };
         let slope = |(a, b): (&[f64; 6], &[f64; 6])| -> [f64; 6] {
             std::array::from_fn(|i| {
                 let d = if i < 3 { a[i] - b[i] } else { short_way(a[i] - b[i]) };
-                d / (2.0 * steps[own])
+                d / (2.0 * step)
             })
         };
         let (up, down) = (moved(1.0), moved(-1.0));
         up.iter().zip(&down).map(slope).collect()
     };
-    let slopes: Vec<Vec<[f64; 6]>> = (0..beta.len()).into_par_iter().map(slope_of).collect();
+    some.par_iter().map(slope_of).collect()
+}
+
+/// Moments by derivatives of so many parameters; those that are not among `columns` do not act.
+pub(crate) fn moments_of(slopes: &[PoseSlopes], columns: &[usize], n: usize) -> Moments {
     let rows = slopes.first().map_or(0, Vec::len);
     let share = 1.0 / (3 * rows).max(1) as f64;
     let product = |first: usize| {

@@ -10,7 +10,7 @@ use crate::Error;
 use crate::apply::poses::poses_of;
 use crate::design::exchange::Criterion;
 use crate::design::information::{Bound, Candidates};
-use crate::design::moments::moments_of;
+use crate::design::moments::{moments_of, slopes_of};
 use crate::design::reach::readings_at;
 use crate::mechanism::Mechanism;
 use crate::model::{Model, parse};
@@ -277,7 +277,9 @@ fn platform_weight(
     let columns: Vec<usize> = (0..2 * channels).collect();
     let sigma = sigma(mechanism, 1.0);
     let place = |beta: &[f64]| poses_of(&model, &readings, beta, &sigma, 1.0);
-    let moments = moments_of(&model.nominal(), &steps, &columns, 2 * channels, place);
+    let steps: Vec<(usize, f64)> = steps.into_iter().enumerate().collect();
+    let slopes = slopes_of(&model.nominal(), &steps, place);
+    let moments = moments_of(&slopes, &columns, 2 * channels);
     let n = 2 * channels;
     Ok(Mat::from_fn(n, n, |i, j| moments.position[(i, j)] / (told.scale[i] * told.scale[j])))
 }

@@ -17,9 +17,9 @@ use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::random::Random;
 use crate::readings::{Readings, Table};
 
-/// Share of a channel's limits that a pose keeps from each end: the pose is missed by a hand, and
-/// an elbow that is nearly straight cannot follow.
-const FROM_LIMITS: f64 = 0.06;
+/// Share of a channel's limits that a pose keeps from each end: a hand misses the pose. Effects of a
+/// sensor differ most at the ends of what it goes through, so that more costs information.
+const FROM_LIMITS: f64 = 0.02;
 
 /// Share of a channel's range that a pose keeps from each end, where the channel does not count.
 const FROM_RANGE: f64 = 0.005;
@@ -96,22 +96,12 @@ pub(crate) fn reachable(
     off: &[f64],
     random: &mut Random,
 ) -> Result<Reachable, Error> {
-    let mechanism = &at.model.mechanism;
-    let found = match within.filter(|_| has_closed_form(mechanism)) {
-        Some(within) => by_closed_form(at, session, &within, count, random)?,
+    let found = match within.filter(|_| has_closed_form(&at.model.mechanism)) {
+        Some(within) => by_closed_form(at, session, drawn(&within, count, random))?,
         None => by_closing(at, session, within, count, random)?,
     };
-    let channels = mechanism.channels.len();
-    let inside = |k: &usize| {
-        let row = found.row(*k);
-        mechanism.channels.iter().zip(row).enumerate().all(|(c, (channel, reading))| {
-            let scale = &at.model.scales[c];
-            let angle = scale.angle + scale.gain * (reading - scale.centre);
-            keeps(channel, *reading, angle)
-        })
-    };
-    let kept: Vec<usize> = (0..found.len()).filter(inside).collect();
-    let mut found = found.some(&kept);
+    let mut found = with_margins(at, found);
+    let channels = found.channels;
     let column = |c: usize| found.table.values.iter().skip(c).step_by(channels).copied();
     found.span = (0..channels)
         .map(|c| column(c).fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)]))
@@ -126,6 +116,54 @@ pub(crate) fn reachable(
         });
     }
     Ok(found)
+}
+
+/// These poses again and others around each, within so large a share of the box to each side; none
+/// without a closed form.
+///
+/// # Errors
+///
+/// As [`Linearised::under`].
+pub(crate) fn around(
+    at: &Linearised<'_>,
+    session: &Readings,
+    within: Option<Within>,
+    poses: &Reachable,
+    (share, each): (f64, usize),
+    off: &[f64],
+    random: &mut Random,
+) -> Result<Option<Reachable>, Error> {
+    let Some(within) = within.filter(|_| has_closed_form(&at.model.mechanism)) else {
+        return Ok(None);
+    };
+    let mut drawn = poses.poses.clone();
+    for pose in &poses.poses {
+        for _ in 0..each {
+            drawn.push(std::array::from_fn(|i| {
+                let [low, high] = within[i];
+                let step = share * (high - low) * random.uniform(-1.0, 1.0);
+                (pose[i] + step).clamp(low, high)
+            }));
+        }
+    }
+    let mut found = with_margins(at, by_closed_form(at, session, drawn)?);
+    found.span.clone_from(&poses.span);
+    Ok(Some(found.without(off)))
+}
+
+/// Those that keep the margins of every channel.
+fn with_margins(at: &Linearised<'_>, found: Reachable) -> Reachable {
+    let mechanism = &at.model.mechanism;
+    let inside = |k: &usize| {
+        let row = found.row(*k);
+        mechanism.channels.iter().zip(row).enumerate().all(|(c, (channel, reading))| {
+            let scale = &at.model.scales[c];
+            let angle = scale.angle + scale.gain * (reading - scale.centre);
+            keeps(channel, *reading, angle)
+        })
+    };
+    let kept: Vec<usize> = (0..found.len()).filter(inside).collect();
+    found.some(&kept)
 }
 
 /// True where a reading keeps the margins of its channel.
@@ -143,14 +181,8 @@ fn keeps(channel: &Channel, reading: f64, angle: f64) -> bool {
 }
 
 /// Half of the poses from the inside of the box, half from its faces: the best are extreme ones.
-fn by_closed_form(
-    at: &Linearised<'_>,
-    session: &Readings,
-    within: &Within,
-    count: usize,
-    random: &mut Random,
-) -> Result<Reachable, Error> {
-    let drawn: Vec<[f64; 6]> = (0..count)
+fn drawn(within: &Within, count: usize, random: &mut Random) -> Vec<[f64; 6]> {
+    (0..count)
         .map(|k| {
             within.map(|[low, high]| {
                 let inside = random.uniform(low, high);
@@ -158,7 +190,15 @@ fn by_closed_form(
                 if k >= count / 2 && random.coin() { end } else { inside }
             })
         })
-        .collect();
+        .collect()
+}
+
+/// Those of the poses that are in reach, with the readings to expect.
+fn by_closed_form(
+    at: &Linearised<'_>,
+    session: &Readings,
+    drawn: Vec<[f64; 6]>,
+) -> Result<Reachable, Error> {
     let mechanism = &at.model.mechanism;
     let channels = mechanism.channels.len();
     let (mut poses, mut angles) = (Vec::new(), Vec::new());

@@ -41,7 +41,6 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         .collect();
     let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
     let projected = project(observations, last, &inverse, &named)?;
-    let places = named.len() as f64;
     let noise = last.assumed();
     let here = platform(observations, &last.model, &last.beta, &noise);
     let mut hidden = Vec::with_capacity(named.len());
@@ -49,7 +48,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         let info = instance.term.info();
         let d = info.parameters.len();
         // Noncentrality that is seen in four sessions of five, at the corrected level.
-        let z = distributions::normal_quantile(1.0 - 0.5 * search.alpha / places) + 0.84;
+        let z = distributions::two_sided_limit(search.alpha, named.len()) + 0.84;
         let wanted = z * z;
         // The direction, in typical sizes, that is hardest to see among those that can be.
         let typical =

@@ -19,7 +19,7 @@ pub fn f_tail(x: f64, d1: f64, d2: f64) -> f64 {
     if d2.is_infinite() || d2 > 1e7 {
         return chi2_tail(d1 * x, d1);
     }
-    if !x.is_finite() {
+    if !(d1 * x).is_finite() {
         return if x > 0.0 { 0.0 } else { 1.0 };
     }
     FisherSnedecor::new(d1, d2).map_or(1.0, |d| d.sf(x.max(0.0)))
@@ -47,16 +47,28 @@ pub fn chi2_beyond(x: f64, dof: f64, noncentrality: f64) -> f64 {
     sum.min(1.0)
 }
 
-/// `x` with `P(χ²(dof) > x) = p`.
+/// `x` with `P(χ²(dof) > x) = p`; NaN where `p` is no probability.
 #[must_use]
 pub fn chi2_quantile(p: f64, dof: f64) -> f64 {
-    ChiSquared::new(dof).map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - p))
+    ChiSquared::new(dof).map_or(f64::INFINITY, |d| quantile(&d, 1.0 - p))
 }
 
-/// `z` with `P(N(0,1) < z) = p`.
+/// `z` with `P(N(0,1) < z) = p`; NaN where `p` is no probability.
 #[must_use]
 pub fn normal_quantile(p: f64) -> f64 {
-    Normal::standard().inverse_cdf(p)
+    quantile(&Normal::standard(), p)
+}
+
+/// `z` with `P(|N(0,1)| > z) = level` for the largest of so many tests; of one test where there are
+/// none.
+#[must_use]
+pub fn two_sided_limit(level: f64, tests: usize) -> f64 {
+    normal_quantile(1.0 - 0.5 * level / tests.max(1) as f64)
+}
+
+/// The one place that asks for a quantile: the library panics where `p` is no probability.
+fn quantile(of: &impl ContinuousCDF<f64, f64>, p: f64) -> f64 {
+    if (0.0..=1.0).contains(&p) { of.inverse_cdf(p) } else { f64::NAN }
 }
 
 /// `P(N(0,1) < z)`.
@@ -77,6 +89,23 @@ pub fn poisson_tail(count: f64, mean: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_no_probability_has_no_quantile() {
+        for p in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e-9, 1.0 + 1e-9] {
+            assert!(normal_quantile(p).is_nan() && chi2_quantile(p, 3.0).is_nan());
+        }
+        assert_eq!(f_tail(f64::MAX, 9.0, 5.0), 0.0);
+        assert_eq!(f_tail(f64::NAN, 9.0, 5.0), 1.0);
+    }
+
+    #[test]
+    fn the_limit_of_many_tests_is_larger_and_that_of_none_is_that_of_one() {
+        // scipy.stats.norm.isf(0.05 / 2) and of (0.05 / 20), version 1.17.
+        assert!((two_sided_limit(0.05, 1) - 1.959_963_984_540_054).abs() < 1e-9);
+        assert!((two_sided_limit(0.05, 10) - 2.807_033_768_343_811).abs() < 1e-9);
+        assert_eq!(two_sided_limit(0.05, 0), two_sided_limit(0.05, 1));
+    }
 
     #[test]
     fn noncentral_chi_square_agrees_with_scipy() {

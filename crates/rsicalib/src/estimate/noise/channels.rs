@@ -60,7 +60,7 @@ pub fn by_channel(
 ) -> Option<(Noise, usize)> {
     let seen = Seen::of(groups, residuals, used, alike);
     let channels = alike.noise.sigma.len();
-    let limit = -distributions::normal_quantile(0.5 * ALPHA / channels as f64);
+    let limit = distributions::two_sided_limit(ALPHA, channels);
     let mut variances = Variances::new(channels);
     loop {
         variances.settle(&seen)?;
