@@ -2,11 +2,12 @@
 //!
 //! A window of level `z` is tested every `s_z` samples for each of `J` candidates. With
 //! probability `p_z` of exceeding its threshold by chance, the expected number of false alarms
-//! per sample is at most `Σ_z J p_z / s_z`, however the tests depend on each other. The promised
-//! rate `α` is shared equally between the `Z` levels:
+//! per sample is at most `Σ_z J p_z / s_z`, however the tests depend on each other. A level is
+//! tested first `5/2 s_z` samples after the last alarm; at the promised rate `α` that many samples
+//! pass without an alarm with probability `e_z`. The levels share the rate in proportion to it:
 //!
 //! ```text
-//! p_z = α s_z / (J Z),    P(χ²(q) > h_zq) = p_z                          (104)
+//! p_z = α s_z e_z / (J Σ e²),   e_z = exp(-5/2 α s_z),   P(χ²(q) > h_zq) = p_z     (104)
 //! ```
 //!
 //! A long window is tested seldom, and has a lower threshold. Where the scale of the noise is
@@ -17,6 +18,9 @@ use crate::numerics::distributions::chi2_tail;
 
 /// Largest rank of a candidate.
 const MOST_RANK: usize = 16;
+
+/// Samples after an alarm until a level is tested, over those between its tests.
+const REACHED: f64 = 2.5;
 
 /// Thresholds of every level and rank.
 #[derive(Debug, Clone)]
@@ -37,9 +41,12 @@ impl Thresholds {
         step: impl Fn(usize) -> f64,
     ) -> Self {
         let tests = (levels * candidates.max(1)) as f64;
+        let reached = |level: usize| (-REACHED * rate * step(level)).exp();
+        let all: f64 = (0..levels).map(|level| reached(level).powi(2)).sum();
         let limits = (0..levels)
             .flat_map(|level| {
-                let p = (rate * step(level) / tests).min(0.5);
+                let share = reached(level) / all;
+                let p = (rate * share * step(level) / candidates.max(1) as f64).min(0.5);
                 (1..=MOST_RANK).map(move |rank| quantile(p, rank as f64))
             })
             .collect();
@@ -103,11 +110,13 @@ mod tests {
     #[test]
     fn the_rates_of_all_tests_add_up_to_the_promise() {
         let step = |level: usize| 2.0_f64.powi(level as i32 + 1);
-        let (levels, candidates) = (12, 15);
+        let (levels, candidates) = (18, 15);
         let own = Thresholds::new(1e-5, levels, candidates, step);
-        let rate: f64 = (0..levels)
-            .map(|z| candidates as f64 * chi2_tail(own.limits[z * MOST_RANK + 2], 3.0) / step(z))
-            .sum();
+        // Levels whose windows are longer than the time between alarms are seldom reached.
+        let reached = |z: usize| (-REACHED * 1e-5 * step(z)).exp();
+        let tail = |z: usize| chi2_tail(own.limits[z * MOST_RANK + 2], 3.0);
+        let rate: f64 =
+            (0..levels).map(|z| candidates as f64 * reached(z) * tail(z) / step(z)).sum();
         assert!((rate / 1e-5 - 1.0).abs() < 1e-6, "{rate}");
     }
 
