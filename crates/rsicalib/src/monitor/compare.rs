@@ -22,6 +22,7 @@ use crate::monitor::state::State;
 use crate::monitor::thresholds::{as_chi2, log_tail};
 use crate::monitor::watched::{Watched, changes};
 use crate::monitor::windows::{Sums, Windows};
+use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::{chi2_tail, f_tail};
 use crate::numerics::lanes::WIDTH;
 
@@ -36,9 +37,6 @@ const SETTLED: usize = 4;
 
 /// Standard deviation, in typical sizes, of what is not known.
 const UNKNOWN: f64 = 1e3;
-
-/// Changes fit as well where twice the logarithm of their probability differs by less.
-const AS_WELL: f64 = 6.0;
 
 /// A later session against an earlier calibration.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,7 +139,7 @@ pub fn compare(
     let tests = watched.candidates.len() as f64;
     while changes.len() < MOST {
         let ranked = ranked(&watched, &pass, dof, &taken);
-        let Some(&(best, log_p)) = ranked.first() else { break };
+        let Some(&(best, log_p, fit)) = ranked.first() else { break };
         if log_p.exp() * tests >= CHANGED_LEVEL {
             break;
         }
@@ -151,8 +149,9 @@ pub fn compare(
             pass = session.pass(&watched, &was, &prior);
             centre(&mut watched, &mut pass);
         }
-        let near = |one: &&(usize, f64)| 2.0 * (one.1 - log_p) < AS_WELL;
-        let names = ranked[1..].iter().filter(near).map(|(k, _)| name(&watched, *k)).collect();
+        let near =
+            |one: &&(usize, f64, f64)| one.2 > fit - AS_WELL || 2.0 * (one.1 - log_p) < AS_WELL;
+        let names = ranked[1..].iter().filter(near).map(|one| name(&watched, one.0)).collect();
         changes.push((best, (log_p.exp() * tests).min(1.0), names));
     }
     let found = changes.into_iter().map(|(k, p_value, also_fits)| {
@@ -245,11 +244,12 @@ impl Session<'_> {
     }
 }
 
-/// Candidates by how improbable they are by chance, with the logarithm of that probability.
-fn ranked(watched: &Watched, pass: &Pass, dof: f64, taken: &[usize]) -> Vec<(usize, f64)> {
+/// Candidates by how improbable they are by chance, with the logarithm of that probability, and
+/// by how much `χ²` falls.
+fn ranked(watched: &Watched, pass: &Pass, dof: f64, taken: &[usize]) -> Vec<(usize, f64, f64)> {
     let mut score = Score::new(watched.order.len());
     let none = Sums::new(watched.order.len());
-    let mut ranked: Vec<(usize, f64)> = Vec::new();
+    let mut ranked: Vec<(usize, f64, f64)> = Vec::new();
     for (k, candidate) in watched.candidates.iter().enumerate() {
         if taken.contains(&k) {
             continue;
@@ -257,7 +257,7 @@ fn ranked(watched: &Watched, pass: &Pass, dof: f64, taken: &[usize]) -> Vec<(usi
         let (statistic, rank) = score.test(&candidate.columns, &pass.state, &pass.now, &none);
         if rank > 0 {
             let statistic = if dof.is_finite() { as_chi2(statistic, dof) } else { statistic };
-            ranked.push((k, log_tail(statistic, rank as f64)));
+            ranked.push((k, log_tail(statistic, rank as f64), statistic));
         }
     }
     ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
