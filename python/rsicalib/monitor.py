@@ -87,7 +87,7 @@ class Alarm(Record):
     p_value: float
     """Probability of such a deviation by chance, corrected for the tests of one sample."""
     also_fits: tuple[Suspect, ...] = ()
-    """Changes that the readings cannot tell from it yet."""
+    """Changes that the readings cannot tell from it, or not yet."""
     revises: int | None = None
     """`row` of an earlier alarm whose name this one corrects; None for a new change."""
 
@@ -98,10 +98,10 @@ class Alarm(Record):
         words += f"± {self.sd:.1g} {self.unit}"
         if self.platform_rms is not None and self.platform_rms.position is not None:
             words += f", the platform by {self.platform_rms.position:.2g}"
-        if self.revises is not None:
-            return f"{words} (this was named otherwise in row {self.revises})"
         if self.also_fits:
             words += f"; or {', '.join(dict.fromkeys(s.target for s in self.also_fits))}"
+        if self.revises is not None:
+            words += f" (this was named otherwise in row {self.revises})"
         return words
 
 

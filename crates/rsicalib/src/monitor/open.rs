@@ -155,3 +155,41 @@ impl Open {
         Some((all, square))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::random::Random;
+
+    /// The evidence against the density of all readings, `y ~ N(0, 1 + G Σ Gᵀ)`.
+    #[test]
+    fn the_evidence_of_a_name_is_the_density_of_the_readings() {
+        let (rows, columns) = (12, 4);
+        let mut random = Random::new(5);
+        let mut draw = || random.uniform(-1.0, 1.0);
+        let g = DMatrix::from_fn(rows, columns, |_, _| draw());
+        let y = DVector::from_fn(rows, |_, _| 3.0 * draw());
+        // The first two are known beforehand somewhat, the others may have changed.
+        let wide = DMatrix::from_diagonal(&DVector::from_vec(vec![0.3, 0.1, 9.0, 4.0]));
+        let before = wide.clone().cholesky().expect("positive").inverse();
+        let inverse = &before + g.transpose() * &g;
+        let told = Told {
+            live: (0..columns).collect(),
+            information: &inverse - &before,
+            score: g.transpose() * &y,
+        };
+        for named in [2, 3] {
+            let mut sigma = wide.clone();
+            sigma[(5 - named, 5 - named)] = 0.0;
+            let (fit, evidence, mean, _) = told.under(&sigma).expect("regular");
+
+            let density = DMatrix::identity(rows, rows) + &g * &sigma * g.transpose();
+            let inverse = density.clone().try_inverse().expect("regular");
+            let squares = y.norm_squared() - y.dot(&(&inverse * &y));
+            assert!((fit - squares).abs() < 1e-9);
+            assert!((evidence - (squares - density.determinant().ln())).abs() < 1e-9);
+            let expected = &sigma * g.transpose() * inverse * &y;
+            assert!((mean - expected).norm() < 1e-9);
+        }
+    }
+}
