@@ -152,7 +152,7 @@ class Watch(Record):
         return "\n".join(
             [
                 f"{self.used} of {self.rows} rows tested" + (f" ({left})" if left else ""),
-                f"alarms   {self.alarms} (false ones promised: at most {rate})",
+                f"alarms   {self.alarms} (false ones expected: {rate})",
                 f"noise    {self.noise:.2f} of the calibration's, neighbours correlated by "
                 f"{self.correlation:.2f}",
             ]
@@ -174,7 +174,7 @@ class Monitor:
     mechanism : str, path or Mechanism
         What is read.
     false_alarms : float, optional
-        Expected number of false alarms per sample, at most; 1e-5 where not given.
+        Expected number of false alarms per sample; 1e-5 where not given.
 
     Raises
     ------
@@ -298,8 +298,8 @@ def watch(
     mechanism : str, path or Mechanism
         What is read.
     false_alarms : float or str, optional
-        Expected number of false alarms per sample, at most; or `"0.1/h"`, per hour, where rows
-        have a time. As in Rust where not given.
+        Expected number of false alarms per sample; or `"0.1/h"`, per hour, where rows have a
+        time. As in Rust where not given.
 
     Returns
     -------

@@ -108,8 +108,8 @@ def figures(pairs: Sequence[Pair]) -> str:
     error = np.median([p.error for p in other], axis=0)
     return (
         f"unchanged: {moved} of {len(same)} moved falsely, {kept} kept; changed: {right} of "
-        f"{len(other)} named right, {listed} named or listed, {worth} worth an update, error of the "
-        f"handle {error[0]:.4f} before, {error[1]:.4f} after"
+        f"{len(other)} named right, {listed} named or listed, {worth} worth an update, "
+        f"error of the handle {error[0]:.4f} before, {error[1]:.4f} after"
     )
 
 
