@@ -15,6 +15,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, InputError, Monitor
 from rsicalib.io.stream import rows_of
+from tests import oracle
 from tests.oracle import Array
 from tests.watch.device import RATE_HZ, Change, Work, calibrated
 from tests.watch.trials import quiet
@@ -78,13 +79,26 @@ def test_row_by_row_and_all_at_once_say_the_same(step: dict[str, Any]) -> None:
     np.testing.assert_allclose([a.size for a in at_once], [a.size for a in one_by_one], rtol=1e-6)
 
 
-def test_a_bent_link_is_named_by_its_chain() -> None:
+def test_a_link_bent_across_its_plane_is_named_by_its_chain() -> None:
     device, found, rng = calibrated(12)
     work = Work(device, rng, change=Change("arm3", 0.05, since=2000, axis="forearm"))
     alarms = Monitor(found).update(work.rows(12_000))
     assert alarms
     assert 2000 <= alarms[0].row < 2100
     assert alarms[-1].target.split("/")[0] == "arm3"
+
+
+def test_a_link_bent_in_its_plane_is_the_same_as_a_slipped_sensor() -> None:
+    # Turned about its joint by 0.05 in over the length of the forearm: the angle is that of an
+    # offset of a33, and its length differs by 0.0003 in.
+    device, found, rng = calibrated(12)
+    work = Work(device, rng, change=Change("arm3", 0.05, since=2000, axis="in_plane"))
+    alarms = Monitor(found).update(work.rows(12_000))
+    last = alarms[-1]
+    assert (last.term, last.target) == ("offset", "a33")
+    assert "arm3" in {s.target for s in last.also_fits}
+    assert abs(abs(last.size) - 0.05 / oracle.L3) < 4 * last.sd
+    assert all(a.revises == alarms[0].row for a in alarms[1:])
 
 
 def test_missing_repeated_and_late_rows_are_counted_and_raise_no_alarm() -> None:

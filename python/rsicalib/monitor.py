@@ -87,7 +87,7 @@ class Alarm(Record):
     p_value: float
     """Probability of such a deviation by chance, corrected for the tests of one sample."""
     also_fits: tuple[Suspect, ...] = ()
-    """Changes that the readings cannot tell from it yet."""
+    """Changes that the readings cannot tell from it, or not yet."""
     revises: int | None = None
     """`row` of an earlier alarm whose name this one corrects; None for a new change."""
 
@@ -98,10 +98,10 @@ class Alarm(Record):
         words += f"± {self.sd:.1g} {self.unit}"
         if self.platform_rms is not None and self.platform_rms.position is not None:
             words += f", the platform by {self.platform_rms.position:.2g}"
-        if self.revises is not None:
-            return f"{words} (this was named otherwise in row {self.revises})"
         if self.also_fits:
             words += f"; or {', '.join(dict.fromkeys(s.target for s in self.also_fits))}"
+        if self.revises is not None:
+            words += f" (this was named otherwise in row {self.revises})"
         return words
 
 
@@ -152,7 +152,7 @@ class Watch(Record):
         return "\n".join(
             [
                 f"{self.used} of {self.rows} rows tested" + (f" ({left})" if left else ""),
-                f"alarms   {self.alarms} (false ones promised: at most {rate})",
+                f"alarms   {self.alarms} (false ones expected: {rate})",
                 f"noise    {self.noise:.2f} of the calibration's, neighbours correlated by "
                 f"{self.correlation:.2f}",
             ]
@@ -174,7 +174,7 @@ class Monitor:
     mechanism : str, path or Mechanism
         What is read.
     false_alarms : float, optional
-        Expected number of false alarms per sample, at most; 1e-5 where not given.
+        Expected number of false alarms per sample; 1e-5 where not given.
 
     Raises
     ------
@@ -298,8 +298,8 @@ def watch(
     mechanism : str, path or Mechanism
         What is read.
     false_alarms : float or str, optional
-        Expected number of false alarms per sample, at most; or `"0.1/h"`, per hour, where rows
-        have a time. As in Rust where not given.
+        Expected number of false alarms per sample; or `"0.1/h"`, per hour, where rows have a
+        time. As in Rust where not given.
 
     Returns
     -------

@@ -77,7 +77,10 @@ class Motion:
 class Change:
     """What happens at work: an offset [rad] that a channel takes on, or a length of an arm [in].
 
-    `since` is a row. With `per_row` it grows from there, by so much in each row, up to `size`.
+    `since` is a row. With `per_row` it grows from there, by so much in each row, up to `size`. An
+    arm changes along an `axis`: the length of its upper arm, the offset of its elbow, a forearm
+    bent out of the plane in which it swings, or one bent within that plane. This last one turns
+    the forearm about its joint, as a slip of the joint's sensor does: no reading tells the two.
     """
 
     target: str
@@ -85,6 +88,12 @@ class Change:
     since: int = 0
     per_row: float | None = None
     axis: str = "offset"
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The targets of an alarm that are right."""
+        same = {f"a{self.target[3]}3"} if self.axis == "in_plane" else set()
+        return frozenset({self.target} | same)
 
     def share(self, rows: Array) -> Array:
         """How much of it is there, 0 to 1, (n,)."""
@@ -96,9 +105,9 @@ class Change:
     def geometry(self, geometry: Geometry, share: float) -> Geometry:
         """The geometry with that share of the change."""
         arm, by = int(self.target[3]) - 1, share * self.size
-        if self.axis == "forearm":  # bent sideways: the wrist moves across
+        if self.axis in ("forearm", "in_plane"):
             tips = geometry.tips.copy()
-            tips[arm, 1] += by
+            tips[arm, 2 if self.axis == "forearm" else 1] += by
             return geometry.with_values(tips=tips)
         return geometry.with_row(arm, 1, {"upper_arm": A, "elbow": D}[self.axis], by)
 

@@ -21,6 +21,7 @@ SIZES = {
     "step": (0.5, 1.0, 2.0, 4.0, 8.0, 32.0),
     "drift": (0.5, 2.0, 8.0, 32.0),
     "forearm": (0.005, 0.01, 0.02, 0.05),
+    "in_plane": (0.005, 0.01, 0.02, 0.05),
     "upper_arm": (0.005, 0.01, 0.02, 0.05),
 }
 """Counts for a step, counts per 10000 rows for a drift, inches for a bent link."""
@@ -67,11 +68,11 @@ def _words(found: Sequence[Found]) -> str:
         error = np.sqrt(max(p * (1 - p), 0.5 / n) / n)
         return f"{100 * p:.0f} ± {100 * error:.0f} %"
 
-    at_once, listed = [f.first for f in seen], [f.first or f.listed for f in seen]
     return (
         f"delay {half:.0f} rows ({low:.0f} … {high:.0f}), missed {len(sound) - len(late)} of "
-        f"{len(sound)}; named at once {share(at_once)}, or listed {share(listed)}, in the end "
-        f"{share([f.last for f in seen])}; {np.mean([f.more for f in seen]):.2f} more alarms"
+        f"{len(sound)}; named at once {share([f.first for f in seen])}, or listed "
+        f"{share([f.listed for f in seen])}; in the end {share([f.last for f in seen])}, or listed "
+        f"{share([f.last_listed for f in seen])}; {np.mean([f.more for f in seen]):.2f} more alarms"
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import rsicalib
-from rsicalib.monitor import Alarm
+from rsicalib.monitor import Alarm, Suspect
 from tests.blind.simulator import CHANNELS
 from tests.watch.device import Change, Work, calibrated
 
@@ -39,7 +39,8 @@ class Found:
     """A device that changed: `delay` in rows, None where missed or accused before.
 
     `first` and `last` say whether the first alarm, and the last word on it, name the right part;
-    `listed` whether the first lists it among those that fit as well. `size` is the last word's.
+    `listed` and `last_listed` whether they name it or list it among those that fit as well. `size`
+    is the last word's.
     """
 
     early: bool
@@ -47,6 +48,7 @@ class Found:
     first: bool = False
     listed: bool = False
     last: bool = False
+    last_listed: bool = False
     more: int = 0
     size: float = float("nan")
 
@@ -101,8 +103,11 @@ def judged(change: Change, alarms: list[Alarm]) -> Found:
     if not news or early:
         return Found(early, None)
 
-    def right(alarm: Alarm) -> bool:
-        return alarm.target.split("/")[0] == change.target
+    def right(alarm: Alarm | Suspect) -> bool:
+        return alarm.target.split("/")[0] in change.names
+
+    def listed(alarm: Alarm) -> bool:
+        return right(alarm) or any(map(right, alarm.also_fits))
 
     first = news[0]
     words = [a for a in news if a is first or a.revises == first.row]
@@ -110,8 +115,9 @@ def judged(change: Change, alarms: list[Alarm]) -> Found:
         early=False,
         delay=first.row - change.since,
         first=right(first),
-        listed=any(s.target.split("/")[0] == change.target for s in first.also_fits),
+        listed=listed(first),
         last=right(words[-1]),
+        last_listed=listed(words[-1]),
         more=sum(a.revises is None for a in news) - 1,
         size=words[-1].size,
     )

@@ -229,7 +229,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_mechanism(sub)
     words = "the result under which the device works"
     sub.add_argument("--calibration", metavar="FILE", required=True, help=words)
-    words = f"false alarms at most: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
+    words = f"false alarms to expect: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
     sub.add_argument("--false-alarms", metavar="RATE", help=words)
 
     sub = verb(history)

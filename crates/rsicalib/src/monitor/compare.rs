@@ -22,6 +22,7 @@ use crate::monitor::state::State;
 use crate::monitor::thresholds::{as_chi2, log_tail};
 use crate::monitor::watched::{Watched, changes};
 use crate::monitor::windows::{Sums, Windows};
+use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::{chi2_tail, f_tail};
 use crate::numerics::lanes::WIDTH;
 
@@ -36,9 +37,6 @@ const SETTLED: usize = 4;
 
 /// Standard deviation, in typical sizes, of what is not known.
 const UNKNOWN: f64 = 1e3;
-
-/// Changes fit as well where twice the logarithm of their probability differs by less.
-const AS_WELL: f64 = 6.0;
 
 /// A later session against an earlier calibration.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,9 +100,39 @@ struct Pass {
 
 struct Session<'a> {
     observations: &'a Observations,
-    noise: &'a Noise,
-    /// Variance of a pose's mean over that of independent samples.
-    inflation: f64,
+    judged: &'a Judged,
+}
+
+/// A candidate, and what speaks for it.
+#[derive(Debug, Clone, Copy)]
+struct Ranked {
+    candidate: usize,
+    /// By how much `χ²` falls.
+    fit: f64,
+    /// Logarithm of the probability of that by chance.
+    log_p: f64,
+    /// That probability for any of the candidates.
+    p_value: f64,
+}
+
+/// A change that is named.
+struct Named {
+    candidate: usize,
+    p_value: f64,
+    also_fits: Vec<[String; 2]>,
+}
+
+impl Ranked {
+    /// True where the readings cannot tell this candidate from `named`.
+    fn ties(&self, named: &Self) -> bool {
+        self.fit > named.fit - AS_WELL || 2.0 * (self.log_p - named.log_p) < AS_WELL
+    }
+}
+
+impl Named {
+    fn of(best: Ranked) -> Self {
+        Self { candidate: best.candidate, p_value: best.p_value.min(1.0), also_fits: Vec::new() }
+    }
 }
 
 /// What has changed since the calibration `earlier`, whose parameters have this covariance, row
@@ -119,11 +147,10 @@ pub fn compare(
     observations: &Observations,
     judged: &Judged,
 ) -> Result<Comparison, Error> {
-    let Judged { noise, inflation, dof } = judged;
-    let (inflation, dof) = (*inflation, *dof);
+    let noise = &judged.noise;
     let mechanism = &observations.mechanism;
     let mut watched = Watched::new(mechanism, earlier, covariance, candidates(mechanism))?;
-    let session = Session { observations, noise, inflation };
+    let session = Session { observations, judged };
     let mut seen = Seen::new(mechanism.channels.len());
     session.used().for_each(|row| seen.see(observations.readings.row(row)));
     let count = session.used().count() as f64 * watched.under.model.equations() as f64;
@@ -131,33 +158,35 @@ pub fn compare(
     let was = watched.at.clone();
     let prior = watched.prior.clone();
     let rms_misclosure = session.misclosure(&watched)?;
-    let first = session.pass(&watched, &was, &prior);
-    let per_dof = first.chi2 / count;
-    let p_value =
-        if dof.is_finite() { f_tail(per_dof, count, dof) } else { chi2_tail(first.chi2, count) };
-    let mut changes = Vec::new();
-    let (mut pass, mut prior) = (first, prior);
-    let mut taken: Vec<usize> = Vec::new();
-    let tests = watched.candidates.len() as f64;
-    while changes.len() < MOST {
-        let ranked = ranked(&watched, &pass, dof, &taken);
-        let Some(&(best, log_p)) = ranked.first() else { break };
-        if log_p.exp() * tests >= CHANGED_LEVEL {
+    let mut pass = session.pass(&watched, &was, &prior);
+    let (chi2_per_dof, p_value) = (pass.chi2 / count, session.p_value(pass.chi2, count));
+    let mut changes: Vec<Named> = Vec::new();
+    let mut tried = Vec::new();
+    while tried.len() < MOST {
+        let ranked = session.ranked(&watched, &pass, &tried);
+        let Some(best) = ranked.first().copied() else { break };
+        if best.p_value >= CHANGED_LEVEL {
             break;
         }
-        taken.push(best);
-        prior = unknown(&mut watched, &prior, best);
-        for _ in 0..SETTLED {
-            pass = session.pass(&watched, &was, &prior);
-            centre(&mut watched, &mut pass);
+        tried.push(best.candidate);
+        let ties = ranked[1..].iter().filter(|one| one.ties(&best));
+        let also_fits = ties.map(|one| name(&watched, one.candidate)).collect();
+        changes.push(Named { also_fits, ..Named::of(best) });
+        pass = session.settle(&mut watched, &was, &changes);
+        let certain = covariance.is_none();
+        let left = |one: &Named| {
+            one.candidate == best.candidate
+                || session.remains(&watched, &pass, &was, certain, one.candidate)
+        };
+        let before = changes.len();
+        changes.retain(left);
+        if changes.len() < before {
+            pass = session.settle(&mut watched, &was, &changes);
         }
-        let near = |one: &&(usize, f64)| 2.0 * (one.1 - log_p) < AS_WELL;
-        let names = ranked[1..].iter().filter(near).map(|(k, _)| name(&watched, *k)).collect();
-        changes.push((best, (log_p.exp() * tests).min(1.0), names));
     }
-    let found = changes.into_iter().map(|(k, p_value, also_fits)| {
+    let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
         let (values, covariance, alone) =
-            difference(&watched, &pass, &was, covariance.is_some(), k);
+            difference(&watched, &pass, &was, covariance.is_none(), k);
         let candidate = &watched.candidates[k];
         let (parameters, [size, sd], unit) = candidate.changes(&values, &covariance);
         let [term, target] = name(&watched, k);
@@ -165,7 +194,7 @@ pub fn compare(
         Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
     let changes = found.collect();
-    Ok(Comparison { chi2_per_dof: per_dof, p_value, rms_misclosure, changes })
+    Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes })
 }
 
 /// What may have changed: as at work, and the gain of a sensor.
@@ -194,7 +223,7 @@ impl Session<'_> {
     fn pass(&self, watched: &Watched, was: &[f64], prior: &[f64]) -> Pass {
         let width = watched.order.len();
         let k = watched.under.model.equations();
-        let mut rows = Rows::new(watched, &self.noise.sigma);
+        let mut rows = Rows::new(watched, &self.judged.noise.sigma);
         let mut state = State::new(prior.to_vec(), watched.uncertain, width, k);
         for (position, mean) in state.mean.iter_mut().enumerate() {
             let column = watched.order[position];
@@ -202,7 +231,7 @@ impl Session<'_> {
         }
         let mut windows = Windows::new(width, 1, watched.tested());
         let (mut r, mut g) = (vec![0.0; k], vec![0.0; k * width]);
-        let less = 1.0 / self.inflation.sqrt();
+        let less = 1.0 / self.judged.inflation.sqrt();
         let mut chi2 = 0.0;
         let used: Vec<usize> = self.used().collect();
         for block in used.chunks(WIDTH) {
@@ -213,12 +242,71 @@ impl Session<'_> {
             for lane in 0..block.len() {
                 rows.read(lane, watched, &mut r, &mut g);
                 r.iter_mut().chain(&mut g).for_each(|v| *v *= less);
-                chi2 += state.compare(&r, &g, width) * self.inflation;
+                chi2 += state.compare(&r, &g, width) * self.judged.inflation;
                 state.absorb();
                 windows.add(&r, &g, 0, None);
             }
         }
         Pass { state, now: windows.now, chi2 }
+    }
+
+    /// The state once the estimates of some changes have settled.
+    fn settle(&self, watched: &mut Watched, was: &[f64], changes: &[Named]) -> Pass {
+        let prior = freed(watched, changes);
+        let mut pass = self.pass(watched, was, &prior);
+        centre(watched, &mut pass);
+        for _ in 1..SETTLED {
+            pass = self.pass(watched, was, &prior);
+            centre(watched, &mut pass);
+        }
+        pass
+    }
+
+    /// True where a change is beyond chance beside those that were found after it.
+    fn remains(
+        &self,
+        watched: &Watched,
+        pass: &Pass,
+        was: &[f64],
+        certain: bool,
+        candidate: usize,
+    ) -> bool {
+        let (values, covariance, _) = difference(watched, pass, was, certain, candidate);
+        let Some(factor) = covariance.cholesky() else { return true };
+        let statistic = values.dot(&factor.solve(&values));
+        self.log_p(statistic, values.len()).exp() * (watched.candidates.len() as f64)
+            < CHANGED_LEVEL
+    }
+
+    /// Probability of a larger `χ²` of all readings by chance.
+    fn p_value(&self, chi2: f64, count: f64) -> f64 {
+        let dof = self.judged.dof;
+        if dof.is_finite() { f_tail(chi2 / count, count, dof) } else { chi2_tail(chi2, count) }
+    }
+
+    /// Logarithm of the probability of a larger statistic by chance.
+    fn log_p(&self, statistic: f64, rank: usize) -> f64 {
+        let dof = self.judged.dof;
+        let statistic = if dof.is_finite() { as_chi2(statistic, dof) } else { statistic };
+        log_tail(statistic, rank as f64)
+    }
+
+    /// Candidates by how improbable they are by chance.
+    fn ranked(&self, watched: &Watched, pass: &Pass, tried: &[usize]) -> Vec<Ranked> {
+        let mut score = Score::new(watched.order.len());
+        let none = Sums::new(watched.order.len());
+        let tests = watched.candidates.len() as f64;
+        let mut ranked = Vec::new();
+        for (number, candidate) in watched.candidates.iter().enumerate() {
+            let (fit, rank) = score.test(&candidate.columns, &pass.state, &pass.now, &none);
+            if rank > 0 && !tried.contains(&number) {
+                let log_p = self.log_p(fit, rank);
+                let p_value = log_p.exp() * tests;
+                ranked.push(Ranked { candidate: number, fit, log_p, p_value });
+            }
+        }
+        ranked.sort_by(|a, b| a.log_p.total_cmp(&b.log_p));
+        ranked
     }
 
     /// Misclosure of the poses, each the mean of its samples, under the present parameters.
@@ -232,7 +320,7 @@ impl Session<'_> {
             false => (Arc::clone(readings), weights.clone()),
         };
         let lengths = watched.under.model.lengths();
-        let mut rows = Rows::new(watched, &self.noise.sigma);
+        let mut rows = Rows::new(watched, &self.judged.noise.sigma);
         let used: Vec<usize> = (0..poses.samples).filter(|&row| live[row] > 0.0).collect();
         let mut squares = 0.0;
         for block in used.chunks(WIDTH) {
@@ -245,40 +333,23 @@ impl Session<'_> {
     }
 }
 
-/// Candidates by how improbable they are by chance, with the logarithm of that probability.
-fn ranked(watched: &Watched, pass: &Pass, dof: f64, taken: &[usize]) -> Vec<(usize, f64)> {
-    let mut score = Score::new(watched.order.len());
-    let none = Sums::new(watched.order.len());
-    let mut ranked: Vec<(usize, f64)> = Vec::new();
-    for (k, candidate) in watched.candidates.iter().enumerate() {
-        if taken.contains(&k) {
-            continue;
-        }
-        let (statistic, rank) = score.test(&candidate.columns, &pass.state, &pass.now, &none);
-        if rank > 0 {
-            let statistic = if dof.is_finite() { as_chi2(statistic, dof) } else { statistic };
-            ranked.push((k, log_tail(statistic, rank as f64)));
-        }
-    }
-    ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
-    ranked
-}
-
-/// Lets the parameters of a candidate be unknown: the covariance beforehand, row by row.
-fn unknown(watched: &mut Watched, prior: &[f64], candidate: usize) -> Vec<f64> {
-    let before = watched.uncertain;
-    for i in 0..watched.candidates[candidate].columns.len() {
-        let column = watched.candidates[candidate].columns[i];
-        if column >= watched.uncertain {
-            watched.join(column);
+/// Covariance beforehand, row by row, if the parameters of these changes are not known.
+fn freed(watched: &mut Watched, changes: &[Named]) -> Vec<f64> {
+    let known = watched.prior.len().isqrt();
+    for change in changes {
+        for i in 0..watched.candidates[change.candidate].columns.len() {
+            let column = watched.candidates[change.candidate].columns[i];
+            if column >= watched.uncertain {
+                watched.join(column);
+            }
         }
     }
     let m = watched.uncertain;
     let mut wider = vec![0.0; m * m];
-    for (i, row) in prior.chunks_exact(before.max(1)).enumerate() {
-        wider[i * m..i * m + before].copy_from_slice(row);
+    for (i, row) in watched.prior.chunks_exact(known.max(1)).enumerate() {
+        wider[i * m..i * m + known].copy_from_slice(row);
     }
-    for &column in &watched.candidates[candidate].columns {
+    for &column in changes.iter().flat_map(|c| &watched.candidates[c.candidate].columns) {
         wider[column * m + column] += UNKNOWN.powi(2);
     }
     wider
@@ -298,7 +369,7 @@ fn difference(
     watched: &Watched,
     pass: &Pass,
     was: &[f64],
-    uncertain: bool,
+    certain: bool,
     candidate: usize,
 ) -> (DVector<f64>, DMatrix<f64>, Vec<f64>) {
     let columns = &watched.candidates[candidate].columns;
@@ -310,7 +381,7 @@ fn difference(
     // The scale of a parameter of the calibration is its standard deviation there.
     let known = watched.prior.len();
     let earlier = |i: usize| {
-        let own = uncertain && columns[i] * columns[i] < known;
+        let own = !certain && columns[i] * columns[i] < known;
         if own { 1.0 } else { 0.0 }
     };
     let covariance = DMatrix::from_fn(q, q, |i, j| {

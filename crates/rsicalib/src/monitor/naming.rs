@@ -1,31 +1,30 @@
 //! What has changed: named at once, and again when later rows tell.
 //!
 //! In the first rows of a change several names may fit: three sensors of an arm move one point.
-//! All are estimated from then on, from the rows since the onset, as far as they are kept,
-//! linearised about the estimate; [`super::open`] compares the names.
+//! All are estimated together from then on, from the rows since the onset as long as these are
+//! kept, linearised about the estimate of the best; [`super::open`] compares the names.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::model::Spec;
 use crate::monitor::alarm::Alarm;
-use crate::monitor::open::Open;
+use crate::monitor::open::{Name, Open};
 use crate::monitor::score::MOST_COLUMNS;
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watch::{Monitor, Tested};
 use crate::monitor::watched::Watched;
 use crate::monitor::windows::Sums;
+use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::lanes::WIDTH;
-
-/// Changes fit as well where twice the logarithm of their probability differs by less.
-const AS_WELL: f64 = 6.0;
 
 /// Changes within this of the best, or within this share of it, are estimated beside it: more rows
 /// may tell, and a large change looks different where it is linearised elsewhere.
 const BESIDE: (f64, f64) = (20.0, 0.9);
 
-/// Largest standard deviation beforehand, in typical sizes, of the parameters of a change that has
-/// several: holds those that the readings cannot tell.
+/// Standard deviation of a change beforehand, in typical sizes.
 const TYPICAL: f64 = 3.0;
+
+/// Samples after which a name is taken for certain.
+const SETTLED_AT: u64 = 1 << 15;
 
 /// Linearisations about the estimate of a change.
 const SETTLED: usize = 3;
@@ -79,7 +78,7 @@ impl Monitor {
         before: Option<&Sums>,
         tested: Tested,
     ) -> Option<Alarm> {
-        self.open = None;
+        self.settle();
         let suspects = self.suspects(onsets, before);
         let best = *suspects.first()?;
         let mut since = match best.onset {
@@ -93,8 +92,6 @@ impl Monitor {
         let behind = |s: &Suspect| 2.0 * (s.log_p - best.log_p);
         let limit = BESIDE.0.max(-2.0 * BESIDE.1 * best.log_p);
         let beside: Vec<Suspect> = suspects.into_iter().filter(|s| behind(s) < limit).collect();
-        let as_well = beside[1..].iter().filter(|s| behind(s) < AS_WELL);
-        let also_fits: Vec<Spec> = as_well.map(|s| self.spec(s.candidate)).collect();
         let mut open = self.take_over(&beside, before)?;
         open.alarm = Alarm {
             row: tested.row,
@@ -102,66 +99,96 @@ impl Monitor {
             since_row: since.row,
             since: since.time,
             p_value: self.thresholds.p_value(best.rank, best.statistic, self.dof),
-            also_fits,
             ..Alarm::default()
         };
-        let alarm = self.alarm(&open, best.candidate, tested);
-        open.alarm = alarm.clone();
-        if open.suspects.len() > 1 {
-            self.refit(&open, None, tested.row);
-            self.open = Some(open);
-        }
+        let names = self.compare(&open, tested.row);
+        open.named = names.first().map_or(best.candidate, |name| name.candidate);
+        let alarm = self.alarm(&open, &names);
+        self.open = Some(open);
         Some(alarm)
-    }
-
-    fn spec(&self, candidate: usize) -> Spec {
-        self.watched.candidates[candidate].spec.clone()
     }
 
     /// Corrects the name of the last change where later rows have told it.
     pub(super) fn look_again(&mut self, tested: Tested) {
         let Some(mut open) = self.open.take() else { return };
-        self.refit(&open, None, tested.row);
-        let Some(names) = open.evidence(&self.watched, &self.state) else { return };
-        let [(best, candidate), (next, _), ..] = names[..] else { return };
-        if best - next < AS_WELL {
-            self.open = Some(open);
-            return;
+        let names = self.compare(&open, tested.row);
+        let of = |candidate| names.iter().find(|n| n.candidate == candidate).copied();
+        let (Some(best), Some(now)) = (names.first().copied(), of(open.named)) else { return };
+        if best.evidence > now.evidence + AS_WELL {
+            open.named = best.candidate;
+            let revises = Some(open.alarm.row);
+            let alarm = self.alarm(&open, &names);
+            self.alarms.push(Alarm { row: tested.row, time: tested.time, revises, ..alarm });
         }
-        if candidate == open.suspects[0] {
-            self.refit(&open, Some(candidate), tested.row);
-            return;
+        let named = open.named;
+        let excluded = |n: &Name| n.candidate == named || n.fit < now.fit - BESIDE.0;
+        self.open = Some(open);
+        if self.age >= SETTLED_AT || (best.candidate == named && names.iter().all(excluded)) {
+            self.settle();
         }
-        let revises = Some(open.alarm.row);
-        open.alarm.also_fits.clear();
-        let alarm = self.alarm(&open, candidate, tested);
-        self.alarms.push(Alarm { row: tested.row, time: tested.time, revises, ..alarm });
     }
 
-    /// The alarm that names one of the suspects, which alone is then estimated.
-    fn alarm(&mut self, open: &Open, candidate: usize, tested: Tested) -> Alarm {
-        let columns = open.columns(&self.watched, candidate);
-        let (first, width) = (columns.start, columns.len());
-        let alone = if self.refit(open, Some(candidate), tested.row) {
-            let (values, covariance) = open.difference(&self.watched, &self.state);
-            let block = covariance.view((first, first), (width, width)).into_owned();
-            Some((values.rows(first, width).into_owned(), block))
-        } else {
-            open.alone(&self.watched, &self.state, candidate)
-        };
-        let (values, covariance) =
-            alone.unwrap_or((DVector::zeros(width), DMatrix::identity(width, width)));
-        let covariance = covariance * self.scale;
-        let named = &self.watched.candidates[candidate];
+    /// Takes the name of the last change for certain: nothing else has changed.
+    fn settle(&mut self) {
+        let Some(open) = self.open.take() else { return };
+        if let Some((mean, covariance)) = open.alone(&self.watched, &self.state) {
+            let mean: Vec<f64> =
+                mean.iter().enumerate().map(|(k, m)| m - open.moved(&self.watched, k)).collect();
+            self.state.set(&mean, &covariance);
+        }
+    }
+
+    /// Names by their evidence, the best first, linearised about the estimate of the best as long
+    /// as the rows since the onset are there.
+    fn compare(&mut self, open: &Open, last: u64) -> Vec<Name> {
+        let mut names = self.names(open);
+        for _ in 0..SETTLED {
+            let Some(best) = names.first().map(|n| n.candidate) else { break };
+            if !self.refit(open, best, last) {
+                break;
+            }
+            names = self.names(open);
+            if names.first().is_some_and(|n| n.candidate == best) {
+                break;
+            }
+        }
+        names
+    }
+
+    fn names(&self, open: &Open) -> Vec<Name> {
+        let told = open.told(&self.watched, &self.state, self.scale);
+        told.map_or(Vec::new(), |told| open.names(&self.watched, &told))
+    }
+
+    /// The alarm that says what is named, and what the rows cannot tell from it.
+    fn alarm(&self, open: &Open, names: &[Name]) -> Alarm {
+        let watched = &self.watched;
+        let columns = open.columns(watched, open.named);
+        let places = &open.places[columns];
+        let n = self.state.size;
+        let (mean, covariance) = open
+            .alone(watched, &self.state)
+            .unwrap_or((DVector::zeros(n), DMatrix::identity(n, n)));
+        let values = DVector::from_fn(places.len(), |i, _| mean[places[i]]);
+        let covariance = DMatrix::from_fn(places.len(), places.len(), |i, j| {
+            covariance[(places[i], places[j])] * self.scale
+        });
+        let named = &watched.candidates[open.named];
         let (parameters, [size, sd], unit) = named.changes(&values, &covariance);
         let mut after = open.was.clone();
-        for (i, value) in columns.zip(&values) {
-            let place = open.places[i];
-            after[self.watched.order[place]] += value * self.watched.scale[place];
+        for (&place, value) in places.iter().zip(&values) {
+            after[watched.order[place]] += value * watched.scale[place];
         }
-        let platform_rms = self.seen.change(&self.watched, &self.sigma, &open.was, &after);
-        let spec = self.spec(candidate);
-        Alarm { spec, size, sd, unit, parameters, platform_rms, ..open.alarm.clone() }
+        let platform_rms = self.seen.change(watched, &self.sigma, &open.was, &after);
+        let spec = |candidate: usize| watched.candidates[candidate].spec.clone();
+        let now = names.iter().find(|n| n.candidate == open.named);
+        let ties = names.iter().filter(|n| n.candidate != open.named);
+        let also_fits = ties
+            .filter(|n| now.is_some_and(|now| n.ties(now)))
+            .map(|n| spec(n.candidate))
+            .collect();
+        let spec = spec(open.named);
+        Alarm { spec, size, sd, unit, parameters, platform_rms, also_fits, ..open.alarm.clone() }
     }
 
     /// Every candidate at its best onset, the least probable by chance first.
@@ -205,11 +232,12 @@ impl Monitor {
             if columns.len() + own.len() > MOST_COLUMNS {
                 continue;
             }
+            let typical = &self.watched.candidates[suspect.candidate].typical;
+            let most: Vec<f64> = typical.iter().map(|t| (TYPICAL * t).powi(2)).collect();
+            let known: Vec<f64> = most.iter().map(|m| 1.0 / m).collect();
             self.score.test(own, &self.state, &self.windows.now, begin);
-            let ridge = if own.len() > 1 { TYPICAL.powi(-2) } else { 0.0 };
-            let Some((theta, v)) = self.score.estimate(&vec![ridge; own.len()]) else { continue };
-            let most = if own.len() > 1 { TYPICAL.powi(2) } else { f64::INFINITY };
-            width.extend((0..own.len()).map(|i| theta[i].powi(2) + v[(i, i)].min(most)));
+            let Some((theta, _)) = self.score.estimate(&known) else { continue };
+            width.extend(most.iter().zip(&theta).map(|(m, t)| m + t.powi(2)));
             columns.extend(own);
             suspects.push(suspect.candidate);
         }
@@ -251,42 +279,43 @@ impl Monitor {
         self.state.set(beta.as_slice(), &(&map * joint * map.transpose()));
         let mut known = DMatrix::zeros(size, size);
         known.view_mut((0, 0), (m, m)).copy_from(&old);
-        Some(Open { suspects, places, width, was, known, alarm: Alarm::default() })
+        let named = suspects[0];
+        Some(Open { suspects, named, places, width, was, known, alarm: Alarm::default() })
     }
 
-    /// Estimates the suspects, or one of them, from the rows since the onset, linearised about the
-    /// estimate; false where those rows are gone, and nothing was done.
-    fn refit(&mut self, open: &Open, only: Option<usize>, last: u64) -> bool {
+    /// Estimates the suspects from the rows since the onset, linearised about the estimate of one
+    /// of them alone; false where those rows are gone, and nothing was done.
+    fn refit(&mut self, open: &Open, candidate: usize, last: u64) -> bool {
         let Some(rows) = self.recent.between(open.alarm.since_row, last) else { return false };
-        let columns = match only {
-            Some(candidate) => open.columns(&self.watched, candidate),
-            None => 0..open.places.len(),
-        };
-        let prior = open.prior(columns);
-        let width = self.watched.order.len();
+        let rows: Vec<Vec<f64>> = rows.into_iter().map(<[f64]>::to_vec).collect();
+        let alone = open.prior(open.columns(&self.watched, candidate));
         for _ in 0..SETTLED {
-            let shift: Vec<f64> = (0..prior.nrows())
-                .map(|k| (self.watched.order[k], self.watched.scale[k]))
-                .map(|(column, scale)| (open.was[column] - self.watched.at[column]) / scale)
-                .collect();
-            self.state.set(&shift, &prior);
-            self.whitening.interrupt();
-            for block in rows.chunks(WIDTH) {
-                (0..block.len()).for_each(|lane| self.again.put(lane, block[lane]));
-                self.again.linearise(&self.watched);
-                for lane in 0..block.len() {
-                    self.again.read(lane, &self.watched, &mut self.r, &mut self.g);
-                    self.whitening.filter(&mut self.r, &mut self.g);
-                    self.state.compare(&self.r, &self.g, width);
-                    self.state.absorb();
-                }
-            }
+            self.pass(open, &alone, &rows);
             for (k, mean) in self.state.mean.iter_mut().enumerate() {
                 self.watched.at[self.watched.order[k]] += *mean * self.watched.scale[k];
                 *mean = 0.0;
             }
         }
+        self.pass(open, &open.prior(0..open.places.len()), &rows);
         self.restart();
         true
+    }
+
+    /// The state after some rows, with this covariance before the change.
+    fn pass(&mut self, open: &Open, prior: &DMatrix<f64>, rows: &[Vec<f64>]) {
+        let width = self.watched.order.len();
+        let mean: Vec<f64> = (0..prior.nrows()).map(|k| -open.moved(&self.watched, k)).collect();
+        self.state.set(&mean, prior);
+        self.whitening.interrupt();
+        for block in rows.chunks(WIDTH) {
+            (0..block.len()).for_each(|lane| self.again.put(lane, &block[lane]));
+            self.again.linearise(&self.watched);
+            for lane in 0..block.len() {
+                self.again.read(lane, &self.watched, &mut self.r, &mut self.g);
+                self.whitening.filter(&mut self.r, &mut self.g);
+                self.state.compare(&self.r, &self.g, width);
+                self.state.absorb();
+            }
+        }
     }
 }

@@ -1,34 +1,87 @@
 //! A change whose name is open: the evidence for each.
 //!
-//! All suspects are estimated together, each parameter `θ` with a variance `Σ₀` beforehand that is
-//! as large as the first rows say of it alone. With the mean `d` and covariance `V` of later rows,
-//! these say `Λ = V⁻¹ - Σ₀⁻¹` and `h = V⁻¹ d`. The evidence for a name that lets `θ` have the
-//! variances `Σ`, zero for the parameters of the others, is
+//! All suspects are estimated together, each parameter `θ` with a variance beforehand. With the
+//! covariance `P` of the whole state beforehand, its mean `d` and covariance `V` after later rows,
+//! these say `Λ = V⁻¹ - P⁻¹` and `h = V⁻¹ d`. A name for the change lets the parameters of one
+//! suspect have their variances, and those of the others none. With its covariance `Σ` of the
+//! state beforehand, the evidence for it is
 //!
 //! ```text
-//! 2 ln Z = hᵀ Σ (1 + Λ Σ)⁻¹ h - ln |1 + Σ Λ|                             (105)
+//! 2 ln Z = hᵀ Σ (1 + Λ Σ)⁻¹ h - ln |1 + Λ Σ|                             (105)
 //! ```
+//!
+//! The first part is the fit, by how much `χ²` falls. The second charges it for what it could also
+//! have fitted. Mean and covariance of the state under this name are `Σ (1 + Λ Σ)⁻¹ h` and
+//! `Σ (1 + Λ Σ)⁻¹`.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::monitor::alarm::Alarm;
 use crate::monitor::state::State;
 use crate::monitor::watched::Watched;
+use crate::numerics::credible_set::AS_WELL;
 
 /// A change whose name is open.
 #[derive(Debug, Clone)]
 pub(crate) struct Open {
-    /// Candidates that are estimated together, the one that was named first.
+    /// Candidates that are estimated together.
     pub(crate) suspects: Vec<usize>,
+    /// The one that is named.
+    pub(crate) named: usize,
     /// Their columns, candidate by candidate, as places in the state.
     pub(crate) places: Vec<usize>,
     /// Variance of each beforehand.
     pub(crate) width: Vec<f64>,
     /// All parameters before the change.
     pub(crate) was: Vec<f64>,
-    /// Covariance of the state before the change, row by row.
+    /// Covariance of the state before the change.
     pub(crate) known: DMatrix<f64>,
     pub(crate) alarm: Alarm,
+}
+
+/// One name for a change.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Name {
+    pub(crate) candidate: usize,
+    /// By how much `χ²` falls.
+    pub(crate) fit: f64,
+    /// Twice the logarithm of the evidence.
+    pub(crate) evidence: f64,
+}
+
+impl Name {
+    /// True where the rows cannot tell this name from `named`: by its evidence, or as it fits as
+    /// well. A link bent in one direction can be the same as an offset of its sensor.
+    pub(crate) fn ties(&self, named: &Self) -> bool {
+        self.fit > named.fit - AS_WELL || self.evidence > named.evidence - AS_WELL
+    }
+}
+
+/// What the rows say of the state: `Λ` and `h` of the parameters that may differ from before.
+pub(crate) struct Told {
+    live: Vec<usize>,
+    information: DMatrix<f64>,
+    score: DVector<f64>,
+}
+
+impl Told {
+    /// Fit, evidence, and mean and covariance of the live part of the state, with the covariance
+    /// `prior` of the state beforehand.
+    fn under(&self, prior: &DMatrix<f64>) -> Option<(f64, f64, DVector<f64>, DMatrix<f64>)> {
+        let sigma = part(prior, &self.live);
+        let n = sigma.nrows();
+        let factor = (DMatrix::identity(n, n) + &self.information * &sigma).lu();
+        let mean = &sigma * factor.solve(&self.score)?;
+        let fit = self.score.dot(&mean);
+        let evidence = fit - factor.determinant().abs().ln();
+        let covariance = sigma * factor.try_inverse()?;
+        Some((fit, evidence, mean, (&covariance + covariance.transpose()) * 0.5))
+    }
+}
+
+/// Rows and columns of a covariance.
+fn part(all: &DMatrix<f64>, live: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(live.len(), live.len(), |i, j| all[(live[i], live[j])])
 }
 
 impl Open {
@@ -47,67 +100,96 @@ impl Open {
         prior
     }
 
-    /// Change of each column since before, and its covariance, in units of [`Watched::scale`].
-    pub(crate) fn difference(
-        &self,
-        watched: &Watched,
-        state: &State,
-    ) -> (DVector<f64>, DMatrix<f64>) {
-        let q = self.places.len();
-        let values = DVector::from_fn(q, |i, _| {
-            let (place, column) = (self.places[i], watched.order[self.places[i]]);
-            state.mean[place] + (watched.at[column] - self.was[column]) / watched.scale[place]
-        });
-        let entry = |i: usize, j: usize| self.places[i] * state.size + self.places[j];
-        (values, DMatrix::from_fn(q, q, |i, j| state.covariance[entry(i, j)]))
-    }
-
-    /// What the rows say, `Λ` and `h`, and the covariance beforehand of all columns that may have
-    /// changed.
-    fn told(&self, watched: &Watched, state: &State) -> Option<(DMatrix<f64>, DVector<f64>)> {
-        let (d, v) = self.difference(watched, state);
-        let inverse = v.cholesky()?.inverse();
-        let before = self.own(&self.prior(0..self.places.len())).cholesky()?.inverse();
-        Some((&inverse - before, inverse * d))
-    }
-
-    /// The part of a covariance of the state that belongs to the columns.
-    fn own(&self, state: &DMatrix<f64>) -> DMatrix<f64> {
-        let q = self.places.len();
-        DMatrix::from_fn(q, q, |i, j| state[(self.places[i], self.places[j])])
-    }
-
-    /// Names by their evidence, the best first, as twice its logarithm.
-    pub(crate) fn evidence(&self, watched: &Watched, state: &State) -> Option<Vec<(f64, usize)>> {
-        let q = self.places.len();
-        let (told, h) = self.told(watched, state)?;
-        let mut names = Vec::with_capacity(self.suspects.len());
-        for &candidate in &self.suspects {
-            let sigma = self.own(&self.prior(self.columns(watched, candidate)));
-            let factor = (DMatrix::identity(q, q) + &told * &sigma).lu();
-            let fit = h.dot(&(&sigma * factor.solve(&h)?));
-            names.push((fit - factor.determinant().abs().ln(), candidate));
-        }
-        names.sort_by(|a, b| b.0.total_cmp(&a.0));
-        Some(names)
-    }
-
-    /// Change of one suspect and its covariance if nothing else has changed, in units of
+    /// By how much a parameter of the state has been moved since before the change, in units of
     /// [`Watched::scale`].
+    pub(crate) fn moved(&self, watched: &Watched, place: usize) -> f64 {
+        let column = watched.order[place];
+        (watched.at[column] - self.was[column]) / watched.scale[place]
+    }
+
+    /// What the rows say if their noise has the variance `scale`.
+    pub(crate) fn told(&self, watched: &Watched, state: &State, scale: f64) -> Option<Told> {
+        let prior = self.prior(0..self.places.len());
+        let live: Vec<usize> = (0..state.size).filter(|&k| prior[(k, k)] > 0.0).collect();
+        let covariance = DMatrix::from_row_slice(state.size, state.size, &state.covariance);
+        let inverse = part(&covariance, &live).cholesky()?.inverse();
+        let before = part(&prior, &live).cholesky()?.inverse();
+        let mean =
+            DVector::from_fn(live.len(), |i, _| state.mean[live[i]] + self.moved(watched, live[i]));
+        let (information, score) = ((&inverse - before) / scale, inverse * mean / scale);
+        Some(Told { live, information, score })
+    }
+
+    /// Names by their evidence, the best first.
+    pub(crate) fn names(&self, watched: &Watched, told: &Told) -> Vec<Name> {
+        let name = |&candidate: &usize| {
+            let prior = self.prior(self.columns(watched, candidate));
+            let (fit, evidence, ..) = told.under(&prior)?;
+            Some(Name { candidate, fit, evidence })
+        };
+        let mut names: Vec<Name> = self.suspects.iter().filter_map(name).collect();
+        names.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        names
+    }
+
+    /// Mean of the state, counted from before the change, and its covariance, if nothing but the
+    /// named suspect has changed.
     pub(crate) fn alone(
         &self,
         watched: &Watched,
         state: &State,
-        candidate: usize,
     ) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let (q, columns) = (self.places.len(), self.columns(watched, candidate));
-        let (first, width) = (columns.start, columns.len());
-        let (told, h) = self.told(watched, state)?;
-        let sigma = self.own(&self.prior(columns));
-        let factor = (DMatrix::identity(q, q) + &told * &sigma).lu();
-        let values = &sigma * factor.solve(&h)?;
-        let covariance = &sigma * factor.try_inverse()?;
-        let block = covariance.view((first, first), (width, width)).into_owned();
-        Some((values.rows(first, width).into_owned(), block))
+        let told = self.told(watched, state, 1.0)?;
+        let prior = self.prior(self.columns(watched, self.named));
+        let (.., mean, covariance) = told.under(&prior)?;
+        let n = state.size;
+        let (mut all, mut square) = (DVector::zeros(n), DMatrix::zeros(n, n));
+        // What has not changed stays as it is, without a trace of rounding.
+        let free = |&(_, place): &(usize, &usize)| prior[(*place, *place)] > 0.0;
+        for (i, &row) in told.live.iter().enumerate().filter(free) {
+            all[row] = mean[i];
+            for (j, &column) in told.live.iter().enumerate().filter(free) {
+                square[(row, column)] = covariance[(i, j)];
+            }
+        }
+        Some((all, square))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::random::Random;
+
+    /// The evidence against the density of all readings, `y ~ N(0, 1 + G Σ Gᵀ)`.
+    #[test]
+    fn the_evidence_of_a_name_is_the_density_of_the_readings() {
+        let (rows, columns) = (12, 4);
+        let mut random = Random::new(5);
+        let mut draw = || random.uniform(-1.0, 1.0);
+        let g = DMatrix::from_fn(rows, columns, |_, _| draw());
+        let y = DVector::from_fn(rows, |_, _| 3.0 * draw());
+        // The first two are known beforehand somewhat, the others may have changed.
+        let wide = DMatrix::from_diagonal(&DVector::from_vec(vec![0.3, 0.1, 9.0, 4.0]));
+        let before = wide.clone().cholesky().expect("positive").inverse();
+        let inverse = &before + g.transpose() * &g;
+        let told = Told {
+            live: (0..columns).collect(),
+            information: &inverse - &before,
+            score: g.transpose() * &y,
+        };
+        for named in [2, 3] {
+            let mut sigma = wide.clone();
+            sigma[(5 - named, 5 - named)] = 0.0;
+            let (fit, evidence, mean, _) = told.under(&sigma).expect("regular");
+
+            let density = DMatrix::identity(rows, rows) + &g * &sigma * g.transpose();
+            let inverse = density.clone().try_inverse().expect("regular");
+            let squares = y.norm_squared() - y.dot(&(&inverse * &y));
+            assert!((fit - squares).abs() < 1e-9);
+            assert!((evidence - (squares - density.determinant().ln())).abs() < 1e-9);
+            let expected = &sigma * g.transpose() * inverse * &y;
+            assert!((mean - expected).norm() < 1e-9);
+        }
     }
 }

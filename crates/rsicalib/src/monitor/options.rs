@@ -6,7 +6,7 @@ use crate::Error;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MonitorOptions {
-    /// Expected number of false alarms per sample, at most.
+    /// Expected number of false alarms per sample.
     pub false_alarms: f64,
     /// What the session of the calibration says of its noise.
     pub quiet: Quiet,

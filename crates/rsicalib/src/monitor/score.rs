@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::monitor::state::{State, axpy, dot};
 use crate::monitor::windows::Sums;
 
-/// Largest number of columns of a candidate.
-pub(crate) const MOST_COLUMNS: usize = 16;
+/// Largest number of columns of a candidate, or of all suspects of a change together.
+pub(crate) const MOST_COLUMNS: usize = 28;
 
 /// Part of the information about a direction that the other parameters must leave.
 const LEFT: f64 = 1e-7;

@@ -2,12 +2,18 @@
 //!
 //! A window of level `z` is tested every `s_z` samples for each of `J` candidates. With
 //! probability `p_z` of exceeding its threshold by chance, the expected number of false alarms
-//! per sample is at most `Σ_z J p_z / s_z`, however the tests depend on each other. The promised
-//! rate `α` is shared equally between the `Z` levels:
+//! per sample is at most `Σ_z J p_z / s_z`. A level is tested first `5/2 s_z` samples after the
+//! last alarm; at the promised rate `α` that many samples pass without an alarm with
+//! probability `e_z`. The levels share the rate in proportion to it:
 //!
 //! ```text
-//! p_z = α s_z / (J Z),    P(χ²(q) > h_zq) = p_z                          (104)
+//! p_z = F α s_z e_z / (J Σ e²),   e_z = exp(-5/2 α s_z),   P(χ²(q) > h_zq) = p_z     (104)
 //! ```
+//!
+//! The factor `F` would be 1 if no two tests exceeded their thresholds in the same samples. In one
+//! pose all candidates move the same few distances, and windows overlap: tests exceed them
+//! together, most of all where thresholds are low, and the alarms are fewer than the exceedances.
+//! `F` is from [`TOGETHER`].
 //!
 //! A long window is tested seldom, and has a lower threshold. Where the scale of the noise is
 //! known from `ν` values only, `T` follows `q F(q, ν)`; `ν ln(1 + T/ν)`, corrected as Wallace
@@ -17,6 +23,14 @@ use crate::numerics::distributions::chi2_tail;
 
 /// Largest rank of a candidate.
 const MOST_RANK: usize = 16;
+
+/// Samples after an alarm until a level is tested, over those between its tests.
+const REACHED: f64 = 2.5;
+
+/// Factor `F` for a promised rate: from alarms of sound hand controllers in motion, counted by
+/// `python -m tests.watch.run rate --noise white --seed 101` for 1e-5, 1e-4 and 1e-3, and carried on
+/// from there to either side. `F` is interpolated in the logarithms of both.
+const TOGETHER: [(f64, f64); 5] = [(1e-6, 1.0), (1e-5, 1.3), (1e-4, 1.9), (1e-3, 3.6), (1e-2, 7.0)];
 
 /// Thresholds of every level and rank.
 #[derive(Debug, Clone)]
@@ -37,9 +51,13 @@ impl Thresholds {
         step: impl Fn(usize) -> f64,
     ) -> Self {
         let tests = (levels * candidates.max(1)) as f64;
+        let reached = |level: usize| (-REACHED * rate * step(level)).exp();
+        let all: f64 = (0..levels).map(|level| reached(level).powi(2)).sum();
+        let bound = together(rate) * rate;
         let limits = (0..levels)
             .flat_map(|level| {
-                let p = (rate * step(level) / tests).min(0.5);
+                let share = reached(level) / all;
+                let p = (bound * share * step(level) / candidates.max(1) as f64).min(0.5);
                 (1..=MOST_RANK).map(move |rank| quantile(p, rank as f64))
             })
             .collect();
@@ -57,6 +75,16 @@ impl Thresholds {
     pub(crate) fn p_value(&self, rank: usize, statistic: f64, dof: f64) -> f64 {
         (chi2_tail(as_chi2(statistic, dof), rank as f64) * self.tests).min(1.0)
     }
+}
+
+/// The factor of [`TOGETHER`] for a rate.
+fn together(rate: f64) -> f64 {
+    let [first, .., last] = TOGETHER;
+    let x = rate.clamp(first.0, last.0).ln();
+    let above = TOGETHER.iter().position(|(at, _)| at.ln() >= x).unwrap_or(TOGETHER.len() - 1);
+    let [(x0, f0), (x1, f1)] = [TOGETHER[above.max(1) - 1], TOGETHER[above.max(1)]]
+        .map(|(rate, factor)| (rate.ln(), factor.ln()));
+    (f0 + (f1 - f0) * (x - x0) / (x1 - x0)).exp()
 }
 
 /// The value of `χ²` that is as probable as `statistic`, whose scale is known from `dof` values.
@@ -101,14 +129,27 @@ mod tests {
     }
 
     #[test]
-    fn the_rates_of_all_tests_add_up_to_the_promise() {
+    fn the_rates_of_all_tests_add_up_to_the_promise_and_its_factor() {
         let step = |level: usize| 2.0_f64.powi(level as i32 + 1);
-        let (levels, candidates) = (12, 15);
+        let (levels, candidates) = (18, 15);
         let own = Thresholds::new(1e-5, levels, candidates, step);
-        let rate: f64 = (0..levels)
-            .map(|z| candidates as f64 * chi2_tail(own.limits[z * MOST_RANK + 2], 3.0) / step(z))
-            .sum();
-        assert!((rate / 1e-5 - 1.0).abs() < 1e-6, "{rate}");
+        // Levels whose windows are longer than the time between alarms are seldom reached.
+        let reached = |z: usize| (-REACHED * 1e-5 * step(z)).exp();
+        let tail = |z: usize| chi2_tail(own.limits[z * MOST_RANK + 2], 3.0);
+        let rate: f64 =
+            (0..levels).map(|z| candidates as f64 * reached(z) * tail(z) / step(z)).sum();
+        assert!((rate / (together(1e-5) * 1e-5) - 1.0).abs() < 1e-6, "{rate}");
+    }
+
+    #[test]
+    fn the_factor_of_tests_that_exceed_together_is_interpolated() {
+        for (rate, factor) in TOGETHER {
+            assert!((together(rate) - factor).abs() < 1e-9);
+        }
+        let middle = together(1e-4 * 10.0_f64.sqrt());
+        assert!((middle - (TOGETHER[2].1 * TOGETHER[3].1).sqrt()).abs() < 1e-9);
+        // Out of the range there is no such promise, or next to nothing exceeds together.
+        assert!((together(1e-9) - 1.0).abs() < 1e-9);
     }
 
     #[test]

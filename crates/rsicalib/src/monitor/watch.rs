@@ -287,15 +287,27 @@ impl Monitor {
         due
     }
 
-    /// Puts the mean of the state into the parameters about which rows are linearised.
-    pub(super) fn recentre(&mut self) {
+    /// Puts the mean of the state into the parameters about which rows are linearised: while a
+    /// name is open, the mean under this name.
+    fn recentre(&mut self) {
+        let named: Option<Vec<f64>> = self.open.as_ref().and_then(|open| {
+            let (mean, _) = open.alone(&self.watched, &self.state)?;
+            let places = mean.iter().enumerate();
+            Some(places.map(|(k, m)| m - open.moved(&self.watched, k)).collect())
+        });
+        let mut mean = std::mem::take(&mut self.state.mean);
+        let shift = named.as_ref().unwrap_or(&mean);
         let Watched { at, order, scale, .. } = &mut self.watched;
-        for ((position, column), mean) in order.iter().enumerate().zip(&self.state.mean) {
-            at[*column] += mean * scale[position];
+        for ((position, column), by) in order.iter().enumerate().zip(shift) {
+            at[*column] += by * scale[position];
         }
-        self.windows.recentre(&self.state.mean);
-        self.whitening.recentre(&self.state.mean);
-        self.state.mean.fill(0.0);
+        self.windows.recentre(shift);
+        self.whitening.recentre(shift);
+        match &named {
+            Some(shift) => mean.iter_mut().zip(shift).for_each(|(mean, by)| *mean -= by),
+            None => mean.fill(0.0),
+        }
+        self.state.mean = mean;
     }
 
     /// Takes over one sample; the onset of a window that exceeds its threshold, `Some(None)` where

@@ -42,6 +42,8 @@ pub(crate) struct Candidate {
     pub(crate) parameters: Vec<(&'static str, String)>,
     /// Unit of each, as in [`Watched::scale`].
     pub(crate) scale: Vec<f64>,
+    /// Typical size of each, in that unit.
+    pub(crate) typical: Vec<f64>,
 }
 
 impl Watched {
@@ -83,17 +85,18 @@ impl Watched {
                 sizes.iter_mut().zip(lengths).filter(|(_, l)| *l).for_each(|(s, _)| *s = bent);
             }
             let mut columns = Vec::new();
-            for (p, size) in (first..).zip(sizes) {
+            for (p, size) in (first..).zip(&sizes) {
                 columns.push(order.iter().position(|&o| o == p).unwrap_or(order.len()));
                 if !order.contains(&p) {
                     order.push(p);
-                    scale.push(size);
+                    scale.push(*size);
                 }
             }
             columns.truncate(MOST_COLUMNS);
             let parameters = names(mechanism, term.info(), target);
-            let units = columns.iter().map(|&z| scale[z]).collect();
-            candidates.push(Candidate { spec, columns, parameters, scale: units });
+            let units: Vec<f64> = columns.iter().map(|&z| scale[z]).collect();
+            let typical = sizes.iter().zip(&units).map(|(size, unit)| size / unit).collect();
+            candidates.push(Candidate { spec, columns, parameters, scale: units, typical });
         }
         let at = under.internal(&under.values);
         Ok(Self { at, order, scale, uncertain, prior, candidates, under })

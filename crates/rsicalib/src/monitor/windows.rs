@@ -157,8 +157,9 @@ mod tests {
             let sum = windows.now.scores[0] - windows.onset(onset).scores[0];
             assert_eq!(sum, (begin + 1..=n).sum::<u64>() as f64);
         }
-        // Every 4, 8, 16, 32 samples from 2, 4, 8, 16 on, once there are two before.
-        assert_eq!(ended, [98, 48, 23, 10]);
+        // Every 4, 8, 16, 32 samples from 2, 4, 8, 16 on: 100, 50, 25 and 13 times up to 400 (the
+        // last of them 16 + 12 · 32), less the two that begin the first window.
+        assert_eq!(ended, [98, 48, 23, 11]);
     }
 
     #[test]
