@@ -235,7 +235,7 @@ fn options_that_cannot_be_used_are_errors() {
     assert!(plan::bound(&rsi, &offsets, &gains, &[], 1.0).is_err());
     let far = [[0.0, 0.0, 9.0, 0.0, 0.0, 0.0], [f64::NAN; 6]];
     assert!(far.iter().all(|p| plan::bound(&rsi, &offsets, &gains, &[*p], 1.0).is_err()));
-    let another = Mechanism { name: "another".into(), ..rsi.clone() };
+    let another = Mechanism { name: "another".into(), workspace: None, ..rsi.clone() };
     let error = plan(&another, &offsets, &gains, &few).expect_err("no workspace");
     assert!(error.to_string().contains("workspace of 'another'"));
     let mut empty = rsi.clone();
