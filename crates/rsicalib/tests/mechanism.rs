@@ -45,7 +45,7 @@ fn a_channel_has_numbers_that_can_be_used() {
     assert_eq!(refusal(|m| m.channels[1].offset = f64::INFINITY), at("inf", "a finite number"));
     let large = "a number of at most 1e60 in size";
     assert_eq!(refusal(|m| m.channels[1].offset = -1e308), at("-1e308", large));
-    assert_eq!(refusal(|m| m.channels[1].gain = 0.0), at("gain 0", "a gain other than zero"));
+    assert_eq!(refusal(|m| m.channels[1].gain = 0.0), at("gain 0.0", "a gain other than zero"));
     let order = "the lower end before the upper";
     assert_eq!(refusal(|m| m.channels[1].range = Some([9.0, 1.0])), at("[9, 1]", order));
     assert_eq!(refusal(|m| m.channels[1].limits = Some([2.0, 2.0])), at("[2, 2]", order));

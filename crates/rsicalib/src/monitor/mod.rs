@@ -24,18 +24,18 @@
 //! `M⁻¹`; the state takes them over, and the watch goes on.
 //!
 //! Neighbouring samples may be correlated: `r`, `G` and `Z` pass through the filter that makes
-//! the residual white, learned from the residual itself ([`whitening`]). Its scale is learned, too.
+//! the residual white, learned from the residual itself (`whitening`). Its scale is learned, too.
 //! Samples far outside wait until the next ones confirm them; a bad reading alone is counted and
-//! left out. Onsets `τ` lie on a grid with windows of 8, 16, 32, … samples ([`windows`]), and
-//! thresholds share the promised rate between all windows and candidates ([`thresholds`]).
+//! left out. Onsets `τ` lie on a grid with windows of 8, 16, 32, … samples (`windows`), and
+//! thresholds share the promised rate between all windows and candidates (`thresholds`).
 //!
 //! | symbol | here | |
 //! |---|---|---|
-//! | r, G, Z | [`rows`] | whitened misclosure and its derivatives of one sample |
-//! | δ, J⁻¹, J⁻¹b | [`state`] | error of the calibration: covariance and mean |
-//! | D, d | [`windows`] | sums since an onset |
-//! | M, u, T | [`score`] | score test of one candidate in one window |
-//! | θ | [`open`], [`naming`] | the change that is named, and corrected when later rows tell |
+//! | r, G, Z | `rows` | whitened misclosure and its derivatives of one sample |
+//! | δ, J⁻¹, J⁻¹b | `state` | error of the calibration: covariance and mean |
+//! | D, d | `windows` | sums since an onset |
+//! | M, u, T | `score` | score test of one candidate in one window |
+//! | θ | `open`, `naming` | the change that is named, and corrected when later rows tell |
 
 pub mod alarm;
 pub mod compare;
