@@ -165,7 +165,7 @@ class Monitor:
         cls,
         mechanism: Mechanism,
         applied: Mapping[str, Any],
-        covariance: Array | None = None,
+        covariance: Array | None,
         *,
         false_alarms: Any = None,
         dof: Any = None,

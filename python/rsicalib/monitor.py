@@ -204,10 +204,13 @@ class Monitor:
         noise = result.noise
         assert noise is not None  # as_applied has refused it
         self.false_alarms = _core.FALSE_ALARMS if false_alarms is None else float(false_alarms)
+        covariance = covariance_of(result)
+        if covariance is None:
+            raise InputError("calibration: found no covariance, expected one of its parameters")
         self._core = _core.Monitor(
             self.mechanism,
             applied,
-            covariance_of(result),
+            covariance,
             false_alarms=self.false_alarms,
             dof=noise.dof,
             correlation=noise.correlation or 0.0,

@@ -25,24 +25,23 @@ impl PyMonitor {
     /// `false_alarms` per sample, at most; `dof`, `correlation` and `interval` [s] are those of the
     /// noise in the calibration.
     #[new]
-    #[pyo3(signature = (mechanism, applied, covariance=None, *, false_alarms=None, dof=None,
+    #[pyo3(signature = (mechanism, applied, covariance, *, false_alarms=None, dof=None,
                         correlation=0.0, interval=None))]
     fn new(
         mechanism: &PyMechanism,
         applied: PyApplied,
-        covariance: Option<PyReadonlyArray2<'_, f64>>,
+        covariance: PyReadonlyArray2<'_, f64>,
         false_alarms: Option<f64>,
         dof: Option<f64>,
         correlation: f64,
         interval: Option<f64>,
     ) -> Result<Self, PyError> {
-        let covariance: Option<Vec<f64>> =
-            covariance.map(|c| c.as_array().iter().copied().collect());
+        let covariance: Vec<f64> = covariance.as_array().iter().copied().collect();
         let mut options = MonitorOptions::default();
         options.false_alarms = false_alarms.unwrap_or(options.false_alarms);
         options.quiet = Quiet { dof, correlation, interval };
         let applied = applied.into();
-        let monitor = Monitor::new(&mechanism.0, &applied, covariance.as_deref(), &options)?;
+        let monitor = Monitor::new(&mechanism.0, &applied, &covariance, &options)?;
         Ok(Self { monitor, channels: mechanism.0.channels.len() })
     }
 

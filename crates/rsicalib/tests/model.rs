@@ -184,8 +184,8 @@ fn a_target_or_place_that_is_not_there_is_named_with_those_that_are() {
         Err(Error::Unknown { kind, found, known }) => (kind, found, known),
         other => panic!("{other:?}"),
     };
-    let channels = "a11, a12, a13, a21, a22, a23, a31, a32, a33".to_string();
-    assert_eq!(refused("curvature@a77"), ("target", "a77".into(), channels));
+    let targets = "a11, a12, a13, a21, a22, a23, a31, a32, a33, each.1, each.2, each.3".to_string();
+    assert_eq!(refused("curvature@a77"), ("target", "a77".into(), targets));
     assert_eq!(refused("crosstalk@a22:a33"), ("place", "a33".into(), "a21, a23".into()));
     assert_eq!(refused("wobble").0, "term");
     let slip = parse("slip@a22:17").expect("a pose of that label");

@@ -83,7 +83,7 @@ impl State {
         for (i, e) in self.innovation.iter().enumerate() {
             let gain = &self.gains[i * m..(i + 1) * m];
             axpy(*e, gain, &mut self.mean);
-            for (factor, row) in gain.iter().zip(self.covariance.chunks_exact_mut(m)) {
+            for (factor, row) in gain.iter().zip(self.covariance.chunks_exact_mut(m.max(1))) {
                 axpy(-*factor, gain, row);
             }
         }

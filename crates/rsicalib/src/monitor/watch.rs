@@ -49,20 +49,23 @@ const LOOK_AGAIN: u64 = 16;
 /// # Example
 ///
 /// ```
+/// use rsicalib::apply::earlier::Applied;
 /// use rsicalib::monitor::{Monitor, MonitorOptions};
-/// use rsicalib::{Mechanism, apply::earlier::{Applied, Reference}};
+/// use rsicalib::{Error, Mechanism};
 ///
-/// let mechanism = Mechanism::rsi();
-/// let reference = Reference { centre: vec![2048.0; 9], span: vec![[1000.0, 3000.0]; 9], temperature: None };
-/// let applied = Applied { reference, sigma: vec![1.0; 9], ..Applied::default() };
-/// let mut monitor = Monitor::new(&mechanism, &applied, None, &MonitorOptions::default())?;
-/// for row in 0..100 {
-///     // The rest pose under nominal parameters, read with a little noise.
-///     let readings: Vec<f64> = (0..9).map(|c| 2048.0 + f64::from((7 * row + 5 * c) % 3) - 1.0).collect();
-///     assert!(monitor.update(&readings, None).is_empty());
+/// /// Watches rows of readings under a calibration and the covariance of its parameters.
+/// fn watch(calibration: &Applied, covariance: &[f64], rows: &[[f64; 9]]) -> Result<(), Error> {
+///     let options = MonitorOptions::default();
+///     let mut monitor = Monitor::new(&Mechanism::rsi(), calibration, covariance, &options)?;
+///     for row in rows {
+///         for alarm in monitor.update(row, None) {
+///             println!("{} has changed since row {}", alarm.spec, alarm.since_row);
+///         }
+///     }
+///     Ok(())
 /// }
-/// assert_eq!(monitor.counts().used, 100);
-/// # Ok::<(), rsicalib::Error>(())
+/// // Without an uncertainty nothing says how far the loops of a sound device may be open.
+/// assert!(watch(&Applied::default(), &[], &[]).is_err());
 /// ```
 pub struct Monitor {
     pub(super) watched: Watched,
@@ -117,22 +120,27 @@ pub(super) struct Tested {
 impl Monitor {
     /// A watch over a mechanism under a calibration.
     ///
-    /// `covariance` is that of the calibration's parameters, row by row; none: they are exact.
+    /// `covariance` is that of the calibration's parameters, row by row.
     ///
     /// # Errors
     ///
     /// [`Error::Missing`] for a mechanism whose loops are not closed in every sample: with unknown
     /// points or measured distances; [`Error::Context`] for a calibration with a term that
-    /// needs more than one row of readings; [`Error::Option`] for options that cannot be used;
+    /// needs more than one row of readings; [`Error::Shape`] for a calibration without a
+    /// covariance, or with another number of parameters; [`Error::Option`] for options that cannot be used;
     /// else as [`crate::apply::earlier::platform_poses`].
     pub fn new(
         mechanism: &Mechanism,
         applied: &Applied,
-        covariance: Option<&[f64]>,
+        covariance: &[f64],
         options: &MonitorOptions,
     ) -> Result<Self, Error> {
         options.check()?;
-        let watched = Watched::new(mechanism, applied, covariance, changes(mechanism))?;
+        let watched = Watched::new(mechanism, applied, Some(covariance), changes(mechanism))?;
+        if watched.uncertain == 0 {
+            let what = "the covariance of the calibration".into();
+            return Err(Error::Shape { what, found: 0, expected: applied.parameters.len().pow(2) });
+        }
         let (equations, width) = (watched.under.model.equations(), watched.order.len());
         let state = State::new(watched.prior.clone(), watched.uncertain, width, equations);
         let thresholds =
