@@ -14,6 +14,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.devices import Within
 from rsicalib.errors import InputError
 from rsicalib.plans import Forecast, Plan
+from rsicalib.report.words import subject
 from rsicalib.results import Result, Trace
 from rsicalib.shapes import Name
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
@@ -124,7 +125,7 @@ def explanations(result: Result) -> list[tuple[tuple[Name, ...], float, float]]:
 
 def words(terms: Sequence[Name]) -> str:
     """Effects in words."""
-    return " + ".join(f"{t.term} {t.target}" for t in terms) or "nothing"
+    return " + ".join(map(subject, terms)) or "nothing"
 
 
 def plan_further(sessions: Sessions, choice: Choice) -> Plan:

@@ -1,10 +1,8 @@
 //! The paper's problem: derivatives against differences and against the general
 //! model, minima against a Gauss-Newton iteration of its own.
 
-mod paper;
-
+use crate::paper::{Rng, TABLE_II, counts_of, rsi_parameters, table_iii};
 use nalgebra::{DMatrix, DVector};
-use paper::{Rng, TABLE_II, counts_of, rsi_parameters, table_iii};
 use rsicalib::Error;
 use rsicalib::estimate::paper::Paper;
 use rsicalib::mechanism::Mechanism;

@@ -1,9 +1,6 @@
 //! A result as a mechanism, against the model that has the result's parameters.
 
-#[allow(dead_code)] // each test uses a part of the devices
-mod devices;
-
-use devices::{How, Rng, hand_controller, random};
+use crate::devices::{How, Rng, hand_controller, random};
 use rsicalib::Error;
 use rsicalib::apply::earlier::{Applied, Reference, Reported, points};
 use rsicalib::apply::export::{Exported, Note, exported, with_sensors};

@@ -1,9 +1,6 @@
 //! Faults of converters against codes that have them, and codes that have none.
 
-#[path = "devices/rng.rs"]
-mod rng;
-
-use rng::Rng;
+use crate::devices::Rng;
 use rsicalib::screening::converter::of_codes;
 use rsicalib::screening::fault::FaultKind;
 

@@ -1,8 +1,6 @@
 //! Open-loop calibration (13) against closed forms and Monte Carlo.
 
-mod paper;
-
-use paper::{Rng, TABLE_II, counts_of, rsi_parameters};
+use crate::paper::{Rng, TABLE_II, counts_of, rsi_parameters};
 use rsicalib::Error;
 use rsicalib::apply::fixture::fixture;
 use rsicalib::mechanism::Mechanism;

@@ -2,11 +2,9 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use nist::{Strd, digits};
+use crate::nist::{self, Strd, digits};
 use rsicalib::numerics::dense::Dense;
 use rsicalib::numerics::lm::{self, Outcome, SolverOptions, Termination};
-
-mod nist;
 
 /// Tight enough for six digits of the slowest problem (Bennett5).
 fn tight() -> SolverOptions {

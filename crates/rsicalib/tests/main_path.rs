@@ -1,15 +1,12 @@
 //! The main path on the hand controller: observations, fit, calibration, trace, verdict.
 
-use devices::{Device, How, Rng, hand_controller};
+use crate::devices::{Device, How, Rng, hand_controller};
 use rsicalib::diagnosis::options::SearchOptions;
 use rsicalib::diagnosis::verdict::Verdict;
 use rsicalib::estimate::directions::reported;
 use rsicalib::model::parse;
 use rsicalib::report::{calibrated, traced};
 use rsicalib::{FitOptions, Observations, fit};
-
-#[allow(dead_code)] // of all devices, the hand controller alone
-mod devices;
 
 /// Standard deviation of one reading [count], declared.
 const NOISE: f64 = 0.5;

@@ -3,8 +3,8 @@
 
 use std::array::from_fn;
 
-use devices::{Device, How, Rng, hand_controller, random};
-use differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
+use crate::devices::{Device, How, Rng, hand_controller, random};
+use crate::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rsicalib::Error;
 use rsicalib::estimate::{Algebraic, Implicit, Noise, Part};
@@ -13,10 +13,6 @@ use rsicalib::model::{self, Model, Want, Workspace};
 use rsicalib::numerics::lanes::{self, WIDTH};
 use rsicalib::numerics::linearization::{Linearization, Problem};
 use rsicalib::readings::{Readings, Table};
-
-mod devices;
-#[path = "devices/differences.rs"]
-mod differences;
 
 // --- misclosure ----------------------------------------------------------
 

@@ -1,8 +1,6 @@
 //! The maximum-likelihood objective against a minimisation of its own.
 
-mod devices;
-
-use devices::{Device, How, Rng, derivative, hand_controller, random};
+use crate::devices::{Device, How, Rng, derivative, hand_controller, random};
 use nalgebra::{DMatrix, DVector};
 use rsicalib::estimate::{Implicit, Noise, Part};
 use rsicalib::model::{Model, Prior, Want, Workspace};

@@ -1,9 +1,7 @@
 //! The Cramér-Rao bound against dense matrices, and plans against brute force.
 
-mod paper;
-
+use crate::paper::{TABLE_II, counts_of, rsi_parameters, table_iii};
 use nalgebra::DMatrix;
-use paper::{TABLE_II, counts_of, rsi_parameters, table_iii};
 use rsicalib::Error;
 use rsicalib::design::exchange::Criterion;
 use rsicalib::design::information::Candidates;

@@ -1,7 +1,6 @@
 //! The example of the crate's README, word for word.
 
-mod paper;
-
+use crate::paper;
 use rsicalib::{Error, Fit, FitOptions, Mechanism, Observations, Table, fit};
 
 /// Fits offsets and gains of the hand controller; `values` holds nine readings per row.

@@ -18,6 +18,7 @@ from rsicalib.guide.advice import Advice, Adviser
 from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Log, Sample
 from rsicalib.io.files import write_text
+from rsicalib.report.words import subject
 from rsicalib.results import Trace
 
 __all__ = ["Session", "Settings"]
@@ -349,7 +350,7 @@ class Session:
             "sd": None if advice is None else advice.sd,
             "sd_next": None if advice is None else advice.sd_next,
             "target": self.settings.target,
-            "named": [f"{s.term} {s.target}" for s in steps],
+            "named": [subject(s) for s in steps],
             "open": [] if advice is None else list(advice.open),
             "closure": None if advice is None else advice.closure,
             "closure_fitted": None if advice is None else advice.closure_fitted,
