@@ -181,11 +181,17 @@ def test_an_interrupted_stream_ends_with_a_summary(step: dict[str, Any], tmp_pat
     result = tmp_path / "result.json"
     step["calibration"].save(result)
     lines = csv(step["values"][2500:3500], tmp_path / "work.csv").read_bytes()
+
+    def heed() -> None:
+        # What runs in the background of a shell ignores the signal, and its children do.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
     with subprocess.Popen(
         command("-", "--calibration", result),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
+        preexec_fn=heed,
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
