@@ -20,7 +20,7 @@ pip_install() {
 }
 
 build() {
-    VIRTUAL_ENV="$PWD/.venv" .venv/bin/maturin develop --release --quiet "$@" >&2
+    PIP_QUIET=1 VIRTUAL_ENV="$PWD/.venv" .venv/bin/maturin develop --release --quiet "$@" >&2
 }
 
 # setup [EXTRAS]: the package, and what these extras of pyproject.toml ask for, separated by commas.
