@@ -17,7 +17,10 @@ from tests.blind.grade import Grade, grade
 from tests.blind.scene import Scene, held, waved
 from tests.blind.simulator import Device, Session
 
-SUITES = ("clean", "single", "pairs", "triples", "outside", "left_out", "faults", "recordings")
+SUITES = (
+    *("clean", "single", "pairs", "triples", "outside", "left_out", "faults", "recordings"),
+    "moved",
+)
 FLOOR = 40.0
 """Fainter effects are enlarged to this noncentrality."""
 COUNT = {"pairs": 2, "triples": 3}
@@ -148,6 +151,7 @@ def kinds_of(suite: str) -> tuple[type[Effect], ...]:
         "outside": catalogue.OUTSIDE,
         "left_out": standing,
         "faults": catalogue.FAULTS,
+        "moved": catalogue.MOVED,
     }
     return by_suite[suite]
 

@@ -4,6 +4,7 @@ from tests.blind.effects.base import ARMS, CHANNELS, SIDES, Effect
 from tests.blind.effects.electronics import ChannelSkew, ReferenceDrift, ReferenceTemperature
 from tests.blind.effects.mishaps import (
     BadReading,
+    BaseSlip,
     GrossSample,
     MissingCodes,
     Saturation,
@@ -69,6 +70,9 @@ MISHAPS: tuple[type[Effect], ...] = (BadReading, GrossSample)
 CATALOGUE: tuple[type[Effect], ...] = SENSOR + ELECTRONICS + STRUCTURE + MISHAPS
 """What a good catalogue has."""
 
+MOVED: tuple[type[Effect], ...] = (BaseSlip,)
+"""What happened to the structure once."""
+
 FAULTS: tuple[type[Effect], ...] = (StuckBit, MissingCodes, Saturation)
 OUTSIDE: tuple[type[Effect], ...] = (
     Ripple,
@@ -91,6 +95,7 @@ __all__ = [
     "ELECTRONICS",
     "FAULTS",
     "MISHAPS",
+    "MOVED",
     "OUTSIDE",
     "SENSOR",
     "SIDES",
@@ -98,6 +103,7 @@ __all__ = [
     "Backlash",
     "BadReading",
     "BasePosition",
+    "BaseSlip",
     "BaseTilt",
     "ChannelSkew",
     "Crosstalk",

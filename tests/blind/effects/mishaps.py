@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tests.blind.effects.base import Effect
+from tests import oracle
+from tests.blind.effects.base import ARMS, Effect
 from tests.blind.scene import Scene
 from tests.oracle import Array
 
@@ -50,6 +51,46 @@ class GrossSample(BadReading):
         """A spike on the line."""
         here = (scene.label == self.pose) & (scene.sample == self.sample)
         return counts + self.only(self.size * here, counts)
+
+
+@dataclass(frozen=True)
+class BaseSlip(Effect):
+    """The base of an arm is pushed by `b` at the fraction `at` of the session, and turns by `b`/5
+    rad/in about its shoulder, in directions of their own."""
+
+    at: float = 0.5
+    along: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    about: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    term: ClassVar[str] = "base_slip"
+    kind: ClassVar[str] = "geometry"
+    unit: ClassVar[str] = "in"
+    sizes: ClassVar[tuple[float, float]] = (0.01, 0.1)
+    targets: ClassVar[tuple[str, ...]] = ARMS
+    signed: ClassVar[bool] = False
+    loose: ClassVar[bool] = True
+
+    @classmethod
+    def details(cls, rng: np.random.Generator) -> dict[str, Any]:
+        """A time and two directions."""
+        ways = rng.standard_normal((2, 3))
+        along, about = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        return {"at": float(rng.uniform(0.2, 0.8)), "along": tuple(along), "about": tuple(about)}
+
+    def told(self) -> str | None:
+        """The library counts poses, not time."""
+        return None
+
+    def play(self, scene: Scene) -> Array:
+        """An arm that has moved reaches the handle where one that has not would reach it elsewhere:
+        `base_from_moved⁻¹ p`, and both agree before the slip."""
+        wrists = oracle.rsi_wrists(scene.pose)[:, self.arm]
+        base = oracle.BASE_ANGLES[self.arm]
+        shoulder = oracle.L1 * np.array([np.cos(base), np.sin(base), 0.0])
+        turn = oracle.roll_pitch_yaw(*(0.2 * self.size * np.array(self.about)))[:3, :3]
+        back = (wrists - shoulder - self.size * np.array(self.along)) @ turn + shoulder
+        out = np.zeros((len(wrists), 3, 3))
+        out[:, self.arm] = np.where((scene.turn > self.at)[:, None], back - wrists, 0.0)
+        return out
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
-use crate::terms::term::Acts;
 
 /// An effect beside others that χ² would not rise by this much without is faint.
 const FAINT: f64 = 40.0;
@@ -55,7 +54,7 @@ pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option
 /// The last of several terms that make up an effect is faint. But several joints give under one
 /// weight, each as much as that weight bends it: none is faint beside the others.
 fn faintest(found: &[Instance], rises: &[f64]) -> Option<Doubted> {
-    let gives = |i: &Instance| matches!(i.term.acts(), Acts::Load(_));
+    let gives = |i: &Instance| i.term.is_load();
     let together = found.iter().filter(|i| gives(i)).count() > 1;
     let alone = found.iter().zip(rises).filter(|(i, _)| !(together && gives(i)));
     let (instance, rise) = alone.min_by(|a, b| a.1.total_cmp(b.1))?;
@@ -67,7 +66,7 @@ fn faintest(found: &[Instance], rises: &[f64]) -> Option<Doubted> {
 /// cause behind it. But joints all give, under the weight of what they carry.
 fn repeated(mechanism: &Mechanism, found: &[Instance]) -> Option<Doubted> {
     let chain_of = |instance: &Instance| match instance.target {
-        _ if matches!(instance.term.acts(), Acts::Load(_)) => None,
+        _ if instance.term.is_load() => None,
         Target::Channel(channel) => mechanism.chain_of(channel),
         Target::Row(chain, _) | Target::Chain(chain) => Some(chain),
         _ => None,

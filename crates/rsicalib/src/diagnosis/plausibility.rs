@@ -8,7 +8,7 @@ use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Channel, Mechanism, Target, Value};
 use crate::model::Instance;
 use crate::terms::targets::typical;
-use crate::terms::term::{Acts, Over, Role};
+use crate::terms::term::{Over, Role};
 
 /// Largest share of a channel's range, or of its limits, that noise may be.
 const NOISE: f64 = 0.05;
@@ -90,7 +90,7 @@ fn smallest_length(mechanism: &Mechanism) -> f64 {
 /// The parameter of an effect that is beyond all proportion, if there is one.
 fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Absurdity> {
     // A compliance has no size of its own: what it does depends on the torque.
-    if matches!(instance.term.acts(), Acts::Load(_)) {
+    if instance.term.is_load() {
         return None;
     }
     let at = fit.model.instances.iter().position(|i| i == instance)?;

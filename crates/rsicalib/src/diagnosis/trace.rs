@@ -12,7 +12,7 @@
 use crate::Error;
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
-use crate::diagnosis::score::{places, tools};
+use crate::diagnosis::score::{moved, places};
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
 use crate::diagnosis::verdict::determined;
@@ -215,16 +215,17 @@ fn judge_again(
     Ok(Some((again, clean, excluded)))
 }
 
-/// The fit with tools that slipped when it is likeliest in all samples: where samples beside the
+/// The fit with what moved once at its likeliest time in all samples: where samples beside the
 /// slip were left out, the search could not tell when it was.
 fn retimed(observations: &Observations, mut fitted: Fit, judge: &Judge) -> Result<Fit, Error> {
+    let of = |i: &Instance| (i.term.info().id, i.target);
     let instances = fitted.model.instances.clone();
-    for slip in instances.into_iter().filter(tools::is_slip) {
+    for slip in instances.into_iter().filter(moved::is_move) {
         let others = fitted.model.instances.iter().copied().filter(|i| *i != slip).collect();
         let without = fit(observations, others, Some(&fitted))?;
         let (inverse, ..) = symmetric::invert(&without.gram);
-        let scored = tools::score(observations, &without, judge, &inverse, &[])?;
-        let own = scored.into_iter().filter(|s| s.instance.target == slip.target);
+        let scored = moved::score(observations, &without, judge, &inverse, &[])?;
+        let own = scored.into_iter().filter(|s| of(&s.instance) == of(&slip));
         let Some(best) = own.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
         let mut instances = without.model.instances.clone();
         instances.push(best.instance);

@@ -21,7 +21,7 @@ use crate::mechanism::Target;
 use crate::model::Model;
 use crate::numerics::{distributions, symmetric};
 use crate::screening::excluded::{Cause, Excluded};
-use crate::screening::steps::{SIDE, StepSums};
+use crate::screening::steps::{SIDE, StepScore, StepSums};
 use crate::terms::term::{Acts, Placed, Spot};
 
 /// Probability of accusing anything in a clean session.
@@ -246,16 +246,18 @@ impl<'a> Looking<'a> {
         let rows = &self.runs[run];
         let mut best: Option<Displacement> = None;
         for (tool, columns) in self.movable(rows[0]) {
-            let mut sums = StepSums::new(self.model.parameters);
+            let mut sums = StepSums::new(self.model.parameters, columns.len());
             for (at, &row) in rows.iter().enumerate().rev() {
                 sums.add(self.x(row), self.whitened(row), &columns);
                 if at < SIDE || rows.len() - at < SIDE {
                     continue;
                 }
-                let Some((score, by)) = sums.score(&self.inverse) else { continue };
-                let score = score / self.typical;
+                // Rows that do not tell all three may be any move.
+                let all = |s: &StepScore| s.rank == columns.len();
+                let Some(found) = sums.score(&self.inverse).filter(all) else { continue };
+                let score = found.score / self.typical;
                 if best.as_ref().is_none_or(|b| score > b.score) {
-                    best = Some(Displacement { run, at, score, by, tool });
+                    best = Some(Displacement { run, at, score, by: found.by, tool });
                 }
             }
         }

@@ -31,6 +31,28 @@ pub fn term_of(law: &Law) -> Result<&'static dyn Term, Error> {
     Ok(term)
 }
 
+/// The law of a term of the catalogue that is one formula.
+///
+/// # Panics
+///
+/// For a formula that cannot be read: the tests of every term read its own.
+pub(crate) fn of_catalogue(info: &Info, correction: &str) -> Coupled {
+    let law = Law {
+        id: info.id.into(),
+        class: info.class,
+        per: info.per,
+        parameters: info.parameters.iter().map(|p| (p.name.into(), p.typical)).collect(),
+        correction: Some(correction.into()),
+        moves: None,
+        amount: None,
+        doc: String::new(),
+    };
+    match law.formula() {
+        Ok(formula) => Coupled::new(&law, formula),
+        Err(error) => panic!("{error}"),
+    }
+}
+
 /// A law as a term.
 struct LawTerm {
     info: &'static Info,

@@ -107,8 +107,10 @@ mod laws;
 mod bad_reading;
 mod base_bearing;
 mod base_position;
+mod base_slip;
 mod base_tilt;
 mod channel_skew;
+mod counterbalance;
 mod crosstalk;
 mod cubic;
 mod curvature;
@@ -166,10 +168,12 @@ registry! {
     base_position::BasePosition,
     base_tilt::BaseTilt,
     base_bearing::BaseBearing,
+    base_slip::BaseSlip,
     point_position::PointPosition,
     tool_slip::ToolSlip,
     sag::Sag,
     joint_sag::JointSag,
     joint_compliance::JointCompliance,
+    counterbalance::Counterbalance,
     distance::Distance,
 }

@@ -132,13 +132,14 @@ pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f6
     let at = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
     let lengths = rows().flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]).chain(at.flatten());
     let longest = lengths.fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
-    let mass: f64 = rows().filter_map(|r| r.mass).sum();
+    // Where no link has a mass, a torque is that of a unit weight.
+    let mass = rows().filter_map(|r| r.mass).reduce(|a, b| a + b).unwrap_or(1.0);
     let slides = mechanism.slides_at(target);
     let scale = |unit: &str| match unit {
         "rad" | "length" if slides => longest,
         "length" => longest,
         "rad/length" => 1.0 / longest,
-        "rad/torque" => 1.0 / (longest * mass.max(f64::MIN_POSITIVE)),
+        "rad/torque" => 1.0 / (longest * mass),
         _ => 1.0,
     };
     term.info().parameters.iter().map(|p| p.typical * scale(p.unit)).collect()

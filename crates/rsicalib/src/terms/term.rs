@@ -351,6 +351,12 @@ pub enum Over {
 }
 
 impl dyn Term + '_ {
+    /// True for what a weight does.
+    #[must_use]
+    pub fn is_load(&self) -> bool {
+        self.info().class == Class::Load
+    }
+
     /// True for a geometry term that moves the chain at these spots only.
     #[must_use]
     pub fn moves_only(&self, spots: &[Spot]) -> bool {

@@ -15,8 +15,18 @@ pub enum Family {
     Free,
     /// A jump of one channel at one time: as many as poses and channels.
     Slip,
+    /// A move of one body at one time: as many as poses and bodies.
+    Moved,
     /// A wrong reading: likewise.
     Bad,
+}
+
+impl Family {
+    /// True for what happened at one time, which is searched for.
+    #[must_use]
+    pub fn happened_once(self) -> bool {
+        matches!(self, Self::Slip | Self::Moved)
+    }
 }
 
 /// A candidate with its score.
@@ -68,8 +78,13 @@ impl Scored {
 }
 
 /// Share of the error budget that each family has.
-const SHARES: [(Family, f64); 4] =
-    [(Family::Named, 0.62), (Family::Free, 0.08), (Family::Slip, 0.12), (Family::Bad, 0.18)];
+const SHARES: [(Family, f64); 5] = [
+    (Family::Named, 0.58),
+    (Family::Free, 0.08),
+    (Family::Slip, 0.12),
+    (Family::Moved, 0.04),
+    (Family::Bad, 0.18),
+];
 
 /// How scores are judged.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,7 @@
 //! What fits as well as an effect, and what fits better.
 
 use crate::Error;
-use crate::diagnosis::score::scored::{self, CHARGE, Family, Scored, excluded_pose};
+use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, room};
 use crate::estimate::Fit;
 use crate::mechanism::Target;
@@ -94,7 +94,7 @@ impl Stepwise<'_> {
 
 /// What a candidate pays: its parameters, and the time that was searched for.
 pub(crate) fn charge(candidate: &Scored) -> f64 {
-    let time = if candidate.family == Family::Slip { CHARGE } else { 0.0 };
+    let time = if candidate.family.happened_once() { CHARGE } else { 0.0 };
     CHARGE * candidate.width + time
 }
 

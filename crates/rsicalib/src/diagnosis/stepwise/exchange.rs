@@ -33,7 +33,7 @@ impl Stepwise<'_> {
     /// wrong reading beside it.
     fn read_slips(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
         let slips: Vec<Scored> =
-            found.iter().copied().filter(|s| s.family == Family::Slip).collect();
+            found.iter().copied().filter(|s| s.family.happened_once()).collect();
         let mut replaced = false;
         for slip in slips {
             let Some(end) = self.end_of(slip.instance.place) else { continue };

@@ -5,7 +5,7 @@ use crate::Error;
 use crate::diagnosis::isolation::belongs;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::pairs::{self, Pair};
-use crate::diagnosis::score::scored::{self, CHARGE, Family, Judge, Scored, excluded_pose};
+use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{candidates, scan};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
@@ -43,10 +43,11 @@ fn estimate_of(fit: &Fit, instance: &Instance) -> Option<f64> {
     (variance > 0.0).then(|| fit.beta[first] / variance.sqrt())
 }
 
-/// False for a load that lifts: a joint cannot give against it, and what explains the
-/// residual so is something else.
+/// False for a load of the catalogue that acts the other way: a joint cannot give against a weight,
+/// and what explains the residual so is something else. The sign of a user's law is the user's.
 pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
-    !matches!(instance.term.acts(), Acts::Load(_))
+    !instance.term.is_load()
+        || instance.term.info().law
         || estimate_of(fit, instance).is_none_or(|sure| sure > 0.0)
 }
 
@@ -106,7 +107,7 @@ impl<'a> Stepwise<'a> {
     pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
         let mut scored = scan::scan(&self.small, fit, &self.judge(fit), &self.search.without)?;
         scored.retain(|Scored { instance, family, .. }| {
-            let sudden = scored::is_data(instance) || *family == Family::Slip;
+            let sudden = scored::is_data(instance) || family.happened_once();
             self.open_to(instance) && !(sudden && self.only.is_some())
         });
         Ok(scored)

@@ -57,7 +57,10 @@ impl Searched {
 
     /// True where it takes jumps or wrong readings: crests of an unknown law look like them.
     fn sudden(&self) -> bool {
-        let jumps = |step: &FoundEffect| matches!(step.scored.family, Family::Slip | Family::Bad);
+        let jumps = |step: &FoundEffect| {
+            let family = step.scored.family;
+            family.happened_once() || family == Family::Bad
+        };
         !self.poses.is_empty() || self.found.iter().any(jumps)
     }
 

@@ -96,9 +96,10 @@ impl Correction {
         let values = observations.readings.table.values.clone();
         let change = |row: usize, c: usize| angles.at(row, c) - without.at(row, c);
         let (channel, law) = match (instance.target, instance.term.acts()) {
-            (Target::Channel(c), Acts::Sensor(_) | Acts::Electronics(_) | Acts::Load(_)) => {
-                (Some(c), (0..samples).map(|row| change(row, c)).collect())
-            }
+            (
+                Target::Channel(c),
+                Acts::Sensor(_) | Acts::Electronics(_) | Acts::Load(_) | Acts::Coupled(_),
+            ) => (Some(c), (0..samples).map(|row| change(row, c)).collect()),
             (Target::All, Acts::Electronics(_)) => {
                 let fraction = |row: usize| {
                     let by = |c: usize| change(row, c) / angles.slope(row, c);
