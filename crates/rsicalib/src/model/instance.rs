@@ -4,7 +4,7 @@ use crate::Error;
 use crate::mechanism::{Mechanism, Target, list};
 use crate::readings::Readings;
 use crate::terms::targets::{shared, targets};
-use crate::terms::term::{Needs, Outlasts, Per, Placed, Term};
+use crate::terms::term::{Needs, ORDER_STEP, Outlasts, Per, Placed, Term};
 
 /// One term at one target.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,6 +97,7 @@ pub fn place_name(
         Placed::AtChannel => {
             mechanism.channels.get(place).map(|c| c.name.clone()).unwrap_or_default()
         }
+        Placed::AtOrder => (ORDER_STEP * place as f64).to_string(),
         Placed::AtPose => readings.labels.get(place).map(ToString::to_string).unwrap_or_default(),
         Placed::Once if bound_to_session(term) => (place + 1).to_string(),
         Placed::Once => String::new(),

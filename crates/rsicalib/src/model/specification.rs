@@ -8,7 +8,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::instance::{Instance, bound_to_session, place_name, places};
 use crate::readings::Readings;
 use crate::terms::targets::{shared, targets};
-use crate::terms::term::Term;
+use crate::terms::term::{ORDER_STEP, ORDERS, Placed, Term};
 use crate::{Error, terms};
 
 /// A term, where it acts, and which of its places that is: `curvature@a22`, `slip@a22:17`.
@@ -138,6 +138,9 @@ pub fn instances_of(
                 let place = places.first().copied().unwrap_or(0);
                 instances.push(Instance { term, target, place });
             }
+            Some(name) if term.placed() == Placed::AtOrder => {
+                instances.push(Instance { term, target, place: nearest_order(name)? });
+            }
             Some(name) => {
                 let names = places.iter().map(|&p| place_name(term, mechanism, readings, p));
                 let names: Vec<String> = names.collect();
@@ -151,6 +154,17 @@ pub fn instances_of(
         }
     }
     Ok(instances)
+}
+
+/// The place of the order that is nearest to a number of waves per turn.
+fn nearest_order(name: &str) -> Result<usize, Error> {
+    let [low, high] = [*ORDERS.start(), *ORDERS.end()].map(|place| ORDER_STEP * place as f64);
+    let order = name.parse::<f64>().ok().filter(|n| (low..=high).contains(n));
+    order.map(|n| (n / ORDER_STEP).round() as usize).ok_or_else(|| Error::Unknown {
+        kind: "place",
+        found: name.into(),
+        known: format!("orders from {low} to {high} waves per turn"),
+    })
 }
 
 /// Refuses a mechanism that names a term which there is not, or whose laws bear the names of

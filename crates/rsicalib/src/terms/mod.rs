@@ -126,6 +126,7 @@ mod lag;
 mod link_frame;
 mod link_length;
 mod link_offset;
+mod n_per_turn;
 mod offset;
 mod once_per_turn;
 mod point_position;
@@ -154,6 +155,7 @@ registry! {
     cubic::Cubic,
     once_per_turn::OncePerTurn,
     twice_per_turn::TwicePerTurn,
+    n_per_turn::NPerTurn,
     free_curve::FreeCurve,
     hysteresis::Hysteresis,
     drift::Drift,

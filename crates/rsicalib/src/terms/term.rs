@@ -334,7 +334,17 @@ pub enum Placed {
     AtPose,
     /// Another channel.
     AtChannel,
+    /// Waves per turn, in steps of [`ORDER_STEP`], found by a search.
+    AtOrder,
 }
+
+/// Step between the orders that are tried, in waves per turn. Over a turn it moves the phase by a
+/// quarter of a wave, which the term's own parameter takes up.
+pub const ORDER_STEP: f64 = 0.25;
+
+/// Places of the orders that are tried: from 3 to 100 waves per turn. Fewer have terms of their
+/// own.
+pub const ORDERS: std::ops::RangeInclusive<usize> = 12..=400;
 
 /// The variable of a law that is a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -368,7 +378,7 @@ impl dyn Term + '_ {
     #[must_use]
     pub fn over(&self) -> Option<Over> {
         match (self.acts(), self.info().needs) {
-            _ if self.placed() == Placed::AtPose => None,
+            _ if self.placed() != Placed::Once => None,
             (Acts::Sensor(_), Needs::Nothing) => Some(Over::Reading),
             (Acts::Sensor(_) | Acts::Electronics(_), Needs::Order) => Some(Over::Time),
             _ => None,

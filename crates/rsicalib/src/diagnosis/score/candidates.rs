@@ -16,7 +16,7 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     let mut all = Vec::new();
     for term in terms::all(mechanism) {
         let info = term.info();
-        if term.placed() == Placed::AtPose
+        if matches!(term.placed(), Placed::AtPose | Placed::AtOrder)
             || (info.broad && !tip(term))
             || info.parameters.len() > room
             || without.iter().any(|w| w == info.id)

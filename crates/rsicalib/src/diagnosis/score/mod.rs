@@ -3,6 +3,7 @@
 pub mod candidates;
 pub mod moved;
 pub mod pairs;
+pub mod periodic;
 pub mod places;
 pub mod projection;
 pub mod scan;

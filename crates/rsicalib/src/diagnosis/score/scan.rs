@@ -17,7 +17,7 @@
 
 use crate::Error;
 use crate::diagnosis::score::scored::{Judge, Scored};
-use crate::diagnosis::score::{moved, places, projection};
+use crate::diagnosis::score::{moved, periodic, places, projection};
 use crate::estimate::{Fit, Observations};
 
 use crate::diagnosis::score::candidates::candidates;
@@ -38,6 +38,7 @@ pub fn scan(
     let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
     let mut scored = projection::score(observations, fit, judge, &inverse, &named)?;
     scored.extend(places::score(observations, fit, judge, &inverse, without)?);
+    scored.extend(periodic::score(observations, fit, judge, &inverse, without)?);
     scored.extend(moved::score(observations, fit, judge, &inverse, without)?);
     Ok(scored)
 }

@@ -15,6 +15,8 @@ pub enum Family {
     Free,
     /// A jump of one channel at one time: as many as poses and channels.
     Slip,
+    /// An error of one sensor at one order: as many as orders and sensors.
+    Periodic,
     /// A move of one body at one time: as many as poses and bodies.
     Moved,
     /// A wrong reading: likewise.
@@ -78,8 +80,9 @@ impl Scored {
 }
 
 /// Share of the error budget that each family has.
-const SHARES: [(Family, f64); 5] = [
-    (Family::Named, 0.58),
+const SHARES: [(Family, f64); 6] = [
+    (Family::Named, 0.54),
+    (Family::Periodic, 0.04),
     (Family::Free, 0.08),
     (Family::Slip, 0.12),
     (Family::Moved, 0.04),

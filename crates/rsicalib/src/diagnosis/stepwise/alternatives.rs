@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, room};
+use crate::diagnosis::stepwise::orders::one_order;
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
@@ -36,7 +37,7 @@ impl Stepwise<'_> {
         let own = found[index].instance;
         let without = self.without(current, &[own])?;
         let mut scored = self.scan(&without)?;
-        let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
+        let Some(mine) = score_of(own, &scored, current) else {
             let blame = Blame::among([(0.0, own.target)], &self.small.mechanism);
             return Ok(Alternatives { better: false, also: Vec::new(), near: Vec::new(), blame });
         };
@@ -47,6 +48,7 @@ impl Stepwise<'_> {
             s.instance != own
                 && same_kind(&s.instance, &own)
                 && !others.iter().any(|other| self.overlap(&s.instance, other))
+                && !one_order(current, &s.instance, &own)
                 && excluded_pose(&s.instance).is_none()
                 && value_of(s) > value_of(&mine) - room
         });
@@ -57,7 +59,7 @@ impl Stepwise<'_> {
         let my_value =
             if physical(current, &own) { value(current, &mine) } else { f64::NEG_INFINITY };
         for candidate in scored.into_iter().take(RIVALS * self.search.refits) {
-            let refit = self.with(&without, &[candidate.instance])?;
+            let (candidate, refit) = self.tuned(&without, candidate)?;
             let sensible = refit.plausible && physical(&refit, &candidate.instance);
             if sensible && refit.termination.converged() {
                 rivals.push((value(&refit, &candidate), candidate, refit));
@@ -90,6 +92,14 @@ impl Stepwise<'_> {
         let also = also.iter().filter(as_well).map(|(_, i)| *i).collect();
         Ok(Alternatives { better, also, near, blame })
     }
+}
+
+/// The score of an effect. Not every order is tried: of one between two, the score of the better.
+fn score_of(own: Instance, scored: &[Scored], fit: &Fit) -> Option<Scored> {
+    let itself = scored.iter().find(|s| s.instance == own).copied();
+    let beside = scored.iter().filter(|s| one_order(fit, &s.instance, &own));
+    let beside = beside.max_by(|a, b| a.score.total_cmp(&b.score));
+    itself.or_else(|| beside.map(|s| Scored { instance: own, ..*s }))
 }
 
 /// What a candidate pays: its parameters, and the time that was searched for.

@@ -3,6 +3,7 @@
 mod alternatives;
 mod exchange;
 pub mod moves;
+mod orders;
 mod prune;
 pub mod rivals;
 pub mod search;

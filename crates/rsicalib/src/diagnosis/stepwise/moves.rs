@@ -7,6 +7,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::pairs::{self, Pair};
 use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{candidates, scan};
+use crate::diagnosis::stepwise::orders::one_order_each;
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
 use crate::kinematics::elements::Weight;
@@ -172,6 +173,7 @@ impl<'a> Stepwise<'a> {
         let yielding = self.yielding(current, &scored)?;
         scored.retain(|s| s.corrected <= self.search.alpha);
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        one_order_each(&mut scored);
         let mut best: Option<(f64, Scored, Fit)> = None;
         let mut sensible = 0;
         for &candidate in scored.iter().take(HOPELESS * self.search.refits) {
@@ -191,7 +193,7 @@ impl<'a> Stepwise<'a> {
             if best.as_ref().is_some_and(|(gain, ..)| *gain > candidate.charged() + room) {
                 continue;
             }
-            let refit = self.with(current, &[candidate.instance])?;
+            let (candidate, refit) = self.tuned(current, candidate)?;
             let gain = self.gain(current, &refit, &[candidate]);
             sensible += usize::from(gain.is_finite());
             if gain > best.as_ref().map_or(0.0, |(g, ..)| *g) {

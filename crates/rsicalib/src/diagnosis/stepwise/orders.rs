@@ -1,0 +1,72 @@
+//! Errors that repeat many times per turn: neighbouring orders are one candidate.
+
+use std::f64::consts::TAU;
+
+use crate::Error;
+use crate::diagnosis::score::scored::Scored;
+use crate::diagnosis::stepwise::moves::Stepwise;
+use crate::estimate::Fit;
+use crate::mechanism::Target;
+use crate::model::Instance;
+use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
+
+/// After so many moves the order has settled, or never will.
+const MOVES: usize = 3;
+
+fn has_order(instance: &Instance) -> bool {
+    instance.term.placed() == Placed::AtOrder
+}
+
+fn same_sensor(a: &Instance, b: &Instance) -> bool {
+    (a.term.info().id, a.target) == (b.term.info().id, b.target)
+}
+
+/// Keeps the best order of each sensor; best first.
+pub(crate) fn one_order_each(scored: &mut Vec<Scored>) {
+    let mut seen: Vec<Instance> = Vec::new();
+    scored.retain(|s| {
+        let again = has_order(&s.instance) && seen.iter().any(|i| same_sensor(i, &s.instance));
+        if has_order(&s.instance) {
+            seen.push(s.instance);
+        }
+        !again
+    });
+}
+
+/// True for two orders of one sensor that its readings do not tell apart: they differ by less than
+/// a wave over all readings.
+pub(crate) fn one_order(fit: &Fit, a: &Instance, b: &Instance) -> bool {
+    let Target::Channel(channel) = a.target else { return false };
+    let scale = &fit.model.scales[channel];
+    let way = (scale.span[1] - scale.span[0]) * scale.gain.abs();
+    let apart = ORDER_STEP * a.place.abs_diff(b.place) as f64;
+    has_order(a) && same_sensor(a, b) && apart * way < TAU
+}
+
+impl Stepwise<'_> {
+    /// The fit with one more effect. An order is moved to the place that is nearest to where the
+    /// fit has tuned it.
+    pub(crate) fn tuned(
+        &self,
+        current: &Fit,
+        mut candidate: Scored,
+    ) -> Result<(Scored, Fit), Error> {
+        let mut refit = self.with(current, &[candidate.instance])?;
+        for _ in 0..MOVES {
+            let Some(place) = nearest(&refit, &candidate.instance) else { break };
+            candidate.instance.place = place;
+            refit = self.with(current, &[candidate.instance])?;
+        }
+        Ok((candidate, refit))
+    }
+}
+
+/// The place of the order that a fit has found, where that is another place.
+fn nearest(fit: &Fit, instance: &Instance) -> Option<usize> {
+    let at =
+        fit.model.instances.iter().position(|i| i == instance).filter(|_| has_order(instance))?;
+    let detune = fit.beta[fit.model.first[at] + 2];
+    let place = (instance.place as f64 + detune / ORDER_STEP).round();
+    let place = place.clamp(*ORDERS.start() as f64, *ORDERS.end() as f64) as usize;
+    (place != instance.place).then_some(place)
+}

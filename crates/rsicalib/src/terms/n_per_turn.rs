@@ -1,0 +1,67 @@
+//! [`NPerTurn`].
+
+use crate::mechanism::Mechanism;
+use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Info, ORDER_STEP, ORDERS, Placed, Sensor, Site, Term};
+
+term! {
+    /// Error of a sensor that repeats many times per turn.
+    ///
+    /// Adds `a sin(nφ) + b cos(nφ)` to the joint angle, where `φ` is the nominal angle of the
+    /// sensor from the middle of its range: teeth of a gear or a belt, poles, turns of a winding.
+    /// A trace searches for the order `n`, which need not be whole: the order of the place, and
+    /// `detune` beside that order. The p-value is corrected for the number of orders.
+    NPerTurn("n_per_turn", Sensor, per Channel, needs Nothing) {
+        a: "rad" ~ 5e-3,
+        b: "rad" ~ 5e-3,
+        detune: "1/turn" ~ 0.1,
+    }
+}
+
+impl Term for NPerTurn {
+    fn info(&self) -> &'static Info {
+        &Self::INFO
+    }
+
+    fn acts(&self) -> Acts {
+        Acts::Sensor(&Self)
+    }
+
+    fn placed(&self) -> Placed {
+        Placed::AtOrder
+    }
+
+    fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
+        !mechanism.slides(channel)
+    }
+
+    fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {
+        ORDERS.collect()
+    }
+}
+
+impl Sensor for NPerTurn {
+    fn correction(&self, p: &[f64], site: &Site) -> Lanes {
+        let (sin, cos) = (site.phi() * order(p, site)).sin_cos();
+        sin * p[0] + cos * p[1]
+    }
+
+    fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        let phi = site.phi();
+        let (sin, cos) = (phi * order(p, site)).sin_cos();
+        out[0] = sin;
+        out[1] = cos;
+        out[2] = (cos * p[0] - sin * p[1]) * phi;
+    }
+
+    fn slope(&self, p: &[f64], site: &Site) -> Lanes {
+        let n = order(p, site);
+        let (sin, cos) = (site.phi() * n).sin_cos();
+        (cos * p[0] - sin * p[1]) * (n * site.scale().gain)
+    }
+}
+
+/// `n`
+fn order(p: &[f64], site: &Site) -> f64 {
+    ORDER_STEP * site.place as f64 + p[2]
+}
