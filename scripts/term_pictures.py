@@ -66,8 +66,8 @@ closure = [{name = "rod", kind = "distance", between = ["one", "two"], value = 1
 
 LIMBS = (
     "d = 0.35, alpha = 1.5707963",
-    "a = 0.8, mass = 1.0, com = [-0.4, 0, 0]",
-    "a = 0.6, mass = 1.0, com = [-0.3, 0, 0]",
+    "a = 0.8, mass = 1.0, com = [0.4, 0, 0]",
+    "a = 0.6, mass = 1.0, com = [0.3, 0, 0]",
 )
 POSE = (-0.5, 1.0, -1.1)
 """Readings of the arm that is drawn [rad]."""
@@ -243,7 +243,7 @@ def _effect(
         if name == "link_frame":
             sizes = {"x": 0.5 * large, "y": -0.6 * large, "rz": 1.5 * large}
         return [((name, f"to{k}/2", None), p, v) for k in (2, 3) for p, v in sizes.items()]
-    if name in ("joint_compliance", "joint_sag"):
+    if name in ("joint_compliance", "joint_sag", "counterbalance"):
         return [((name, f"q2to{k}", None), parameter, large) for k in (2, 3)]
     if name == "sag":
         return [((name, "all", None), parameter, 0.6 * large)]
@@ -253,6 +253,8 @@ def _effect(
         return [((name, f"to{k}", None), "ry", large) for k in (1, 2, 3)]
     if name in ("point_position", "tool_slip"):  # the same, from one pose on
         return [(("point_position", "to3", None), "y", -large)]
+    if name == "base_slip":
+        name = "base_position"
     return [((name, f"to{k}", None), parameter, large) for k in (1, 2, 3)]
 
 

@@ -243,12 +243,11 @@ def test_families_have_the_legs_that_are_alike() -> None:
 
 @pytest.mark.parametrize("form", ["n_per_turn", "step", "none"])
 def test_the_closed_form_of_a_curve_is_named_and_only_where_there_is_one(form: str) -> None:
-    heard = [row for row in (curves.run((form, k), seed=5) for k in range(4)) if row.curve]
+    every = [curves.run((form, k), seed=5) for k in range(4)]
+    heard = [row for row in every if row.curve or row.periodic]
     assert len(heard) >= 2  # else a named term does as well
     assert sum(row.right for row in heard) >= len(heard) - 1
     for row in heard:
-        assert row.law is not None
-        if row.law["form"] == form == "n_per_turn":
-            # Of four standard deviations: the interval has two to either side.
-            low, high = row.law["parameters"][0]["interval"]
-            assert abs(row.law["parameters"][0]["value"] - row.place) < high - low
+        if row.order is not None and form == "n_per_turn":
+            order, sd = row.order
+            assert abs(order - row.place) < 4.0 * sd

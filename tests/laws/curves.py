@@ -80,6 +80,8 @@ class Heard:
     verdict: str
     steps: tuple[str, ...]
     law: dict[str, Any] | None
+    order: tuple[float, float] | None
+    """The order of a periodic error with its standard deviation, where one is named."""
 
     @property
     def curve(self) -> bool:
@@ -87,18 +89,35 @@ class Heard:
         return self.steps == (f"free_curve@{self.target}",)
 
     @property
+    def periodic(self) -> bool:
+        """Whether the sensor is named with a periodic error, and nothing else."""
+        return self.steps == (f"n_per_turn@{self.target}",)
+
+    @property
     def right(self) -> bool:
         """Whether the form is named, or tied."""
         if self.law is None:
-            return False
+            return self.periodic and self.form == "n_per_turn"
         return self.form in (self.law["form"] or "none", *self.law["also_fits"])
 
     @property
     def off(self) -> float | None:
         """Relative error of the order that is named."""
-        if self.form != "n_per_turn" or self.law is None or self.law["form"] != self.form:
+        if self.form != "n_per_turn" or self.order is None:
             return None
-        return float(self.law["parameters"][0]["value"] / self.place - 1.0)
+        return self.order[0] / self.place - 1.0
+
+
+def order_of(step: dict[str, Any]) -> tuple[float, float] | None:
+    """The order that a step names, with its standard deviation."""
+    if step["term"] == "n_per_turn":
+        (detune,) = (p for p in step["parameters"] if p["name"] == "detune")
+        return float(step["place"]) + detune["value"], detune["sd"]
+    law = step.get("curve_law")
+    if law is None or law["form"] != "n_per_turn":
+        return None
+    n = law["parameters"][0]
+    return n["value"], (n["interval"][1] - n["interval"][0]) / 4.0
 
 
 def effect_of(device: Device, scene: Scene, rng: Rng, form: str, target: str) -> Any:
@@ -144,6 +163,7 @@ def run(asked: tuple[str, int], seed: int) -> Heard:
         steps["verdict"],
         tuple(f"{s['term']}@{s['target']}" for s in steps["steps"]),
         next((s["curve_law"] for s in steps["steps"] if "curve_law" in s), None),
+        next((order for s in steps["steps"] if (order := order_of(s)) is not None), None),
     )
 
 
@@ -161,15 +181,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for form in FORMS:
         rows = [row for row in every if row.form == form]
         curves = [row for row in rows if row.curve]
-        off = [abs(row.off) for row in curves if row.off is not None]
+        orders = [row for row in rows if row.periodic]
+        off = [abs(row.off) for row in curves + orders if row.off is not None]
         named = sum(row.law["form"] == (None if form == "none" else form) for row in curves)
         print(
-            f"{form:12s} free curve of the sensor alone {len(curves)} of {len(rows)}; "
+            f"{form:12s} n per turn of the sensor alone {len(orders)}, free curve {len(curves)} of {len(rows)}; "
             f"form right or tied {sum(row.right for row in curves)}, first {named}"
             + (f"; order off by {100 * max(off):.1f} % at most" if off else "")
         )
         for row in rows:
-            if options.misses and not (row.curve and row.right):
+            if options.misses and not ((row.curve or row.periodic) and row.right):
                 said = None if row.law is None else (row.law["form"], row.law["also_fits"])
                 print(f"    {row.target} {row.strength:.0f}: {row.verdict} {row.steps} {said}")
 
