@@ -117,6 +117,7 @@ UNITS = {
     "1": "A ratio.",
     "s": "Time.",
     "1/K": "Fraction per kelvin from the mean temperature of the readings.",
+    "1/turn": "Waves in one turn of the joint.",
     "rad/K": "Angle per kelvin from the mean temperature of the readings.",
     "1/session": "Fraction from the beginning of a session to its end.",
     "rad/session": "Angle from the beginning of a session to its end.",

@@ -40,6 +40,16 @@ class Swell(Strange):
         return out
 
 
+@dataclass(frozen=True)
+class Adrift(Strange):
+    """A wave whose phase runs on with time: `b sin(2π a/150 + 40 t)`."""
+
+    def angle(self, count: Array, scene: Scene) -> Array:
+        """At these readings and times."""
+        out: Array = self.size * np.sin(2 * np.pi * count / 150.0 + 40.0 * scene.turn)
+        return out
+
+
 def examined(number: int, *present: Effect, **how: Any) -> dict[str, Any]:
     """What is said of a session with these effects."""
     return trials.examine(trials.staged([82, number], *present, **how))
@@ -93,7 +103,7 @@ def test_a_wrong_reading_elsewhere_stays_out(counts: float) -> None:
 
 
 def test_a_channel_of_a_recording_is_named_too() -> None:
-    result = examined(77, effects.Ripple("a22", 0.002, wave=150.0), moving=True)
+    result = examined(77, Adrift("a22", 0.002), moving=True)
     assert "errors of a22 alone explain" in result["unexplained"]["text"]
     assert {step["target"] for step in result["steps"]} <= {"a22"}
 

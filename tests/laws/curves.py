@@ -185,7 +185,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         off = [abs(row.off) for row in curves + orders if row.off is not None]
         named = sum(row.law["form"] == (None if form == "none" else form) for row in curves)
         print(
-            f"{form:12s} n per turn of the sensor alone {len(orders)}, free curve {len(curves)} of {len(rows)}; "
+            f"{form:12s} of {len(rows)}: n per turn alone {len(orders)}, "
+            f"free curve alone {len(curves)}; "
             f"form right or tied {sum(row.right for row in curves)}, first {named}"
             + (f"; order off by {100 * max(off):.1f} % at most" if off else "")
         )

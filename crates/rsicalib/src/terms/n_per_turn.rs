@@ -12,8 +12,8 @@ term! {
     /// A trace searches for the order `n`, which need not be whole: the order of the place, and
     /// `detune` beside that order. The p-value is corrected for the number of orders.
     NPerTurn("n_per_turn", Sensor, per Channel, needs Nothing) {
-        a: "rad" ~ 5e-3,
-        b: "rad" ~ 5e-3,
+        a: "rad" ~ 1e-3,
+        b: "rad" ~ 1e-3,
         detune: "1/turn" ~ 0.1,
     }
 }

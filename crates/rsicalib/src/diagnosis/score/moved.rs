@@ -18,6 +18,10 @@ use crate::terms::term::{Acts, Placed, Spot, Term};
 /// At most this many times are tried for one body.
 const MOST_TIMES: usize = 256;
 
+/// Equations on either side of a move for each of its columns: of fewer, a few wrong readings look
+/// like a move.
+const EQUATIONS: usize = 3;
+
 /// True for a body that moved once.
 #[must_use]
 pub fn is_move(instance: &Instance) -> bool {
@@ -110,6 +114,7 @@ fn moves(
     let live: Vec<usize> =
         (0..poses.len()).filter(|&p| poses[p].iter().any(|row| counts(&row))).collect();
     let stride = live.len().div_ceil(MOST_TIMES).max(1);
+    let side = SIDE.max((EQUATIONS * extra).div_ceil(k));
     let mut sums = StepSums::new(n + extra, extra);
     let (mut found, mut last) = (Vec::new(), None);
     for (order, &pose) in live.iter().enumerate().rev() {
@@ -123,7 +128,7 @@ fn moves(
             let r = &residuals.whitened[row * k..(row + 1) * k];
             sums.add(x, r, &columns);
         }
-        let both_sides = order >= SIDE && live.len() - order >= SIDE;
+        let both_sides = order >= side && live.len() - order >= side;
         let instance = Instance { place: pose, ..always };
         if both_sides && order % stride == 0 && !fit.model.instances.contains(&instance) {
             let scored = sums.score(&absorbs);

@@ -20,12 +20,17 @@ use crate::terms;
 use crate::terms::targets::targets;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
 
-/// Fewer waves than this over the readings that occur are a bend, which smooth curves describe.
-const WAVES: f64 = 2.0;
+/// Fewer waves than this over the readings that occur are the free curve's, which has as many: a
+/// step or a dead band looks like few waves, and the closed form behind that curve tells which.
+const WAVES: f64 = 4.0;
 
 /// Orders are tried so many radians apart over the readings: halfway between two of them a wave
 /// loses a twentieth of its score.
 const BETWEEN: f64 = 1.6;
+
+/// Part of what errors of the sensor explain by whatever law that one order must explain. Of angles
+/// that are drawn anew in every pose the best of all orders explains a fifth.
+const SHARE: f64 = 0.5;
 
 /// Stretches of readings of one sensor: the highest order has 1/20 of a wave in a hundredth of a
 /// turn, and most sensors use less than a turn.
@@ -71,7 +76,8 @@ pub fn score(
     let of_channel = |&channel: &usize| {
         let sums = Stretches::new(observations, &residuals, channel, n);
         let at = |place| Instance { term, target: Target::Channel(channel), place };
-        let scores = sums.scores(&inverse).into_iter();
+        let least = SHARE * sums.any_law();
+        let scores = sums.scores(&inverse).into_iter().filter(|(_, score)| *score > least);
         (scores.map(|(place, score)| (at(place), score)).collect(), sums.independent())
     };
     let found: Vec<(Vec<(Instance, f64)>, f64)> = channels.par_iter().map(of_channel).collect();
@@ -174,6 +180,13 @@ impl Stretches {
             }
         }
         scores
+    }
+
+    /// What errors of this sensor explain, by whatever law, above what noise has them explain: an
+    /// angle of its own for each stretch.
+    fn any_law(&self) -> f64 {
+        let seen = self.stretches.iter().filter(|s| s.zz > 0.0);
+        seen.map(|s| s.zr * s.zr / s.zz - 1.0).sum::<f64>().max(0.0)
     }
 
     fn score(&self, waves: &[(f64, f64)], inverse: &[f64]) -> Option<f64> {

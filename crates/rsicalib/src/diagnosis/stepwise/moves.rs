@@ -7,7 +7,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::pairs::{self, Pair};
 use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{candidates, scan};
-use crate::diagnosis::stepwise::orders::one_order_each;
+use crate::diagnosis::stepwise::orders::{nearest_place, one_order_each};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
 use crate::kinematics::elements::Weight;
@@ -51,6 +51,9 @@ pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
         || instance.term.info().law
         || estimate_of(fit, instance).is_none_or(|sure| sure > 0.0)
 }
+
+/// After so many moves an order has settled, or never will.
+const ORDER_MOVES: usize = 3;
 
 /// The state of a search.
 pub struct Stepwise<'a> {
@@ -290,6 +293,22 @@ impl<'a> Stepwise<'a> {
         let mut instances = current.model.instances.clone();
         instances.extend(more);
         fit(&self.small, instances, Some(current))
+    }
+
+    /// The fit with one more effect. An order is moved to the place that is nearest to where the
+    /// fit has tuned it.
+    pub(crate) fn tuned(
+        &self,
+        current: &Fit,
+        mut candidate: Scored,
+    ) -> Result<(Scored, Fit), Error> {
+        let mut refit = self.with(current, &[candidate.instance])?;
+        for _ in 0..ORDER_MOVES {
+            let Some(place) = nearest_place(&refit, &candidate.instance) else { break };
+            candidate.instance.place = place;
+            refit = self.with(current, &[candidate.instance])?;
+        }
+        Ok((candidate, refit))
     }
 
     /// The fit without some of its effects.

@@ -2,16 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use crate::Error;
 use crate::diagnosis::score::scored::Scored;
-use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
-
-/// After so many moves the order has settled, or never will.
-const MOVES: usize = 3;
 
 fn has_order(instance: &Instance) -> bool {
     instance.term.placed() == Placed::AtOrder
@@ -43,26 +38,8 @@ pub(crate) fn one_order(fit: &Fit, a: &Instance, b: &Instance) -> bool {
     has_order(a) && same_sensor(a, b) && apart * way < TAU
 }
 
-impl Stepwise<'_> {
-    /// The fit with one more effect. An order is moved to the place that is nearest to where the
-    /// fit has tuned it.
-    pub(crate) fn tuned(
-        &self,
-        current: &Fit,
-        mut candidate: Scored,
-    ) -> Result<(Scored, Fit), Error> {
-        let mut refit = self.with(current, &[candidate.instance])?;
-        for _ in 0..MOVES {
-            let Some(place) = nearest(&refit, &candidate.instance) else { break };
-            candidate.instance.place = place;
-            refit = self.with(current, &[candidate.instance])?;
-        }
-        Ok((candidate, refit))
-    }
-}
-
 /// The place of the order that a fit has found, where that is another place.
-fn nearest(fit: &Fit, instance: &Instance) -> Option<usize> {
+pub(crate) fn nearest_place(fit: &Fit, instance: &Instance) -> Option<usize> {
     let at =
         fit.model.instances.iter().position(|i| i == instance).filter(|_| has_order(instance))?;
     let detune = fit.beta[fit.model.first[at] + 2];

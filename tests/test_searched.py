@@ -1,0 +1,84 @@
+"""Effects with a place that is searched for: an order per turn, a pose from which a base has moved;
+and a counterbalance, which all arms share. Witness: the simulator of blind trials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import rsicalib
+from tests.blind import trials
+from tests.blind.effects import ARMS, BaseSlip, Effect, Ripple
+from tests.blind.geometry import Geometry, forward_arm
+from tests.blind.trials import examine, staged
+
+
+@pytest.mark.parametrize(("channel", "wave"), [("a22", 130.0), ("a31", 270.0), ("a13", 200.0)])
+def test_the_order_of_a_periodic_error_is_found(channel: str, wave: float) -> None:
+    result = examine(staged([91, int(wave)], Ripple(channel, 0.006, wave=wave, phase=1.0)))
+    assert result["verdict"] == "explained"
+    (step,) = result["steps"]
+    assert (step["term"], step["target"]) == ("n_per_turn", channel)
+    values = {p["name"]: p for p in step["parameters"]}
+    order = float(step["place"]) + values["detune"]["value"]
+    # Waves are so many counts long: the gain of the device moves none.
+    nominal = {c.name: abs(c.gain) for c in rsicalib.Mechanism.rsi().channels}[channel]
+    true = 2 * np.pi / (wave * nominal)
+    assert abs(order - true) < 4.0 * values["detune"]["sd"]
+    assert abs(values["detune"]["value"]) <= 0.13  # the nearest place is named
+    size = np.hypot(values["a"]["value"], values["b"]["value"])
+    assert abs(size - 0.006) < 4.0 * values["a"]["sd"]
+    assert not [also for also in step["also_fits"] if also["term"] == "n_per_turn"]
+
+
+def test_an_order_may_be_asked_for_and_lies_within_the_orders_there_are() -> None:
+    readings, rest = rsicalib.DEMO / "readings.csv", rsicalib.DEMO / "rest.csv"
+    found = rsicalib.calibrate(readings, rest=rest, terms=["offset", "gain", "n_per_turn@a22:14.8"])
+    assert found["n_per_turn@a22:14.75.a"].place == "14.75"
+    with pytest.raises(rsicalib.InputError, match="3 to 100 waves per turn"):
+        rsicalib.calibrate(readings, rest=rest, terms=["offset", "gain", "n_per_turn@a22:101"])
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_base_that_moved_once_is_found_with_its_pose(arm: str) -> None:
+    rng = np.random.default_rng(int(arm[-1]))
+    moved = BaseSlip(arm, 0.04, **BaseSlip.details(rng))
+    case = staged([92, int(arm[-1])], moved)
+    result = examine(case)
+    assert result["verdict"] == "explained"
+    (step,) = result["steps"]
+    assert (step["term"], step["target"]) == ("base_slip", arm)
+    scene = case.readings["scene"]
+    assert int(step["place"]) == scene.label[np.argmax(scene.turn > moved.at)]
+    values = {p["name"]: p for p in step["parameters"]}
+    for axis, along in zip("xyz", moved.along, strict=True):
+        # Turns are about the shoulder, so that the shift is that of the shoulder.
+        assert abs(values[axis]["value"] - 0.04 * along) < 4.5 * values[axis]["sd"]
+
+
+@dataclass(frozen=True)
+class Lifted(Effect):
+    """Springs that lift all arms at their first joint: the sag of the simulator, the other way."""
+
+    term: ClassVar[str] = "counterbalance"
+
+    def shafts(self, angles: np.ndarray, scene: trials.Scene, rest: np.ndarray) -> np.ndarray:
+        """The joints stand where the handle has them; sensors on the drives do not see the bend."""
+        out = angles.copy()
+        for arm in range(3):
+            own = angles.reshape(-1, 3, 3)[:, arm]
+            torque = -forward_arm(Geometry(), arm, own)[1][:, 2, 0]
+            out[:, 3 * arm] += self.size * torque
+        return out
+
+
+def test_a_counterbalance_of_all_arms_is_one_constant() -> None:
+    result = examine(staged([93, 1], Lifted("all", 0.002)))
+    assert result["verdict"] == "explained"
+    (step,) = result["steps"]
+    assert (step["term"], step["target"]) == ("counterbalance", "each.1")
+    (value,) = step["parameters"]
+    assert abs(value["value"] - 0.002) < 4.0 * value["sd"]
