@@ -16,6 +16,9 @@ Place = tuple[str, str]
 TIE = 2
 """A tie counts where the truth is among no more other names than this."""
 
+COARSE = " reads in steps of "
+"""What a warning says of a channel whose steps rule its noise."""
+
 USABLE = 0
 """The exit code that tells a script to go on."""
 
@@ -77,6 +80,9 @@ def targets(result: Result) -> set[str]:
     out = {target for step in result.get("steps") or [] for _, target in names(step)}
     for entry in result.get("excluded") or []:
         out |= {entry[key] for key in ("channel", "chain") if entry.get(key)}
+    for text in result.get("warnings") or []:
+        channel, coarse, _ = text.partition(COARSE)
+        out |= {channel} if coarse else set()
     left = (result.get("unexplained") or {}).get("target")
     return out | ({left} if left else set())
 
