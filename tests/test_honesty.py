@@ -367,6 +367,42 @@ def test_a_declared_noise_that_is_too_large_is_said(verb: Any) -> None:
     assert any("declared" in text and "large" in text for text in told)
 
 
+@pytest.mark.parametrize(
+    ("family", "seed"), [("sockets", 2), ("ballbar", 2), ("ballbar", 3), ("drawwire", 1)]
+)
+def test_a_declared_noise_that_is_too_small_is_no_effect(family: str, seed: int) -> None:
+    """0.3 of the noise is declared, and no pose is read twice: χ² per degree of freedom is 11."""
+    device, scene, rng = machine(family, seed)
+    found = rsicalib.trace(*given(device, scene, rng, text=toml(device, 0.3, 0.3)))
+    assert (found.verdict, found.exit_code) == ("unexplained", 4)
+    assert not found.steps and not found.excluded
+    # 3.3 times as much would fit, to three of its standard deviations; no sensor is blamed.
+    factor = np.sqrt(found.after.chi2 / found.after.dof)
+    assert factor == pytest.approx(1 / 0.3, rel=3 / np.sqrt(2 * found.after.dof))
+    assert f"{factor:.2f} times" in found.unexplained.text
+    assert found.unexplained.target is None
+
+
+@pytest.mark.parametrize("family", ["ballbar", "drawwire"])
+def test_an_effect_is_found_beside_a_declared_noise_that_is_too_small(family: str) -> None:
+    """Half of the noise is declared; the effect has a noncentrality of 150 of the true one."""
+    device, scene, rng = machine(family, 1)
+    twice = as_strong(device, scene, of(device, rng, "once_per_turn", "q2", 1e-3), 150.0)
+    found = rsicalib.trace(*given(device, scene, rng, twice, text=toml(device, 0.5, 0.5)))
+    assert [step.target for step in found.steps] == ["q2"]
+    assert found.verdict == "partly_explained"
+    assert any("times as much would fit" in text for text in found.warnings)
+
+
+def test_what_moves_everything_could_not_be_seen_at_any_size() -> None:
+    """All legs on longer bases: the same readings, where rounding took it for 10^15 mm."""
+    found = rsicalib.trace(*given(*machine("rps", 0)))
+    sizes = [hidden.detectable for hidden in found.could_hide]
+    longer = [h for h in found.could_hide if (h.term, h.target) == ("link_offset", "each/1")]
+    assert [h.detectable for h in longer] == [None]
+    assert max(size for size in sizes if size is not None) < 1e3
+
+
 def test_play_is_averaged_alike_in_the_fit_and_in_the_search() -> None:
     """A long link beside a declared play that rules, with eight samples a pose."""
     device, scene, rng = machine("gantry", 3, samples=8)

@@ -287,6 +287,14 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             );
             (Some(name), text)
         }
+        Residual::Louder { factor } => {
+            let text = format!(
+                "more is left than the declared noise allows, and no effect of the catalogue and \
+                 no one channel explains it as well as {factor:.2} times that noise does. Record \
+                 each pose several times, which shows the noise, or declare it as it is"
+            );
+            (None, text)
+        }
         Residual::Structure(Structure { share, likely, location: at, .. })
             if !likely.is_empty() =>
         {
