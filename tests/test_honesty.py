@@ -112,6 +112,16 @@ def test_an_effect_beyond_thirty_times_its_typical_size_is_implausible() -> None
     assert found.exit_code == 4
 
 
+@pytest.mark.parametrize(("term", "size"), [("drift", 2.0), ("temperature_offset", 0.4)])
+def test_a_slide_drifts_by_lengths(term: str, size: float) -> None:
+    """2 mm, and 0.4 mm a kelvin, of the 200 mm that the leg slides: 1 % of it, as of a turn."""
+    device, scene, rng = machine("rps", 0)
+    effect = of(device, rng, term, "leg2", size)
+    found = rsicalib.trace(*given(device, scene, rng, effect))
+    assert [(step.term, step.target) for step in found.steps] == [(term, "leg2")]
+    assert (found.verdict, found.exit_code) == ("explained", 0)
+
+
 @pytest.mark.parametrize(
     ("family", "term", "channel"),
     [
@@ -260,6 +270,30 @@ def test_an_effect_that_turns_as_an_offset_does_leaves_the_calibration_determine
 # ------------------------------------------------------------------ f: elsewhere
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_base_of_a_planar_machine_is_found_and_the_rest_determined(seed: int) -> None:
+    """Off the plane no reading says where it is, and across the frame offsets take it up."""
+    device, scene, rng = machine("fourbar", seed)
+    ground = as_strong(device, scene, of(device, rng, "link_length", "output/1", 0.05), 150.0)
+    readings, loaded = given(device, scene, rng, ground)
+    without = ["link_length", "point_position", "distance", "once_per_turn", "twice_per_turn"]
+    without += ["curvature", "cubic", "gain", "crosstalk", "free_curve"]
+    found = rsicalib.trace(readings, loaded, without=without)
+    assert [step.term for step in found.steps] == ["base_position"]
+    assert (found.verdict, found.exit_code) == ("explained", 0)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_tilt_of_a_body_with_two_points_is_found(seed: int) -> None:
+    """Behind the last joint: both points turn, which no shift of the tool does."""
+    device, scene, rng = machine("gantry", seed)
+    tilt = as_strong(device, scene, CATALOGUE["joint_tilt"](device, rng, "gantry/4"), 150.0)
+    found = rsicalib.trace(*given(device, scene, rng, tilt))
+    names = [(n.term, n.target) for n in (found.steps[0], *found.steps[0].also_fits)]
+    assert ("joint_tilt", "gantry/4") in names
+    assert found.verdict == "explained"
+
+
 def test_what_does_not_hold_elsewhere_is_at_most_partly_explained() -> None:
     """A curve of a sensor in the two groups that are fitted, and not in the third."""
     device, scene, rng = machine("sockets", 0)
@@ -352,6 +386,25 @@ def test_wiring_is_not_accused_from_one_pose(seed: int) -> None:
     found = rsicalib.calibrate(readings.select(readings.pose == 1), mechanism)
     assert found.verdict == "undetermined"
     assert "exchanged" not in said(found) and "wrong way round" not in said(found)
+
+
+@both
+@pytest.mark.parametrize("by", [8, 25])
+def test_a_pose_that_moved_does_not_make_the_noise(verb: Any, by: int) -> None:
+    """Two of its four samples are off by so many standard deviations of a reading."""
+    device, scene, rng = machine("fivebar", 0)
+    session = observe(device, scene, rng)
+    rows = np.flatnonzero(scene.label == 7)[2:]
+    session.values[rows, 2] += by * device.noise[2]
+    mechanism = Mechanism.from_toml(toml(device))
+    found = verb(readings_of(mechanism, session), mechanism)
+    assert found.verdict == "adequate"
+    assert [(out.pose, out.samples) for out in found.excluded] == [(7, 4)]
+    assert "moved while it was sampled" in found.excluded[0].reason
+    # Of 117 degrees of freedom and more: 7 % is one standard deviation.
+    (sigma, *_) = found.noise.sigma.values()
+    assert sigma == pytest.approx(device.noise[0], rel=0.2)
+    assert found.noise.dof is not None and found.noise.dof > 100
 
 
 # ------------------------------------------------------------------ h, i: declared noise

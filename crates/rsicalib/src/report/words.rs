@@ -202,6 +202,12 @@ pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize) -> String {
         Cause::Outlier { sigmas, blame: by } => {
             format!("{sigmas:.0} σ off the other samples of its pose: {}", blame(mechanism, by))
         }
+        Cause::Unsteady { times } => {
+            format!(
+                "it moved while it was sampled: its samples differ {times:.1} times as much as \
+                 those of the other poses"
+            )
+        }
         Cause::Reading(by) => blame(mechanism, by),
         Cause::Pose { p_value } => format!(
             "no single channel explains it (p {p_value:.1e}): it moved while sampled, or several \
