@@ -40,9 +40,7 @@ def rates(suite: str, rows: Sequence[Row]) -> list[tuple[str, list[bool]]]:
         out.append(("anything named or left out", [bool(g.said) for g in grades]))
     elif suite in ("single", "pair"):
         out.append(("named right, class and target", [f for g in grades for f in g.found]))
-        out.append(
-            ("the same, or all that fits as well", [f for g in grades for f in g.among])
-        )
+        out.append(("the same, or all that fits as well", [f for g in grades for f in g.among]))
         out.append(("the same, twins not counted", [f for g in grades for f in g.strictly]))
         out.append(("all right and nothing else", [all(g.found) and not g.extras for g in grades]))
         out.append(("explained by a wrong class", [g.misled for g in grades]))
