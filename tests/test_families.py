@@ -57,6 +57,32 @@ def test_every_effect_has_the_noncentrality_that_was_asked_for(family: str) -> N
     assert half.size == pytest.approx(effect.size / 2, rel=0.05)
 
 
+def test_the_noncentrality_is_that_of_all_poses_together() -> None:
+    """Of unknown points, too, but for the distances in the plate, which are no pose's."""
+    device, scene, _, _ = clean("sockets")
+    linear = Linear(device, scene)
+    effect = effects.CATALOGUE["curvature"](device, np.random.default_rng(2), "q4")
+    effect = linear.scaled(effect, 100.0)
+    assert linear.by_pose(effect).sum() == pytest.approx(100.0, rel=0.05)
+    assert not linear.is_of_few_poses(effect)
+    bad = effects.bad(device, np.random.default_rng(2), scene, "two poses")
+    assert linear.is_of_few_poses(linear.scaled(bad, 100.0))
+
+
+def test_every_bad_pose_shows() -> None:
+    """Errors alike at two poses may be invisible at one: its loop does not move with the joint."""
+    for number in (2, 6, 10):
+        case = make("drawwire", "wrong_readings", number, 4711)
+        seen = Linear(case.device, case.session.scene).by_pose(case.effects[0])
+        assert all(seen[pose - 1] >= 30.0 for pose in case.truths[0].poses)
+
+
+def test_play_alone_is_wrong_where_it_shows() -> None:
+    """It is a part in twenty of what the ball bar scatters by, and half of it with the wire."""
+    assert make("ballbar", "wrong_noise", 1, 0).what == "noise and play x 0.5"
+    assert make("drawwire", "wrong_noise", 1, 0).what == "play x 0.5"
+
+
 def test_noncentrality_is_the_growth_of_chi_square() -> None:
     """The core's χ² of a device with an effect, less that of the same noise without."""
     device, scene, mechanism, _ = clean("ballbar")
@@ -180,6 +206,8 @@ def test_outside_the_target_is_what_counts() -> None:
     assert is_found(truth, result(step("hysteresis", "sensor", "q2")))
     assert is_found(truth, result(verdict="unexplained", unexplained={"target": "q2"}))
     assert not is_found(truth, result(step("hysteresis", "sensor", "q1")))
+    coarse = "q2 reads in steps of 8.6e-4 rad: the noise of rounding, step/√12, rules its noise"
+    assert is_found(truth, result(verdict="adequate", warnings=[coarse]))
     wrong = grade(result(step("link_length", "geometry", "arm/2")), 0, [truth])
     assert wrong.misled and not wrong.found[0]
 

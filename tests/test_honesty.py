@@ -112,6 +112,16 @@ def test_an_effect_beyond_thirty_times_its_typical_size_is_implausible() -> None
     assert found.exit_code == 4
 
 
+@pytest.mark.parametrize(("term", "size"), [("drift", 2.0), ("temperature_offset", 0.4)])
+def test_a_slide_drifts_by_lengths(term: str, size: float) -> None:
+    """2 mm, and 0.4 mm a kelvin, of the 200 mm that the leg slides: 1 % of it, as of a turn."""
+    device, scene, rng = machine("rps", 0)
+    effect = of(device, rng, term, "leg2", size)
+    found = rsicalib.trace(*given(device, scene, rng, effect))
+    assert [(step.term, step.target) for step in found.steps] == [(term, "leg2")]
+    assert (found.verdict, found.exit_code) == ("explained", 0)
+
+
 @pytest.mark.parametrize(
     ("family", "term", "channel"),
     [
@@ -260,6 +270,30 @@ def test_an_effect_that_turns_as_an_offset_does_leaves_the_calibration_determine
 # ------------------------------------------------------------------ f: elsewhere
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_base_of_a_planar_machine_is_found_and_the_rest_determined(seed: int) -> None:
+    """Off the plane no reading says where it is, and across the frame offsets take it up."""
+    device, scene, rng = machine("fourbar", seed)
+    ground = as_strong(device, scene, of(device, rng, "link_length", "output/1", 0.05), 150.0)
+    readings, loaded = given(device, scene, rng, ground)
+    without = ["link_length", "point_position", "distance", "once_per_turn", "twice_per_turn"]
+    without += ["curvature", "cubic", "gain", "crosstalk", "free_curve"]
+    found = rsicalib.trace(readings, loaded, without=without)
+    assert [step.term for step in found.steps] == ["base_position"]
+    assert (found.verdict, found.exit_code) == ("explained", 0)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_tilt_of_a_body_with_two_points_is_found(seed: int) -> None:
+    """Behind the last joint: both points turn, which no shift of the tool does."""
+    device, scene, rng = machine("gantry", seed)
+    tilt = as_strong(device, scene, CATALOGUE["joint_tilt"](device, rng, "gantry/4"), 150.0)
+    found = rsicalib.trace(*given(device, scene, rng, tilt))
+    names = [(n.term, n.target) for n in (found.steps[0], *found.steps[0].also_fits)]
+    assert ("joint_tilt", "gantry/4") in names
+    assert found.verdict == "explained"
+
+
 def test_what_does_not_hold_elsewhere_is_at_most_partly_explained() -> None:
     """A curve of a sensor in the two groups that are fitted, and not in the third."""
     device, scene, rng = machine("sockets", 0)
@@ -354,6 +388,25 @@ def test_wiring_is_not_accused_from_one_pose(seed: int) -> None:
     assert "exchanged" not in said(found) and "wrong way round" not in said(found)
 
 
+@both
+@pytest.mark.parametrize("by", [8, 25])
+def test_a_pose_that_moved_does_not_make_the_noise(verb: Any, by: int) -> None:
+    """Two of its four samples are off by so many standard deviations of a reading."""
+    device, scene, rng = machine("fivebar", 0)
+    session = observe(device, scene, rng)
+    rows = np.flatnonzero(scene.label == 7)[2:]
+    session.values[rows, 2] += by * device.noise[2]
+    mechanism = Mechanism.from_toml(toml(device))
+    found = verb(readings_of(mechanism, session), mechanism)
+    assert found.verdict == "adequate"
+    assert [(out.pose, out.samples) for out in found.excluded] == [(7, 4)]
+    assert "moved while it was sampled" in found.excluded[0].reason
+    # Of 117 degrees of freedom and more: 7 % is one standard deviation.
+    (sigma, *_) = found.noise.sigma.values()
+    assert sigma == pytest.approx(device.noise[0], rel=0.2)
+    assert found.noise.dof is not None and found.noise.dof > 100
+
+
 # ------------------------------------------------------------------ h, i: declared noise
 
 
@@ -365,6 +418,42 @@ def test_a_declared_noise_that_is_too_large_is_said(verb: Any) -> None:
     assert found.quality.chi2 < 0.35 * found.quality.dof
     told = [text for text in (*found.warnings, *advice(found)) if "noise" in text]
     assert any("declared" in text and "large" in text for text in told)
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"), [("sockets", 2), ("ballbar", 2), ("ballbar", 3), ("drawwire", 1)]
+)
+def test_a_declared_noise_that_is_too_small_is_no_effect(family: str, seed: int) -> None:
+    """0.3 of the noise is declared, and no pose is read twice: χ² per degree of freedom is 11."""
+    device, scene, rng = machine(family, seed)
+    found = rsicalib.trace(*given(device, scene, rng, text=toml(device, 0.3, 0.3)))
+    assert (found.verdict, found.exit_code) == ("unexplained", 4)
+    assert not found.steps and not found.excluded
+    # 3.3 times as much would fit, to three of its standard deviations; no sensor is blamed.
+    factor = np.sqrt(found.after.chi2 / found.after.dof)
+    assert factor == pytest.approx(1 / 0.3, rel=3 / np.sqrt(2 * found.after.dof))
+    assert f"{factor:.2f} times" in found.unexplained.text
+    assert found.unexplained.target is None
+
+
+@pytest.mark.parametrize("family", ["ballbar", "drawwire"])
+def test_an_effect_is_found_beside_a_declared_noise_that_is_too_small(family: str) -> None:
+    """Half of the noise is declared; the effect has a noncentrality of 150 of the true one."""
+    device, scene, rng = machine(family, 1)
+    twice = as_strong(device, scene, of(device, rng, "once_per_turn", "q2", 1e-3), 150.0)
+    found = rsicalib.trace(*given(device, scene, rng, twice, text=toml(device, 0.5, 0.5)))
+    assert [step.target for step in found.steps] == ["q2"]
+    assert found.verdict == "partly_explained"
+    assert any("times as much would fit" in text for text in found.warnings)
+
+
+def test_what_moves_everything_could_not_be_seen_at_any_size() -> None:
+    """All legs on longer bases: the same readings, where rounding took it for 10^15 mm."""
+    found = rsicalib.trace(*given(*machine("rps", 0)))
+    sizes = [hidden.detectable for hidden in found.could_hide]
+    longer = [h for h in found.could_hide if (h.term, h.target) == ("link_offset", "each/1")]
+    assert [h.detectable for h in longer] == [None]
+    assert max(size for size in sizes if size is not None) < 1e3
 
 
 def test_play_is_averaged_alike_in_the_fit_and_in_the_search() -> None:

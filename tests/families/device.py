@@ -62,6 +62,8 @@ class Effect:
     builds: Callable[[float, Build], Build] | None = None
     bends: Callable[[float, Array, Scene], Array] | None = None
     reads: Callable[[float, Array, Scene], Array] | None = None
+    last: bool = False
+    """What it does to readings is done to those with noise on them."""
     size: float = 1.0
     outside: bool = False
     bound: bool = False
@@ -305,8 +307,11 @@ def observe(device: Device, scene: Scene, rng: Rng, effects: Sequence[Effect] = 
     if drawing.play and device.measured is None:
         equations = linkage.misclosure(device.build, scene.q, device.where(scene)).shape[1]
         play = drawing.play * rng.standard_normal((len(scene.q), equations))
-    values, columns = device.ideal(scene, effects, play)
+    values, columns = device.ideal(scene, [e for e in effects if not e.last], play)
     values = values + drawing.sigma * rng.standard_normal(values.shape)
+    for effect in effects:
+        if effect.last and effect.reads is not None:
+            values = values + effect.reads(effect.size, values, scene)
     for k, channel in enumerate(drawing.mechanism["channel"]):
         if channel["unit"] == "count":
             values[:, k] = np.clip(np.rint(values[:, k]), *channel["range"])

@@ -337,7 +337,7 @@ def coarse(device: Device, rng: Rng, target: str) -> Effect:
         return out
 
     typical = 0.01 * unit(device, target)
-    return Effect("coarse", "sensor", target, typical, reads=reads, outside=True)
+    return Effect("coarse", "sensor", target, typical, reads=reads, last=True, outside=True)
 
 
 # ------------------------------------------------------------------ mishaps

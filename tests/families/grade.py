@@ -16,6 +16,12 @@ Place = tuple[str, str]
 TIE = 2
 """A tie counts where the truth is among no more other names than this."""
 
+ROUNDING = 1e-6
+"""What two fits of the same readings may differ by."""
+
+COARSE = " reads in steps of "
+"""What a warning says of a channel whose steps rule its noise."""
+
 USABLE = 0
 """The exit code that tells a script to go on."""
 
@@ -55,6 +61,8 @@ class Grade:
     """Of every effect: whether it was named, class and target, or tied with few others."""
     strictly: tuple[bool, ...]
     """The same, twins that no data could tell from it not counted."""
+    among: tuple[bool, ...]
+    """Of every effect: whether it was named, or is among all that fits as well."""
     extras: int
     misled: bool
     worse: bool | None
@@ -77,6 +85,9 @@ def targets(result: Result) -> set[str]:
     out = {target for step in result.get("steps") or [] for _, target in names(step)}
     for entry in result.get("excluded") or []:
         out |= {entry[key] for key in ("channel", "chain") if entry.get(key)}
+    for text in result.get("warnings") or []:
+        channel, coarse, _ = text.partition(COARSE)
+        out |= {channel} if coarse else set()
     left = (result.get("unexplained") or {}).get("target")
     return out | ({left} if left else set())
 
@@ -88,6 +99,12 @@ def is_found(truth: Truth, result: Result) -> bool:
     if truth.outside:
         return bool({target for _, target in truth.names} & targets(result))
     return any(truth.names & names(step) for step in result.get("steps") or [])
+
+
+def is_among(truth: Truth, result: Result) -> bool:
+    """Whether an effect was named, or is among all that is said to fit as well."""
+    steps = result.get("steps") or []
+    return any(truth.names & names(step, 10**6) for step in steps) or is_found(truth, result)
 
 
 def is_strict(truth: Truth, result: Result) -> bool:
@@ -112,14 +129,16 @@ def extras(truths: Sequence[Truth], result: Result) -> int:
 
 
 def is_misled(truths: Sequence[Truth], result: Result) -> bool:
-    """Whether it is said to be explained, by a class that nothing has that is wrong."""
+    """Whether it is said to be explained, by a class that nothing has that is wrong.
+
+    Where a tie among few is said, one of them must have such a class.
+    """
     if result.get("verdict") != "explained" or not truths:
         return False
     classes = {klass for truth in truths for klass, _ in truth.names}
-    said = {step["class"] for step in result.get("steps") or []}
-    if result.get("excluded"):
-        said.add("data")
-    return not said <= classes
+    said = [{klass for klass, _ in names(step)} for step in result.get("steps") or []]
+    said += [{"data"}] * bool(result.get("excluded"))
+    return not all(classes & of_step for of_step in said)
 
 
 def is_worse(errors: Errors) -> bool | None:
@@ -127,7 +146,7 @@ def is_worse(errors: Errors) -> bool | None:
     if errors.after is None or errors.before is None:
         return None
     told = errors.before if errors.told is None else errors.told
-    return errors.after > 1.1 * told and errors.after > errors.before
+    return errors.after > 1.1 * told and errors.after > (1 + ROUNDING) * errors.before
 
 
 def grade(
@@ -140,6 +159,7 @@ def grade(
         flagged=result.get("verdict") != "adequate",
         found=tuple(is_found(truth, result) for truth in truths),
         strictly=tuple(is_strict(truth, result) for truth in truths),
+        among=tuple(is_among(truth, result) for truth in truths),
         extras=extras(truths, result),
         misled=is_misled(truths, result),
         worse=None if errors is None else is_worse(errors),

@@ -29,6 +29,7 @@ class Linear:
         )
         cover = (slope * device.noise**2) @ np.swapaxes(slope, 1, 2)
         cover = cover + drawing.play**2 * np.eye(cover.shape[1])
+        self.play_share = drawing.play**2 / float(np.mean(np.diagonal(cover, axis1=1, axis2=2)))
         sizes, axes = np.linalg.eigh(cover)
         seen = sizes > 1e-9 * sizes[:, -1:]
         roots = np.where(seen, 1 / np.sqrt(np.where(seen, sizes, 1.0)), 0.0)
@@ -110,6 +111,17 @@ class Linear:
         """What an effect of its size leaves in the misclosure of the law without it."""
         readings, columns = self.device.ideal(self.scene, [effect])
         return self.whitened(self.device.misclosure(self.scene, readings, columns)) - self.rest
+
+    def by_pose(self, effect: Effect, others: Sequence[Effect] = ()) -> Array:
+        """The noncentrality of every pose, the first first."""
+        left, label = self.left(self.mean(effect), others), self.scene.label
+        of_rows = left[: len(label) * self.white.shape[1]].reshape(len(label), -1)
+        return np.bincount(label - 1, np.sum(of_rows**2, axis=1))
+
+    def is_of_few_poses(self, effect: Effect, others: Sequence[Effect] = ()) -> bool:
+        """Whether two poses see half of it or more: then it is two bad readings."""
+        seen = np.sort(self.by_pose(effect, others))
+        return bool(seen[-2:].sum() > 0.5 * seen.sum())
 
     def noncentrality(self, effect: Effect, others: Sequence[Effect] = ()) -> float:
         """By how much χ² of lack of fit grows on average."""

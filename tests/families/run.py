@@ -40,9 +40,12 @@ def rates(suite: str, rows: Sequence[Row]) -> list[tuple[str, list[bool]]]:
         out.append(("anything named or left out", [bool(g.said) for g in grades]))
     elif suite in ("single", "pair"):
         out.append(("named right, class and target", [f for g in grades for f in g.found]))
+        out.append(("the same, or all that fits as well", [f for g in grades for f in g.among]))
         out.append(("the same, twins not counted", [f for g in grades for f in g.strictly]))
         out.append(("all right and nothing else", [all(g.found) and not g.extras for g in grades]))
         out.append(("explained by a wrong class", [g.misled for g in grades]))
+        missed = [not all(r.grade.found) and (r.behind or 0.0) > 0 for r in graded if r.grade]
+        out.append(("missed, though the truth fits better", missed))
     elif suite == "wrong_readings":
         out.append(("bad poses found, all of them", [all(g.found) for g in grades]))
         out.append(("anything else named or left out", [g.extras > 0 for g in grades]))
@@ -101,6 +104,8 @@ def miss(row: Row) -> str | None:
     if not wrong:
         return None
     more = " misled" * grade.misled + " error grew" * bool(grade.worse)
+    if row.behind is not None:
+        more += f" behind {row.behind:.1f}"
     return f"{what} {grade.verdict}: {', '.join(grade.said) or 'nothing'}{more}"
 
 

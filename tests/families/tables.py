@@ -17,9 +17,14 @@ shared with the core. Effects are as large as makes their noncentrality, the mea
 
 - *named right*: class and target of a step are the effect's, or tie with it and no more than one
   other; so is a *twin*, which leaves less than 1 of the noncentrality and which no method can tell.
+- *or all that fits as well*: said to be a tie, among however many.
+- *missed, though the truth fits better*: of the devices that were not named right, those where χ²
+  of the truth is lower, 4 charged for each parameter. In the others the readings prefer another
+  explanation: with one equation a pose, and few channels, chance makes such ones.
 - *error grew*: points at check poses are worse than before, and 1.1 times worse than those of a
   calibration that is told the truth. Points are compared after a rigid motion.
-- *outside*: laws that no term has; the target is right where that sensor is named, or blamed.
+- *outside*: laws that no term has; the target is right where that sensor is named, or blamed, or
+  its steps are said to be coarse.
 - *garbage*: random readings in range, those of machines of other families, columns in another
   order, degrees for radians. With exit code 0 a script goes on.
 """

@@ -73,6 +73,8 @@ class Row:
     noise_said: bool = False
     calibrated: int | None = None
     """The exit code of `calibrate`, where it is looked at."""
+    behind: float | None = None
+    """χ² of what is said less that of the truth, parameters charged."""
 
 
 def generator(family: str, suite: str, number: int, seed: int) -> Rng:
@@ -101,8 +103,9 @@ def drawn(
         try:
             effect = kinds[term](device, rng, target)
             effect = linear.scaled(effect, wanted[len(present)], present)
-            strength = linear.noncentrality(effect, present)
         except ValueError:
+            continue
+        if linear.is_of_few_poses(effect, present):
             continue
         # The first must be seen beside the second as well.
         if present and linear.noncentrality(present[0], [effect]) < STRENGTH[0] / 2:
@@ -170,7 +173,7 @@ def attempt(family: str, suite: str, number: int, rng: Rng) -> Case:
         what = catalogue.MISHAPS[number % len(catalogue.MISHAPS)]
         effects, truths = mishap(device, scene, rng, what)
     elif suite == "wrong_noise":
-        what, text = wrong_noise(device, number, rng)
+        what, text = wrong_noise(device, scene, number)
     session = observe(device, scene, rng, effects)
     if suite == "garbage":
         kind = GARBAGE[number % len(GARBAGE)]
@@ -190,9 +193,9 @@ def channels(device: Device) -> list[dict[str, Any]]:
 def mishap(
     device: Device, scene: Scene, rng: Rng, kind: str
 ) -> tuple[tuple[Effect, ...], tuple[Truth, ...]]:
-    """Bad readings whose noncentrality is drawn, each pose its share."""
+    """Bad readings whose noncentrality is drawn, each pose its share, of which it shows half."""
     linear = Linear(device, scene)
-    for _ in range(20):
+    for _ in range(60):
         effect = catalogue.bad(device, rng, scene, kind)
         try:
             many = 2.0 if kind == "two poses" else 1.0
@@ -200,14 +203,20 @@ def mishap(
         except ValueError:
             continue
         poses = frozenset(int(scene.label[row]) for row in effect.rows)
+        seen = linear.by_pose(effect)
+        if min(seen[pose - 1] for pose in poses) < STRENGTH[0] / 2:
+            continue
         names = frozenset({("data", effect.target)})
         strength = linear.noncentrality(effect)
         return (effect,), (Truth(kind, names, poses=poses, strength=strength),)
     raise ValueError("no bad reading shows")
 
 
-def wrong_noise(device: Device, number: int, rng: Rng) -> tuple[str, str]:
-    """A declared noise, and a declared play, that are not the true ones."""
+def wrong_noise(device: Device, scene: Scene, number: int) -> tuple[str, str]:
+    """A declared noise, and a declared play, that are not the true ones.
+
+    Play alone is wrong only where it is most of what there is: elsewhere no data would show it.
+    """
     factor = FACTORS[number % len(FACTORS)]
     declared = any("noise" in c for c in channels(device))
     if not declared:
@@ -215,7 +224,7 @@ def wrong_noise(device: Device, number: int, rng: Rng) -> tuple[str, str]:
         for channel, sigma in zip(mechanism["channel"], device.noise, strict=True):
             channel["noise"] = float(sigma * factor)
         return f"noise x {factor}", rsicalib.Mechanism.from_dict(mechanism).to_toml()
-    plays = bool(device.drawing.play) and number % 2 == 1
+    plays = number % 2 == 1 and Linear(device, scene).play_share > 0.5
     if plays:
         return f"play x {factor}", toml(device, 1.0, factor)
     return f"noise and play x {factor}", toml(device, factor, factor)
@@ -339,14 +348,30 @@ def told(case: Case, mechanism: Any, readings: Any) -> Any:
     return calibrate(readings, mechanism, terms=terms)
 
 
-def compared(case: Case, mechanism: Any, readings: Any, result: Any) -> Errors:
+CHARGE = 4.0
+"""For each parameter, in units of χ²."""
+
+
+def behind(said: Any, truth: Any) -> float | None:
+    """By how much χ² of what is said is above that of the truth, parameters charged."""
+    if truth is None:
+        return None
+    after, own = said.after, truth.fit
+    return float(after.chi2 - own.chi2 - CHARGE * (after.dof - own.dof))
+
+
+def truly(case: Case, mechanism: Any, readings: Any) -> Any:
+    """The calibration that is told what is wrong; None where it cannot be, or is refused."""
+    try:
+        return told(case, mechanism, readings)
+    except (InputError, ValueError, np.linalg.LinAlgError):
+        return None
+
+
+def compared(case: Case, mechanism: Any, readings: Any, result: Any, truth: Any) -> Errors:
     """Errors before, after and told the truth, each where it can be had."""
     found: list[float | None] = []
-    for get in (
-        lambda: calibrate(readings, mechanism),
-        lambda: result,
-        lambda: told(case, mechanism, readings),
-    ):
+    for get in (lambda: calibrate(readings, mechanism), lambda: result, lambda: truth):
         try:
             with np.errstate(all="ignore"):
                 fit = get()
@@ -367,7 +392,7 @@ def by_calibrate(readings: Any, mechanism: Any) -> int:
 def run(family: str, suite: str, number: int, seed: int) -> Row:
     """Makes, examines and grades one case."""
     case = make(family, suite, number, seed)
-    truth = tuple(
+    what = tuple(
         f"{e.term}@{e.target}" if not e.rows else f"{t.term} {sorted(t.poses)}"
         for e, t in zip(case.effects, case.truths, strict=True)
     )
@@ -375,7 +400,7 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
         family,
         suite,
         number,
-        (*truth, case.what) if case.what and not case.effects else truth,
+        (*what, case.what) if case.what and not case.effects else what,
         tuple(t.strength or 0.0 for t in case.truths),
         None,
         Errors(),
@@ -394,10 +419,12 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
     seconds = perf_counter() - start
     fitted = suite in ("single", "pair", "outside")
     code = None if fitted else by_calibrate(readings, mechanism)
-    errors = Errors()
+    errors, truth = Errors(), None
+    if suite in ("single", "pair", "wrong_readings"):
+        truth = truly(case, mechanism, readings)
     timed = any(e.bound and e.outside for e in case.effects)  # no check pose says when it is
     if suite in ("single", "pair", "outside", "wrong_readings") and not timed:
-        errors = compared(case, mechanism, readings, result)
+        errors = compared(case, mechanism, readings, result, truth)
     answer = result.to_dict()
     texts: Sequence[str] = [*answer["warnings"], (answer.get("unexplained") or {}).get("text", "")]
     return replace(
@@ -407,4 +434,5 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
         seconds=seconds,
         noise_said=speaks_of_noise(texts),
         calibrated=code,
+        behind=behind(result, truth) if suite in ("single", "pair") else None,
     )

@@ -30,7 +30,7 @@
 //! | [`estimate`] | [`Observations`]: readings, weights, options | [`Fit`]: estimates, covariance, χ², (50) to (65) |
 //! | [`apply`] | a fit and other readings | platform poses, comparison with known poses |
 //! | [`monitor`] | a calibration and rows at work | alarms: what changed, since when, by how much, (101) to (104) |
-//! | [`screening`] | readings | faults of converters, outliers, damage, (81) to (83) |
+//! | [`screening`] | readings | faults of converters, outliers, damage, (81) to (84) |
 //! | [`diagnosis`] | a fit with a residual | score tests, stepwise search, fault isolation, verdict, (71) to (74) |
 //! | [`design`] | poses | Cramér-Rao bound and pose plans, (91), (92) |
 //! | [`report`] | observations | results of a calibration and of a trace, as plain structs |

@@ -28,6 +28,10 @@ pub struct Detectability {
     pub platform_rms: Option<PlatformRms>,
 }
 
+/// Noncentrality of an effect of typical size below which it is none: it would take a million
+/// typical sizes to be seen, or it is rounding, as where chains are moved all together.
+const NOTHING: f64 = 1e-11;
+
 /// How large each absent effect would have to be to be seen, and what it would do.
 ///
 /// # Errors
@@ -58,7 +62,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         let Ok(eigen) = square.self_adjoint_eigen(faer::Side::Lower) else { continue };
         let raw: f64 = (0..d).map(|i| candidate.raw[i] * typical[i] * typical[i]).sum();
         let value = eigen.S().column_vector()[0];
-        let visible = value > 1e-8 * raw;
+        let visible = value > (1e-8 * raw).max(NOTHING);
         let size = if visible { (wanted / value).sqrt() } else { f64::NAN };
         let direction: Vec<f64> = (0..d).map(|i| eigen.U()[(i, 0)] * typical[i] * size).collect();
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));

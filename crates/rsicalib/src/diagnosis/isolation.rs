@@ -172,7 +172,7 @@ impl<'a> Released<'a> {
             (self.equations, self.lost) = equations(&self.released, self.start, self.target);
         }
         let dof = self.dof();
-        self.p_value = judge.p_value(self.rest.chi2, dof);
+        self.p_value = judge.too_large(self.rest.chi2, dof);
         Ok(dof >= LEAST_DOF && self.p_value > RESIDUAL_LEVEL)
     }
 

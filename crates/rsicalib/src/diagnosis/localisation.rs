@@ -8,7 +8,7 @@ use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::Traced;
 use crate::mechanism::Target;
 use crate::model::Instance;
-use crate::numerics::credible_set::{SURE, probabilities};
+use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
 
 /// What is left of the residual.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +32,12 @@ pub enum Residual {
         location: Location,
         /// Probability that all else leaves so much by chance.
         p_value: f64,
+    },
+    /// More than the noise that is declared and nothing bears out, and so many times that noise,
+    /// of all channels and closures alike, made it rather than errors of any one channel.
+    Louder {
+        /// How many times.
+        factor: f64,
     },
     /// More than noise.
     Structure(Structure),
@@ -75,7 +81,7 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
                 let (target, p_value) = (isolated.target, isolated.p_value);
                 Residual::Isolated { target, location, p_value }
             }
-            None => Residual::Structure(locate(traced)),
+            None => louder(traced).unwrap_or_else(|| Residual::Structure(locate(traced))),
         };
     }
     let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
@@ -86,6 +92,17 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
         Some(_) => Residual::Noise { nearest: nearest(traced) },
         None => Residual::Unjudged,
     }
+}
+
+/// What is left as so many times the declared noise, where nothing bears that out and no channel
+/// explains what is left as well by (75).
+fn louder(traced: &Traced) -> Option<Residual> {
+    let [chi2, dof] = traced.judge.left.filter(|_| traced.found.is_empty())?;
+    let scale = chi2 / dof;
+    let alike = chi2 - chi2 / scale - dof * scale.ln();
+    let channels = 0..traced.small.mechanism.channels.len();
+    let best = channels.map(|c| rise(traced, c)).fold(0.0, f64::max);
+    (alike > best + AS_WELL).then_some(Residual::Louder { factor: scale.sqrt() })
 }
 
 /// The effect that came nearest to being named, where chance makes such a one in less
@@ -175,19 +192,26 @@ const VARIANCES: usize = 60;
 /// channel `c` between poses that makes the residual likeliest.
 fn rise(traced: &Traced, c: usize) -> f64 {
     let (residuals, channels) = (&traced.last.residuals, traced.small.readings.channels);
+    let k = residuals.equations;
     let live = |row: &usize| traced.small.weights[*row] > 0.0;
-    let poses: Vec<(f64, f64)> = (0..traced.small.readings.samples)
-        .filter(live)
-        .map(|row| (residuals.by_reading[row * channels + c], residuals.whitened[row]))
-        .collect();
-    let usual = poses.iter().map(|(a, _)| a * a).sum::<f64>() / poses.len().max(1) as f64;
+    // Of each pose AᵀA and Aᵀr.
+    let of_row = |row: usize| {
+        let each = (row * k..(row + 1) * k).map(|e| {
+            let a = residuals.by_reading[e * channels + c];
+            (a * a, a * residuals.whitened[e])
+        });
+        each.fold((0.0, 0.0), |sum, (aa, ar)| (sum.0 + aa, sum.1 + ar))
+    };
+    let poses: Vec<(f64, f64)> =
+        (0..traced.small.readings.samples).filter(live).map(of_row).collect();
+    let usual = poses.iter().map(|(aa, _)| aa).sum::<f64>() / poses.len().max(1) as f64;
     if usual <= 0.0 {
         return 0.0;
     }
     let of = |v: f64| -> f64 {
-        let one = |(a, r): &(f64, f64)| {
-            let more = v * a * a / usual;
-            r * r * more / (1.0 + more) - more.ln_1p()
+        let one = |(aa, ar): &(f64, f64)| {
+            let more = v * aa / usual;
+            ar * ar * v / usual / (1.0 + more) - more.ln_1p()
         };
         poses.iter().map(one).sum()
     };

@@ -109,17 +109,21 @@ const LISTED: f64 = 0.2;
 
 /// The directions of a Gram matrix; `names` are those of its parameters.
 pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
-    let n = gram.nrows();
-    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
+    let norms: Vec<f64> = (0..gram.nrows()).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
     let mut out = Directions::default();
-    if n == 0 {
-        return out;
-    }
     // Where the noise is nothing, or no number, nothing is determined.
     let seen = |norm: f64| norm > 0.0 && norm.is_finite();
     let absent = norms.iter().zip(names).filter(|(norm, _)| !seen(**norm));
     out.unobservable.extend(absent.map(|(_, label)| Direction::Absent(label.clone())));
-    let Ok(eigen) = unit_gram(gram, &norms).self_adjoint_eigen(Side::Lower) else { return out };
+    // Those are said, and no direction takes part in theirs.
+    let live: Vec<usize> = (0..norms.len()).filter(|&i| seen(norms[i])).collect();
+    let n = live.len();
+    if n == 0 {
+        return out;
+    }
+    let unit =
+        Mat::from_fn(n, n, |i, j| gram[(live[i], live[j])] / (norms[live[i]] * norms[live[j]]));
+    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return out };
     let (values, vectors) = (eigen.S().column_vector(), eigen.U());
     for k in 0..n {
         let relative = values[k] / values[n - 1];
@@ -127,10 +131,9 @@ pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
             break;
         }
         // Change of each parameter along this direction, per unit of data.
-        let live = (0..n).filter(|&i| seen(norms[i]));
-        let mut along: Vec<(usize, f64)> = live.map(|i| (i, vectors[(i, k)])).collect();
+        let mut along: Vec<(usize, f64)> = (0..n).map(|i| (live[i], vectors[(i, k)])).collect();
         along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let Some(&(first, largest)) = along.first() else { break };
+        let (first, largest) = along[0];
         if !largest.is_finite() {
             break;
         }
@@ -148,14 +151,6 @@ pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
     }
     out.weak.truncate(5);
     out
-}
-
-fn unit_gram(gram: &Mat<f64>, norms: &[f64]) -> Mat<f64> {
-    let n = norms.len();
-    Mat::from_fn(n, n, |i, j| {
-        let norm = norms[i] * norms[j];
-        if norm > 0.0 && norm.is_finite() { gram[(i, j)] / norm } else { 0.0 }
-    })
 }
 
 /// Condition number of the whitened Jacobian with unit columns, offsets at reading zero.
@@ -308,4 +303,31 @@ pub fn unit(observations: &Observations, instance: &Instance, unit: &str) -> Str
     let slides = mechanism.slides_at(instance.target);
     let unit = if slides { unit.replace("rad", "length") } else { unit.into() };
     unit.replace("reading", reading).replace("length", &observations.mechanism.length_unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Direction, Label, describe};
+    use faer::Mat;
+
+    #[test]
+    fn what_changes_no_reading_takes_part_in_no_other_direction() {
+        let rows = [[1.0, 1.0, 0.0, 0.0], [1.0, 2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        let gram = Mat::from_fn(6, 6, |i, j| match (i, j) {
+            // The last two parameters do what the first two do, and the third and fourth nothing.
+            (2 | 3, _) | (_, 2 | 3) => 0.0,
+            (i, j) => rows.iter().map(|r| r[i % 4] * r[j % 4]).sum::<f64>(),
+        });
+        let label = |name: &str| Label { name: name.into(), unit: String::new() };
+        let found = describe(&gram, &["a", "b", "c", "d", "e", "f"].map(label));
+        let absent = |d: &&Direction| matches!(d, Direction::Absent(_));
+        assert_eq!(found.unobservable.iter().filter(absent).count(), 2);
+        let together = found.unobservable.iter().filter_map(|direction| match direction {
+            Direction::Together(moves) => Some(moves.len()),
+            _ => None,
+        });
+        let together: Vec<usize> = together.collect();
+        assert_eq!(together.len(), 2);
+        assert!(together.iter().all(|taking_part| *taking_part >= 2));
+    }
 }

@@ -8,7 +8,8 @@ use crate::estimate::doubts;
 use crate::estimate::implicit::{Implicit, Residuals};
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::source::{
-    Declared, NoiseEstimate, Source, check_declared, estimate_noise, first_noise, told_apart,
+    Declared, LEAST_DOF, NoiseEstimate, Source, check_declared, estimate_noise, first_noise,
+    told_apart,
 };
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
@@ -352,6 +353,12 @@ impl Fit {
     #[must_use]
     pub fn assumed(&self) -> Noise {
         Noise { sigma: self.noise.sigma.clone(), play: self.noise.play }
+    }
+
+    /// True where noise is declared, and no repeats bear it out.
+    #[must_use]
+    pub fn unverified(&self) -> bool {
+        self.noise.source == Source::Declared && self.within < LEAST_DOF
     }
 
     /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.

@@ -202,6 +202,12 @@ pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize) -> String {
         Cause::Outlier { sigmas, blame: by } => {
             format!("{sigmas:.0} σ off the other samples of its pose: {}", blame(mechanism, by))
         }
+        Cause::Unsteady { times } => {
+            format!(
+                "it moved while it was sampled: its samples differ {times:.1} times as much as \
+                 those of the other poses"
+            )
+        }
         Cause::Reading(by) => blame(mechanism, by),
         Cause::Pose { p_value } => format!(
             "no single channel explains it (p {p_value:.1e}): it moved while sampled, or several \
@@ -286,6 +292,14 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
                 in_brackets(mechanism, at)
             );
             (Some(name), text)
+        }
+        Residual::Louder { factor } => {
+            let text = format!(
+                "more is left than the declared noise allows, and no effect of the catalogue and \
+                 no one channel explains it as well as {factor:.2} times that noise does. Record \
+                 each pose several times, which shows the noise, or declare it as it is"
+            );
+            (None, text)
         }
         Residual::Structure(Structure { share, likely, location: at, .. })
             if !likely.is_empty() =>

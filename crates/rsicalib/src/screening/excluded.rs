@@ -28,6 +28,11 @@ pub enum Cause {
         /// Whose reading is wrong.
         blame: Blame,
     },
+    /// A pose moved while it was sampled.
+    Unsteady {
+        /// How far its samples differ, in times those of others.
+        times: f64,
+    },
     /// A reading of one pose is wrong.
     Reading(Blame),
     /// A pose is wrong, and no single channel explains it.

@@ -1,4 +1,4 @@
-//! Single bad samples among the repeats of a pose.
+//! Single bad samples among the repeats of a pose, and poses that moved meanwhile.
 //!
 //! Repeats of one pose differ by noise alone, whatever the model lacks, so a
 //! sample that stands off its siblings is judged before anything else:
@@ -7,8 +7,18 @@
 //! t = (n_p - 1)/n_p |r_ps - r̄_p without s|²,    (t/K) / ((S - t)/(ν - K)) ~ F(K, ν - K)   (81)
 //! ```
 //!
-//! with `S` the scatter within poses and `ν` its degrees of freedom, as in (61).
+//! with `S` the scatter within poses and `ν` its degrees of freedom, as in (61). Where several
+//! samples of a pose are off alike none stands off the others, but the pose does: it moved while
+//! it was sampled. With `S_p` its own scatter, of `ν_p`,
+//!
+//! ```text
+//! (S_p/ν_p) / ((S - S_p)/(ν - ν_p)) ~ F(ν_p, ν - ν_p)                                     (84)
+//! ```
+//!
+//! and fewer degrees of freedom where samples resemble their neighbours in the other poses.
 
+use crate::estimate::noise::scatter::{Groups, Scatter};
+use crate::estimate::noise::source::LEAST_DOF;
 use crate::estimate::{Fit, Observations};
 use crate::numerics::distributions;
 use crate::screening::blame::Blame;
@@ -17,8 +27,15 @@ use crate::screening::excluded::{Cause, Excluded};
 /// Probability of accusing any sample of a clean session.
 const ALPHA: f64 = 0.0015;
 
-/// Finds samples that stand off their pose, worst first, and leaves them out of the
-/// session; each time the scatter is that of the others.
+/// The same of any pose that moved.
+const MOVED: f64 = 0.0005;
+
+/// A pose that moved scatters by so many times the variance of the others: noise may differ
+/// between poses, and not by so much.
+const TIMES: f64 = 4.0;
+
+/// Finds samples that stand off their pose, and poses that moved, worst first, and leaves them
+/// out of the session; each time the scatter is that of the others.
 pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     let k = fit.residuals.equations as f64;
     let poses = observations.readings.rows_of_poses();
@@ -28,11 +45,15 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     }
     // A channel may be declared noisier than its repeats are, and the others are not then.
     let declared = f64::from(u8::from(observations.options.noise.is_some()));
+    let siblings = |rows: &Vec<usize>, weights: &[f64]| -> Vec<usize> {
+        rows.iter().copied().filter(|&r| weights[r] > 0.0).collect()
+    };
+    let in_use = |weights: &[f64]| -> Vec<Vec<usize>> {
+        poses.iter().map(|rows| siblings(rows, weights)).collect()
+    };
+    let whole = in_use(&observations.weights);
     loop {
-        let siblings = |rows: &Vec<usize>| -> Vec<usize> {
-            rows.iter().copied().filter(|&r| observations.weights[r] > 0.0).collect()
-        };
-        let groups: Vec<Vec<usize>> = poses.iter().map(siblings).collect();
+        let groups = in_use(&observations.weights);
         let (mut scatter, mut dof, mut tests) = (0.0, 0.0, 0.0);
         let mut worst: Option<(usize, usize, f64)> = None;
         for (pose, rows) in groups.iter().enumerate().filter(|(_, rows)| rows.len() >= 2) {
@@ -49,10 +70,29 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
                 }
             }
         }
-        let Some((pose, row, far)) = worst else { return excluded };
+        let stands_off = worst.filter(|(_, _, far)| {
+            let typical = ((scatter - far) / (dof - k)).max(declared);
+            distributions::f_tail(far / k / typical, k, dof - k) * tests <= ALPHA
+        });
+        let Some((pose, row, far)) = stands_off else {
+            let Some((pose, times)) = moved(observations, fit, &groups, declared) else {
+                return excluded;
+            };
+            groups[pose].iter().for_each(|&row| observations.weights[row] = 0.0);
+            let cause = Cause::Unsteady { times };
+            excluded.push(Excluded::of(Some(pose), groups[pose].len(), cause));
+            continue;
+        };
         let typical = ((scatter - far) / (dof - k)).max(declared);
-        if distributions::f_tail(far / k / typical, k, dof - k) * tests > ALPHA {
-            return excluded;
+        if 2 * (groups[pose].len() - 1) <= whole[pose].len() {
+            // No half of a pose says that the other one is wrong.
+            let rows = &whole[pose];
+            rows.iter().for_each(|&row| observations.weights[row] = 0.0);
+            excluded.retain(|found| found.pose != Some(pose));
+            let own = Groups { rows: vec![rows.clone()], order: 1 }.scatter(&fit.residuals, 0.0);
+            let times = (own.within / own.dof / typical).sqrt();
+            excluded.push(Excluded::of(Some(pose), rows.len(), Cause::Unsteady { times }));
+            continue;
         }
         let blame = culprit(observations, fit, row, &apart(fit, row, &groups[pose]), typical);
         observations.weights[row] = 0.0;
@@ -64,6 +104,34 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
             ..Excluded::of(Some(pose), 1, Cause::Outlier { sigmas: far, blame })
         });
     }
+}
+
+/// The pose whose samples differ most, if by more than chance makes of those of the others by
+/// (84), and how many times more.
+fn moved(
+    observations: &Observations,
+    fit: &Fit,
+    groups: &[Vec<usize>],
+    declared: f64,
+) -> Option<(usize, f64)> {
+    let of = |rows: Vec<Vec<usize>>| Groups { rows, order: 1 }.scatter(&fit.residuals, 0.0);
+    let own: Vec<Scatter> = groups.iter().map(|rows| of(vec![rows.clone()])).collect();
+    let (all, dof) = own.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.within, sum.1 + s.dof));
+    let several = || (0..own.len()).filter(|&pose| own[pose].dof > 0.0);
+    let mean = |pose: usize| own[pose].within / own[pose].dof;
+    let pose = several().max_by(|&a, &b| mean(a).total_cmp(&mean(b)))?;
+    let Scatter { within, dof: free, .. } = own[pose];
+    let typical = ((all - within) / (dof - free)).max(declared);
+    let times = mean(pose) / typical;
+    // What a pose that moved makes of neighbours is no correlation of the noise.
+    let rest = of(groups.iter().filter(|rows| **rows != groups[pose]).cloned().collect());
+    let independent = (rest.effective / rest.dof).min(1.0);
+    let (free, others) = (free * independent, rest.dof * independent);
+    if times < TIMES || others < LEAST_DOF {
+        return None;
+    }
+    let p_value = distributions::f_tail(times, free, others) * several().count() as f64;
+    (p_value <= MOVED && observations.readings.held).then(|| (pose, times.sqrt()))
 }
 
 /// Residual of a row less the mean of its siblings.

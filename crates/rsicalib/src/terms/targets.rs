@@ -136,7 +136,7 @@ pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f6
     let mass = rows().filter_map(|r| r.mass).reduce(|a, b| a + b).unwrap_or(1.0);
     let slides = mechanism.slides_at(target);
     let scale = |unit: &str| match unit {
-        "rad" | "length" if slides => longest,
+        "rad" | "rad/session" | "rad/K" if slides => longest,
         "length" => longest,
         "rad/length" => 1.0 / longest,
         "rad/torque" => 1.0 / (longest * mass),

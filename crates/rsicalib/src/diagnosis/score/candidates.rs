@@ -1,7 +1,7 @@
 //! What may be missing: every term at every target that mechanism and readings allow.
 
 use crate::estimate::{Fit, Observations};
-use crate::mechanism::Target;
+use crate::mechanism::{Mechanism, Target};
 use crate::model::{Instance, places};
 use crate::terms;
 use crate::terms::targets::{provided, shared, targets};
@@ -41,6 +41,15 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     all
 }
 
+/// True where a chain carries points at several places: turned, they are not where any one shift
+/// puts them.
+fn carries_body(mechanism: &Mechanism, chain: usize) -> bool {
+    let name = Some(&mechanism.chains[chain].name);
+    let mut places = mechanism.points.iter().filter(|p| p.chain.as_ref() == name).map(|p| p.at);
+    let first = places.next();
+    places.any(|at| Some(at) != first)
+}
+
 /// True for a term that moves nothing but the tool.
 fn tip(term: &dyn Term) -> bool {
     term.moves_only(&[Spot::Tip])
@@ -48,7 +57,7 @@ fn tip(term: &dyn Term) -> bool {
 
 /// False where a term would repeat another: a body that carries no joint has no axis
 /// to tilt, before the first joint the base tilts, a frame that is free as a whole is
-/// longer by itself, and has its tool where it is, what the last joint carries is the tool, where nothing is fixed to the base a single chain has none, and a
+/// longer by itself, and has its tool where it is, a point that the last joint carries is the tool, where nothing is fixed to the base a single chain has none, and a
 /// free shape is any shape.
 fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let mechanism = &observations.mechanism;
@@ -78,7 +87,9 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
             // The body after the last joint carries nothing but the tool.
             let tool = |i: &Instance| row >= last && i.target == Target::Chain(chain);
             !free.any(|i| i.target == target || tool(i))
-                && (!term.moves_only(&[Spot::End]) || (row >= first && row < last))
+                && (!term.moves_only(&[Spot::End])
+                    || (row >= first && row < last)
+                    || (row == last && carries_body(mechanism, chain)))
         }
         Target::Chain(chain) if tip(term) => {
             let last = mechanism.chains[chain].rows.len().saturating_sub(1);

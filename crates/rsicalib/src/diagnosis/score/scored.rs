@@ -96,14 +96,26 @@ pub struct Judge {
     pub noise_dof: f64,
     /// Degrees of freedom of the residual where nothing else gives the noise.
     pub residual_dof: Option<f64>,
+    /// χ² of the fit and its degrees of freedom, where noise is declared and nothing bears it out.
+    pub left: Option<[f64; 2]>,
 }
 
 impl Judge {
     /// Probability of a score of `width` degrees of freedom or more by chance.
+    ///
+    /// What stands out of noise that is declared, and that nothing bears out, must stand out of
+    /// what it leaves as well: that noise may be too small.
     #[must_use]
     pub fn p_value(&self, score: f64, width: f64) -> f64 {
         match self.residual_dof {
-            None => distributions::f_tail(score / width, width, self.noise_dof),
+            None => {
+                let beside = self.left.map_or(0.0, |[chi2, dof]| {
+                    let free = (dof - width).max(1.0);
+                    let left = ((chi2 - score) / free).max(1.0);
+                    distributions::f_tail(score / width / left, width, free)
+                });
+                self.too_large(score, width).max(beside)
+            }
             Some(dof) => {
                 let left = ((dof - score) / (dof - width).max(1.0)).max(1e-12);
                 distributions::f_tail(score / width / left, width, (dof - width).max(1.0))
@@ -117,8 +129,19 @@ impl Judge {
     /// the noise.
     #[must_use]
     pub fn lack_of_fit(&self, fit: &Fit) -> Option<f64> {
-        (self.residual_dof.is_none() && fit.dof >= 1.0)
-            .then(|| distributions::f_tail(fit.chi2 / fit.dof, fit.dof, self.noise_dof))
+        (self.residual_dof.is_none() && fit.dof >= 1.0).then(|| self.too_large(fit.chi2, fit.dof))
+    }
+
+    /// The judge of what a fit has of this score, as that of the fit without it.
+    #[must_use]
+    pub fn without(self, score: f64, width: f64) -> Self {
+        Self { left: self.left.map(|[chi2, dof]| [chi2 + score, dof + width]), ..self }
+    }
+
+    /// Probability of a χ² of so many degrees of freedom, or of a larger one, by chance.
+    #[must_use]
+    pub fn too_large(&self, chi2: f64, dof: f64) -> f64 {
+        distributions::f_tail(chi2 / dof, dof, self.noise_dof)
     }
 }
 

@@ -70,6 +70,8 @@ pub struct Stepwise<'a> {
     samples: Vec<usize>,
     source: Source,
     noise_dof: f64,
+    /// Its noise is declared, and nothing bears it out.
+    unverified: bool,
 }
 
 impl<'a> Stepwise<'a> {
@@ -98,12 +100,23 @@ impl<'a> Stepwise<'a> {
         let counts = small.weights.clone();
         let samples = observations.readings.rows_of_poses().iter().map(Vec::len).collect();
         let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
-        Ok(Self { small, only: None, divided: false, search, counts, samples, source, noise_dof })
+        Ok(Self {
+            small,
+            only: None,
+            divided: false,
+            search,
+            counts,
+            samples,
+            source,
+            noise_dof,
+            unverified: fit.unverified(),
+        })
     }
 
     pub fn judge(&self, fit: &Fit) -> Judge {
         let residual_dof = (!self.source.independent()).then_some(fit.dof);
-        Judge { noise_dof: self.noise_dof, residual_dof }
+        let left = self.unverified.then_some([fit.chi2, fit.dof]);
+        Judge { noise_dof: self.noise_dof, residual_dof, left }
     }
 
     /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,
@@ -236,7 +249,8 @@ impl<'a> Stepwise<'a> {
                 let Some(sure) = estimate_of(&refit, &joint.instance) else { return Ok(None) };
                 // By how much χ² would rise without it, to first order; with its sign.
                 joint.score = sure * sure.abs();
-                joint.p_value = judge.p_value(joint.score.max(0.0), joint.width);
+                let score = joint.score.max(0.0);
+                joint.p_value = judge.without(score, joint.width).p_value(score, joint.width);
                 joint.corrected = joint.p_value * joint.places;
                 if weakest.is_none_or(|(score, _)| joint.score < score) {
                     weakest = Some((joint.score, k));

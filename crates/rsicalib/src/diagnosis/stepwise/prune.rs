@@ -16,9 +16,9 @@ impl Stepwise<'_> {
         while index + 1 < found.len() {
             let instance = found[index].instance;
             let without = self.without(&current, &[instance])?;
-            let lost = cost(&without) - cost(&current);
+            let lost = (cost(&without) - cost(&current)).max(0.0);
             let width = instance.width() as f64;
-            let p_value = self.judge(&current).p_value(lost.max(0.0), width);
+            let p_value = self.judge(&current).without(lost, width).p_value(lost, width);
             let repeats = !instance.term.info().penalised
                 && candidates::has_free_shape(&current, instance.term, instance.target);
             let lifts = !physical(&current, &instance);
@@ -67,7 +67,7 @@ impl Stepwise<'_> {
         }
         let rest = current.chi2 / current.dof;
         let stands_out = |score: f64, step: &Scored| {
-            judge.p_value(score / rest, step.width) * step.places <= self.search.alpha
+            judge.too_large(score / rest, step.width) * step.places <= self.search.alpha
         };
         let mut kept = Vec::new();
         for step in found.iter() {

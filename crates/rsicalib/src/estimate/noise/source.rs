@@ -63,7 +63,7 @@ impl NoiseEstimate {
 }
 
 /// Fewer degrees of freedom than this give no noise.
-const LEAST_DOF: f64 = 8.0;
+pub(crate) const LEAST_DOF: f64 = 8.0;
 
 /// Part of the variance of rounding that may last within a pose while channels are told apart.
 const COARSE: f64 = 0.05;

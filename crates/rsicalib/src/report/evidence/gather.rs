@@ -56,7 +56,8 @@ pub fn of_calibration(
     observations.options.progress = Progress::default();
     let (small, last) = averaged(&observations, fit)?;
     let residual_dof = (!fit.noise.source.independent()).then_some(last.dof);
-    let judge = Judge { noise_dof: fit.noise.dof, residual_dof };
+    let left = fit.unverified().then_some([last.chi2, last.dof]);
+    let judge = Judge { noise_dof: fit.noise.dof, residual_dof, left };
     let full = Full { small: &small, last: &last, found: Vec::new(), excluded, judge };
     Ok(Evidence { switchboard: switchboard(&full)?, ..of_fit(&small, &last)? })
 }
