@@ -22,6 +22,18 @@ def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
     return f"{known}{half}{'' if unit == '1' else f' {unit}'}"
 
 
+class Earlier(Protocol):
+    """What an earlier result says."""
+
+    @property
+    def value(self) -> float:
+        """The earlier estimate."""
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the difference."""
+
+
 class Estimate:
     """Interval and full name of a parameter that has the fields of `shapes.Parameter`."""
 
@@ -32,6 +44,19 @@ class Estimate:
     sd: float | None
     unit: str
     place: str | None
+
+    if TYPE_CHECKING:
+
+        @property
+        def earlier(self) -> Earlier | None:
+            """What an earlier result says."""
+
+    @property
+    def change(self) -> float | None:
+        """Difference from an earlier result, in standard deviations of both; None without one."""
+        if self.earlier is None or self.value is None or self.earlier.sd <= 0.0:
+            return None
+        return (self.value - self.earlier.value) / self.earlier.sd
 
     @property
     def interval(self) -> tuple[float, float] | None:

@@ -11,8 +11,8 @@ from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import Dots
 from rsicalib.report.svg import WIDE, Axis, Canvas, Chart
-from rsicalib.report.words import number, subject
-from rsicalib.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape
+from rsicalib.report.words import listed_words, name_of, number, subject
+from rsicalib.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape, Weakest
 
 __all__ = ["mechanism_figure", "workspace_figure"]
 
@@ -151,8 +151,9 @@ def _fit(points: FloatArray, left: float, room: float) -> tuple[Axis, Axis]:
     )
 
 
-def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
-    """Draw slices of the workspace, coloured by the standard deviation of the platform."""
+def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
+    """Draw where what is carried can be, coloured by how well the calibration places it there."""
+    slices, unit = evidence.workspace, result.length_unit
     values = [cell[2] for one in slices for cell in one.cells if math.isfinite(cell[2])]
     if not values:
         return None
@@ -162,7 +163,7 @@ def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
         return min(int(LEVELS * (sd - low) / (high - low or 1.0)), LEVELS - 1)
 
     def draw(width: float) -> str:
-        across = len(slices) if width == WIDE else 1
+        across = min(len(slices), 2) if width == WIDE else 1
         room = width / across
         height = 250.0
         canvas = Canvas(width, height * -(-len(slices) // across) + 26.0)
@@ -171,9 +172,10 @@ def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
             x = _edges([c[0] for c in one.cells], one.step[0])
             y = _edges([c[1] for c in one.cells], one.step[1])
             words = f"{one.axes[0]} [{unit}]", f"{one.axes[1]} [{unit}]"
-            title = f"{one.fixed} = {number(one.value)} {unit}"
-            chart = Chart.on(part, x, y, words, title=title, height=height)
+            chart = Chart.on(part, x, y, words, title=_side_words(one, unit), height=height)
             for u, v, sd in one.cells:
+                if not math.isfinite(sd):
+                    continue
                 left, top = chart.at((u - one.step[0] / 2, v + one.step[1] / 2))
                 right, bottom = chart.at((u + one.step[0] / 2, v - one.step[1] / 2))
                 said = f"{one.axes[0]} {number(u)}, {one.axes[1]} {number(v)}: {number(sd)} {unit}"
@@ -187,14 +189,44 @@ def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
             top = low + (high - low) * (k + 1) / LEVELS
             canvas.rect(10.0 + step * k, canvas.height - 18.0, 11.0, 11.0, f"level{k}")
             canvas.text(25.0 + step * k, canvas.height - 8.0, f"≤ {number(top, 2)}")
-        return canvas.svg("standard deviation of the platform over the workspace")
+        return canvas.svg("standard deviation of what is carried, over the workspace")
 
+    names = list(dict.fromkeys(one.of for one in slices if one.of is not None))
+    what = listed_words(names) if names else "the platform"
     caption = (
-        "How well the calibration places the platform: standard deviation of its position, noise "
-        f"of a reading not counted, from {number(low, 2)} to {number(high, 2)} {unit} at "
-        "orientation zero. Strong colours are where poses are lacking."
+        f"How well the calibration places {what}: standard deviation of a coordinate, noise of a "
+        f"reading not counted, from {number(low, 2)} to {number(high, 2)} {unit}"
     )
-    return Figure("workspace", draw, caption)
+    if slices[0].value is not None and not names:
+        caption += " at orientation zero. "
+    else:
+        caption += ", all over the limits of the joints; a cell is the mean of all that lies there. "
+    caption += "Strong colours are where poses are lacking. "
+    if evidence.weakest is not None:
+        caption += _weakest_words(evidence.weakest, unit)
+    if result.unobservable:
+        caption += " What the readings do not determine at all is not in it."
+    return Figure("workspace", draw, caption.strip())
+
+
+def _side_words(one: Slice, unit: str) -> str:
+    """What a panel shows: `z = 1.2 in`, `ball, all z`."""
+    at = f"all {one.fixed}" if one.value is None else f"{one.fixed} = {number(one.value)} {unit}"
+    return at if one.of is None else f"{one.of}, {at}"
+
+
+def _weakest_words(weakest: Weakest, unit: str) -> str:
+    """Where it is known least, in which direction, and what that goes with."""
+    place = ", ".join(map(number, weakest.place))
+    size = math.hypot(*weakest.along)
+    along = ", ".join(f"{v / size + 0.0:.1f}" for v in weakest.along)
+    p = weakest.parameter
+    name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
+    of = "" if weakest.of is None else f"{weakest.of} "
+    return (
+        f"Least known is {of}at ({place}), by {number(size, 2)} {unit} along ({along}): an error "
+        f"there goes with {name} of {p.target} (correlation {weakest.correlation:.2f})."
+    )
 
 
 def _edges(values: Sequence[float], step: float) -> tuple[float, float]:

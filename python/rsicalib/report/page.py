@@ -28,7 +28,7 @@ from rsicalib.report.words import (
     size_words,
     subject,
 )
-from rsicalib.shapes import Evidence, ResultShape, Step, TraceShape
+from rsicalib.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["document", "figures", "html", "listed", "section", "table"]
@@ -87,7 +87,7 @@ def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, 
         found += _effects(result, evidence)
     if evidence is not None:
         found.append(mechanism_figure(result, evidence, dots_of(result, evidence)))
-        found.append(workspace_figure(evidence.workspace, result.length_unit))
+        found.append(workspace_figure(result, evidence))
         if evidence.reliability is not None:
             found.append(reliability_figure(result, evidence.reliability))
     if result.noise is not None and result.noise.sigma:
@@ -251,7 +251,7 @@ def _mechanism(result: ResultShape, evidence: Evidence | None) -> str:
         return ""
     drawn = [
         mechanism_figure(result, evidence, dots_of(result, evidence)),
-        workspace_figure(evidence.workspace, result.length_unit),
+        workspace_figure(result, evidence),
     ]
     return section("The mechanism in its poses", pictures(drawn))
 
@@ -292,7 +292,9 @@ def _capital(text: str) -> str:
 def _parameters(result: ResultShape) -> str:
     whole = result.with_excluded.parameters if result.with_excluded else ()
     before = {(p.spec, p.name): p for p in whole}
+    superseding = any(p.earlier is not None for p in result.parameters)
     heads = ["target", "parameter", "value", "± 95 %", "unit"]
+    heads += ["earlier", "change [σ]"] * superseding
     heads += ["with what was left out"] * bool(whole)
     rows = []
     for p in result.parameters:
@@ -301,12 +303,26 @@ def _parameters(result: ResultShape) -> str:
         target = p.target if p.place is None else f"{p.target} at {p.place}"
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
-        rows.append((target, name, value, half, p.unit, *[all_readings] * bool(whole)))
+        earlier = _earlier(p) if superseding else ()
+        rows.append((target, name, value, half, p.unit, *earlier, *[all_readings] * bool(whole)))
     found = table(heads, rows, 2, "parameters") if rows else ""
+    if superseding:
+        found += (
+            '<p class="faint">The change is in standard deviations of the difference, by both '
+            "uncertainties: between -2 and 2 it is what chance does.</p>"
+        )
     notes = [f"Not determined: {text}" for text in result.unobservable]
     notes += [f"Weak: {text}" for text in result.weak]
     folded = _folded(f"{len(rows)} parameters with their 95 % intervals", found) if rows else ""
     return section("Parameters", folded, listed(notes))
+
+
+def _earlier(p: Parameter) -> tuple[str, str]:
+    """The earlier value, as exact as the new one, and the change in units of both uncertainties."""
+    if p.earlier is None:
+        return "–", "–"
+    known = plus_minus(p.earlier.value, None if p.sd is None else 1.96 * p.sd)[0]
+    return known, "–" if p.change is None else f"{p.change:+z.1f}"
 
 
 def _readings(result: ResultShape, evidence: Evidence | None) -> str:

@@ -6,6 +6,7 @@ import contextlib
 import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,15 +17,15 @@ from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Result
-from rsicalib.shapes import Data, Moved, Parameter, Skipped
+from rsicalib.shapes import Before, Data, Moved, Parameter, Skipped
 
 __all__ = [
     "NOTHING",
     "DateArg",
     "about",
+    "beside_earlier",
     "described",
     "digest_of",
-    "moved_parameters",
     "reference_of",
     "update_of",
 ]
@@ -135,15 +136,20 @@ def update_of(
     }
 
 
-def moved_parameters(
+def beside_earlier(
     mechanism: Mechanism, earlier: Result, parameters: Sequence[Parameter]
-) -> list[Moved]:
-    """Parameters that differ by more than chance would make one of them differ once in 100."""
+) -> tuple[list[Parameter], list[Moved]]:
+    """Parameters with what an earlier result says of them, and those that have moved.
+
+    Chance alone would move any of them once in 100 results.
+    """
     before, now = (
         [(p.at, p.name, p.value, p.sd) for p in of] for of in (earlier.parameters, parameters)
     )
-    moved = []
-    for number, old, new, sd in _core.moved(mechanism, before, now):
+    out, moved = list(parameters), []
+    for number, old, new, sd, beyond in _core.compared(mechanism, before, now):
         p = parameters[number]
-        moved.append(Moved(p.term, p.target, p.name, before=old, after=new, sd=sd, unit=p.unit))
-    return moved
+        out[number] = replace(p, earlier=Before(old, sd))
+        if beyond:
+            moved.append(Moved(p.term, p.target, p.name, before=old, after=new, sd=sd, unit=p.unit))
+    return out, moved

@@ -268,6 +268,18 @@ pub struct Parameter {
     /// What keeps the parameter from being what its term is called.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
+    /// What an earlier result says of it, where one was given and knows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earlier: Option<Before>,
+}
+
+/// What an earlier result says of a parameter: the value that it left behind, slips included.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Before {
+    /// The earlier estimate.
+    pub value: f64,
+    /// Standard deviation of the difference, by both uncertainties.
+    pub sd: f64,
 }
 
 /// A start that was tried.

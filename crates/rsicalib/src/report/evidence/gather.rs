@@ -10,12 +10,13 @@ use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 use crate::report::evidence::added_variable::added_variable;
 use crate::report::evidence::against::against;
-use crate::report::evidence::drawing::{drawing, workspace};
+use crate::report::evidence::drawing::drawing;
 use crate::report::evidence::laws::law;
 use crate::report::evidence::reliability::reliability;
 use crate::report::evidence::scores::scores;
 use crate::report::evidence::shapes::{EffectEvidence, Evidence};
 use crate::report::evidence::switchboard::{Full, switchboard};
+use crate::report::evidence::workspace::workspace;
 use crate::screening::excluded::Excluded;
 
 /// Evidence of a trace.
@@ -63,6 +64,7 @@ pub fn of_calibration(
 
 fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {
     let readings = &small.readings;
+    let (workspace, weakest) = workspace(small, fit)?;
     Ok(Evidence {
         equations: equations(fit),
         poses: if readings.held { readings.labels.clone() } else { Vec::new() },
@@ -70,7 +72,8 @@ fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {
         left: Vec::new(),
         reliability: reliability(small, fit),
         drawing: drawing(small, fit),
-        workspace: workspace(small, fit)?,
+        workspace,
+        weakest,
         switchboard: None,
     })
 }
