@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from argparse import Namespace
+from pathlib import Path
 
 import pytest
 
@@ -170,11 +171,45 @@ def test_bash_completes_verbs_options_and_values() -> None:
     assert completed("rsicalib calibrate ") == []  # files, by the shell itself
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_read_their_script(shell: str) -> None:
-    text = completion.script(make_parser(), shell)
-    assert "calibrate" in text and "without" in text
-    if shutil.which(shell):
-        subprocess.run([shell, "-n", "-c", text], check=True, timeout=60)
-    else:
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_reads_its_script(shell: str, tmp_path: Path) -> None:
+    file = tmp_path / f"rsicalib.{shell}"
+    file.write_text(completion.script(make_parser(), shell), encoding="utf-8")
+    if shutil.which(shell) is None:
         pytest.skip(f"no {shell} to read it")
+    done = subprocess.run([shell, "-n", str(file)], capture_output=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
+def test_fish_completes_verbs_options_values_and_files(tmp_path: Path) -> None:
+    (tmp_path / "c.fish").write_text(completion.script(make_parser(), "fish"), encoding="utf-8")
+    (tmp_path / "readings.csv").touch()
+    expected = {
+        "rsicalib tr": "trace",
+        "rsicalib trace --wi": "--without",
+        "rsicalib calibrate r.csv --method ": "algebraic implicit_loop",
+        "rsicalib completion ": "bash fish zsh",
+        "rsicalib calibrate re": "readings.csv",
+        "rsicalib trace --rest re": "readings.csv",
+    }
+    ask = "source c.fish; " + "; echo; ".join(f"complete -C '{line}'" for line in expected)
+    fish = ["fish", "--no-config", "-c", ask]
+    done = subprocess.run(fish, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    found = [" ".join(re.findall(r"^(\S+)", part, re.M)) for part in done.stdout.split("\n\n")]
+    assert (found, done.stderr) == (list(expected.values()), "")
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")
+def test_zsh_offers_what_bash_does_also_where_nothing_has_set_completion_up(tmp_path: Path) -> None:
+    (tmp_path / "c.zsh").write_text(completion.script(make_parser(), "zsh"), encoding="utf-8")
+    for line, expected in {"tr": "trace", "trace r.csv --wi": "--without"}.items():
+        words = f"COMP_WORDS=(rsicalib {line}); COMP_CWORD={len(line.split())}"
+        ask = f"source c.zsh; {words}; emulate sh -c _rsicalib; print -rl -- $COMPREPLY"
+        zsh = ["zsh", "-f", "-c", ask]
+        home = {**os.environ, "HOME": str(tmp_path), "ZDOTDIR": str(tmp_path)}
+        done = subprocess.run(
+            zsh, cwd=tmp_path, env=home, capture_output=True, text=True, timeout=60
+        )
+        # The editor of zsh keeps those that begin with what is there.
+        assert expected in done.stdout.split() and done.stderr == ""

@@ -767,6 +767,8 @@ class Evidence(Record):
     """Closure of each equation; a touch has several."""
     poses: tuple[int, ...]
     """Label of each pose; empty for a recording, whose poses are its rows."""
+    units: tuple[str, ...]
+    """Unit of the readings of each channel."""
     effects: tuple[EffectEvidence, ...]
     """One for each effect that was found, in the order of `steps`."""
     left: tuple[Score, ...]

@@ -10,7 +10,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import Dots
-from rsicalib.report.svg import WIDE, Axis, Canvas, Chart
+from rsicalib.report.svg import LETTER, WIDE, Axis, Canvas, Chart
 from rsicalib.report.words import listed_words, name_of, number, subject
 from rsicalib.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape, Weakest
 
@@ -92,9 +92,9 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
                 if culprit:
                     canvas.text(place[0] + 8.0, place[1] + 4.0, node.name, kind="culprit")
         y0 = 322.0
-        for k, words in enumerate(("below 1.5 σ", "to 3 σ", "above")):
-            canvas.dot(12.0 + 88.0 * k, y0 - 4.0, 3.4, f"heat{k}")
-            canvas.text(20.0 + 88.0 * k, y0, words)
+        for k, (x0, words) in enumerate(((12.0, "below 1.5 σ"), (108.0, "to 3 σ"), (172.0, "above"))):
+            canvas.dot(x0, y0 - 4.0, 3.4, f"heat{k}")
+            canvas.text(x0 + 8.0, y0, words)
         return canvas.svg("the mechanism in its poses")
 
     caption = (
@@ -184,11 +184,12 @@ def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
             column, row = k % across, k // across
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
-        step = (width - 20.0) / LEVELS
+        # A scale of colours between the lowest and the highest.
+        y, left = canvas.height - 18.0, 12.0 + LETTER * len(number(low, 2))
+        canvas.text(left - 5.0, y + 10.0, number(low, 2), anchor="end")
         for k in range(LEVELS):
-            top = low + (high - low) * (k + 1) / LEVELS
-            canvas.rect(10.0 + step * k, canvas.height - 18.0, 11.0, 11.0, f"level{k}")
-            canvas.text(25.0 + step * k, canvas.height - 8.0, f"≤ {number(top, 2)}")
+            canvas.rect(left + 30.0 * k, y, 30.3, 11.0, f"level{k}")
+        canvas.text(left + 30.0 * LEVELS + 5.0, y + 10.0, f"{number(high, 2)} {unit}")
         return canvas.svg("standard deviation of what is carried, over the workspace")
 
     names = list(dict.fromkeys(one.of for one in slices if one.of is not None))
@@ -200,7 +201,10 @@ def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
     if slices[0].value is not None and not names:
         caption += " at orientation zero. "
     else:
-        caption += ", all over the limits of the joints; a cell is the mean of all that lies there. "
+        caption += (
+            ", wherever the limits of the joints allow; a cell is the mean over all postures that "
+            "reach it. "
+        )
     caption += "Strong colours are where poses are lacking. "
     if evidence.weakest is not None:
         caption += _weakest_words(evidence.weakest, unit)
@@ -217,9 +221,11 @@ def _side_words(one: Slice, unit: str) -> str:
 
 def _weakest_words(weakest: Weakest, unit: str) -> str:
     """Where it is known least, in which direction, and what that goes with."""
-    place = ", ".join(map(number, weakest.place))
+    largest = max(map(abs, weakest.place)) or 1.0
+    digits = max(0, 2 - math.floor(math.log10(largest)))
+    place = ", ".join(f"{v:z.{digits}f}" for v in weakest.place)
     size = math.hypot(*weakest.along)
-    along = ", ".join(f"{v / size + 0.0:.1f}" for v in weakest.along)
+    along = ", ".join(f"{v / size:z.1f}" for v in weakest.along)
     p = weakest.parameter
     name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
     of = "" if weakest.of is None else f"{weakest.of} "

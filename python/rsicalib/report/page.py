@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
@@ -22,8 +23,6 @@ from rsicalib.report.words import (
     number,
     p_is,
     plus_minus,
-    predicted_words,
-    quality,
     sentence,
     size_words,
     subject,
@@ -89,9 +88,9 @@ def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, 
         found.append(mechanism_figure(result, evidence, dots_of(result, evidence)))
         found.append(workspace_figure(result, evidence))
         if evidence.reliability is not None:
-            found.append(reliability_figure(result, evidence.reliability))
+            found.append(reliability_figure(result, evidence.reliability, evidence.units))
     if result.noise is not None and result.noise.sigma:
-        found.append(noise_figure(result.noise))
+        found.append(noise_figure(result.noise, evidence.units if evidence else ()))
     return {figure.name: figure.svg() for figure in found if figure is not None}
 
 
@@ -132,8 +131,13 @@ def section(title: str, *parts: str) -> str:
 
 def listed(items: Iterable[str], kind: str = "") -> str:
     """A list of sentences."""
-    inner = "\n".join(f"<li>{escape(item)}</li>" for item in items)
+    inner = "\n".join(f"<li>{_whole(escape(item))}</li>" for item in items)
     return f"<ul{f' class={kind}' if kind else ''}>\n{inner}\n</ul>" if inner else ""
+
+
+def _whole(text: str) -> str:
+    """Options of commands are not broken over two lines."""
+    return re.sub(r"(?<![\w-])--[a-z][a-z-]*", r'<span class="whole">\g<0></span>', text)
 
 
 def pictures(found: Iterable[Figure | None]) -> str:
@@ -173,24 +177,22 @@ def _heading(title: str, inner: str) -> str:
 
 def _data(result: ResultShape) -> str:
     readings = result.readings
-    files = f" Files: {', '.join(readings.files)}." if readings.files else ""
+    names = [re.split(r"[/\\]", file)[-1] for file in readings.files]
+    files = f" {'Files' if len(names) > 1 else 'File'}: {', '.join(names)}." if names else ""
     return (
         f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. "
         f"Unit of length {result.length_unit}, of angles rad.{files}"
     )
 
 
-def _unchecked(result: ResultShape) -> str:
-    unknown = "Closure is not accuracy: no known poses were given, so the error is not known"
-    predicted = predicted_words(result).strip()
-    return f"{unknown}; {predicted}" if predicted else f"{unknown}."
-
-
 def _errors(result: ResultShape) -> str:
     heads, rows = comparison(result)
-    note = "" if quality(result).check else f'<p class="faint">{escape(_unchecked(result))}</p>'
-    found = table(["", *heads], rows, words="error before and after") if rows else ""
-    return f"{found}\n{note}" if found or note else ""
+    if not rows:
+        return ""
+    shown: list[Sequence[str]] = list(rows)
+    if all(old == "–" for _, old, _ in rows):
+        heads, shown = heads[1:], [(name, new) for name, _, new in rows]
+    return table(["", *heads], shown, words="error before and after")
 
 
 def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | None]:
@@ -327,13 +329,14 @@ def _earlier(p: Parameter) -> tuple[str, str]:
 
 def _readings(result: ResultShape, evidence: Evidence | None) -> str:
     drawn: list[Figure | None] = []
+    units = evidence.units if evidence else ()
     if result.noise is not None and result.noise.sigma:
-        drawn.append(noise_figure(result.noise))
+        drawn.append(noise_figure(result.noise, units))
     drawn.append(normal_figure(result))
     rows = ""
     found = evidence.reliability if evidence else None
     if found is not None:
-        drawn.append(reliability_figure(result, found))
+        drawn.append(reliability_figure(result, found, units))
         heads = ("channel", "usual", "largest", "external, largest", "unchecked poses")
         rows = table(heads, reliability_rows(result, found), 1, "reliability by channel")
         rows = _folded("Minimum detectable error and external reliability by channel", rows)

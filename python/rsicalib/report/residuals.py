@@ -10,7 +10,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
-from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
+from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
 from rsicalib.shapes import Evidence, ResultShape
 
 __all__ = ["Dots", "dots_of", "normal_figure", "residual_figure"]
@@ -194,9 +194,6 @@ def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], boun
         at = x + 6.0 if x + 6.0 + long < width else max(x - 6.0 - long, 2.0)
         chart.canvas.text(at, y + 4.0, words, kind="culprit")
 
-
-LETTER = 6.9
-"""Width of a letter of a label, at most on average."""
 
 ONE_SCALE = 6.0
 """Panels whose largest residuals differ by more than this factor have scales of their own."""

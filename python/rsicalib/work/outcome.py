@@ -7,6 +7,7 @@ import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -69,9 +70,14 @@ def described(readings: Sequence[Readings]) -> Data:
         poses=sum(r.n_poses for r in readings),
         samples=sum(len(r) for r in readings),
         sha256=digest,
-        files=tuple(r.source for r in readings) if len(readings) > 1 else (),
+        files=tuple(r.source for r in readings if len(readings) > 1 or _is_file(r)),
         skipped=tuple(skipped),
     )
+
+
+def _is_file(readings: Readings) -> bool:
+    """Whether readings are from a file: it has lines, or its name has an ending."""
+    return readings.line_word == "line" or bool(Path(readings.source).suffix)
 
 
 def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:

@@ -191,7 +191,7 @@ pub struct Data {
     pub samples: u64,
     /// Digest of the readings as they were used.
     pub sha256: String,
-    /// Files, where there are several.
+    /// Files that the readings are from, as they were given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<String>,
     /// Rows that were dropped because the caller asked for it.
