@@ -294,11 +294,25 @@ def test_the_workspace_has_the_deviations_that_forward_sd_gives(traced: Trace) -
     assert space.position_sd == pytest.approx(np.sqrt((space.sd[:, :3] ** 2).mean(axis=1)))
 
 
-def test_a_mechanism_without_a_platform_has_no_workspace(calibration: Calibration) -> None:
+def test_points_of_chains_have_a_workspace_where_there_is_no_platform(
+    calibration: Calibration,
+) -> None:
     values = {**Mechanism("rsi").to_dict(), "platform": {}}
     values.pop("rest")
+    mechanism = Mechanism(values)
+    space = rsicalib.workspace(calibration, mechanism, poses=60, seed=1)
+    assert space.names[:3] == ("wrist1.x", "wrist1.y", "wrist1.z")
+    n = len(space.poses)
+    assert 50 <= n <= 60 and space.poses.shape == space.sd.shape == (n, 9)
+    wrists = space.poses.reshape(-1, 3, 3)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        apart = np.linalg.norm(wrists[:, a] - wrists[:, b], axis=1)
+        # Closed as drawn, l4 √3 of Table I, up to what the offsets and gains misclose.
+        np.testing.assert_allclose(apart, 1.5 * 3**0.5, rtol=1e-6)
+    assert np.isnan(space.orientation_sd).all() and (space.position_sd > 0).all()
+    assert len(space.plot("xy").collections[0].get_offsets()) == 3 * n
     with pytest.raises(InputError, match="without a platform"):
-        rsicalib.workspace(calibration, values)
+        rsicalib.workspace(calibration, mechanism, within=[(0.0, 1.0)] * 6)
 
 
 # ------------------------------------------------------------------ shown

@@ -138,9 +138,9 @@ def workspace(
 ) -> Workspace:
     """Find how well a calibration knows what is carried, all over the workspace.
 
-    Poses of a platform are drawn within a box. Of a mechanism without one, configurations are drawn
-    within the limits of the joints: closures between points that chains carry hold in them; sockets,
-    bars and other things that the chains touch in the base do not.
+    Poses of a platform are drawn within a box. Of a mechanism without one, configurations are
+    drawn within the limits of the joints: closures between points that chains carry hold in
+    them; sockets, bars and other things that the chains touch in the base do not.
 
     Parameters
     ----------

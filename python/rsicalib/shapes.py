@@ -90,7 +90,7 @@ class Data(Record):
     sha256: str
     """Digest of the readings as they were used."""
     files: tuple[str, ...] = field(default=(), metadata=OMIT)
-    """Files, where there are several."""
+    """Files that the readings are from, as they were given."""
     skipped: tuple[Skipped, ...] = field(default=(), metadata=OMIT)
     """Rows that were dropped because the caller asked for it."""
 

@@ -92,7 +92,9 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
                 if culprit:
                     canvas.text(place[0] + 8.0, place[1] + 4.0, node.name, kind="culprit")
         y0 = 322.0
-        for k, (x0, words) in enumerate(((12.0, "below 1.5 σ"), (108.0, "to 3 σ"), (172.0, "above"))):
+        for k, (x0, words) in enumerate(
+            ((12.0, "below 1.5 σ"), (108.0, "to 3 σ"), (172.0, "above"))
+        ):
             canvas.dot(x0, y0 - 4.0, 3.4, f"heat{k}")
             canvas.text(x0 + 8.0, y0, words)
         return canvas.svg("the mechanism in its poses")
@@ -185,11 +187,11 @@ def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
         # A scale of colours between the lowest and the highest.
-        y, left = canvas.height - 18.0, 12.0 + LETTER * len(number(low, 2))
-        canvas.text(left - 5.0, y + 10.0, number(low, 2), anchor="end")
+        base, first = canvas.height - 18.0, 12.0 + LETTER * len(number(low, 2))
+        canvas.text(first - 5.0, base + 10.0, number(low, 2), anchor="end")
         for k in range(LEVELS):
-            canvas.rect(left + 30.0 * k, y, 30.3, 11.0, f"level{k}")
-        canvas.text(left + 30.0 * LEVELS + 5.0, y + 10.0, f"{number(high, 2)} {unit}")
+            canvas.rect(first + 30.0 * k, base, 30.3, 11.0, f"level{k}")
+        canvas.text(first + 30.0 * LEVELS + 5.0, base + 10.0, f"{number(high, 2)} {unit}")
         return canvas.svg("standard deviation of what is carried, over the workspace")
 
     names = list(dict.fromkeys(one.of for one in slices if one.of is not None))

@@ -189,10 +189,10 @@ def _errors(result: ResultShape) -> str:
     heads, rows = comparison(result)
     if not rows:
         return ""
-    shown: list[Sequence[str]] = list(rows)
+    words = "error before and after"
     if all(old == "–" for _, old, _ in rows):
-        heads, shown = heads[1:], [(name, new) for name, _, new in rows]
-    return table(["", *heads], shown, words="error before and after")
+        return table(["", heads[1]], [(name, new) for name, _, new in rows], words=words)
+    return table(["", *heads], rows, words=words)
 
 
 def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | None]:

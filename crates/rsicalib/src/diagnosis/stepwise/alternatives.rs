@@ -23,6 +23,8 @@ pub struct Alternatives {
     pub near: Vec<Scored>,
     /// Whose reading is wrong, if it is one.
     pub blame: Blame,
+    /// Scores of everything without the effect, of each at its best place, best first.
+    pub scores: Vec<Scored>,
 }
 
 impl Stepwise<'_> {
@@ -36,9 +38,11 @@ impl Stepwise<'_> {
         let own = found[index].instance;
         let without = self.without(current, &[own])?;
         let mut scored = self.scan(&without)?;
+        let scores = scored::best_places(&scored);
         let Some(mine) = scored.iter().find(|s| s.instance == own).copied() else {
             let blame = Blame::among([(0.0, own.target)], &self.small.mechanism);
-            return Ok(Alternatives { better: false, also: Vec::new(), near: Vec::new(), blame });
+            let (also, near) = (Vec::new(), Vec::new());
+            return Ok(Alternatives { better: false, also, near, blame, scores });
         };
         let room = RIVAL + room(mine.score);
         let others: Vec<Instance> =
@@ -88,7 +92,7 @@ impl Stepwise<'_> {
             .map(|(_, s)| s)
             .collect();
         let also = also.iter().filter(as_well).map(|(_, i)| *i).collect();
-        Ok(Alternatives { better, also, near, blame })
+        Ok(Alternatives { better, also, near, blame, scores })
     }
 }
 

@@ -2,7 +2,6 @@
 
 use crate::Error;
 use crate::diagnosis::held_out::averaged;
-use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::trace::{Found, Traced};
 use crate::estimate::progress::Progress;
@@ -24,9 +23,9 @@ use crate::screening::excluded::Excluded;
 /// # Errors
 ///
 /// As [`crate::fit`].
-pub fn of_trace(traced: &Traced, search: &SearchOptions) -> Result<Evidence, Error> {
+pub fn of_trace(traced: &Traced) -> Result<Evidence, Error> {
     let evidence = of_fit(&traced.small, &traced.last)?;
-    let effects = traced.found.iter().map(|found| effect(traced, search, found));
+    let effects = traced.found.iter().map(|found| effect(traced, found));
     let full = Full {
         small: &traced.small,
         last: &traced.last,
@@ -36,7 +35,7 @@ pub fn of_trace(traced: &Traced, search: &SearchOptions) -> Result<Evidence, Err
     };
     Ok(Evidence {
         effects: effects.collect::<Result<_, _>>()?,
-        left: scores(traced, search, &traced.last, &[])?,
+        left: scores(&traced.small, &traced.scores, &[]),
         switchboard: switchboard(&full)?,
         ..evidence
     })
@@ -79,14 +78,14 @@ fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {
     })
 }
 
-fn effect(traced: &Traced, search: &SearchOptions, found: &Found) -> Result<EffectEvidence, Error> {
+fn effect(traced: &Traced, found: &Found) -> Result<EffectEvidence, Error> {
     let (small, last) = (&traced.small, &traced.last);
     let law = law(small, found, last)?;
     let against = law.is_none().then(|| against(small, &found.instance, &found.without, last));
     let (added_variable, per_dot) = added_variable(small, &found.without, last);
     let chosen: Vec<Instance> =
         std::iter::once(found.instance).chain(found.also.iter().copied()).collect();
-    let scores = scores(traced, search, &found.without, &chosen)?;
+    let scores = scores(small, &found.scores, &chosen);
     Ok(EffectEvidence { law, against, added_variable, per_dot, scores })
 }
 
