@@ -329,7 +329,7 @@ def test_carried_points_are_as_certain_as_forward_says_wherever_joints_allow(fam
 
 
 def calibrated(family: str) -> tuple[Calibration, Mechanism]:
-    device, _, mechanism, readings = clean(family)
+    _, _, mechanism, readings = clean(family)
     return rsicalib.calibrate(readings, mechanism), mechanism
 
 
@@ -388,7 +388,7 @@ def test_parameters_stand_beside_those_of_an_earlier_result(tmp_path: Path) -> N
     assert [p.change for p in read] == [p.change for p in found]
     page = read.report()
     change = f"{found['offset@a11'].change:+.1f}"
-    for text in ("<th class=\"n\">earlier</th>", "change [σ]", f'<td class="n">{change}</td>'):
+    for text in ('<th class="n">earlier</th>', "change [σ]", f'<td class="n">{change}</td>'):
         assert text in page
     assert "change [σ]" not in earlier.report() and earlier["gain@a11"].change is None
 

@@ -112,6 +112,26 @@ def test_a_long_trace_shows_its_progress_on_a_terminal(
     assert "\r" not in capsys.readouterr().out
 
 
+def test_a_watch_of_a_file_says_how_many_rows_it_has_read_and_leaves_no_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from rsicalib.cli import main
+
+    rsicalib.demo().save(tmp_path / "result.json")
+    stream = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "PAUSE", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    with pytest.raises(SystemExit) as done:
+        main(["watch", CHECK, "--calibration", str(tmp_path / "result.json")])
+    assert done.value.code == 0
+    shown, _, summary = stream.getvalue().rpartition("\r")
+    assert "160 rows: " in shown
+    assert summary.startswith("160 of 160 rows tested")
+    assert capsys.readouterr().out == ""
+
+
 # ------------------------------------------------------------------ colours
 
 

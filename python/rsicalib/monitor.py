@@ -164,7 +164,8 @@ class Watch(Told, Record):
         )
 
     def __repr__(self) -> str:
-        return f"<Watch: {self.used} of {self.rows} rows tested, {self.alarms} alarms>"
+        alarms = f"{self.alarms} alarm{'s' * (self.alarms != 1)}"
+        return f"<Watch: {self.used} of {self.rows} rows tested, {alarms}>"
 
 
 class Monitor:
@@ -224,6 +225,10 @@ class Monitor:
             correlation=noise.correlation or 0.0,
         )
         self._names = [channel.name for channel in self.mechanism.channels]
+
+    def __repr__(self) -> str:
+        seen = self._core.counts()
+        return f"<Monitor of {self.mechanism.name!r}: {seen['rows']} rows, {seen['alarms']} alarms>"
 
     def update(
         self,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
-from rsicalib.estimates import Effect, Estimate
+from rsicalib.estimates import Absent, Effect, Estimate, Fitness, Together
 from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 
@@ -151,8 +151,8 @@ class Check(Record):
     """Of roll, pitch and yaw, rad."""
 
 
-@dataclass(frozen=True)
-class FitQuality(Record):
+@dataclass(frozen=True, repr=False)
+class FitQuality(Fitness, Record):
     """How well a model fits."""
 
     chi2: float | None
@@ -494,8 +494,8 @@ class Step(Effect, Record):
     """Error on poses left out, with this effect and those before."""
 
 
-@dataclass(frozen=True)
-class Rival(Record):
+@dataclass(frozen=True, repr=False)
+class Rival(Together, Record):
     """Effects that explain a session together, nearly as well as the best do."""
 
     terms: tuple[Name, ...]
@@ -518,8 +518,8 @@ class Unexplained(Record):
     """What is left, in words."""
 
 
-@dataclass(frozen=True)
-class Hidden(Record):
+@dataclass(frozen=True, repr=False)
+class Hidden(Absent, Record):
     """How large an absent effect would have to be to be seen, and what it would do meanwhile."""
 
     term: str
@@ -532,6 +532,8 @@ class Hidden(Record):
     """Unit of the size."""
     platform_rms: Rms | None = None
     """What an effect of that size does to the platform."""
+    place: str | None = field(default=None, metadata=IF_KNOWN)
+    """Where a searched term would act: another channel."""
 
 
 @dataclass(frozen=True)

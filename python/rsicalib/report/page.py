@@ -32,6 +32,9 @@ from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["document", "figures", "html", "listed", "section", "table"]
 
+FEW = 3
+"""Sentences of a list that are not folded."""
+
 SCRIPT = Path(__file__).with_name("script.js").read_text(encoding="utf-8")
 
 
@@ -268,7 +271,7 @@ def _moved(result: ResultShape) -> str:
         return ""
     rows = [
         (
-            f"{name_of(m.term)} {m.name}",
+            name_of(m.term) if m.name == m.term else f"{name_of(m.term)} {m.name}",
             m.target,
             number(m.before, 6),
             number(m.after, 6),
@@ -313,10 +316,12 @@ def _parameters(result: ResultShape) -> str:
             '<p class="faint">The change is in standard deviations of the difference, by both '
             "uncertainties: between -2 and 2 it is what chance does.</p>"
         )
-    notes = [f"Not determined: {text}" for text in result.unobservable]
-    notes += [f"Weak: {text}" for text in result.weak]
+    notes = listed(f"Not determined: {text}" for text in result.unobservable)
+    weak = listed(f"Weak: {text}" for text in result.weak)
+    if len(result.weak) > FEW:
+        weak = _folded(f"{len(result.weak)} combinations that the readings hardly tell", weak)
     folded = _folded(f"{len(rows)} parameters with their 95 % intervals", found) if rows else ""
-    return section("Parameters", folded, listed(notes))
+    return section("Parameters", folded, notes, weak)
 
 
 def _earlier(p: Parameter) -> tuple[str, str]:
@@ -350,21 +355,20 @@ def _readings(result: ResultShape, evidence: Evidence | None) -> str:
 
 
 def _hidden(result: TraceShape) -> str:
+    shown = result.could_hide[:12]
+    placed = any(h.platform_rms is not None for h in shown)
     rows = []
-    for h in result.could_hide[:12]:
+    for h in shown:
         rms = h.platform_rms
         cost = ("–", "–") if rms is None else (number(rms.position, 2), number(rms.orientation, 2))
-        rows.append((name_of(h.term), h.target, f"{number(h.detectable, 2)} {h.unit}", *cost))
-    heads = (
-        "effect",
-        "target",
-        "seen from",
-        f"position [{result.length_unit}]",
-        "orientation [rad]",
-    )
-    note = (
-        "How large an absent effect would have to be to be seen in these poses, and what it would "
-        "do to the platform meanwhile: the costliest first."
+        size = f"{number(h.detectable, 2)}{'' if h.unit == '1' else f' {h.unit}'}"
+        target = h.target if h.place is None else f"{h.target} at {h.place}"
+        rows.append((name_of(h.term), target, size, *cost[: 2 * placed]))
+    heads = ["effect", "target", "seen from"]
+    heads += [f"position [{result.length_unit}]", "orientation [rad]"] * placed
+    note = "How large an absent effect would have to be to be seen in these poses"
+    note += (
+        ", and what it would do to the platform meanwhile: the costliest first." if placed else "."
     )
     found = table(heads, rows, 2, "what could hide")
     return section("What could hide", f"<p>{note}</p>", found) if rows else ""
@@ -384,7 +388,7 @@ def _about(result: ResultShape) -> str:
     if result.noise is not None and result.noise.correlation is not None:
         items.append(f"correlation of neighbouring samples {number(result.noise.correlation, 2)}")
     if isinstance(result, TraceShape):
-        items += [f"not tried, for lack of a {needs}: {names}" for needs, names in _lacking(result)]
+        items += [f"not tried (missing: {needs}): {names}" for needs, names in _lacking(result)]
     code = f"<code>{escape(result.readings.sha256)}</code>"
     digest = f'<p class="faint">SHA-256 of the readings {code}</p>'
     return section("How", f'<div class="faint">{listed(items)}</div>', digest)

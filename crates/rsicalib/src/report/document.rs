@@ -574,4 +574,7 @@ pub struct Hidden {
     /// What an effect of that size does to the platform.
     #[serde(default)]
     pub platform_rms: Option<Rms>,
+    /// Where a searched term would act: another channel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<String>,
 }
