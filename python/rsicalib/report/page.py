@@ -110,12 +110,19 @@ def document(title: str, parts: Iterable[str]) -> str:
 
 
 def table(
-    heads: Sequence[str], rows: Iterable[Sequence[str]], text: int = 1, words: str = ""
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    text: int = 1,
+    words: str = "",
+    *,
+    long: str | None = None,
 ) -> str:
-    """A table whose first `text` columns are words, the others numbers."""
+    """A table: the first `text` columns are words, `long` one of sentences, the others numbers."""
 
     def cells(row: Sequence[str], tag: str) -> str:
         kinds = ["" if k < text else ' class="n"' for k in range(len(row))]
+        if long in heads:
+            kinds[heads.index(long)] = ' class="long"'
         return "".join(
             f"<{tag}{kind}>{escape(cell)}</{tag}>" for kind, cell in zip(kinds, row, strict=True)
         )
