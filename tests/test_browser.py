@@ -17,6 +17,7 @@ from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
 from rsicalib.reproduction.page import html as paper_html
 from rsicalib.shapes import Excluded
 from tests.browser import look, needs_chromium
+from tests.test_families import clean
 
 pytestmark = needs_chromium
 
@@ -108,6 +109,22 @@ def test_every_picture_is_drawn_at_every_width_without_a_script_error(
     assert found["captions"] == 0
     assert found["beyond"] <= 0
     assert found["images"] == 0  # the name of the device is text
+
+
+@pytest.mark.parametrize(("family", "panels"), [("fourbar", 2), ("gantry", 4)])
+def test_the_workspace_of_any_mechanism_is_drawn_on_a_phone(
+    family: str, panels: int, tmp_path: Path
+) -> None:
+    """In a plane, and of two chains that are joined."""
+    _, _, mechanism, readings = clean(family)
+    found, errors = look(rsicalib.calibrate(readings, mechanism).report(), PICTURES, tmp_path, 400)
+    assert errors == []
+    (picture,) = (s for s in found["shown"] if s["figure"] == "workspace")
+    assert picture["shapes"] > 20 * panels
+    for picture in found["shown"]:
+        assert picture["inside"] and not picture["broken"], picture
+        assert picture["smallest"] >= 11.0, picture
+    assert found["beyond"] <= 0
 
 
 def test_every_switch_shows_the_fit_without_its_suspect(traced: Trace, tmp_path: Path) -> None:

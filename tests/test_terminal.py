@@ -47,6 +47,19 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
         assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits
 
 
+def test_the_command_prints_no_more_with_the_path_of_its_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rsicalib.cli import main
+
+    with pytest.raises(SystemExit) as done:
+        main(["demo", "--out", str(tmp_path / "demo")])
+    said, warned = capsys.readouterr()
+    assert (done.value.code, warned) == (0, "")
+    lines = said.splitlines()
+    assert len(lines) <= 25 and lines[-1] == str(tmp_path / "demo" / "report.html")
+
+
 # ------------------------------------------------------------------ progress
 
 

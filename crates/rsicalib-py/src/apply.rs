@@ -6,7 +6,7 @@ use pyo3::types::PyAny;
 use pythonize::pythonize;
 use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
 use rsicalib::apply::export::{self, Exported};
-use rsicalib::apply::moved::{Estimate, Compared};
+use rsicalib::apply::moved::{Compared, Estimate};
 use rsicalib::model::Spec;
 
 use crate::error::PyError;

@@ -156,7 +156,7 @@ fn at_random(observations: &Observations, fit: &Fit) -> Result<Pictures, Error> 
         let places = Places { of: None, points: platform(&model, &readings, fit, &fit.beta) };
         let sd = deviations(&known, &[0], rows, 1);
         let weakest = places.least(observations, fit, &known, &[0], 1, &sd);
-        return Ok((places.from_sides(&sd, FROM_TWO_SIDES), weakest));
+        return Ok((places.sides(&sd, FROM_TWO_SIDES), weakest));
     }
     let mut own = model.nominal();
     own.truncate(model.parameters);
@@ -183,7 +183,7 @@ fn at_random(observations: &Observations, fit: &Fit) -> Result<Pictures, Error> 
         let places = Places { of: Some(name), points: (0..rows).map(mean).collect() };
         let sd = deviations(&known, &of_points, rows, all);
         worse(&mut weakest, places.least(observations, fit, &known, &of_points, all, &sd));
-        slices.extend(places.from_sides(&sd, sides));
+        slices.extend(places.sides(&sd, sides));
     }
     Ok((slices, weakest))
 }
@@ -218,7 +218,10 @@ fn apart(model: &Model) -> Vec<(usize, Vec<usize>)> {
         let touches = |name: &&String| {
             let touching = mechanism.closures.iter().filter(|c| c.kind == ClosureKind::Touch);
             let [a, b] = [0, 1].map(|end| touching.clone().map(move |c| &c.between[end]));
-            a.clone().zip(b.clone()).chain(b.zip(a)).any(|(a, b)| a == *name && earlier.contains(&b))
+            a.clone()
+                .zip(b.clone())
+                .chain(b.zip(a))
+                .any(|(a, b)| a == *name && earlier.contains(&b))
         };
         if !names.iter().all(touches) {
             found.push((chain, (first..first + names.len()).collect()));
@@ -247,7 +250,7 @@ struct Places {
 
 impl Places {
     /// Cells of planes that are looked at from above and from the side.
-    fn from_sides(&self, sd: &[f64], most: usize) -> Vec<Slice> {
+    fn sides(&self, sd: &[f64], most: usize) -> Vec<Slice> {
         let column = |i: usize| self.points.iter().map(move |p| p[i]);
         let bounds: [[f64; 2]; 3] = std::array::from_fn(|i| {
             column(i).fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)])
@@ -272,9 +275,8 @@ impl Places {
                 let cell = &mut sums[i * CELLS + j];
                 *cell = (cell.0 + sd * sd, cell.1 + 1);
             }
-            let middle = |k: usize, axis: usize, step: f64| {
-                bounds[axis][0] + step * (k as f64 + 0.5)
-            };
+            let middle =
+                |k: usize, axis: usize, step: f64| bounds[axis][0] + step * (k as f64 + 0.5);
             let cell = |(k, (sum, count)): (usize, &(f64, u32))| {
                 let sd = (sum / f64::from(*count)).sqrt();
                 [middle(k / CELLS, u, step[0]), middle(k % CELLS, v, step[1]), sd]
@@ -307,8 +309,7 @@ impl Places {
         let longer = |a: &(usize, Vector3<f64>), b: &(usize, Vector3<f64>)| {
             a.1.norm().total_cmp(&b.1.norm())
         };
-        let (point, along) =
-            points.iter().map(|k| (row * all + k, of(k))).max_by(longer)?;
+        let (point, along) = points.iter().map(|k| (row * all + k, of(k))).max_by(longer)?;
         let (parameter, correlation) = known.goes_with(point, &along.normalize())?;
         let name = parameter_names(observations, fit).into_iter().nth(parameter)?;
         Some(Weakest {
