@@ -111,11 +111,11 @@ def test_every_picture_is_drawn_at_every_width_without_a_script_error(
     assert found["images"] == 0  # the name of the device is text
 
 
-@pytest.mark.parametrize(("family", "panels"), [("fourbar", 2), ("gantry", 4)])
+@pytest.mark.parametrize(("family", "panels"), [("sockets", 2), ("gantry", 4)])
 def test_the_workspace_of_any_mechanism_is_drawn_on_a_phone(
     family: str, panels: int, tmp_path: Path
 ) -> None:
-    """In a plane, and of two chains that are joined."""
+    """Of an arm that touches unknown points, and of two chains that are joined."""
     _, _, mechanism, readings = clean(family)
     found, errors = look(rsicalib.calibrate(readings, mechanism).report(), PICTURES, tmp_path, 400)
     assert errors == []

@@ -304,7 +304,7 @@ def test_the_workspace_is_as_certain_as_forward_says(traced: Trace) -> None:
         np.testing.assert_allclose(cells[:, 2], expected, rtol=0.05)
 
 
-@pytest.mark.parametrize("family", ["ballbar", "fivebar", "sockets"])
+@pytest.mark.parametrize("family", ["ballbar", "fivebar", "drawwire", "rps"])
 def test_carried_points_are_as_certain_as_forward_says_wherever_joints_allow(family: str) -> None:
     """Witness: `workspace`, which applies the saved parameters and covariance by name.
 
@@ -316,7 +316,8 @@ def test_carried_points_are_as_certain_as_forward_says_wherever_joints_allow(fam
     # The very configurations, 1500 of the seed 11: a cell is the mean square over its own.
     space = rsicalib.workspace(found, mechanism, poses=1500, seed=11)
     for one in found.evidence.workspace:
-        columns = [space.names.index(f"{one.of}.{axis}") for axis in ("x", "y", "z")]
+        point = "" if one.of is None else f"{one.of}."
+        columns = [space.names.index(f"{point}{axis}") for axis in ("x", "y", "z")]
         places, square = space.poses[:, columns], (space.sd[:, columns] ** 2).mean(axis=1)
         plane = places[:, ["xyz".index(axis) for axis in one.axes]]
         low, step = plane.min(axis=0), np.array(one.step)

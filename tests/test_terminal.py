@@ -37,11 +37,13 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
         rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True),
         rsicalib.calibrate(READINGS),
         rsicalib.trace(whole.select(whole.sample == 1)),
+        rsicalib.trace(whole.select((whole.pose < 25) & (whole.sample < 4)), rest=REST),
     ]
     for result in found:
         lines = result.summary().splitlines()
         assert len(lines) <= 25 and max(map(len, lines)) <= 100
         (line,) = (text for text in lines if "misclosure, rms [in]" in text)
+        assert lines[-1][-1] in ".:"  # what to do next is no half of a sentence
         rms = result.quality.rms_misclosure
         assert rms is not None
         assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits

@@ -138,8 +138,8 @@ def workspace(
 ) -> Workspace:
     """Find how well a calibration knows what is carried, all over the workspace.
 
-    Poses of a platform are drawn within a box. Of a mechanism without one, configurations are
-    drawn within the limits of the joints: closures between points that chains carry hold in
+    Poses of a platform are drawn within a box, where one is given or declared. Else configurations
+    are drawn within the limits of the joints: closures between points that chains carry hold in
     them; sockets, bars and other things that the chains touch in the base do not.
 
     Parameters
@@ -151,8 +151,8 @@ def workspace(
     poses : int
         Number of poses, drawn within reach, joint limits and ranges.
     within : six pairs, optional
-        Lowest and highest x, y, z [length unit], rx, ry, rz [rad] of a platform; for the hand
-        controller ±3 in, z -5.7 to -0.3, ±30°.
+        Lowest and highest x, y, z [length unit], rx, ry, rz [rad] of a platform; where not given
+        `[workspace]` of the mechanism, for the hand controller ±3 in, z -5.7 to -0.3, ±30°.
     seed : int
         Same seed, same poses.
 
@@ -164,8 +164,8 @@ def workspace(
     Raises
     ------
     InputError
-        Nothing is carried, or the box is unknown or out of reach, or loops do not close within the
-        limits of the joints.
+        Nothing is carried, the box is out of reach, or loops do not close within the limits of the
+        joints.
 
     See Also
     --------
@@ -181,9 +181,10 @@ def workspace(
     opened = open_mechanism(mechanism)
     if poses < 1:
         raise InputError(f"poses: found {poses}, expected at least 1")
-    if not opened.to_dict().get("platform"):
-        if within is not None:
-            raise InputError(f"within: found {opened.name!r} without a platform, expected one")
+    values = opened.to_dict()
+    if within is not None and not values.get("platform"):
+        raise InputError(f"within: found {opened.name!r} without a platform, expected one")
+    if within is None and not (values.get("platform") and values.get("workspace")):
         return _within_limits(calibration, opened, poses, seed)
     device = Device(opened, *parameters_of(calibration, opened))
     drawn, exact = draw_poses(device, poses, np.random.default_rng(seed), within=within)
@@ -194,7 +195,7 @@ def workspace(
 def _within_limits(
     calibration: CalibrationArg, mechanism: Mechanism, poses: int, seed: int
 ) -> Workspace:
-    """Points that chains carry, in configurations within the limits of their joints."""
+    """A platform, or points that chains carry, in configurations within the limits of joints."""
     result, mechanism = earlier_result(calibration, mechanism)
     sensors = _core.calibrated_sensors(mechanism, as_applied(result, mechanism))
     values = _core.within_limits(sensors, poses, seed=seed)
