@@ -19,7 +19,7 @@ use crate::diagnosis::verdict::determined;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, Observations, fit};
-use crate::model::Instance;
+use crate::model::{Instance, Model};
 use crate::numerics::symmetric;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
@@ -42,6 +42,8 @@ pub struct Found {
     pub without: Fit,
     /// Scores of everything without it, of each at its best place, best first.
     pub scores: Vec<Scored>,
+    /// Laws of the same target that fit as well: the model with each, and its parameters.
+    pub laws: Vec<(Instance, Model, Vec<f64>)>,
 }
 
 /// What the search found.
@@ -105,13 +107,13 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         }
     }));
     let mut steps = Vec::new();
-    for FoundEffect { scored: Scored { instance, corrected, .. }, also, blame, without, scores } in
-        found
-    {
+    for step in found {
+        let FoundEffect { scored: Scored { instance, corrected, .. }, also, blame, .. } = step;
         if scored::is_data(&instance) {
             excluded.push(stepwise.bad_reading(&instance, blame));
         } else {
-            steps.push(Found { instance, p_value: corrected, also, without, scores });
+            let FoundEffect { without, scores, laws, .. } = step;
+            steps.push(Found { instance, p_value: corrected, also, without, scores, laws });
         }
     }
     for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {

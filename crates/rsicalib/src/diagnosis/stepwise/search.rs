@@ -12,7 +12,7 @@ use crate::diagnosis::stepwise::rivals::Explanation;
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
-use crate::model::Instance;
+use crate::model::{Instance, Model};
 use crate::numerics::credible_set::AS_WELL;
 use crate::screening::blame::Blame;
 
@@ -27,6 +27,8 @@ pub struct FoundEffect {
     pub without: Fit,
     /// Scores of everything without it, best first.
     pub scores: Vec<Scored>,
+    /// Laws of the same target that fit as well: the model with each, and its parameters.
+    pub laws: Vec<(Instance, Model, Vec<f64>)>,
 }
 
 /// Where a search ended.
@@ -242,9 +244,11 @@ fn search_once(stepwise: &mut Stepwise, start: Fit, most: usize) -> Result<Searc
     let near: Vec<_> = beside.iter_mut().map(|(_, a)| std::mem::take(&mut a.near)).collect();
     let rivals = stepwise.rivals(&current, &found, &near)?;
     let mut steps = Vec::new();
-    for (scored, (_, Alternatives { also, blame, scores, .. })) in found.into_iter().zip(beside) {
+    for (scored, (_, Alternatives { also, blame, scores, laws, .. })) in
+        found.into_iter().zip(beside)
+    {
         let without = stepwise.without(&current, &[scored.instance])?;
-        steps.push(FoundEffect { scored, also, blame, without, scores });
+        steps.push(FoundEffect { scored, also, blame, without, scores, laws });
     }
     let wrong = Vec::new();
     Ok(Searched { current, found: steps, poses, wrong, left, scores: last, rivals, more })
