@@ -6,6 +6,7 @@ What every term of the catalogue leaves in the residual of one session of the ha
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,9 @@ def picture(found: Supposition, readings: Readings) -> str:
     pose = np.arange(len(readings)) if readings.pose is None else readings.pose
     first = np.unique(pose, return_index=True)[1]
     order = np.argsort(np.asarray(readings.values)[first, column])
-    return found.figure(order, f"in the order of the readings of {CHANNEL}").svg()
+    drawn = found.figure(order, f"in the order of the readings of {CHANNEL}").svg()
+    # What a pointer would be told: nobody rests one on a picture of a page.
+    return re.sub(r"><title>[^<]*</title></circle>", "/>", drawn)
 
 
 def drawn() -> dict[str, dict[str, Any]]:

@@ -17,7 +17,7 @@ from rsicalib.io.files import write_text
 ROOT = Path(__file__).parents[1]
 PICTURE = ROOT / "docs" / "residual.svg"
 SCREEN = ROOT / "docs" / "report.png"
-SIZE = "1000,760"
+SIZE = "1180,700"
 
 
 def picture() -> str:

@@ -31,7 +31,13 @@ _core = _compiled()
 RENAMED = {"class": "klass", "from": "origin"}
 """Keys that are words of Python, or say little as the name of an attribute."""
 
-MIXINS = {"Parameter": "Estimate", "Step": "Effect"}
+MIXINS = {
+    "Parameter": "Estimate",
+    "Step": "Effect",
+    "Hidden": "Absent",
+    "Rival": "Together",
+    "FitQuality": "Fitness",
+}
 """Behaviour of a class that has some, its `repr` included: see `rsicalib.estimates`."""
 
 ROOTS = ("Calibration", "Trace")
@@ -49,7 +55,7 @@ from dataclasses import dataclass, field
 
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
-from rsicalib.estimates import Effect, Estimate
+from rsicalib.estimates import Absent, Effect, Estimate, Fitness, Together
 from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 '''

@@ -159,7 +159,7 @@ RETURNS = {
     "points": "list[list[list[float]]]",
     "minimize": "tuple[Array, Array, float, int, str]",
     "misclosure": "Array",
-    "moved": "list[tuple[int, float, float, float]]",
+    "compared": "list[tuple[int, float, float, float, bool]]",
     "observability": "dict[str, Any]",
     "places": "tuple[list[str], Array, Array | None]",
     "plain_numbers": "list[Array] | None",
@@ -171,6 +171,7 @@ RETURNS = {
     "spec": "str",
     "spread": "list[tuple[str, float]]",
     "terms": "list[dict[str, Any]]",
+    "within_limits": "Array",
     "workspace": "list[list[float]]",
 }
 

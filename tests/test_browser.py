@@ -17,6 +17,7 @@ from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
 from rsicalib.reproduction.page import html as paper_html
 from rsicalib.shapes import Excluded
 from tests.browser import look, needs_chromium
+from tests.test_families import clean
 
 pytestmark = needs_chromium
 
@@ -108,6 +109,22 @@ def test_every_picture_is_drawn_at_every_width_without_a_script_error(
     assert found["captions"] == 0
     assert found["beyond"] <= 0
     assert found["images"] == 0  # the name of the device is text
+
+
+@pytest.mark.parametrize(("family", "panels"), [("sockets", 2), ("gantry", 4)])
+def test_the_workspace_of_any_mechanism_is_drawn_on_a_phone(
+    family: str, panels: int, tmp_path: Path
+) -> None:
+    """Of an arm that touches unknown points, and of two chains that are joined."""
+    _, _, mechanism, readings = clean(family)
+    found, errors = look(rsicalib.calibrate(readings, mechanism).report(), PICTURES, tmp_path, 400)
+    assert errors == []
+    (picture,) = (s for s in found["shown"] if s["figure"] == "workspace")
+    assert picture["shapes"] > 20 * panels
+    for picture in found["shown"]:
+        assert picture["inside"] and not picture["broken"], picture
+        assert picture["smallest"] >= 11.0, picture
+    assert found["beyond"] <= 0
 
 
 def test_every_switch_shows_the_fit_without_its_suspect(traced: Trace, tmp_path: Path) -> None:
@@ -202,13 +219,14 @@ def test_the_page_of_a_plan_has_a_row_and_a_dot_for_each_pose(tmp_path: Path) ->
     const heads = [...document.querySelectorAll("thead th")].map((cell) => cell.textContent);
     const column = (head) => [...document.querySelectorAll("tbody tr")]
       .map((row) => row.cells[heads.indexOf(head)].textContent);
-    return [column("pose"), column("why"), column("x").map(Number), column("a22").map(Number),
+    const why = document.body.textContent.match(/Why: each is (.*)\\./)[1];
+    return [column("pose"), why, column("x").map(Number), column("a22").map(Number),
       [...document.querySelectorAll(".desk circle title")].map((t) => t.textContent)];
     """
     (labels, why, x, a22, dots), errors = look(poses_html(*said), probe, tmp_path)
     assert errors == []
     assert labels == [str(k) for k in range(1, 13)]
-    assert why == list(found.why)
+    assert {why} == set(found.why)
     np.testing.assert_allclose(x, found.poses[:, 0], atol=5e-5)
     np.testing.assert_allclose(a22, found.readings[:, found.channels.index("a22")], rtol=5e-6)
     assert [text.split(":")[0] for text in dots] == 2 * [f"pose {label}" for label in labels]

@@ -228,6 +228,7 @@ def test_plots_are_drawn_on_the_axes_that_are_given(
     drawn = [
         calibration.plot, traced.plot, traced.steps[0].plot, seen.plot, space.plot, plan.plot,
         lambda ax: traced.plot("effects", ax=ax), lambda ax: traced.plot("parameters", ax=ax),
+        rsicalib.suppose(READINGS, ["drift@a22=0.01"]).plot,
     ]  # fmt: skip
     for draw in drawn:
         _, ax = pyplot.subplots()
@@ -294,11 +295,25 @@ def test_the_workspace_has_the_deviations_that_forward_sd_gives(traced: Trace) -
     assert space.position_sd == pytest.approx(np.sqrt((space.sd[:, :3] ** 2).mean(axis=1)))
 
 
-def test_a_mechanism_without_a_platform_has_no_workspace(calibration: Calibration) -> None:
+def test_points_of_chains_have_a_workspace_where_there_is_no_platform(
+    calibration: Calibration,
+) -> None:
     values = {**Mechanism("rsi").to_dict(), "platform": {}}
     values.pop("rest")
+    mechanism = Mechanism(values)
+    space = rsicalib.workspace(calibration, mechanism, poses=60, seed=1)
+    assert space.names[:3] == ("wrist1.x", "wrist1.y", "wrist1.z")
+    n = len(space.poses)
+    assert 50 <= n <= 60 and space.poses.shape == space.sd.shape == (n, 9)
+    wrists = space.poses.reshape(-1, 3, 3)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        apart = np.linalg.norm(wrists[:, a] - wrists[:, b], axis=1)
+        # Closed as drawn, l4 √3 of Table I, up to what the offsets and gains misclose.
+        np.testing.assert_allclose(apart, 1.5 * 3**0.5, rtol=1e-6)
+    assert np.isnan(space.orientation_sd).all() and (space.position_sd > 0).all()
+    assert len(space.plot("xy").collections[0].get_offsets()) == 3 * n
     with pytest.raises(InputError, match="without a platform"):
-        rsicalib.workspace(calibration, values)
+        rsicalib.workspace(calibration, mechanism, within=[(0.0, 1.0)] * 6)
 
 
 # ------------------------------------------------------------------ shown
@@ -326,8 +341,18 @@ def shown(calibration: Calibration, traced: Trace) -> list[object]:
         rsicalib.load_readings(CHECK), rsicalib.observability(READINGS),
         rsicalib.identifiable("rsi"), rsicalib.plan(poses=10, candidates=300, starts=1),
         rsicalib.workspace(traced, poses=5), rsicalib.simulate(poses=3, check=1),
-        rsicalib.simulate(poses=3, check=1).device,
+        rsicalib.simulate(poses=3, check=1).device, rsicalib.suppose(READINGS, ["drift@a22=0.01"]),
+        *watched(traced), traced.could_hide[0], traced.rivals[0], traced.after,
     ]  # fmt: skip
+
+
+def watched(traced: Trace) -> list[object]:
+    """A monitor that has raised an alarm, the alarm and the summary."""
+    monitor = rsicalib.Monitor(traced)
+    rows = rsicalib.load_readings(READINGS).values
+    monitor.update(rows)
+    (alarm,) = monitor.update(rows + np.array([0, 0, 0, 0, 40, 0, 0, 0, 0]))
+    return [monitor, alarm, monitor.summary()]
 
 
 def test_everything_has_a_short_repr_and_most_a_table(
@@ -342,7 +367,7 @@ def test_everything_has_a_short_repr_and_most_a_table(
             reader.feed(it._repr_html_())
             assert reader.open == []
             tables += 1
-    assert tables == 9
+    assert tables == 12
 
 
 def test_a_notebook_shows_the_verdict_and_every_parameter(traced: Trace) -> None:
@@ -350,6 +375,12 @@ def test_a_notebook_shows_the_verdict_and_every_parameter(traced: Trace) -> None
     assert "Explained: curvature of sensor a22 was missing" in html
     for key in traced.keys():
         assert f">{key}<" in html
+
+
+def test_a_covariance_is_shown_with_its_names(calibration: Calibration) -> None:
+    html = calibration.covariance._repr_html_()
+    assert html is not None and html.count(">gain@a11<") == 2  # a row and a column
+    assert Labelled.of(np.zeros((0, 0)), [])._repr_html_() is None
 
 
 def test_text_of_a_file_is_never_markup() -> None:

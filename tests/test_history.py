@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -16,6 +17,8 @@ from tests import oracle
 from tests.blind import simulator
 from tests.blind.simulator import Device
 from tests.watch.device import readings_of
+
+matplotlib.use("Agg")
 
 DATES = ("2025-01-10", "2025-02-11", "2025-04-01", "2025-06-20", "2025-09-01")
 DAYS = (0, 32, 81, 161, 234)
@@ -65,6 +68,22 @@ def test_parameters_stand_against_date_with_their_drift(folder: Path) -> None:
         if key != ("offset", "a22"):
             assert one.p_value is not None
             assert one.p_value > 1e-4
+
+
+def test_a_history_is_a_table_a_picture_and_a_line(folder: Path) -> None:
+    found = rsicalib.history(folder)
+    frame = found.to_dataframe()
+    own = frame[frame.name == "offset@a22"]
+    (series,) = (s for s in found.parameters if s.key == "offset@a22")
+    assert tuple(own.valid_from) == DATES and tuple(own.value) == series.values
+    axes = found.plot()  # what drifts
+    assert axes.get_ylabel() == "offset@a22 [rad]"
+    drawn = np.asarray(axes.lines[0].get_ydata(), dtype=float)
+    np.testing.assert_array_equal(drawn, series.values)
+    with pytest.raises(KeyError, match="there are offset@a11"):
+        found.plot("offset@a99")
+    assert repr(found) == "<History of 'seven': 5 results, offset@a22 drifts>"
+    assert "<pre>seven: 5 results" in found._repr_html_()
 
 
 def test_damaged_and_foreign_files_are_listed_and_left_out(folder: Path) -> None:

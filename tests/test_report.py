@@ -7,22 +7,27 @@ import itertools
 import pickle
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import DEMO, Trace
+from rsicalib import DEMO, Calibration, Mechanism, Parameter, Trace, _core
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain, to_json
 from rsicalib.report import residuals, svg
+from rsicalib.report.checks import noise_figure
 from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import residual_figure
 from rsicalib.report.words import noise_words, number, plus_minus, sentence
 from rsicalib.results import Result
 from rsicalib.shapes import Excluded, Noise, Unexplained
+from rsicalib.work.arguments import Bare
+from tests.test_families import clean
 
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
 
@@ -32,18 +37,22 @@ def traced() -> Trace:
     return rsicalib.demo()
 
 
-def results() -> list[Result]:
+RESULTS: list[Callable[[], Result]] = [
+    rsicalib.demo,
+    lambda: rsicalib.calibrate(READINGS),
+    lambda: rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True),
+    lambda: rsicalib.calibrate(READINGS, calibration=rsicalib.calibrate(READINGS)),
+    lambda: rsicalib.calibrate(some(lambda whole: whole.pose < 5)),
+    lambda: rsicalib.trace(some(lambda whole: (whole.pose < 5) & (whole.sample == 1))),
+    lambda: rsicalib.trace(some(lambda whole: whole.sample == 1)),
+    lambda: rsicalib.fixture(CHECK, check=CHECK),
+]
+
+
+def some(which: Callable[[Readings], Any]) -> Readings:
+    """Some rows of the session of the package."""
     whole = rsicalib.load_readings(READINGS)
-    return [
-        rsicalib.demo(),
-        rsicalib.calibrate(READINGS),
-        rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True),
-        rsicalib.calibrate(READINGS, calibration=rsicalib.calibrate(READINGS)),
-        rsicalib.calibrate(whole.select(whole.pose < 5)),
-        rsicalib.trace(whole.select((whole.pose < 5) & (whole.sample == 1))),
-        rsicalib.trace(whole.select(whole.sample == 1)),
-        rsicalib.fixture(CHECK, check=CHECK),
-    ]
+    return whole.select(which(whole))
 
 
 class Balance(HTMLParser):
@@ -69,9 +78,9 @@ class Balance(HTMLParser):
             assert self.open.pop() == tag
 
 
-@pytest.mark.parametrize("number", range(8))
-def test_every_kind_of_result_has_a_report_and_a_summary(number: int) -> None:
-    result = results()[number]
+@pytest.mark.parametrize("made", RESULTS)
+def test_every_kind_of_result_has_a_report_and_a_summary(made: Callable[[], Result]) -> None:
+    result = made()
     page = result.report()
     reader = Balance()
     reader.feed(page)
@@ -293,6 +302,106 @@ def test_the_workspace_is_as_certain_as_forward_says(traced: Trace) -> None:
         sd = rsicalib.forward_sd(readings, "rsi", traced)[:, :3]
         expected = np.sqrt((sd**2).mean(axis=1))
         np.testing.assert_allclose(cells[:, 2], expected, rtol=0.05)
+
+
+@pytest.mark.parametrize("family", ["ballbar", "fivebar", "drawwire", "rps"])
+def test_carried_points_are_as_certain_as_forward_says_wherever_joints_allow(family: str) -> None:
+    """Witness: `workspace`, which applies the saved parameters and covariance by name.
+
+    The report is drawn from the fit to the mean of the samples: to second order in the noise it is
+    that of all samples.
+    """
+    found, mechanism = calibrated(family)
+    assert found.evidence is not None
+    # The very configurations, 1500 of the seed 11: a cell is the mean square over its own.
+    space = rsicalib.workspace(found, mechanism, poses=1500, seed=11)
+    for one in found.evidence.workspace:
+        point = "" if one.of is None else f"{one.of}."
+        columns = [space.names.index(f"{point}{axis}") for axis in ("x", "y", "z")]
+        places, square = space.poses[:, columns], (space.sd[:, columns] ** 2).mean(axis=1)
+        plane = places[:, ["xyz".index(axis) for axis in one.axes]]
+        low, step = plane.min(axis=0), np.array(one.step)
+        own = np.minimum((plane - low) // step, np.ceil(np.ptp(plane, axis=0) / step - 1e-9) - 1)
+        for u, v, sd in one.cells[:: max(1, len(one.cells) // 20)]:
+            inside = (own == ((u, v) - low) // step).all(axis=1)
+            assert sd == pytest.approx(np.sqrt(square[inside].mean()), rel=2e-3)
+    weakest = found.evidence.weakest
+    assert weakest is not None and weakest.sd == pytest.approx(np.sqrt(square.max()), rel=2e-3)
+
+
+def calibrated(family: str) -> tuple[Calibration, Mechanism]:
+    _, _, mechanism, readings = clean(family)
+    return rsicalib.calibrate(readings, mechanism), mechanism
+
+
+def test_what_is_known_least_goes_with_the_parameter_that_is_named() -> None:
+    """Witness: the place of the point by differences of `forward`, parameter by parameter."""
+    found, mechanism = calibrated("ballbar")
+    assert found.evidence is not None and found.evidence.weakest is not None
+    weakest = found.evidence.weakest
+    space = rsicalib.workspace(found, mechanism, poses=1500, seed=11)
+    row = int(np.argmin(np.linalg.norm(space.poses - weakest.place, axis=1)))
+    np.testing.assert_allclose(space.poses[row], weakest.place, rtol=1e-9)
+    offsets = np.array([found[f"offset@{c.name}"].value for c in mechanism.channels])
+    joints = _core.within_limits(mechanism, 1500, seed=11)[row]  # as drawn: offsets are zero
+    readings = Readings.from_arrays(Bare(mechanism), joints[None] - offsets)
+    along = np.array(weakest.along) / np.linalg.norm(weakest.along)
+
+    def place(parameters: tuple[Parameter, ...]) -> float:
+        there = dataclasses.replace(found, parameters=parameters)
+        return float(rsicalib.forward(readings, mechanism, there)[0] @ along)
+
+    slopes = []
+    for k, p in enumerate(found.parameters):
+        assert p.value is not None and p.sd is not None
+        moved = dataclasses.replace(p, value=p.value + 0.1 * p.sd)
+        shifted = place((*found.parameters[:k], moved, *found.parameters[k + 1 :]))
+        slopes.append((shifted - place(found.parameters)) / (0.1 * p.sd))
+    covariance = np.asarray(found.covariance)
+    size = float(np.sqrt(slopes @ covariance @ slopes))
+    assert size == pytest.approx(np.linalg.norm(weakest.along), rel=1e-3)
+    correlations = covariance @ slopes / size / np.sqrt(np.diag(covariance))
+    named = [(p.term, p.target) for p in found.parameters].index(
+        (weakest.parameter.term, weakest.parameter.target)
+    )
+    assert np.argmax(np.abs(correlations)) == named
+    assert abs(correlations[named]) == pytest.approx(weakest.correlation, rel=1e-3)
+    assert f"offset of {weakest.parameter.target} (correlation" in found.report()
+
+
+def test_parameters_stand_beside_those_of_an_earlier_result(tmp_path: Path) -> None:
+    earlier = rsicalib.calibrate(READINGS)
+    whole = rsicalib.load_readings(READINGS)
+    values = whole.values.copy()
+    values[:, 0] += 40.0
+    found = rsicalib.calibrate(
+        dataclasses.replace(whole, values=values), rest=REST, calibration=earlier
+    )
+    for p in found:
+        old = earlier[p.key]
+        assert p.earlier is not None and p.value is not None and p.sd is not None
+        assert p.earlier.value == old.value
+        assert p.earlier.sd == pytest.approx(np.hypot(p.sd, old.sd or 0.0))
+        assert p.change == pytest.approx((p.value - p.earlier.value) / p.earlier.sd)
+    assert [p.key for p in found if abs(p.change or 0.0) > 3.3] == ["offset@a11"]
+    found.save(tmp_path / "result.json")
+    read = rsicalib.load_calibration(tmp_path / "result.json")
+    assert [p.change for p in read] == [p.change for p in found]
+    page = read.report()
+    change = f"{found['offset@a11'].change:+.1f}"
+    for text in ('<th class="n">earlier</th>', "change [σ]", f'<td class="n">{change}</td>'):
+        assert text in page
+    assert "change [σ]" not in earlier.report() and earlier["gain@a11"].change is None
+
+
+def test_channels_of_other_units_are_not_compared() -> None:
+    noise = Noise("declared", {"q1": 2e-5, "q2": 1e-5, "x": 0.005}, None, None)
+    figure = noise_figure(noise, ("rad", "rad", "mm"))
+    bars = [e for e in ET.fromstring(figure.draw(svg.WIDE)).iter() if e.tag.endswith("rect")]
+    q1, q2, x = (float(bar.get("width", "nan")) for bar in bars)
+    assert q1 == x == pytest.approx(2 * q2, abs=0.1)
+    assert "as declared" in figure.caption and "of its unit" in figure.caption
+    assert "of its unit" not in noise_figure(noise).caption
 
 
 def test_names_from_a_file_cannot_break_the_page(traced: Trace) -> None:

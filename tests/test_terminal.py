@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from argparse import Namespace
+from pathlib import Path
 
 import pytest
 
@@ -36,14 +37,29 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
         rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True),
         rsicalib.calibrate(READINGS),
         rsicalib.trace(whole.select(whole.sample == 1)),
+        rsicalib.trace(whole.select((whole.pose < 25) & (whole.sample < 4)), rest=REST),
     ]
     for result in found:
         lines = result.summary().splitlines()
         assert len(lines) <= 25 and max(map(len, lines)) <= 100
         (line,) = (text for text in lines if "misclosure, rms [in]" in text)
+        assert lines[-1][-1] in ".:"  # what to do next is no half of a sentence
         rms = result.quality.rms_misclosure
         assert rms is not None
         assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits
+
+
+def test_the_command_prints_no_more_with_the_path_of_its_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rsicalib.cli import main
+
+    with pytest.raises(SystemExit) as done:
+        main(["demo", "--out", str(tmp_path / "demo")])
+    said, warned = capsys.readouterr()
+    assert (done.value.code, warned) == (0, "")
+    lines = said.splitlines()
+    assert len(lines) <= 25 and lines[-1] == str(tmp_path / "demo" / "report.html")
 
 
 # ------------------------------------------------------------------ progress
@@ -111,6 +127,26 @@ def test_a_long_trace_shows_its_progress_on_a_terminal(
     assert "\r" not in capsys.readouterr().out
 
 
+def test_a_watch_of_a_file_says_how_many_rows_it_has_read_and_leaves_no_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from rsicalib.cli import main
+
+    rsicalib.demo().save(tmp_path / "result.json")
+    stream = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "PAUSE", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    with pytest.raises(SystemExit) as done:
+        main(["watch", CHECK, "--calibration", str(tmp_path / "result.json")])
+    assert done.value.code == 0
+    shown, _, summary = stream.getvalue().rpartition("\r")
+    assert "160 rows: " in shown
+    assert summary.startswith("160 of 160 rows tested")
+    assert capsys.readouterr().out == ""
+
+
 # ------------------------------------------------------------------ colours
 
 
@@ -170,11 +206,45 @@ def test_bash_completes_verbs_options_and_values() -> None:
     assert completed("rsicalib calibrate ") == []  # files, by the shell itself
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_read_their_script(shell: str) -> None:
-    text = completion.script(make_parser(), shell)
-    assert "calibrate" in text and "without" in text
-    if shutil.which(shell):
-        subprocess.run([shell, "-n", "-c", text], check=True, timeout=60)
-    else:
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_reads_its_script(shell: str, tmp_path: Path) -> None:
+    file = tmp_path / f"rsicalib.{shell}"
+    file.write_text(completion.script(make_parser(), shell), encoding="utf-8")
+    if shutil.which(shell) is None:
         pytest.skip(f"no {shell} to read it")
+    done = subprocess.run([shell, "-n", str(file)], capture_output=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
+def test_fish_completes_verbs_options_values_and_files(tmp_path: Path) -> None:
+    (tmp_path / "c.fish").write_text(completion.script(make_parser(), "fish"), encoding="utf-8")
+    (tmp_path / "readings.csv").touch()
+    expected = {
+        "rsicalib tr": "trace",
+        "rsicalib trace --wi": "--without",
+        "rsicalib calibrate r.csv --method ": "algebraic implicit_loop",
+        "rsicalib completion ": "bash fish zsh",
+        "rsicalib calibrate re": "readings.csv",
+        "rsicalib trace --rest re": "readings.csv",
+    }
+    ask = "source c.fish; " + "; echo; ".join(f"complete -C '{line}'" for line in expected)
+    fish = ["fish", "--no-config", "-c", ask]
+    done = subprocess.run(fish, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    found = [" ".join(re.findall(r"^(\S+)", part, re.M)) for part in done.stdout.split("\n\n")]
+    assert (found, done.stderr) == (list(expected.values()), "")
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")
+def test_zsh_offers_what_bash_does_also_where_nothing_has_set_completion_up(tmp_path: Path) -> None:
+    (tmp_path / "c.zsh").write_text(completion.script(make_parser(), "zsh"), encoding="utf-8")
+    for line, expected in {"tr": "trace", "trace r.csv --wi": "--without"}.items():
+        words = f"COMP_WORDS=(rsicalib {line}); COMP_CWORD={len(line.split())}"
+        ask = f"source c.zsh; {words}; emulate sh -c _rsicalib; print -rl -- $COMPREPLY"
+        zsh = ["zsh", "-f", "-c", ask]
+        home = {**os.environ, "HOME": str(tmp_path), "ZDOTDIR": str(tmp_path)}
+        done = subprocess.run(
+            zsh, cwd=tmp_path, env=home, capture_output=True, text=True, timeout=60
+        )
+        # The editor of zsh keeps those that begin with what is there.
+        assert expected in done.stdout.split() and done.stderr == ""

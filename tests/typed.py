@@ -14,10 +14,14 @@ from rsicalib.identifiability import Identifiable
 from rsicalib.io.readings import Readings
 from rsicalib.labels import Labelled
 from rsicalib.measures import Observability
+from rsicalib.monitor import Watching
 from rsicalib.planning import Plan
 from rsicalib.platform_sd import Workspace
+from rsicalib.report.past import History
 from rsicalib.reproduction.document import Paper
+from rsicalib.shapes import Before
 from rsicalib.simulation import Simulated
+from rsicalib.supposing import Supposition
 
 Array = npt.NDArray[np.float64]
 
@@ -44,6 +48,11 @@ def results(path: Path, table: dict[str, list[float]]) -> None:
     assert_type(rsicalib.workspace(found), Workspace)
     assert_type(rsicalib.simulate(), Simulated)
     assert_type(rsicalib.paper(10), Paper)
+    assert_type(rsicalib.history(path), History)
+    assert_type(rsicalib.suppose(path, ["drift@a22=0.01"]), Supposition)
+    assert_type(rsicalib.watch(path, found), Watching)
+    assert_type([alarm for alarm in rsicalib.watch(path, found)], list[rsicalib.Alarm])
+    assert_type(rsicalib.Monitor(found).update([0.0]), list[rsicalib.Alarm])
 
 
 def parts(found: rsicalib.Calibration, traced: rsicalib.Trace) -> None:
@@ -55,6 +64,8 @@ def parts(found: rsicalib.Calibration, traced: rsicalib.Trace) -> None:
     assert_type([p for p in found], list[rsicalib.Parameter])
     assert_type(found.keys(), list[str])
     assert_type(found["gain@a11"].interval, tuple[float, float] | None)
+    assert_type(found["gain@a11"].change, float | None)
+    assert_type(found["gain@a11"].earlier, Before | None)
     assert_type(found.values, Array)
     assert_type(found.covariance, Labelled)
     assert_type(found.covariance.correlation, Labelled)

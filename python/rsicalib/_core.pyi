@@ -309,6 +309,13 @@ def check(
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
 
+def compared(
+    mechanism: Mechanism, earlier: Sequence[Estimate], now: Sequence[Estimate]
+) -> list[tuple[int, float, float, float, bool]]:
+    """Parameters that an earlier result knows, too: number among the new ones, before, after, standard
+    deviation of the difference, and whether it is beyond both uncertainties.
+    """
+
 def evidence_schema() -> str:
     """JSON Schema of the evidence that a report is drawn from, as text."""
 
@@ -404,13 +411,6 @@ def misclosure(
 ) -> Array:
     """Misclosure `f` of readings of shape (n, channels), eq. (10): shape (n, equations)."""
 
-def moved(
-    mechanism: Mechanism, earlier: Sequence[Estimate], now: Sequence[Estimate]
-) -> list[tuple[int, float, float, float]]:
-    """Parameters that differ from an earlier result: number among the new ones, before, after,
-    standard deviation of the difference.
-    """
-
 def observability(
     mechanism: Mechanism,
     counts: Array,
@@ -498,6 +498,11 @@ def spread(
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
+
+def within_limits(mechanism: Mechanism, count: Any, *, seed: int = 0) -> Array:
+    """Readings of random configurations within the limits of the joints, of shape (n, channels):
+    closures between points that chains carry hold, others do not.
+    """
 
 def workspace(
     mechanism: Mechanism, within: Sequence[Sequence[float]] | None = None

@@ -12,7 +12,7 @@ from rsicalib.plots import on_axes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Effect", "Estimate"]
+__all__ = ["Absent", "Effect", "Estimate", "Fitness", "Together"]
 
 
 def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
@@ -20,6 +20,18 @@ def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
     known = "–" if value is None else f"{value:.6g}"
     half = "" if sd is None else f" ± {1.96 * sd:.2g}"
     return f"{known}{half}{'' if unit == '1' else f' {unit}'}"
+
+
+class Earlier(Protocol):
+    """What an earlier result says."""
+
+    @property
+    def value(self) -> float:
+        """The earlier estimate."""
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the difference."""
 
 
 class Estimate:
@@ -32,6 +44,19 @@ class Estimate:
     sd: float | None
     unit: str
     place: str | None
+
+    if TYPE_CHECKING:
+
+        @property
+        def earlier(self) -> Earlier | None:
+            """What an earlier result says."""
+
+    @property
+    def change(self) -> float | None:
+        """Difference from an earlier result, in standard deviations of both; None without one."""
+        if self.earlier is None or self.value is None or self.earlier.sd <= 0.0:
+            return None
+        return (self.value - self.earlier.value) / self.earlier.sd
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -138,3 +163,58 @@ class Effect:
         sizes = [f"{p.name} = {estimate_words(p.value, p.sd, p.unit)}" for p in self.parameters]
         shown = ", ".join(sizes[:3]) + (f" and {len(sizes) - 3} more" if len(sizes) > 3 else "")
         return f"<{self.spec}: {shown}{chance}>"
+
+
+class Absent:
+    """`repr` of an effect that could hide, with the fields of `shapes.Hidden`."""
+
+    term: str
+    target: str
+    detectable: float | None
+    unit: str
+
+    def __repr__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        size = "never" if self.detectable is None else f"from {self.detectable:.2g}{unit}"
+        return f"<{self.term}@{self.target}: seen {size}>"
+
+
+class Named(Protocol):
+    """A term at its target."""
+
+    @property
+    def term(self) -> str:
+        """Its id."""
+
+    @property
+    def target(self) -> str:
+        """What it belongs to."""
+
+
+class Together:
+    """`repr` of effects that explain a session together, with the fields of `shapes.Rival`."""
+
+    probability: float
+
+    if TYPE_CHECKING:
+
+        @property
+        def terms(self) -> Sequence[Named]:
+            """The effects."""
+
+    def __repr__(self) -> str:
+        names = " + ".join(f"{one.term}@{one.target}" for one in self.terms) or "nothing"
+        return f"<{names}: probability {self.probability:.2g}>"
+
+
+class Fitness:
+    """`repr` of how well a model fits, with the fields of `shapes.FitQuality`."""
+
+    chi2: float | None
+    dof: float | None
+    p_value: float | None
+    rms_misclosure: float | None
+
+    def __repr__(self) -> str:
+        known = {"χ²": self.chi2, "dof": self.dof, "p": self.p_value, "rms": self.rms_misclosure}
+        return f"<Fit: {', '.join(f'{k} = {v:.3g}' for k, v in known.items() if v is not None)}>"

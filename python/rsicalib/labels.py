@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib.tabular import data_frame
+from rsicalib.tabular import data_frame, html_table
 
 __all__ = ["Labelled"]
 
@@ -117,5 +117,13 @@ class Labelled(_Base):
         pandas.DataFrame
             With a copy of the matrix.
         """
+        return data_frame(self._table(), "name")
+
+    def _table(self) -> dict[str, Any]:
         columns = {name: np.asarray(self)[:, k] for k, name in enumerate(self.names)}
-        return data_frame({"name": self.names, **columns}, "name")
+        return {"name": self.names, **columns}
+
+    def _repr_html_(self) -> str | None:
+        # What is no matrix of these rows any more is shown as any array.
+        square = self.shape == (len(self.names),) * 2
+        return html_table(self._table()) if square and self.names else None

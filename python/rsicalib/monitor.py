@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_of
 from rsicalib.records import Record
 from rsicalib.shapes import Rms
+from rsicalib.tabular import Told
 from rsicalib.work.applying import as_applied, covariance_of
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -55,8 +56,8 @@ class Suspect(Record):
     """What it acts on."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Alarm(Record):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Alarm(Told, Record):
     """A change of the device since its calibration: one line of `rsicalib watch`."""
 
     format: str = ALARM
@@ -104,9 +105,13 @@ class Alarm(Record):
             words += f" (this was named otherwise in row {self.revises})"
         return words
 
+    def __repr__(self) -> str:
+        size = f"{self.size:.3g} ± {1.96 * self.sd:.2g} {self.unit}"
+        return f"<Alarm in row {self.row}: {self.term}@{self.target} by {size}>"
 
-@dataclass(frozen=True, kw_only=True)
-class Watch(Record):
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Watch(Told, Record):
     """Summary of a watch."""
 
     format: str = WATCH
@@ -157,6 +162,10 @@ class Watch(Record):
                 f"{self.correlation:.2f}",
             ]
         )
+
+    def __repr__(self) -> str:
+        alarms = f"{self.alarms} alarm{'s' * (self.alarms != 1)}"
+        return f"<Watch: {self.used} of {self.rows} rows tested, {alarms}>"
 
 
 class Monitor:
@@ -216,6 +225,10 @@ class Monitor:
             correlation=noise.correlation or 0.0,
         )
         self._names = [channel.name for channel in self.mechanism.channels]
+
+    def __repr__(self) -> str:
+        seen = self._core.counts()
+        return f"<Monitor of {self.mechanism.name!r}: {seen['rows']} rows, {seen['alarms']} alarms>"
 
     def update(
         self,
@@ -324,15 +337,31 @@ def watch(
 
 
 class Watching:
-    """A watch that is under way: iterate over it for its alarms."""
+    """A watch that is under way: iterate over it for its alarms.
+
+    Attributes
+    ----------
+    monitor : Monitor
+        What tests the rows.
+    heard : callable or None
+        Called with the number of rows so far, now and then.
+    """
 
     def __init__(self, monitor: Monitor, rows: Iterable[Rows]) -> None:
         self.monitor = monitor
+        self.heard: Callable[[int], None] | None = None
         self._rows = rows
 
     def __iter__(self) -> Iterator[Alarm]:
+        number = 0
         for rows in self._rows:
             yield from self.monitor.update(rows.values, rows.time_s)
+            number += len(rows.values)
+            if self.heard is not None:
+                self.heard(number)
+
+    def __repr__(self) -> str:
+        return f"<Watching of {self.monitor.mechanism.name!r}: iterate for its alarms>"
 
     def summary(self) -> Watch:
         """What became of the rows so far."""

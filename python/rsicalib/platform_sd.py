@@ -1,4 +1,4 @@
-"""How well a calibration knows the platform, all over its workspace: the verb `workspace`."""
+"""How well a calibration knows what is carried, all over its workspace: the verb `workspace`."""
 
 from __future__ import annotations
 
@@ -7,16 +7,26 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from rsicalib import _core
+from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import Device, Within, draw_poses
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.kinematics import forward_sd
 from rsicalib.measures import parameters_of
+from rsicalib.places import places
 from rsicalib.plots import on_axes, scatter
 from rsicalib.records import Record
 from rsicalib.tabular import Tabular
-from rsicalib.work.arguments import CalibrationArg, MechanismArg, open_mechanism
+from rsicalib.work.applying import as_applied
+from rsicalib.work.arguments import (
+    Bare,
+    CalibrationArg,
+    MechanismArg,
+    earlier_result,
+    open_mechanism,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,38 +41,53 @@ View: TypeAlias = Literal["xy", "xz", "yz"]
 
 @dataclass(frozen=True, repr=False)
 class Workspace(Tabular, Record):
-    """Standard deviation of the platform's pose over its workspace.
+    """Standard deviation of what a mechanism carries, over its workspace.
 
     Attributes
     ----------
     mechanism, length_unit : str
         Name of the mechanism, and the unit of x, y, z.
     poses : ndarray, shape (n, 6)
-        `x y z` [length unit], `rx ry rz` [rad].
-    sd : ndarray, shape (n, 6)
+        `x y z` [length unit], `rx ry rz` [rad] of the platform. Of a mechanism without one,
+        shape (n, 3 k): `x y z` of each of the `k` points that its chains carry.
+    sd : ndarray, in the shape of `poses`
         Standard deviations of the same: of the calibration alone, the noise of a reading not
         counted.
+    names : tuple of str
+        Names of the columns of both: `x … rz`, or `ball.x ball.y ball.z`.
     """
 
     mechanism: str
     length_unit: str
     poses: FloatArray
     sd: FloatArray
+    names: tuple[str, ...] = POSE
+
+    @property
+    def _posed(self) -> bool:
+        return self.names == POSE
+
+    def _points(self, of: FloatArray) -> FloatArray:
+        """Positions, or their deviations, point by point: shape (n, k, 3)."""
+        out: FloatArray = of[:, :3][:, None] if self._posed else of.reshape(len(of), -1, 3)
+        return out
 
     @property
     def position_sd(self) -> FloatArray:
-        """Root mean square over x, y and z of every pose, shape (n,) [length unit]."""
-        out: FloatArray = np.sqrt(np.mean(self.sd[:, :3] ** 2, axis=1))
+        """Root mean square over x, y and z of every pose and point, shape (n,) [length unit]."""
+        out: FloatArray = np.sqrt(np.mean(self._points(self.sd) ** 2, axis=(1, 2)))
         return out
 
     @property
     def orientation_sd(self) -> FloatArray:
-        """Root mean square over rx, ry and rz of every pose, shape (n,) [rad]."""
+        """Root mean square over rx, ry and rz, shape (n,) [rad]; NaN without a platform."""
+        if not self._posed:
+            return np.full(len(self.poses), np.nan)
         out: FloatArray = np.sqrt(np.mean(self.sd[:, 3:] ** 2, axis=1))
         return out
 
     def plot(self, view: View = "xz", *, ax: Axes | None = None) -> Axes:
-        """Draw the positions, coloured by `position_sd`; needs matplotlib (`rsicalib[plot]`).
+        """Draw the positions, coloured by their sd; needs matplotlib (`rsicalib[plot]`).
 
         Parameters
         ----------
@@ -86,12 +111,14 @@ class Workspace(Tabular, Record):
         across, up = ("xyz".index(letter) for letter in view)
         names = [f"{letter} [{self.length_unit}]" for letter in view]
         names.append(f"sd of the position [{self.length_unit}]")
-        x, y = self.poses[:, across], self.poses[:, up]
-        return scatter(on_axes(ax, figsize=(6, 5)), x, y, self.position_sd, names)
+        places = self._points(self.poses).reshape(-1, 3)
+        size = np.sqrt(np.mean(self._points(self.sd) ** 2, axis=2)).ravel()
+        axes = on_axes(ax, figsize=(6, 5))
+        return scatter(axes, places[:, across], places[:, up], size, names)
 
     def _table(self) -> dict[str, Any]:
-        columns = {name: self.poses[:, k] for k, name in enumerate(POSE)}
-        return {**columns, **{f"sd_{name}": self.sd[:, k] for k, name in enumerate(POSE)}}
+        columns = {name: self.poses[:, k] for k, name in enumerate(self.names)}
+        return {**columns, **{f"sd_{name}": self.sd[:, k] for k, name in enumerate(self.names)}}
 
     def __repr__(self) -> str:
         low, high = np.min(self.position_sd), np.max(self.position_sd)
@@ -109,19 +136,23 @@ def workspace(
     within: Within | None = None,
     seed: int = 0,
 ) -> Workspace:
-    """Find how well a calibration knows the platform's pose all over the workspace.
+    """Find how well a calibration knows what is carried, all over the workspace.
+
+    Poses of a platform are drawn within a box, where one is given or declared. Else configurations
+    are drawn within the limits of the joints: closures between points that chains carry hold in
+    them; sockets, bars and other things that the chains touch in the base do not.
 
     Parameters
     ----------
     calibration : path, Calibration or Trace
         A result with the covariance of its parameters.
     mechanism : str, path, mapping or Mechanism
-        With a platform.
+        With a platform, or with points on its chains.
     poses : int
         Number of poses, drawn within reach, joint limits and ranges.
     within : six pairs, optional
-        Lowest and highest x, y, z [length unit], rx, ry, rz [rad]; for the hand controller
-        ±3 in, z -5.7 to -0.3, ±30°.
+        Lowest and highest x, y, z [length unit], rx, ry, rz [rad] of a platform; where not given
+        `[workspace]` of the mechanism, for the hand controller ±3 in, z -5.7 to -0.3, ±30°.
     seed : int
         Same seed, same poses.
 
@@ -133,7 +164,8 @@ def workspace(
     Raises
     ------
     InputError
-        The mechanism has no platform, or its box is unknown or out of reach.
+        Nothing is carried, the box is out of reach, or loops do not close within the limits of the
+        joints.
 
     See Also
     --------
@@ -149,9 +181,24 @@ def workspace(
     opened = open_mechanism(mechanism)
     if poses < 1:
         raise InputError(f"poses: found {poses}, expected at least 1")
-    if not opened.to_dict().get("platform"):
-        raise InputError(f"found {opened.name!r} without a platform, expected one with it")
+    values = opened.to_dict()
+    if within is not None and not values.get("platform"):
+        raise InputError(f"within: found {opened.name!r} without a platform, expected one")
+    if within is None and not (values.get("platform") and values.get("workspace")):
+        return _within_limits(calibration, opened, poses, seed)
     device = Device(opened, *parameters_of(calibration, opened))
     drawn, exact = draw_poses(device, poses, np.random.default_rng(seed), within=within)
     sd = forward_sd(Readings.from_arrays(opened, exact), opened, calibration)
     return Workspace(opened.name, opened.length_unit, drawn, sd)
+
+
+def _within_limits(
+    calibration: CalibrationArg, mechanism: Mechanism, poses: int, seed: int
+) -> Workspace:
+    """A platform, or points that chains carry, in configurations within the limits of joints."""
+    result, mechanism = earlier_result(calibration, mechanism)
+    sensors = _core.calibrated_sensors(mechanism, as_applied(result, mechanism))
+    values = _core.within_limits(sensors, poses, seed=seed)
+    found = places(Readings.from_arrays(Bare(mechanism), values), mechanism, result)
+    sd = np.full_like(found.values, np.nan) if found.sd is None else found.sd
+    return Workspace(mechanism.name, mechanism.length_unit, found.values, sd, found.names)

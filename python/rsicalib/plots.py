@@ -13,7 +13,7 @@ from rsicalib.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["bars", "curve", "dots", "lines", "on_axes", "scatter"]
+__all__ = ["bars", "curve", "dots", "intervals", "lines", "on_axes", "scatter"]
 
 OLD, NEW = "#b0562f", "#1f5f8b"
 """Before and after: told apart by the colour-blind, and in print."""
@@ -158,6 +158,15 @@ def bars(
     ax.set_yticks(places, labels=list(names))
     ax.invert_yaxis()
     ax.set(xlabel=x_words)
+    return ax
+
+
+def intervals(
+    ax: Axes, x: Sequence[Any], values: npt.ArrayLike, half: npt.ArrayLike, y_words: str
+) -> Axes:
+    """Draw values with their intervals over numbers or dates."""
+    ax.errorbar(np.asarray(x), np.asarray(values), np.asarray(half), fmt="o", color=NEW, capsize=2)
+    ax.set(ylabel=y_words)
     return ax
 
 

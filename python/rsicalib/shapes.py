@@ -11,13 +11,14 @@ from dataclasses import dataclass, field
 
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
-from rsicalib.estimates import Effect, Estimate
+from rsicalib.estimates import Absent, Effect, Estimate, Fitness, Together
 from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 
 __all__ = [
     "Against",
     "Alternative",
+    "Before",
     "CalibrationShape",
     "Changed",
     "Check",
@@ -40,6 +41,7 @@ __all__ = [
     "Noise",
     "OwnTerm",
     "Parameter",
+    "ParameterName",
     "Predicted",
     "Reference",
     "Reliability",
@@ -54,11 +56,11 @@ __all__ = [
     "StepParameter",
     "Switch",
     "SwitchFit",
-    "SwitchParameter",
     "Switchboard",
     "TraceShape",
     "Unexplained",
     "Update",
+    "Weakest",
     "WithExcluded",
 ]
 
@@ -88,7 +90,7 @@ class Data(Record):
     sha256: str
     """Digest of the readings as they were used."""
     files: tuple[str, ...] = field(default=(), metadata=OMIT)
-    """Files, where there are several."""
+    """Files that the readings are from, as they were given."""
     skipped: tuple[Skipped, ...] = field(default=(), metadata=OMIT)
     """Rows that were dropped because the caller asked for it."""
 
@@ -149,8 +151,8 @@ class Check(Record):
     """Of roll, pitch and yaw, rad."""
 
 
-@dataclass(frozen=True)
-class FitQuality(Record):
+@dataclass(frozen=True, repr=False)
+class FitQuality(Fitness, Record):
     """How well a model fits."""
 
     chi2: float | None
@@ -167,6 +169,16 @@ class FitQuality(Record):
     """Error on known poses."""
     aligned: Check | None = field(default=None, metadata=IF_KNOWN)
     """As `check`, after the best rigid motion of the instrument."""
+
+
+@dataclass(frozen=True)
+class Before(Record):
+    """What an earlier result says of a parameter: the value that it left behind, slips included."""
+
+    value: float
+    """The earlier estimate."""
+    sd: float
+    """Standard deviation of the difference, by both uncertainties."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -189,6 +201,8 @@ class Parameter(Estimate, Record):
     """Where a searched term acts: a pose, or another channel."""
     note: str | None = field(default=None, metadata=IF_KNOWN)
     """What keeps the parameter from being what its term is called."""
+    earlier: Before | None = field(default=None, metadata=IF_KNOWN)
+    """What an earlier result says of it, where one was given and knows it."""
 
 
 @dataclass(frozen=True)
@@ -480,8 +494,8 @@ class Step(Effect, Record):
     """Error on poses left out, with this effect and those before."""
 
 
-@dataclass(frozen=True)
-class Rival(Record):
+@dataclass(frozen=True, repr=False)
+class Rival(Together, Record):
     """Effects that explain a session together, nearly as well as the best do."""
 
     terms: tuple[Name, ...]
@@ -504,8 +518,8 @@ class Unexplained(Record):
     """What is left, in words."""
 
 
-@dataclass(frozen=True)
-class Hidden(Record):
+@dataclass(frozen=True, repr=False)
+class Hidden(Absent, Record):
     """How large an absent effect would have to be to be seen, and what it would do meanwhile."""
 
     term: str
@@ -518,6 +532,8 @@ class Hidden(Record):
     """Unit of the size."""
     platform_rms: Rms | None = None
     """What an effect of that size does to the platform."""
+    place: str | None = field(default=None, metadata=IF_KNOWN)
+    """Where a searched term would act: another channel."""
 
 
 @dataclass(frozen=True)
@@ -646,19 +662,56 @@ class Drawing(Record):
 
 @dataclass(frozen=True)
 class Slice(Record):
-    """A plane of the workspace, orientation zero."""
+    """A plane of the workspace: of a platform at orientation zero, or everything within the limits
+    of the joints, seen from one side.
+    """
 
+    of: str | None
+    """The point that is carried, or the chain where it carries several; null: the platform."""
     axes: tuple[str, ...]
     """Names of the two coordinates that change."""
     fixed: str
     """Name of the third coordinate."""
-    value: float
-    """Its value [length unit]."""
+    value: float | None
+    """Its value; null: a cell is the root mean square over all its values [length unit]."""
     step: tuple[float, ...]
     """Distance of neighbouring cells along both axes [length unit]."""
     cells: tuple[tuple[float, ...], ...]
-    """Both coordinates of a cell, and the standard deviation of the platform's position there, root
-    mean square of x, y and z, noise of the reading not counted [length unit]."""
+    """Both coordinates of a cell, and the standard deviation of the position there, root mean
+    square of x, y and z, noise of the reading not counted [length unit]."""
+
+
+@dataclass(frozen=True)
+class ParameterName(Record):
+    """Name of a parameter."""
+
+    term: str
+    """Id of the term."""
+    target: str
+    """What the term belongs to."""
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """Unit of the parameter."""
+
+
+@dataclass(frozen=True)
+class Weakest(Record):
+    """The place of the workspace that is known least."""
+
+    of: str | None
+    """What is carried there, as for a plane; null: the platform."""
+    place: tuple[float, ...]
+    """x, y, z [length unit]."""
+    sd: float
+    """Standard deviation there, root mean square of x, y and z [length unit]."""
+    along: tuple[float, ...]
+    """Direction that is known least, one standard deviation long [length unit]."""
+    parameter: ParameterName
+    """The parameter that is most correlated with the position along it, offsets about the mean
+    reading."""
+    correlation: float
+    """Size of that correlation."""
 
 
 @dataclass(frozen=True)
@@ -671,20 +724,6 @@ class Switch(Record):
     """Label of the pose; on: its readings are left out. Null for an effect."""
     channel: str | None
     """The channel at fault, where it can be told."""
-
-
-@dataclass(frozen=True)
-class SwitchParameter(Record):
-    """Name of a parameter of a switchboard."""
-
-    term: str
-    """Id of the term."""
-    target: str
-    """What the term belongs to."""
-    name: str
-    """Name of the parameter."""
-    unit: str
-    """Unit of the parameter."""
 
 
 @dataclass(frozen=True)
@@ -713,7 +752,7 @@ class Switchboard(Record):
 
     switches: tuple[Switch, ...]
     """The suspects."""
-    parameters: tuple[SwitchParameter, ...]
+    parameters: tuple[ParameterName, ...]
     """What each parameter is: of the terms of any fit."""
     fits: tuple[SwitchFit, ...]
     """Number `n` has switch `i` on where bit `i` of `n` is set."""
@@ -730,6 +769,8 @@ class Evidence(Record):
     """Closure of each equation; a touch has several."""
     poses: tuple[int, ...]
     """Label of each pose; empty for a recording, whose poses are its rows."""
+    units: tuple[str, ...]
+    """Unit of the readings of each channel."""
     effects: tuple[EffectEvidence, ...]
     """One for each effect that was found, in the order of `steps`."""
     left: tuple[Score, ...]
@@ -739,7 +780,10 @@ class Evidence(Record):
     drawing: Drawing | None
     """The mechanism in its poses; null where no chain carries a point."""
     workspace: tuple[Slice, ...]
-    """Slices of the workspace, where it is known."""
+    """How well the calibration places what is carried, over the workspace or the limits of the
+    joints."""
+    weakest: Weakest | None
+    """The place that it knows least there; null where nothing is uncertain."""
     switchboard: Switchboard | None
     """The fits with and without each suspect; null where nothing is suspected."""
 

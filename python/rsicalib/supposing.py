@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +13,21 @@ import numpy.typing as npt
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.options import names
+from rsicalib.plots import dots as draw_dots
+from rsicalib.plots import on_axes
 from rsicalib.records import Record
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document
 from rsicalib.report.residuals import MOST_DOTS, Dots, draw_residuals
 from rsicalib.report.words import name_of
 from rsicalib.shapes import Rms
+from rsicalib.tabular import Told
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import about
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["SupposedEffect", "SupposedParameter", "Supposition", "suppose"]
 
@@ -74,8 +81,8 @@ class SupposedEffect(Record):
         return f"{name_of(self.term)} of {self.target}: {', '.join(sizes) or 'nothing'}"
 
 
-@dataclass(frozen=True, eq=False)
-class Supposition(Record):
+@dataclass(frozen=True, eq=False, repr=False)
+class Supposition(Told, Record):
     """What an effect would do in given poses, to first order in its size.
 
     Attributes
@@ -151,6 +158,27 @@ class Supposition(Record):
             "Inside the band of ± 2 σ noise alone lies 95 times in 100."
         )
         return Figure("supposed", lambda width: draw_residuals(panels, dots, width), caption)
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the residual of every pose that the effect would leave, in units of noise.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to; a new figure where not given. Needs matplotlib (`rsicalib[plot]`).
+
+        Returns
+        -------
+        Axes
+            For titles and limits of your own.
+        """
+        ax = draw_dots(on_axes(ax, figsize=(7, 3)), {"": self.residuals}, "pose, in order of time")
+        ax.set_title("; ".join(effect.words for effect in self.effects))
+        return ax
+
+    def __repr__(self) -> str:
+        what = "; ".join(effect.words for effect in self.effects)
+        return f"<Supposition: {what}; found by trace {_percent(self.seen)}>"
 
     def report(self) -> str:
         """The same as one HTML file that needs no network."""

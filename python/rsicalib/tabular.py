@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Tabular", "data_frame", "html_table"]
+__all__ = ["Tabular", "Told", "data_frame", "html_table"]
 
 MOST_ROWS = 60
 """A longer table is cut in the middle where it is shown."""
@@ -107,3 +107,14 @@ class Tabular:
 
     def _repr_html_(self) -> str:
         return html_table(self._table(), repr(self))
+
+
+class Told:
+    """A value that is told in a few lines: `text` says them."""
+
+    def text(self) -> str:
+        """What there is to say."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.text())}</pre>"

@@ -6,7 +6,7 @@ use pyo3::types::PyAny;
 use pythonize::pythonize;
 use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
 use rsicalib::apply::export::{self, Exported};
-use rsicalib::apply::moved::{Estimate, Moved};
+use rsicalib::apply::moved::{Compared, Estimate};
 use rsicalib::model::Spec;
 
 use crate::error::PyError;
@@ -150,19 +150,21 @@ pub fn spec(term: String, target: Option<String>, place: Option<String>) -> Stri
 /// Spec, name, value and standard deviation.
 type PyEstimate = (PySpec, String, Option<f64>, Option<f64>);
 
-/// Parameters that differ from an earlier result: number among the new ones, before, after,
-/// standard deviation of the difference.
+/// Parameters that an earlier result knows, too: number among the new ones, before, after, standard
+/// deviation of the difference, and whether it is beyond both uncertainties.
 #[pyfunction]
-pub fn moved(
+pub fn compared(
     mechanism: &PyMechanism,
     earlier: Vec<PyEstimate>,
     now: Vec<PyEstimate>,
-) -> Vec<(usize, f64, f64, f64)> {
+) -> Vec<(usize, f64, f64, f64, bool)> {
     let estimate = |(spec, name, value, sd)| Estimate { spec: spec_of(spec), name, value, sd };
     let all = |given: Vec<PyEstimate>| given.into_iter().map(estimate).collect::<Vec<Estimate>>();
-    rsicalib::apply::moved::moved(&mechanism.0, &all(earlier), &all(now))
+    rsicalib::apply::moved::compared(&mechanism.0, &all(earlier), &all(now))
         .into_iter()
-        .map(|Moved { parameter, before, after, sd }| (parameter, before, after, sd))
+        .map(|Compared { parameter, before, after, sd, moved }| {
+            (parameter, before, after, sd, moved)
+        })
         .collect()
 }
 

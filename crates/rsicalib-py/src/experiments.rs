@@ -9,6 +9,7 @@ use pythonize::pythonize;
 use rsicalib::design::information::Candidates;
 use rsicalib::design::observability::{Measures, Scaling};
 use rsicalib::design::reach;
+use rsicalib::design::within_limits::within_limits as configurations;
 use rsicalib::estimate::directions::Direction;
 use rsicalib::estimate::paper::Paper;
 use rsicalib::mechanism::Mechanism;
@@ -182,6 +183,24 @@ pub fn readings_at<'py>(
     let nothing = vec![f64::NAN; channels];
     let rows = found.iter().flat_map(|row| row.as_ref().unwrap_or(&nothing)).copied().collect();
     PyArray1::from_vec(py, rows).reshape([poses.len(), channels])
+}
+
+/// Readings of random configurations within the limits of the joints, of shape (n, channels):
+/// closures between points that chains carry hold, others do not.
+#[pyfunction]
+#[pyo3(signature = (mechanism, count, *, seed=0))]
+pub fn within_limits<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    count: usize,
+    seed: i64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let channels = mechanism.0.channels.len();
+    let found = py
+        .detach(|| configurations(&mechanism.0, count, seed.cast_unsigned()))
+        .map_err(PyError::from)?;
+    let rows = found.len() / channels.max(1);
+    PyArray1::from_vec(py, found).reshape([rows, channels])
 }
 
 /// The Cramér-Rao bound for readings of shape (n, channels) with noise `sigma` per channel.

@@ -55,6 +55,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(experiments::jacobian, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::observability, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::readings_at, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::within_limits, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::bound, module)?)?;
     module.add_function(wrap_pyfunction!(design::identifiable, module)?)?;
     module.add_function(wrap_pyfunction!(devices::calibrate_devices, module)?)?;
@@ -70,7 +71,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::calibrated_sensors, module)?)?;
     module.add_function(wrap_pyfunction!(apply::lasting, module)?)?;
     module.add_function(wrap_pyfunction!(apply::spec, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::moved, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::compared, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;

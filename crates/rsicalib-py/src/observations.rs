@@ -224,7 +224,7 @@ impl PyObservations {
             .detach(|| rsicalib::report::traced::traced(&session, &search, known.as_ref()))
             .map_err(PyError::from)?;
         self.heard()?;
-        let source = PyEvidenceSource(Found::Traced(Box::new(traced), search));
+        let source = PyEvidenceSource(Found::Traced(Box::new(traced)));
         with_source(pythonize(py, &report)?, source)
     }
 
@@ -273,7 +273,7 @@ fn with_source<'py>(
 
 /// What evidence is gathered from.
 enum Found {
-    Traced(Box<Traced>, SearchOptions),
+    Traced(Box<Traced>),
     Calibrated(Arc<Observations>, Arc<Fit>, Vec<Excluded>),
 }
 
@@ -287,7 +287,7 @@ impl PyEvidenceSource {
     fn gather<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let found = py
             .detach(|| match &self.0 {
-                Found::Traced(traced, search) => gather::of_trace(traced, search),
+                Found::Traced(traced) => gather::of_trace(traced),
                 Found::Calibrated(observations, fit, excluded) => {
                     gather::of_calibration(observations, fit, excluded)
                 }

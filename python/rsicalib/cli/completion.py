@@ -32,6 +32,12 @@ _rsicalib() {{
 complete -o bashdefault -o default -F _rsicalib rsicalib
 """
 
+ZSH = """\
+(( $+functions[compdef] )) || { autoload -Uz compinit && compinit; }
+autoload -U +X bashcompinit && bashcompinit
+"""
+"""The script for bash works in zsh behind this, also where nothing has set completion up."""
+
 
 def script(parser: argparse.ArgumentParser, shell: str) -> str:
     """Write the script that a shell is to read.
@@ -59,7 +65,7 @@ def script(parser: argparse.ArgumentParser, shell: str) -> str:
             for name, (sub, _) in verbs.items()
         ),
     )
-    return f"autoload -U +X bashcompinit && bashcompinit\n{bash}" if shell == "zsh" else bash
+    return f"{ZSH}{bash}" if shell == "zsh" else bash
 
 
 def verbs_of(

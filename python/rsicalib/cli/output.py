@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Sequence
 
 from rsicalib.cli.colours import painted, wants_colour
+from rsicalib.cli.interruption import interruptible
+from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import emit, say
 from rsicalib.io.folders import MARK, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
@@ -19,7 +22,9 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     """Write what was asked for; the exit code."""
     warn(args, result.warnings)
     if args.out is not None:
-        _write(args, result)
+        with progress_of(args, "write the report") or contextlib.nullcontext() as line:
+            files = interruptible(lambda: _files(args, result), line.tick if line else None)
+            write_folder(args.out, files, seal=RESULT, force=args.force)
     if args.json:
         emit(result.to_json())
     elif not args.quiet:
@@ -43,7 +48,8 @@ def prepare(args: argparse.Namespace) -> None:
         refuse_foreign(args.out, FILES, force=args.force)
 
 
-def _write(args: argparse.Namespace, result: Result) -> None:
+def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
+    """What a folder of a result holds, by name."""
     from rsicalib.export import calibrated_files
 
     files = {
@@ -53,8 +59,7 @@ def _write(args: argparse.Namespace, result: Result) -> None:
         **calibrated_files(getattr(args, "mechanism", "rsi"), result),
     }
     drawn = result.figures().items()
-    files |= {f"figures/{name}.svg": f"{text}<!-- {MARK} -->\n" for name, text in drawn}
-    write_folder(args.out, files, seal=RESULT, force=args.force)
+    return files | {f"figures/{name}.svg": f"{text}<!-- {MARK} -->\n" for name, text in drawn}
 
 
 def warn(args: argparse.Namespace, warnings: Sequence[str]) -> None:

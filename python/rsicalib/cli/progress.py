@@ -71,6 +71,17 @@ class ProgressLine:
             self.began = self.clock()
         self(what, done / max(total, 1))
 
+    def rows(self, number: int) -> None:
+        """Show how many rows have been read, of nobody knows how many."""
+        self(f"{number} rows", 0.0)
+
+    def clear(self) -> None:
+        """Leave nothing on the line."""
+        if self.length:
+            self._write("")
+            self.stream.write("\r")
+            self.length = 0
+
     def __enter__(self) -> ProgressLine:
         return self
 
@@ -80,9 +91,7 @@ class ProgressLine:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self.length:
-            self._write("")
-            self.stream.write("\r")
+        self.clear()
 
     def _write(self, words: str) -> None:
         """Write over what stands there."""

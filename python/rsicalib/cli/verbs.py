@@ -69,17 +69,9 @@ def trace(args: Args) -> int:
 def fixture(args: Args) -> int:
     """Open loop, from known poses in the readings."""
     prepare(args)
-    found = api.fixture(
-        args.readings,
-        args.mechanism,
-        check=args.check,
-        align=args.align,
-        skip_bad_rows=args.skip_bad_rows,
-        device=args.device,
-        note=args.note,
-        date=args.date,
-    )
-    return show(args, found)
+    names = "mechanism check align skip_bad_rows device note date"
+    options = {name: getattr(args, name) for name in names.split()}
+    return show(args, _heard(args, lambda _: api.fixture(args.readings, **options)))
 
 
 def demo(args: Args) -> int:
@@ -103,7 +95,7 @@ def forward(args: Args) -> int:
     result = None
     if args.calibration is not None:
         result, mechanism = earlier_result(args.calibration, mechanism)
-    found = places(readings, mechanism, result)
+    found = _heard(args, lambda _: places(readings, mechanism, result), "place the readings")
     labels: dict[str, Any] = {"pose": readings.pose.tolist()}
     if readings.sample is not None:
         labels["sample"] = readings.sample.tolist()
@@ -132,16 +124,9 @@ def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
     from rsicalib.simulation import simulate as simulate_device
 
-    made = simulate_device(
-        args.out,
-        args.mechanism,
-        poses=args.poses,
-        samples=args.samples,
-        noise=args.noise,
-        check=args.check_poses,
-        seed=args.seed,
-        force=args.force,
-    )
+    names = "mechanism poses samples noise seed force"
+    options = {name: getattr(args, name) for name in names.split()}
+    made = simulate_device(args.out, check=args.check_poses, **options)
     if args.json:
         emit(to_json(made.truth))
     elif not args.quiet:
@@ -234,17 +219,9 @@ def suppose(args: Args) -> int:
     """What an effect would do in these poses, and whether they would show it."""
     from rsicalib.supposing import suppose as suppose_effect
 
-    found = suppose_effect(
-        args.readings,
-        args.term,
-        args.mechanism,
-        rest=args.rest,
-        model=args.terms,
-        closures=args.closures,
-        noise=args.noise,
-        calibration=args.calibration,
-        skip_bad_rows=args.skip_bad_rows,
-    )
+    names = "mechanism rest closures noise calibration skip_bad_rows"
+    options = {"model": args.terms, **{name: getattr(args, name) for name in names.split()}}
+    found = _heard(args, lambda _: suppose_effect(args.readings, args.term, **options))
     if args.out is not None:
         page = {args.out.name: f"{found.report()}<!-- {MARK} -->\n"}
         write_folder(args.out.parent, page, force=args.force)
@@ -280,7 +257,9 @@ def history(args: Args) -> int:
     """Parameters of one device against date."""
     from rsicalib.lifetime import history as history_of
 
-    found = history_of(args.folder, args.mechanism, device=args.device, target=args.target)
+    options = {"device": args.device, "target": args.target}
+    what = "read the results"
+    found = _heard(args, lambda _: history_of(args.folder, args.mechanism, **options), what)
     if args.out is not None:
         text = f"{found.text()}\n{MARK} {_core.__version__}\n"
         page = f"{found.page()}<!-- {MARK} -->\n"
@@ -302,8 +281,14 @@ def watch(args: Args) -> int:
     watching = watch_device(
         args.readings, args.calibration, args.mechanism, false_alarms=args.false_alarms
     )
-    with contextlib.suppress(KeyboardInterrupt):
+    # What arrives as it happens takes its time anyway.
+    line = None if args.readings == "-" else progress_of(args)
+    if line is not None:
+        watching.heard = line.rows
+    with line or contextlib.nullcontext(), contextlib.suppress(KeyboardInterrupt):
         for alarm in watching:
+            if line is not None:
+                line.clear()
             emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
             sys.stdout.flush()
             if not (args.json or args.quiet):

@@ -2,33 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas
-from rsicalib.report.words import number
+from rsicalib.report.words import listed_words, number
 from rsicalib.shapes import Noise, Reliability, ResultShape
 
 __all__ = ["noise_figure", "reliability_figure", "reliability_rows"]
 
 
-def noise_figure(noise: Noise) -> Figure:
-    """Draw the standard deviation of a sample of each channel as a bar."""
+def noise_figure(noise: Noise, units: Sequence[str] = ()) -> Figure:
+    """Draw the standard deviation of a sample of each channel as a bar.
+
+    Bars of one unit have one scale; without `units` all are taken to have the same.
+    """
     names = list(noise.sigma)
-    largest = max(noise.sigma.values())
+    own = dict(zip(names, units, strict=True)) if len(units) == len(names) else {}
+    largest: dict[str, float] = {}
+    for name, sigma in noise.sigma.items():
+        unit = own.get(name, "")
+        largest[unit] = max(sigma, largest.get(unit, 0.0))
 
     def draw(width: float) -> str:
         left = 90.0
-        room = width - left - 64.0
+        room = width - left - 110.0
         canvas = Canvas(width, 20.0 * len(names) + 8.0)
         for k, name in enumerate(names):
-            y, sigma = 4.0 + 20.0 * k, noise.sigma[name]
+            y, sigma, unit = 4.0 + 20.0 * k, noise.sigma[name], own.get(name, "")
             canvas.text(left - 6.0, y + 12.0, name[:12], anchor="end")
-            canvas.rect(left, y, room * sigma / largest, 15.0, "bar", f"{name}: {sigma}")
-            canvas.text(left + room * sigma / largest + 4.0, y + 12.0, number(sigma))
+            long = room * sigma / (largest[unit] or 1.0)
+            canvas.rect(left, y, long, 15.0, "bar", f"{name}: {sigma}")
+            canvas.text(left + long + 4.0, y + 12.0, f"{number(sigma)} {unit}".strip())
         return canvas.svg("noise of each channel")
 
+    known = "as declared" if noise.source == "declared" else f"from the {noise.source}"
+    alike = "the others of its unit" if len(largest) > 1 else "the others"
     caption = (
-        "Standard deviation of one sample of each channel, rounding included, from the "
-        f"{noise.source}. A channel far above the others is a sensor or a wire to look at."
+        f"Standard deviation of one sample of each channel, rounding included, {known}. "
+        f"A channel far above {alike} is a sensor or a wire to look at."
     )
     return Figure("noise", draw, caption)
 
@@ -53,13 +65,21 @@ def reliability_rows(result: ResultShape, found: Reliability) -> list[tuple[str,
     return rows
 
 
-def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None:
-    """Draw the minimum detectable error of every channel in every pose as a map."""
+def reliability_figure(
+    result: ResultShape, found: Reliability, units: Sequence[str] = ()
+) -> Figure | None:
+    """Draw the minimum detectable error of every channel in every pose as a map.
+
+    Colours are beside what is usual for channels of the same unit.
+    """
     names = list(result.noise.sigma) if result.noise else []
-    values = [e for errors in found.detectable for e in errors if e is not None]
-    if not names or not values or len(names) != len(found.detectable):
+    own = list(units) if len(units) == len(names) else [""] * len(names)
+    known: dict[str, list[float]] = {}
+    for unit, errors in zip(own, found.detectable, strict=False):
+        known.setdefault(unit, []).extend(e for e in errors if e is not None)
+    middle = {unit: sorted(errors)[len(errors) // 2] for unit, errors in known.items() if errors}
+    if not names or not middle or len(names) != len(found.detectable):
         return None
-    middle = sorted(values)[len(values) // 2]
 
     def draw(width: float) -> str:
         left = 90.0 if width == WIDE else 60.0
@@ -72,8 +92,9 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
                 zip(found.detectable[c], found.external[c], strict=True)
             ):
                 said = f"{name}, pose {p + 1} in order: "
-                said += f"{number(error)}, external reliability {number(harm)}"
-                kind = f"level{_level(error, middle)}"
+                said += f"{number(error)} {own[c]}".strip()
+                said += f", external reliability {number(harm)}"
+                kind = f"level{_level(error, middle.get(own[c], 1.0))}"
                 canvas.rect(left + size * p, 18.0 * c, size + 0.3, 17.0, kind, said)
         y = 18.0 * len(names) + 14.0
         canvas.text(left, y, "pose, in the order of the readings", kind="label")
@@ -84,10 +105,11 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
             canvas.text(left + step * k + 14.0, y + 18.0, label)
         return canvas.svg("minimum detectable error by channel and pose")
 
+    usual = listed_words([f"{number(size)} {unit}".strip() for unit, size in middle.items()])
     caption = (
-        f"Minimum detectable error of each channel in each pose; {number(middle)} is usual, and "
-        "“none” is checked by no other reading. Strong "
-        "colours are readings that few others check: an error there passes unseen."
+        f"Minimum detectable error of each channel in each pose; {usual} is usual, and “none” is "
+        "checked by no other reading. Strong colours are readings that few others check: an error "
+        "there passes unseen."
     )
     return Figure("reliability", draw, caption)
 

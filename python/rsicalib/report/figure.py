@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -12,6 +13,12 @@ __all__ = ["STYLE", "Figure"]
 
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 """Style of pages and figures."""
+
+RULE = re.compile(r"^(?::root|svg|@media \(prefers-color-scheme)[^\n]*\n(?:  [^\n]*\n)*", re.M)
+"""A rule of the style that figures need: colours, and what is drawn."""
+
+OWN = "".join(RULE.findall(STYLE)).replace("]]>", "")
+"""Style of a figure that is a file of its own."""
 
 
 @dataclass(frozen=True)
@@ -44,5 +51,4 @@ class Figure:
         """The figure as a file of its own, in light and dark."""
         drawn = self.draw(WIDE)
         end = drawn.index(">") + 1
-        style = STYLE.replace("]]>", "")
-        return f"{drawn[:end]}\n<style><![CDATA[\n{style}]]></style>{drawn[end:]}\n"
+        return f"{drawn[:end]}\n<style><![CDATA[\n{OWN}]]></style>{drawn[end:]}\n"

@@ -10,9 +10,9 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import Dots
-from rsicalib.report.svg import WIDE, Axis, Canvas, Chart
-from rsicalib.report.words import number, subject
-from rsicalib.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape
+from rsicalib.report.svg import LETTER, WIDE, Axis, Canvas, Chart
+from rsicalib.report.words import listed_words, name_of, number, subject
+from rsicalib.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape, Weakest
 
 __all__ = ["mechanism_figure", "workspace_figure"]
 
@@ -92,9 +92,11 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
                 if culprit:
                     canvas.text(place[0] + 8.0, place[1] + 4.0, node.name, kind="culprit")
         y0 = 322.0
-        for k, words in enumerate(("below 1.5 σ", "to 3 σ", "above")):
-            canvas.dot(12.0 + 88.0 * k, y0 - 4.0, 3.4, f"heat{k}")
-            canvas.text(20.0 + 88.0 * k, y0, words)
+        for k, (x0, words) in enumerate(
+            ((12.0, "below 1.5 σ"), (108.0, "to 3 σ"), (172.0, "above"))
+        ):
+            canvas.dot(x0, y0 - 4.0, 3.4, f"heat{k}")
+            canvas.text(x0 + 8.0, y0, words)
         return canvas.svg("the mechanism in its poses")
 
     caption = (
@@ -151,8 +153,9 @@ def _fit(points: FloatArray, left: float, room: float) -> tuple[Axis, Axis]:
     )
 
 
-def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
-    """Draw slices of the workspace, coloured by the standard deviation of the platform."""
+def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
+    """Draw where what is carried can be, coloured by how well the calibration places it there."""
+    slices, unit = evidence.workspace, result.length_unit
     values = [cell[2] for one in slices for cell in one.cells if math.isfinite(cell[2])]
     if not values:
         return None
@@ -162,7 +165,7 @@ def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
         return min(int(LEVELS * (sd - low) / (high - low or 1.0)), LEVELS - 1)
 
     def draw(width: float) -> str:
-        across = len(slices) if width == WIDE else 1
+        across = min(len(slices), 2) if width == WIDE else 1
         room = width / across
         height = 250.0
         canvas = Canvas(width, height * -(-len(slices) // across) + 26.0)
@@ -171,9 +174,10 @@ def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
             x = _edges([c[0] for c in one.cells], one.step[0])
             y = _edges([c[1] for c in one.cells], one.step[1])
             words = f"{one.axes[0]} [{unit}]", f"{one.axes[1]} [{unit}]"
-            title = f"{one.fixed} = {number(one.value)} {unit}"
-            chart = Chart.on(part, x, y, words, title=title, height=height)
+            chart = Chart.on(part, x, y, words, title=_side_words(one, unit), height=height)
             for u, v, sd in one.cells:
+                if not math.isfinite(sd):
+                    continue
                 left, top = chart.at((u - one.step[0] / 2, v + one.step[1] / 2))
                 right, bottom = chart.at((u + one.step[0] / 2, v - one.step[1] / 2))
                 said = f"{one.axes[0]} {number(u)}, {one.axes[1]} {number(v)}: {number(sd)} {unit}"
@@ -182,19 +186,55 @@ def workspace_figure(slices: Sequence[Slice], unit: str) -> Figure | None:
             column, row = k % across, k // across
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
-        step = (width - 20.0) / LEVELS
+        # A scale of colours between the lowest and the highest.
+        base, first = canvas.height - 18.0, 12.0 + LETTER * len(number(low, 2))
+        canvas.text(first - 5.0, base + 10.0, number(low, 2), anchor="end")
         for k in range(LEVELS):
-            top = low + (high - low) * (k + 1) / LEVELS
-            canvas.rect(10.0 + step * k, canvas.height - 18.0, 11.0, 11.0, f"level{k}")
-            canvas.text(25.0 + step * k, canvas.height - 8.0, f"≤ {number(top, 2)}")
-        return canvas.svg("standard deviation of the platform over the workspace")
+            canvas.rect(first + 30.0 * k, base, 30.3, 11.0, f"level{k}")
+        canvas.text(first + 30.0 * LEVELS + 5.0, base + 10.0, f"{number(high, 2)} {unit}")
+        return canvas.svg("standard deviation of what is carried, over the workspace")
 
+    names = list(dict.fromkeys(one.of for one in slices if one.of is not None))
+    what = listed_words(names) if names else "the platform"
     caption = (
-        "How well the calibration places the platform: standard deviation of its position, noise "
-        f"of a reading not counted, from {number(low, 2)} to {number(high, 2)} {unit} at "
-        "orientation zero. Strong colours are where poses are lacking."
+        f"How well the calibration places {what}: standard deviation of a coordinate, noise of a "
+        f"reading not counted, from {number(low, 2)} to {number(high, 2)} {unit}"
     )
-    return Figure("workspace", draw, caption)
+    if slices[0].value is not None and not names:
+        caption += " at orientation zero. "
+    else:
+        caption += (
+            ", wherever the limits of the joints allow; a cell is the mean over all postures that "
+            "reach it. "
+        )
+    caption += "Strong colours are where poses are lacking. "
+    if evidence.weakest is not None:
+        caption += _weakest_words(evidence.weakest, unit)
+    if result.unobservable:
+        caption += " What the readings do not determine at all is not in it."
+    return Figure("workspace", draw, caption.strip())
+
+
+def _side_words(one: Slice, unit: str) -> str:
+    """What a panel shows: `z = 1.2 in`, `ball, all z`."""
+    at = f"all {one.fixed}" if one.value is None else f"{one.fixed} = {number(one.value)} {unit}"
+    return at if one.of is None else f"{one.of}, {at}"
+
+
+def _weakest_words(weakest: Weakest, unit: str) -> str:
+    """Where it is known least, in which direction, and what that goes with."""
+    largest = max(map(abs, weakest.place)) or 1.0
+    digits = max(0, 2 - math.floor(math.log10(largest)))
+    place = ", ".join(f"{v:z.{digits}f}" for v in weakest.place)
+    size = math.hypot(*weakest.along)
+    along = ", ".join(f"{v / size:z.1f}" for v in weakest.along)
+    p = weakest.parameter
+    name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
+    of = "" if weakest.of is None else f"{weakest.of} "
+    return (
+        f"Least known is {of}at ({place}), by {number(size, 2)} {unit} along ({along}): an error "
+        f"there goes with {name} of {p.target} (correlation {weakest.correlation:.2f})."
+    )
 
 
 def _edges(values: Sequence[float], step: float) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
@@ -22,16 +23,17 @@ from rsicalib.report.words import (
     number,
     p_is,
     plus_minus,
-    predicted_words,
-    quality,
     sentence,
     size_words,
     subject,
 )
-from rsicalib.shapes import Evidence, ResultShape, Step, TraceShape
+from rsicalib.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["document", "figures", "html", "listed", "section", "table"]
+
+FEW = 3
+"""Sentences of a list that are not folded."""
 
 SCRIPT = Path(__file__).with_name("script.js").read_text(encoding="utf-8")
 
@@ -87,11 +89,11 @@ def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, 
         found += _effects(result, evidence)
     if evidence is not None:
         found.append(mechanism_figure(result, evidence, dots_of(result, evidence)))
-        found.append(workspace_figure(evidence.workspace, result.length_unit))
+        found.append(workspace_figure(result, evidence))
         if evidence.reliability is not None:
-            found.append(reliability_figure(result, evidence.reliability))
+            found.append(reliability_figure(result, evidence.reliability, evidence.units))
     if result.noise is not None and result.noise.sigma:
-        found.append(noise_figure(result.noise))
+        found.append(noise_figure(result.noise, evidence.units if evidence else ()))
     return {figure.name: figure.svg() for figure in found if figure is not None}
 
 
@@ -108,12 +110,19 @@ def document(title: str, parts: Iterable[str]) -> str:
 
 
 def table(
-    heads: Sequence[str], rows: Iterable[Sequence[str]], text: int = 1, words: str = ""
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    text: int = 1,
+    words: str = "",
+    *,
+    long: str | None = None,
 ) -> str:
-    """A table whose first `text` columns are words, the others numbers."""
+    """A table: the first `text` columns are words, `long` one of sentences, the others numbers."""
 
     def cells(row: Sequence[str], tag: str) -> str:
         kinds = ["" if k < text else ' class="n"' for k in range(len(row))]
+        if long in heads:
+            kinds[heads.index(long)] = ' class="long"'
         return "".join(
             f"<{tag}{kind}>{escape(cell)}</{tag}>" for kind, cell in zip(kinds, row, strict=True)
         )
@@ -132,8 +141,13 @@ def section(title: str, *parts: str) -> str:
 
 def listed(items: Iterable[str], kind: str = "") -> str:
     """A list of sentences."""
-    inner = "\n".join(f"<li>{escape(item)}</li>" for item in items)
+    inner = "\n".join(f"<li>{_whole(escape(item))}</li>" for item in items)
     return f"<ul{f' class={kind}' if kind else ''}>\n{inner}\n</ul>" if inner else ""
+
+
+def _whole(text: str) -> str:
+    """Options of commands are not broken over two lines."""
+    return re.sub(r"(?<![\w-])--[a-z][a-z-]*", r'<span class="whole">\g<0></span>', text)
 
 
 def pictures(found: Iterable[Figure | None]) -> str:
@@ -173,24 +187,22 @@ def _heading(title: str, inner: str) -> str:
 
 def _data(result: ResultShape) -> str:
     readings = result.readings
-    files = f" Files: {', '.join(readings.files)}." if readings.files else ""
+    names = [re.split(r"[/\\]", file)[-1] for file in readings.files]
+    files = f" {'Files' if len(names) > 1 else 'File'}: {', '.join(names)}." if names else ""
     return (
         f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. "
         f"Unit of length {result.length_unit}, of angles rad.{files}"
     )
 
 
-def _unchecked(result: ResultShape) -> str:
-    unknown = "Closure is not accuracy: no known poses were given, so the error is not known"
-    predicted = predicted_words(result).strip()
-    return f"{unknown}; {predicted}" if predicted else f"{unknown}."
-
-
 def _errors(result: ResultShape) -> str:
     heads, rows = comparison(result)
-    note = "" if quality(result).check else f'<p class="faint">{escape(_unchecked(result))}</p>'
-    found = table(["", *heads], rows, words="error before and after") if rows else ""
-    return f"{found}\n{note}" if found or note else ""
+    if not rows:
+        return ""
+    words = "error before and after"
+    if all(old == "–" for _, old, _ in rows):
+        return table(["", heads[1]], [(name, new) for name, _, new in rows], words=words)
+    return table(["", *heads], rows, words=words)
 
 
 def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | None]:
@@ -251,7 +263,7 @@ def _mechanism(result: ResultShape, evidence: Evidence | None) -> str:
         return ""
     drawn = [
         mechanism_figure(result, evidence, dots_of(result, evidence)),
-        workspace_figure(evidence.workspace, result.length_unit),
+        workspace_figure(result, evidence),
     ]
     return section("The mechanism in its poses", pictures(drawn))
 
@@ -266,7 +278,7 @@ def _moved(result: ResultShape) -> str:
         return ""
     rows = [
         (
-            f"{name_of(m.term)} {m.name}",
+            name_of(m.term) if m.name == m.term else f"{name_of(m.term)} {m.name}",
             m.target,
             number(m.before, 6),
             number(m.after, 6),
@@ -292,7 +304,9 @@ def _capital(text: str) -> str:
 def _parameters(result: ResultShape) -> str:
     whole = result.with_excluded.parameters if result.with_excluded else ()
     before = {(p.spec, p.name): p for p in whole}
+    superseding = any(p.earlier is not None for p in result.parameters)
     heads = ["target", "parameter", "value", "± 95 %", "unit"]
+    heads += ["earlier", "change [σ]"] * superseding
     heads += ["with what was left out"] * bool(whole)
     rows = []
     for p in result.parameters:
@@ -301,23 +315,40 @@ def _parameters(result: ResultShape) -> str:
         target = p.target if p.place is None else f"{p.target} at {p.place}"
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
-        rows.append((target, name, value, half, p.unit, *[all_readings] * bool(whole)))
+        earlier = _earlier(p) if superseding else ()
+        rows.append((target, name, value, half, p.unit, *earlier, *[all_readings] * bool(whole)))
     found = table(heads, rows, 2, "parameters") if rows else ""
-    notes = [f"Not determined: {text}" for text in result.unobservable]
-    notes += [f"Weak: {text}" for text in result.weak]
+    if superseding:
+        found += (
+            '<p class="faint">The change is in standard deviations of the difference, by both '
+            "uncertainties: between -2 and 2 it is what chance does.</p>"
+        )
+    notes = listed(f"Not determined: {text}" for text in result.unobservable)
+    weak = listed(f"Weak: {text}" for text in result.weak)
+    if len(result.weak) > FEW:
+        weak = _folded(f"{len(result.weak)} combinations that the readings hardly tell", weak)
     folded = _folded(f"{len(rows)} parameters with their 95 % intervals", found) if rows else ""
-    return section("Parameters", folded, listed(notes))
+    return section("Parameters", folded, notes, weak)
+
+
+def _earlier(p: Parameter) -> tuple[str, str]:
+    """The earlier value, as exact as the new one, and the change in units of both uncertainties."""
+    if p.earlier is None:
+        return "–", "–"
+    known = plus_minus(p.earlier.value, None if p.sd is None else 1.96 * p.sd)[0]
+    return known, "–" if p.change is None else f"{p.change:+z.1f}"
 
 
 def _readings(result: ResultShape, evidence: Evidence | None) -> str:
     drawn: list[Figure | None] = []
+    units = evidence.units if evidence else ()
     if result.noise is not None and result.noise.sigma:
-        drawn.append(noise_figure(result.noise))
+        drawn.append(noise_figure(result.noise, units))
     drawn.append(normal_figure(result))
     rows = ""
     found = evidence.reliability if evidence else None
     if found is not None:
-        drawn.append(reliability_figure(result, found))
+        drawn.append(reliability_figure(result, found, units))
         heads = ("channel", "usual", "largest", "external, largest", "unchecked poses")
         rows = table(heads, reliability_rows(result, found), 1, "reliability by channel")
         rows = _folded("Minimum detectable error and external reliability by channel", rows)
@@ -331,21 +362,20 @@ def _readings(result: ResultShape, evidence: Evidence | None) -> str:
 
 
 def _hidden(result: TraceShape) -> str:
+    shown = result.could_hide[:12]
+    placed = any(h.platform_rms is not None for h in shown)
     rows = []
-    for h in result.could_hide[:12]:
+    for h in shown:
         rms = h.platform_rms
         cost = ("–", "–") if rms is None else (number(rms.position, 2), number(rms.orientation, 2))
-        rows.append((name_of(h.term), h.target, f"{number(h.detectable, 2)} {h.unit}", *cost))
-    heads = (
-        "effect",
-        "target",
-        "seen from",
-        f"position [{result.length_unit}]",
-        "orientation [rad]",
-    )
-    note = (
-        "How large an absent effect would have to be to be seen in these poses, and what it would "
-        "do to the platform meanwhile: the costliest first."
+        size = f"{number(h.detectable, 2)}{'' if h.unit == '1' else f' {h.unit}'}"
+        target = h.target if h.place is None else f"{h.target} at {h.place}"
+        rows.append((name_of(h.term), target, size, *cost[: 2 * placed]))
+    heads = ["effect", "target", "seen from"]
+    heads += [f"position [{result.length_unit}]", "orientation [rad]"] * placed
+    note = "How large an absent effect would have to be to be seen in these poses"
+    note += (
+        ", and what it would do to the platform meanwhile: the costliest first." if placed else "."
     )
     found = table(heads, rows, 2, "what could hide")
     return section("What could hide", f"<p>{note}</p>", found) if rows else ""
@@ -365,7 +395,7 @@ def _about(result: ResultShape) -> str:
     if result.noise is not None and result.noise.correlation is not None:
         items.append(f"correlation of neighbouring samples {number(result.noise.correlation, 2)}")
     if isinstance(result, TraceShape):
-        items += [f"not tried, for lack of a {needs}: {names}" for needs, names in _lacking(result)]
+        items += [f"not tried (missing: {needs}): {names}" for needs, names in _lacking(result)]
     code = f"<code>{escape(result.readings.sha256)}</code>"
     digest = f'<p class="faint">SHA-256 of the readings {code}</p>'
     return section("How", f'<div class="faint">{listed(items)}</div>', digest)

@@ -6,12 +6,18 @@ import datetime
 import re
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING, Any
 
+from rsicalib.plots import intervals, on_axes
 from rsicalib.records import Record, to_json
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, section, table
 from rsicalib.report.svg import Canvas, Chart, bounds
 from rsicalib.report.words import number, p_is, plus_minus
+from rsicalib.tabular import Tabular
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Forecast", "History", "LeftOut", "Past", "Series"]
 
@@ -77,6 +83,12 @@ class Series(Record):
     p_value: float | None
     """Probability of such a rate by chance."""
 
+    @property
+    def key(self) -> str:
+        """Its name: `gain@a11`, `curvature@a22.c2`."""
+        spec = f"{self.term}@{self.target}"
+        return spec if self.name == self.term else f"{spec}.{self.name}"
+
 
 @dataclass(frozen=True)
 class Forecast(Record):
@@ -92,8 +104,8 @@ class Forecast(Record):
     """The day by which one device in twenty like this one has exceeded it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class History(Record):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class History(Tabular, Record):
     """What is known of one device over time."""
 
     format: str = FORMAT
@@ -127,6 +139,57 @@ class History(Record):
         """The history as one HTML page that needs no network."""
         return page(self)
 
+    def plot(self, parameter: str | None = None, *, ax: Axes | None = None) -> Axes:
+        """Draw a parameter over time with its 95 % intervals; needs matplotlib (`rsicalib[plot]`).
+
+        Parameters
+        ----------
+        parameter : str, optional
+            `offset@a22`, `curvature@a22.c2`; where not given the one whose drift is least likely
+            by chance.
+        ax : Axes, optional
+            Where to; a new figure where not given.
+
+        Returns
+        -------
+        Axes
+            For titles and limits of your own.
+
+        Raises
+        ------
+        KeyError
+            There is no such parameter.
+        """
+        known = {one.key: one for one in self.parameters}
+        if parameter is None:
+            parameter = min(known, key=lambda key: _by_chance(known[key]))
+        if parameter not in known:
+            raise KeyError(f"no parameter {parameter!r}; there are {', '.join(known)}")
+        one = known[parameter]
+        days = [datetime.datetime.fromisoformat(date) for date in one.valid_from]
+        half = [1.96 * sd for sd in one.sd]
+        axes = on_axes(ax, figsize=(7, 3))
+        intervals(axes, days, one.values, half, f"{parameter} [{one.unit}]")
+        axes.tick_params(axis="x", rotation=30)
+        return axes
+
+    def _table(self) -> dict[str, Any]:
+        rows = [
+            (one.key, *row, one.unit)
+            for one in self.parameters
+            for row in zip(one.valid_from, one.values, one.sd, strict=True)
+        ]
+        names = ("name", "valid_from", "value", "sd", "unit")
+        return dict(zip(names, zip(*rows, strict=True), strict=True)) if rows else {}
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.text())}</pre>"
+
+    def __repr__(self) -> str:
+        drifting = ", ".join(one.key for one in _drifts(self)) or "nothing"
+        called = self.device or self.mechanism
+        return f"<History of {called!r}: {len(self.results)} results, {drifting} drifts>"
+
 
 def lines(history: History) -> list[str]:
     """The history as lines."""
@@ -150,6 +213,10 @@ def lines(history: History) -> list[str]:
     if history.left_out:
         out += ["", "left out:", *(f"  {one.file}: {one.reason}" for one in history.left_out)]
     return out
+
+
+def _by_chance(one: Series) -> float:
+    return 1.0 if one.p_value is None else one.p_value
 
 
 def _past(one: Past) -> str:

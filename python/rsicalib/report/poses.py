@@ -12,7 +12,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, listed, section, table
-from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
+from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
 
 __all__ = ["poses_figure", "poses_html"]
 
@@ -37,24 +37,42 @@ def poses_html(mechanism: str, unit: str, rows: str, said: str, poses: FloatArra
         The document.
     """
     heads, *lines = list(csv.reader(io.StringIO(rows)))
+    whys = {line[heads.index("why")] for line in lines} if "why" in heads else set()
     text = ("pose", "group", "at", "why")
     order = [heads.index(head) for head in text if head in heads]
     words = len(order)
     order += [k for k, head in enumerate(heads) if head not in text]
+    alike = len(whys) == 1 and len(lines) > 1
+    if alike:
+        order.remove(heads.index("why"))
+        words -= 1
     shown = [[line[k] for k in order] for line in lines]
-    brings = [line.strip() for line in said.partition("\n\n")[2].splitlines() if line.strip()]
     labels = [line[heads.index("pose")] for line in lines]
     figure = poses_figure(poses, unit, labels) if poses is not None and len(poses) else None
+    found = table([heads[k] for k in order], shown, words, "poses to visit", long="why")
+    why = f"<p>Why: each is {escape(whys.pop())}.</p>" if alike else ""
     return document(
         f"{mechanism}: plan",
         [
             f"<h1>Plan for {escape(mechanism)}</h1>",
             f'<p class="verdict good">{len(lines)} poses to visit, in this order.</p>',
-            section("What they bring", listed(brings)),
+            section("What they bring", _brought(said)),
             section("Where they are", figure.html() if figure else ""),
-            section("The poses", table([heads[k] for k in order], shown, words, "poses to visit")),
+            section("The poses", why, found),
         ],
     )
+
+
+def _brought(said: str) -> str:
+    """What a plan brings: a line that ends with a colon stands above those that follow."""
+    lines = [line.strip() for line in said.partition("\n\n")[2].splitlines() if line.strip()]
+    parts: list[tuple[str, list[str]]] = [("", [])]
+    for line in lines:
+        if line.endswith(":"):
+            parts.append((line[:1].upper() + line[1:], []))
+        else:
+            parts[-1][1].append(line)
+    return "\n".join(f"<p>{escape(head)}</p>{listed(below)}" for head, below in parts if below)
 
 
 def poses_figure(poses: FloatArray, unit: str, labels: Sequence[str]) -> Figure:
@@ -71,11 +89,12 @@ def poses_figure(poses: FloatArray, unit: str, labels: Sequence[str]) -> Figure:
             words = (f"{names[u]} [{unit}]", f"{names[v]} [{unit}]")
             chart = Chart.on(part, x, y, words, title=title, height=height)
             chart.curve([(p[u], p[v]) for p in poses.tolist()], "whisker way")
+            taken: list[tuple[float, float]] = []
             for label, pose in zip(labels, poses.tolist(), strict=True):
                 place = chart.at((pose[u], pose[v]))
                 angles = ", ".join(f"{value:.0f}°" for value in np.degrees(pose[3:]))
                 part.dot(*place, 3.4, said=f"pose {label}: rx, ry, rz {angles}")
-                part.text(place[0] + 5.0, place[1] - 4.0, label)
+                part.text(*_beside(place, LETTER * len(label), taken), label)
             column, row = k % across, k // across
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
@@ -87,3 +106,17 @@ def poses_figure(poses: FloatArray, unit: str, labels: Sequence[str]) -> Figure:
         "Each dot is a pose with its number, the line the way from one to the next; rest on a dot "
         "for its orientation.",
     )
+
+
+def _beside(
+    place: tuple[float, float], long: float, taken: list[tuple[float, float]]
+) -> tuple[float, float]:
+    """Where the label of a dot is written: not over another one, if that can be."""
+    x, y = place
+    ways = [(x + 5.0, y - 4.0), (x - 5.0 - long, y - 4.0), (x + 5.0, y + 13.0)]
+    ways += [(x - 5.0 - long, y + 13.0), (x - long / 2, y - 15.0), (x - long / 2, y + 24.0)]
+    free = [
+        w for w in ways if all(abs(w[0] - u) > long + 2 or abs(w[1] - v) > 11 for u, v in taken)
+    ]
+    taken.append((free or ways)[0])
+    return taken[-1]

@@ -10,7 +10,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
-from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
+from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
 from rsicalib.shapes import Evidence, ResultShape
 
 __all__ = ["Dots", "dots_of", "normal_figure", "residual_figure"]
@@ -170,7 +170,7 @@ def draw_residuals(
                 kind = "dot out" if pose in dots.out else "dot"
                 said = f"{dots.labels[pose]}, {dots.equations[e]}: {value:.2f}"
                 x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
-                culprit = (pose, e) in far
+                culprit = (pose, e) in far and abs(value) > FAR
                 kind = f"{kind} far" if culprit else kind
                 number = {"k": pose * len(row) + e} if numbered else {}
                 canvas.dot(x, y, radius, kind, said, **number)
@@ -195,9 +195,6 @@ def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], boun
         chart.canvas.text(at, y + 4.0, words, kind="culprit")
 
 
-LETTER = 6.9
-"""Width of a letter of a label, at most on average."""
-
 ONE_SCALE = 6.0
 """Panels whose largest residuals differ by more than this factor have scales of their own."""
 
@@ -212,17 +209,19 @@ def _scales(panels: Sequence[FloatArray], dots: Dots) -> list[float]:
 
 
 def _far(rows: FloatArray, dots: Dots) -> dict[tuple[int, int], str]:
-    """The worst dots of a panel, one to a pose, with what is written at them."""
+    """The worst dots of a panel, one to a pose, and what was left out, with their labels."""
     worst = np.argmax(np.abs(np.nan_to_num(rows)), axis=1)
     sizes = np.abs(np.nan_to_num(rows))[np.arange(len(rows)), worst]
     found = {}
     # Beside a wrong reading the others are off for its sake.
     blamed = [pose for pose in dots.out if sizes[pose] > FAR]
-    for pose in np.argsort(-sizes)[:LABELLED].tolist():
-        if sizes[pose] > FAR and (pose in blamed or not blamed):
-            name = dots.out.get(pose, dots.labels[pose])
-            e = int(worst[pose])
-            found[pose, e] = f"{name} · {dots.equations[e]}"
+    order = np.argsort(-sizes).tolist()
+    for pose in sorted(order[:LABELLED] + list(dots.out)[:LABELLED], key=order.index):
+        e = int(worst[pose])
+        if pose in dots.out:
+            found[pose, e] = f"{dots.out[pose]} · left out"
+        elif sizes[pose] > FAR and not blamed:
+            found[pose, e] = f"{dots.labels[pose]} · {dots.equations[e]}"
     return found
 
 

@@ -12,10 +12,13 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import TypeAlias
 
-__all__ = ["NARROW", "WIDE", "Axis", "Canvas", "Chart", "Draw", "bounds", "ticks"]
+__all__ = ["LETTER", "NARROW", "WIDE", "Axis", "Canvas", "Chart", "Draw", "bounds", "ticks"]
 
 WIDE, NARROW = 560.0, 320.0
 """Widths at which figures are drawn, in units of their view box."""
+
+LETTER = 6.9
+"""Width of a letter of a label, at most on average."""
 
 Draw: TypeAlias = Callable[[float], str]
 """A figure: an `<svg>` element for a width."""
@@ -173,7 +176,8 @@ class Chart:
             Whether the numbers along x are written.
         """
         narrow = canvas.width < WIDE
-        left, bottom = (46.0, 36.0) if narrow else (64.0, 36.0)
+        longest = max(len(f"{value:g}") for value in ticks(*y, 5))
+        left, bottom = max(46.0 if narrow else 64.0, 24.0 + LETTER * longest), 36.0
         across = Axis(*x, left, canvas.width - 10.0)
         up = Axis(*y, top + height - bottom, top + 24.0)
         if title:

@@ -24,6 +24,8 @@ __all__ = ["summary"]
 LINES = 23
 """With a blank one and the path of a report they are 25."""
 WIDTH = 100
+ADVICE = 5
+"""Lines of what to do next that there is always room for."""
 
 
 def summary(result: ResultShape) -> str:
@@ -49,7 +51,8 @@ def summary(result: ResultShape) -> str:
         middle = [*_found(result), *_left_out(result), *middle, *_left(result)]
     else:
         middle = [*_left_out(result), *middle]
-    tail = [line for text in advice(result)[:3] for line in _next(text)][:5]
+    free = LINES - len(head) - len(middle) - 2 if isinstance(result, TraceShape) else 0
+    tail = _advice(result, max(free, ADVICE))
     if tail:
         tail = ["", *tail]
     room = LINES - len(head) - len(tail) - 1
@@ -69,6 +72,16 @@ def _listed(label: str, texts: Sequence[str], most: int) -> list[str]:
     more = len(texts) - most
     lines = [_cut(f"  {label:10}{text}") for text in texts[:most]]
     return [*lines, f"  {'':10}and {more} more"] if more > 0 else lines
+
+
+def _advice(result: ResultShape, room: int) -> list[str]:
+    """What to do next: whole sentences, as many as there is room for, the first in any case."""
+    lines: list[str] = []
+    for text in advice(result)[:3]:
+        more = _next(text)
+        if not lines or len(lines) + len(more) <= room:
+            lines += more[:room]
+    return lines
 
 
 def _next(text: str) -> list[str]:

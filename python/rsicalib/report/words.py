@@ -23,6 +23,7 @@ __all__ = [
     "comparison",
     "excluded_words",
     "law_words",
+    "listed_words",
     "name_of",
     "noise_words",
     "number",
@@ -84,7 +85,8 @@ def subject(step: Step | Name) -> str:
     return f"{name_of(step.term)} of {target_words(step.klass, step.target)}{at}"
 
 
-def _and(items: Sequence[str]) -> str:
+def listed_words(items: Sequence[str]) -> str:
+    """Words one after the other: `a, b and c`."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
 
 
@@ -154,7 +156,7 @@ def sentence(result: ResultShape) -> str:
         found = _found(result)
         return f"Unjudged: a calibration{found}, and nothing to judge it by: {judged}."
     if isinstance(result, TraceShape) and result.steps:
-        missing = _and([subject(step) for step in result.steps])
+        missing = listed_words([subject(step) for step in result.steps])
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
             return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
@@ -184,7 +186,7 @@ def sentence(result: ResultShape) -> str:
 def _found(result: ResultShape) -> str:
     """What a trace found, where nothing judges it: ` with curvature of sensor a22`."""
     steps = result.steps if isinstance(result, TraceShape) else ()
-    return f" with {_and([subject(step) for step in steps])}" if steps else ""
+    return f" with {listed_words([subject(step) for step in steps])}" if steps else ""
 
 
 def noise_words(result: ResultShape) -> str:
@@ -197,7 +199,7 @@ def noise_words(result: ResultShape) -> str:
     low, high = number(min(sigma.values())), number(max(sigma.values()))
     size, others = low if low == high else f"{low} … {high}", ""
     if apart and 2 * times > len(sigma):
-        size, others = number(usual), f", {_and(apart)}"
+        size, others = number(usual), f", {listed_words(apart)}"
     dof = "" if result.noise.dof is None else f", {result.noise.dof:.0f} degrees of freedom"
     units = {p.unit.partition("/")[2] for p in result.parameters if p.term == "gain"}
     unit = f"{units.pop()} " if len(units) == 1 else ""
@@ -374,7 +376,7 @@ def _next_measurement(result: TraceShape) -> list[str]:
             "electronics": "visit the same poses again later, and in another order",
         }.get(step.klass, "visit poses that differ more at {target}")
         out.append(
-            f"To tell {name_of(step.term)} of {step.target} from {_and(others[:3])}: "
+            f"To tell {name_of(step.term)} of {step.target} from {listed_words(others[:3])}: "
             f"{how.format(target=step.target)}."
         )
     if result.verdict in ("unexplained", "partly_explained") and result.unexplained is not None:

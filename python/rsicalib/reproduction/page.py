@@ -12,6 +12,9 @@ from rsicalib.reproduction.document import Cell, Paper, Table
 
 __all__ = ["agreement_figure", "html"]
 
+LONG = 20
+"""Longest label of a row that may be broken into words."""
+
 
 def html(paper: Paper) -> str:
     """Write the reproduction as one HTML file that needs no network.
@@ -59,14 +62,15 @@ def agreement_figure(paper: Paper) -> Figure:
             canvas,
             (-0.6, len(names) - 0.4),
             (-largest, largest),
-            ("table", "log₁₀ (computed / printed)"),
+            ("", "log₁₀ (computed / printed)"),
             height=250.0,
             x_ticks=False,
         )
-        most = 6 if width > 400.0 else 4
         for number, name in enumerate(names):
-            short = name if len(name) <= most else f"{name[: most - 1]}…"
-            canvas.text(chart.x(number), chart.y.start + 16.0, short, anchor="middle")
+            short = name if name.isupper() else f"{name[:4]}."
+            # Neighbours that are long stand on two lines.
+            down = 30.0 if len(short) > 4 and number % 2 else 16.0
+            canvas.text(chart.x(number), chart.y.start + down, short, anchor="middle")
         for place, (number, ratio, said) in enumerate(found):
             # Dots of one table side by side, so that none hides another.
             at = number + 0.5 * ((place * 0.618034) % 1.0 - 0.5)
@@ -99,7 +103,8 @@ def _table(one: Table) -> str:
     """Computed figures, printed ones in parentheses."""
     rows = [[row.label, *(cell.text() for cell in row.cells)] for row in one.rows]
     rows = [row + [""] * (len(one.columns) + 1 - len(row)) for row in rows]
-    return table(["", *one.columns], rows, words=_title(one))
+    long = "" if any(len(row.label) > LONG for row in one.rows) else None
+    return table(["", *one.columns], rows, words=_title(one), long=long)
 
 
 def _notes(one: Table) -> str:
@@ -108,4 +113,5 @@ def _notes(one: Table) -> str:
 
 def _misprints(paper: Paper) -> str:
     rows = [(m.where, m.printed, m.right, m.why) for m in paper.misprints]
-    return table(("where", "printed", "right", "why"), rows, 4, "misprints") if rows else ""
+    heads = ("where", "printed", "right", "why")
+    return table(heads, rows, 4, "misprints", long="why") if rows else ""

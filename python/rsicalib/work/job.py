@@ -30,9 +30,9 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 from rsicalib.work.outcome import (
+    beside_earlier,
     described,
     digest_of,
-    moved_parameters,
     reference_of,
     update_of,
 )
@@ -179,7 +179,7 @@ class Work:
             new = [
                 p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
             ]
-            out["moved"] = moved_parameters(self.mechanism, self.earlier, new)
+            out["parameters"], out["moved"] = beside_earlier(self.mechanism, self.earlier, new)
             out["supersedes"] = self.supersedes
         return out
 

@@ -6,6 +6,8 @@ import contextlib
 import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,15 +18,15 @@ from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Result
-from rsicalib.shapes import Data, Moved, Parameter, Skipped
+from rsicalib.shapes import Before, Data, Moved, Parameter, Skipped
 
 __all__ = [
     "NOTHING",
     "DateArg",
     "about",
+    "beside_earlier",
     "described",
     "digest_of",
-    "moved_parameters",
     "reference_of",
     "update_of",
 ]
@@ -68,9 +70,14 @@ def described(readings: Sequence[Readings]) -> Data:
         poses=sum(r.n_poses for r in readings),
         samples=sum(len(r) for r in readings),
         sha256=digest,
-        files=tuple(r.source for r in readings) if len(readings) > 1 else (),
+        files=tuple(r.source for r in readings if len(readings) > 1 or _is_file(r)),
         skipped=tuple(skipped),
     )
+
+
+def _is_file(readings: Readings) -> bool:
+    """Whether readings are from a file: it has lines, or its name has an ending."""
+    return readings.line_word == "line" or bool(Path(readings.source).suffix)
 
 
 def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
@@ -135,15 +142,20 @@ def update_of(
     }
 
 
-def moved_parameters(
+def beside_earlier(
     mechanism: Mechanism, earlier: Result, parameters: Sequence[Parameter]
-) -> list[Moved]:
-    """Parameters that differ by more than chance would make one of them differ once in 100."""
+) -> tuple[list[Parameter], list[Moved]]:
+    """Parameters with what an earlier result says of them, and those that have moved.
+
+    Chance alone would move any of them once in 100 results.
+    """
     before, now = (
         [(p.at, p.name, p.value, p.sd) for p in of] for of in (earlier.parameters, parameters)
     )
-    moved = []
-    for number, old, new, sd in _core.moved(mechanism, before, now):
+    out, moved = list(parameters), []
+    for number, old, new, sd, beyond in _core.compared(mechanism, before, now):
         p = parameters[number]
-        moved.append(Moved(p.term, p.target, p.name, before=old, after=new, sd=sd, unit=p.unit))
-    return moved
+        out[number] = replace(p, earlier=Before(old, sd))
+        if beyond:
+            moved.append(Moved(p.term, p.target, p.name, before=old, after=new, sd=sd, unit=p.unit))
+    return out, moved

@@ -159,7 +159,11 @@ pub fn points(
 }
 
 /// The same chains with their points, closed on nothing that readings would have to name.
-fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
+///
+/// # Errors
+///
+/// [`Error::Missing`] where no chain carries a point.
+pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     let mut points: Vec<Point> =
         mechanism.points.iter().filter(|p| p.unknown.is_empty()).cloned().collect();
     let Some(carried) = points.iter().find(|p| p.chain.is_some()).map(|p| p.name.clone()) else {

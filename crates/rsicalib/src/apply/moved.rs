@@ -1,4 +1,4 @@
-//! Parameters that are not what an earlier result says.
+//! Parameters beside those of an earlier result.
 
 use crate::apply::earlier::outlasts;
 use crate::mechanism::Mechanism;
@@ -23,9 +23,9 @@ pub struct Estimate {
     pub sd: Option<f64>,
 }
 
-/// A parameter that differs by more than both uncertainties allow.
+/// A parameter that two results know.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Moved {
+pub struct Compared {
     /// Its number in the new result.
     pub parameter: usize,
     /// Its value in the earlier result.
@@ -34,16 +34,17 @@ pub struct Moved {
     pub after: f64,
     /// Standard deviation of the difference.
     pub sd: f64,
+    /// True where it differs by more than both uncertainties allow.
+    pub moved: bool,
 }
 
-/// Parameters of `now` that differ from `earlier`.
+/// Parameters that both `earlier` and `now` know.
 ///
-/// The limit is shared by all that both results have: chance makes one of them differ with
-/// probability [`MOVED_LEVEL`]. What is not determined has not moved, and what belongs to one
-/// session is not compared. A sensor that slipped in the earlier session has the offset that the
-/// slip left it.
+/// The limit of what has moved is shared by all that both results have: chance makes one of them
+/// differ with probability [`MOVED_LEVEL`]. What is not determined is not compared, nor what belongs
+/// to one session. A sensor that slipped in the earlier session has the offset that the slip left it.
 #[must_use]
-pub fn moved(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -> Vec<Moved> {
+pub fn compared(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -> Vec<Compared> {
     let same = |new: &Estimate| {
         earlier.iter().rfind(|old| (&old.spec, &old.name) == (&new.spec, &new.name))
     };
@@ -52,13 +53,14 @@ pub fn moved(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -> V
     let pairs: Vec<(usize, &Estimate, &Estimate)> =
         all.filter_map(|(k, new)| Some((k, same(new)?, new))).collect();
     let limit = two_sided_limit(MOVED_LEVEL, pairs.len());
-    let differs = |(parameter, old, new): (usize, &Estimate, &Estimate)| {
+    let compare = |(parameter, old, new): (usize, &Estimate, &Estimate)| {
         let (shift, variance) = shifts(earlier, &old.spec);
         let (before, after) = (old.value? + shift, new.value?);
         let sd = old.sd?.hypot(variance.sqrt()).hypot(new.sd?);
-        ((after - before).abs() > limit * sd).then_some(Moved { parameter, before, after, sd })
+        let moved = (after - before).abs() > limit * sd;
+        Some(Compared { parameter, before, after, sd, moved })
     };
-    pairs.into_iter().filter_map(differs).collect()
+    pairs.into_iter().filter_map(compare).collect()
 }
 
 /// By how much an offset has been shifted at the end of its session, and the variance of that.
@@ -96,7 +98,9 @@ mod tests {
             estimate("offset@a14", Some(9.0), Some(0.04)),
             estimate("offset@a15", Some(9.0), Some(0.04)),
         ];
-        let found = moved(&Mechanism::rsi(), &old, &new);
+        let all = compared(&Mechanism::rsi(), &old, &new);
+        assert_eq!(all.len(), 2);
+        let found: Vec<&Compared> = all.iter().filter(|one| one.moved).collect();
         // 0.2 is 4 standard deviations of 0.05, 0.1 is 2; the limit for four is 3.02.
         assert_eq!(found.len(), 1);
         assert_eq!((found[0].parameter, found[0].before, found[0].after), (0, 1.0, 1.2));
@@ -108,8 +112,9 @@ mod tests {
         let step = estimate("slip@a11:17", Some(0.5), Some(0.01));
         let old = [estimate("offset@a11", Some(1.0), Some(0.01)), step];
         let sound = [estimate("offset@a11", Some(1.5), Some(0.01))];
-        assert_eq!(moved(&Mechanism::rsi(), &old, &sound), []);
-        assert_eq!(moved(&Mechanism::rsi(), &old, &old[..1])[0].before, 1.5);
+        let same = compared(&Mechanism::rsi(), &old, &sound);
+        assert_eq!(same.iter().map(|c| (c.before, c.moved)).collect::<Vec<_>>(), [(1.5, false)]);
+        assert!(compared(&Mechanism::rsi(), &old, &old[..1])[0].moved);
     }
 
     #[test]
@@ -118,6 +123,6 @@ mod tests {
             ["drift@a11", "slip@a11:3", "unknown_point@ball[at=1]"]
                 .map(|spec| estimate(spec, Some(value), Some(0.01)))
         };
-        assert_eq!(moved(&Mechanism::rsi(), &of(0.0), &of(1.0)), []);
+        assert_eq!(compared(&Mechanism::rsi(), &of(0.0), &of(1.0)), []);
     }
 }

@@ -15,3 +15,4 @@ mod precision;
 pub mod reach;
 mod reachable;
 pub mod suppose;
+pub mod within_limits;

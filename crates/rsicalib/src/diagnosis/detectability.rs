@@ -7,7 +7,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::project;
 use crate::diagnosis::trace::Traced;
-use crate::estimate::directions::unit;
+use crate::estimate::directions::{place, unit};
 use crate::estimate::{Fit, Observations};
 use crate::model::{Instance, Model};
 use crate::numerics::distributions;
@@ -20,6 +20,9 @@ pub struct Detectability {
     pub term: String,
     /// What it would belong to.
     pub target: String,
+    /// Where a searched term would act: another channel.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub place: Option<String>,
     /// Size that would have been seen in four sessions of five.
     pub detectable: Option<f64>,
     /// Its unit.
@@ -78,6 +81,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         hidden.push(Detectability {
             term: info.id.into(),
             target: instance.target.name(&observations.mechanism),
+            place: place(observations, instance),
             detectable: visible.then_some(largest),
             unit: unit(observations, instance, info.parameters[0].unit),
             platform_rms,

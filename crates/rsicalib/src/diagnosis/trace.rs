@@ -19,7 +19,7 @@ use crate::diagnosis::verdict::determined;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, Observations, fit};
-use crate::model::Instance;
+use crate::model::{Instance, Model};
 use crate::numerics::symmetric;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
@@ -40,6 +40,10 @@ pub struct Found {
     pub also: Vec<Instance>,
     /// The search's fit without it.
     pub without: Fit,
+    /// Scores of everything without it, of each at its best place, best first.
+    pub scores: Vec<Scored>,
+    /// Laws of the same target that fit as well: the model with each, and its parameters.
+    pub laws: Vec<(Instance, Model, Vec<f64>)>,
 }
 
 /// What the search found.
@@ -61,6 +65,8 @@ pub struct Traced {
     pub excluded: Vec<Excluded>,
     /// The best that is left, whether or not it is above chance.
     pub left: Option<Scored>,
+    /// Scores of everything that is left, of each at its best place, best first.
+    pub scores: Vec<Scored>,
     /// Explanations that are nearly as good as the best, itself included; the best first.
     pub rivals: Vec<Explanation>,
     /// What is at fault isolated, where the catalogue does not explain it all.
@@ -92,7 +98,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
     }
     progress.enter(Stage::Refit);
     let (stepwise, pursued, isolated) = searched;
-    let Searched { current, found, poses, wrong, left, rivals, .. } = pursued;
+    let Searched { current, found, poses, wrong, left, scores, rivals, .. } = pursued;
     excluded.extend(poses.iter().map(|step| stepwise.excluded(step)));
     excluded.extend(wrong.into_iter().map(|(scored, blame)| {
         match excluded_pose(&scored.instance) {
@@ -101,11 +107,13 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         }
     }));
     let mut steps = Vec::new();
-    for FoundEffect { scored: Scored { instance, corrected, .. }, also, blame, without } in found {
+    for step in found {
+        let FoundEffect { scored: Scored { instance, corrected, .. }, also, blame, .. } = step;
         if scored::is_data(&instance) {
             excluded.push(stepwise.bad_reading(&instance, blame));
         } else {
-            steps.push(Found { instance, p_value: corrected, also, without });
+            let FoundEffect { without, scores, laws, .. } = step;
+            steps.push(Found { instance, p_value: corrected, also, without, scores, laws });
         }
     }
     for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
@@ -135,6 +143,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         found,
         excluded,
         left,
+        scores,
         rivals,
         isolated,
         judge,

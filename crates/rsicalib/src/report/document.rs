@@ -191,7 +191,7 @@ pub struct Data {
     pub samples: u64,
     /// Digest of the readings as they were used.
     pub sha256: String,
-    /// Files, where there are several.
+    /// Files that the readings are from, as they were given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<String>,
     /// Rows that were dropped because the caller asked for it.
@@ -268,6 +268,18 @@ pub struct Parameter {
     /// What keeps the parameter from being what its term is called.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
+    /// What an earlier result says of it, where one was given and knows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earlier: Option<Before>,
+}
+
+/// What an earlier result says of a parameter: the value that it left behind, slips included.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Before {
+    /// The earlier estimate.
+    pub value: f64,
+    /// Standard deviation of the difference, by both uncertainties.
+    pub sd: f64,
 }
 
 /// A start that was tried.
@@ -562,4 +574,7 @@ pub struct Hidden {
     /// What an effect of that size does to the platform.
     #[serde(default)]
     pub platform_rms: Option<Rms>,
+    /// Where a searched term would act: another channel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<String>,
 }

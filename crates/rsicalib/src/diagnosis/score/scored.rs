@@ -79,6 +79,16 @@ impl Scored {
     }
 }
 
+/// The best place of each term at each target, best first.
+#[must_use]
+pub fn best_places(scored: &[Scored]) -> Vec<Scored> {
+    let mut best = scored.to_vec();
+    best.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+    let mut seen = std::collections::HashSet::new();
+    best.retain(|s| seen.insert((s.instance.term.info().id, s.instance.target)));
+    best
+}
+
 /// Share of the error budget that each family has.
 const SHARES: [(Family, f64); 6] = [
     (Family::Named, 0.54),

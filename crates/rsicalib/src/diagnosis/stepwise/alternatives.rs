@@ -6,7 +6,7 @@ use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, room};
 use crate::diagnosis::stepwise::orders::one_order;
 use crate::estimate::Fit;
 use crate::mechanism::Target;
-use crate::model::Instance;
+use crate::model::{Instance, Model};
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::screening::blame::Blame;
 
@@ -24,6 +24,10 @@ pub struct Alternatives {
     pub near: Vec<Scored>,
     /// Whose reading is wrong, if it is one.
     pub blame: Blame,
+    /// Scores of everything without the effect, of each at its best place, best first.
+    pub scores: Vec<Scored>,
+    /// Laws of the same target that fit as well: the model with each, and its parameters.
+    pub laws: Vec<(Instance, Model, Vec<f64>)>,
 }
 
 impl Stepwise<'_> {
@@ -37,9 +41,11 @@ impl Stepwise<'_> {
         let own = found[index].instance;
         let without = self.without(current, &[own])?;
         let mut scored = self.scan(&without)?;
+        let scores = scored::best_places(&scored);
         let Some(mine) = score_of(own, &scored, current) else {
             let blame = Blame::among([(0.0, own.target)], &self.small.mechanism);
-            return Ok(Alternatives { better: false, also: Vec::new(), near: Vec::new(), blame });
+            let (also, near, laws) = (Vec::new(), Vec::new(), Vec::new());
+            return Ok(Alternatives { better: false, also, near, blame, scores, laws });
         };
         let room = RIVAL + room(mine.score);
         let others: Vec<Instance> =
@@ -89,8 +95,13 @@ impl Stepwise<'_> {
             .filter(|(value, s)| *value > best - RIVAL && s.instance != named)
             .map(|(_, s)| s)
             .collect();
-        let also = also.iter().filter(as_well).map(|(_, i)| *i).collect();
-        Ok(Alternatives { better, also, near, blame })
+        let also: Vec<Instance> = also.iter().filter(as_well).map(|(_, i)| *i).collect();
+        let beside = |(_, s, _): &(f64, Scored, Fit)| {
+            s.instance.target == named.target && also.contains(&s.instance)
+        };
+        let laws = rivals.into_iter().filter(beside).map(|(_, s, f)| (s.instance, f.model, f.beta));
+        let laws = laws.collect();
+        Ok(Alternatives { better, also, near, blame, scores, laws })
     }
 }
 

@@ -12,7 +12,7 @@ use crate::diagnosis::stepwise::rivals::Explanation;
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
-use crate::model::Instance;
+use crate::model::{Instance, Model};
 use crate::numerics::credible_set::AS_WELL;
 use crate::screening::blame::Blame;
 
@@ -25,6 +25,10 @@ pub struct FoundEffect {
     pub blame: Blame,
     /// The fit without it.
     pub without: Fit,
+    /// Scores of everything without it, best first.
+    pub scores: Vec<Scored>,
+    /// Laws of the same target that fit as well: the model with each, and its parameters.
+    pub laws: Vec<(Instance, Model, Vec<f64>)>,
 }
 
 /// Where a search ended.
@@ -36,6 +40,8 @@ pub struct Searched {
     /// What is wrong beside what is at fault alone.
     pub wrong: Vec<(Scored, Blame)>,
     pub left: Option<Scored>,
+    /// Scores of everything that is left, best first.
+    pub scores: Vec<Scored>,
     /// Explanations that are nearly as good as the best, itself included.
     pub rivals: Vec<Explanation>,
     /// It ended because there were enough, not because nothing scored.
@@ -46,8 +52,8 @@ impl Searched {
     /// A search that did not look for anything.
     pub fn nothing(start: Fit) -> Self {
         let (found, poses, wrong) = (Vec::new(), Vec::new(), Vec::new());
-        let rivals = Vec::new();
-        Self { current: start, found, poses, wrong, left: None, rivals, more: false }
+        let (rivals, scores) = (Vec::new(), Vec::new());
+        Self { current: start, found, poses, wrong, left: None, scores, rivals, more: false }
     }
 
     /// What is found but wrong readings.
@@ -183,16 +189,19 @@ struct Growing {
     poses: Vec<Scored>,
     /// The best that is left.
     left: Option<Scored>,
+    /// Everything that is left, best first.
+    scores: Vec<Scored>,
     /// It stands out, but there are enough.
     more: bool,
 }
 
 /// Adds effects until nothing scores, or there are so many.
 fn grow(stepwise: &mut Stepwise, it: &mut Growing, most: usize) -> Result<(), Error> {
-    let Growing { current, found, poses, left, more } = it;
+    let Growing { current, found, poses, left, scores, more } = it;
     for _ in 0..=most {
         let scored = stepwise.scan(current)?;
         *left = best_of(&scored);
+        *scores = scored::best_places(&scored);
         if found.len() + poses.len() >= most {
             *more = left.is_some_and(|left| left.corrected <= stepwise.search.alpha);
             break;
@@ -215,14 +224,14 @@ fn grow(stepwise: &mut Stepwise, it: &mut Growing, most: usize) -> Result<(), Er
 
 /// Adds effects, exchanges them for better ones, and looks back.
 fn search_once(stepwise: &mut Stepwise, start: Fit, most: usize) -> Result<Searched, Error> {
-    let (found, poses) = (Vec::new(), Vec::new());
-    let mut it = Growing { current: start, found, poses, left: None, more: false };
+    let (found, poses, scores) = (Vec::new(), Vec::new(), Vec::new());
+    let mut it = Growing { current: start, found, poses, left: None, scores, more: false };
     grow(stepwise, &mut it, most)?;
     if stepwise.exchange(&mut it.current, &mut it.found)? {
         it.more = false;
         grow(stepwise, &mut it, most)?;
     }
-    let Growing { mut current, mut found, mut poses, left, more } = it;
+    let Growing { mut current, mut found, mut poses, left, scores: last, more } = it;
     stepwise.against_the_rest(&mut current, &mut found, &mut poses)?;
     // What fits as well as each effect, the others kept; and a better one, if there is.
     let mut beside = Vec::new();
@@ -238,12 +247,14 @@ fn search_once(stepwise: &mut Stepwise, start: Fit, most: usize) -> Result<Searc
     let near: Vec<_> = beside.iter_mut().map(|(_, a)| std::mem::take(&mut a.near)).collect();
     let rivals = stepwise.rivals(&current, &found, &near)?;
     let mut steps = Vec::new();
-    for (scored, (_, Alternatives { also, blame, .. })) in found.into_iter().zip(beside) {
+    for (scored, (_, Alternatives { also, blame, scores, laws, .. })) in
+        found.into_iter().zip(beside)
+    {
         let without = stepwise.without(&current, &[scored.instance])?;
-        steps.push(FoundEffect { scored, also, blame, without });
+        steps.push(FoundEffect { scored, also, blame, without, scores, laws });
     }
     let wrong = Vec::new();
-    Ok(Searched { current, found: steps, poses, wrong, left, rivals, more })
+    Ok(Searched { current, found: steps, poses, wrong, left, scores: last, rivals, more })
 }
 
 /// The candidate least likely by chance.

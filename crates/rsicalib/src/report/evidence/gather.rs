@@ -2,7 +2,6 @@
 
 use crate::Error;
 use crate::diagnosis::held_out::averaged;
-use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::trace::{Found, Traced};
 use crate::estimate::progress::Progress;
@@ -10,12 +9,13 @@ use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 use crate::report::evidence::added_variable::added_variable;
 use crate::report::evidence::against::against;
-use crate::report::evidence::drawing::{drawing, workspace};
+use crate::report::evidence::drawing::drawing;
 use crate::report::evidence::laws::law;
 use crate::report::evidence::reliability::reliability;
 use crate::report::evidence::scores::scores;
 use crate::report::evidence::shapes::{EffectEvidence, Evidence};
 use crate::report::evidence::switchboard::{Full, switchboard};
+use crate::report::evidence::workspace::workspace;
 use crate::screening::excluded::Excluded;
 
 /// Evidence of a trace.
@@ -23,9 +23,9 @@ use crate::screening::excluded::Excluded;
 /// # Errors
 ///
 /// As [`crate::fit`].
-pub fn of_trace(traced: &Traced, search: &SearchOptions) -> Result<Evidence, Error> {
+pub fn of_trace(traced: &Traced) -> Result<Evidence, Error> {
     let evidence = of_fit(&traced.small, &traced.last)?;
-    let effects = traced.found.iter().map(|found| effect(traced, search, found));
+    let effects = traced.found.iter().map(|found| effect(traced, found));
     let full = Full {
         small: &traced.small,
         last: &traced.last,
@@ -35,7 +35,7 @@ pub fn of_trace(traced: &Traced, search: &SearchOptions) -> Result<Evidence, Err
     };
     Ok(Evidence {
         effects: effects.collect::<Result<_, _>>()?,
-        left: scores(traced, search, &traced.last, &[])?,
+        left: scores(&traced.small, &traced.scores, &[]),
         switchboard: switchboard(&full)?,
         ..evidence
     })
@@ -64,26 +64,29 @@ pub fn of_calibration(
 
 fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {
     let readings = &small.readings;
+    let (workspace, weakest) = workspace(small, fit)?;
     Ok(Evidence {
         equations: equations(fit),
         poses: if readings.held { readings.labels.clone() } else { Vec::new() },
+        units: small.mechanism.channels.iter().map(|channel| channel.unit.clone()).collect(),
         effects: Vec::new(),
         left: Vec::new(),
         reliability: reliability(small, fit),
         drawing: drawing(small, fit),
-        workspace: workspace(small, fit)?,
+        workspace,
+        weakest,
         switchboard: None,
     })
 }
 
-fn effect(traced: &Traced, search: &SearchOptions, found: &Found) -> Result<EffectEvidence, Error> {
+fn effect(traced: &Traced, found: &Found) -> Result<EffectEvidence, Error> {
     let (small, last) = (&traced.small, &traced.last);
     let law = law(small, found, last)?;
     let against = law.is_none().then(|| against(small, &found.instance, &found.without, last));
     let (added_variable, per_dot) = added_variable(small, &found.without, last);
     let chosen: Vec<Instance> =
         std::iter::once(found.instance).chain(found.also.iter().copied()).collect();
-    let scores = scores(traced, search, &found.without, &chosen)?;
+    let scores = scores(small, &found.scores, &chosen);
     Ok(EffectEvidence { law, against, added_variable, per_dot, scores })
 }
 

@@ -46,19 +46,25 @@ pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Opt
         some(order.iter().map(|&row| [variable[row], value(row)]).collect())
     };
     let mut alternatives = Vec::new();
-    if observations.readings.samples <= MOST_SAMPLES {
-        for other in found.also.iter().filter(|i| i.target == instance.target) {
-            if alternatives.len() == MOST_ALTERNATIVES {
-                break;
-            }
+    for other in found.also.iter().filter(|i| i.target == instance.target) {
+        if alternatives.len() == MOST_ALTERNATIVES {
+            break;
+        }
+        let there = if observations.readings.samples <= MOST_SAMPLES {
             let mut instances = found.without.model.instances.clone();
             instances.push(*other);
             let refit = fit(observations, instances, Some(&found.without))?;
-            let there = Angles::of(observations, &refit.model, &refit.beta);
-            let value = |row: usize| acts.law[row] + acts.apart(row, &there);
-            let effect = name(observations, other);
-            alternatives.push(Alternative { effect, line: line(&value) });
-        }
+            Angles::of(observations, &refit.model, &refit.beta)
+        } else {
+            // As the search fitted it, beside the others of that time.
+            let Some((_, model, beta)) = found.laws.iter().find(|(i, ..)| i == other) else {
+                continue;
+            };
+            Angles::of(observations, model, beta)
+        };
+        let value = |row: usize| acts.law[row] + acts.apart(row, &there);
+        let effect = name(observations, other);
+        alternatives.push(Alternative { effect, line: line(&value) });
     }
     let correction_unit = acts.unit(observations);
     let line = line(&|row| acts.law[row]);

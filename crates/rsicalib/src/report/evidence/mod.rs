@@ -11,3 +11,5 @@ mod scores;
 pub mod shapes;
 mod switchboard;
 mod thinned;
+mod uncertain;
+mod workspace;

@@ -16,8 +16,15 @@ pub struct Row {
     pub place: [f64; 3],
 }
 
+/// True where the closures place what is carried: on a platform. Elsewhere each chain places its
+/// own points.
+pub fn has_platform(model: &Model) -> bool {
+    !model.mechanism.platform.is_empty() && model.unknown_names.is_empty()
+}
+
 /// Nodes in every `stride`-th block: for each chain its joints, base first, then the points that
-/// it carries. Readings are first moved onto the closures, as far as their noise allows.
+/// it carries. Under a platform readings are first moved onto the closures, as far as their noise
+/// allows.
 pub fn points(
     model: &Model,
     readings: &Readings,
@@ -31,7 +38,10 @@ pub fn points(
     let mut rows = Vec::new();
     let mut ws = Workspace::default();
     for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
-        let settled = problem.settled(block, beta);
+        let settled = match has_platform(model) {
+            true => problem.settled(block, beta),
+            false => readings.raw(block).to_vec(),
+        };
         model.evaluate(readings, block, &settled, beta, Want { x: false, a: false }, &mut ws);
         let carried = model.points(&ws);
         let mut nodes: Vec<Vec3> = Vec::new();

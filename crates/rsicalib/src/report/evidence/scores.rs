@@ -1,11 +1,8 @@
 //! Scores of all candidates, for bars.
 
-use crate::Error;
-use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::score::scan::scan;
-use crate::diagnosis::trace::Traced;
+use crate::diagnosis::score::scored::Scored;
+use crate::estimate::Observations;
 use crate::estimate::directions::place;
-use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 use crate::report::document::Name;
 use crate::report::evidence::shapes::Score;
@@ -21,28 +18,15 @@ pub fn name(observations: &Observations, instance: &Instance) -> Name {
     }
 }
 
-/// Scores of everything that a fit lacks, best first; of each term at each target its best place.
-///
-/// # Errors
-///
-/// As [`scan`].
-pub fn scores(
-    traced: &Traced,
-    search: &SearchOptions,
-    fit: &Fit,
-    chosen: &[Instance],
-) -> Result<Vec<Score>, Error> {
-    let mut scored = scan(&traced.small, fit, &traced.judge, &search.without)?;
-    scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-    let mut seen = std::collections::HashSet::new();
-    scored.retain(|s| seen.insert((s.instance.term.info().id, s.instance.target)));
-    let score = |s: &crate::diagnosis::score::scored::Scored| Score {
-        effect: name(&traced.small, &s.instance),
+/// Scores of a search, as results have them.
+pub fn scores(small: &Observations, scored: &[Scored], chosen: &[Instance]) -> Vec<Score> {
+    let score = |s: &Scored| Score {
+        effect: name(small, &s.instance),
         score: s.score,
         charged: s.charged(),
         dof: s.width,
         p_value: s.corrected.min(1.0),
         chosen: chosen.contains(&s.instance),
     };
-    Ok(scored.iter().map(score).collect())
+    scored.iter().map(score).collect()
 }

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::estimate::directions::ParameterReport;
 use crate::report::document::Name;
 
 /// What the pictures of a report are drawn from, beyond the result itself.
@@ -14,6 +15,8 @@ pub struct Evidence {
     pub equations: Vec<String>,
     /// Label of each pose; empty for a recording, whose poses are its rows.
     pub poses: Vec<i64>,
+    /// Unit of the readings of each channel.
+    pub units: Vec<String>,
     /// One for each effect that was found, in the order of `steps`.
     pub effects: Vec<EffectEvidence>,
     /// Scores of what is not in the final model, best first.
@@ -22,8 +25,11 @@ pub struct Evidence {
     pub reliability: Option<Reliability>,
     /// The mechanism in its poses; null where no chain carries a point.
     pub drawing: Option<Drawing>,
-    /// Slices of the workspace, where it is known.
+    /// How well the calibration places what is carried, over the workspace or the limits of the
+    /// joints.
     pub workspace: Vec<Slice>,
+    /// The place that it knows least there; null where nothing is uncertain.
+    pub weakest: Option<Weakest>,
     /// The fits with and without each suspect; null where nothing is suspected.
     pub switchboard: Option<Switchboard>,
 }
@@ -143,20 +149,41 @@ pub struct Node {
     pub joint: bool,
 }
 
-/// A plane of the workspace, orientation zero.
+/// A plane of the workspace: of a platform at orientation zero, or everything within the limits of
+/// the joints, seen from one side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Slice {
+    /// The point that is carried, or the chain where it carries several; null: the platform.
+    pub of: Option<String>,
     /// Names of the two coordinates that change.
     pub axes: [String; 2],
     /// Name of the third coordinate.
     pub fixed: String,
-    /// Its value [length unit].
-    pub value: f64,
+    /// Its value; null: a cell is the root mean square over all its values [length unit].
+    pub value: Option<f64>,
     /// Distance of neighbouring cells along both axes [length unit].
     pub step: [f64; 2],
-    /// Both coordinates of a cell, and the standard deviation of the platform's position there,
-    /// root mean square of x, y and z, noise of the reading not counted [length unit].
+    /// Both coordinates of a cell, and the standard deviation of the position there, root mean
+    /// square of x, y and z, noise of the reading not counted [length unit].
     pub cells: Vec<[f64; 3]>,
+}
+
+/// The place of the workspace that is known least.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Weakest {
+    /// What is carried there, as for a plane; null: the platform.
+    pub of: Option<String>,
+    /// x, y, z [length unit].
+    pub place: [f64; 3],
+    /// Standard deviation there, root mean square of x, y and z [length unit].
+    pub sd: f64,
+    /// Direction that is known least, one standard deviation long [length unit].
+    pub along: [f64; 3],
+    /// The parameter that is most correlated with the position along it, offsets about the mean
+    /// reading.
+    pub parameter: ParameterName,
+    /// Size of that correlation.
+    pub correlation: f64,
 }
 
 /// The fits with and without each suspect, on averages of the samples of each pose.
@@ -165,7 +192,7 @@ pub struct Switchboard {
     /// The suspects.
     pub switches: Vec<Switch>,
     /// What each parameter is: of the terms of any fit.
-    pub parameters: Vec<SwitchParameter>,
+    pub parameters: Vec<ParameterName>,
     /// Number `n` has switch `i` on where bit `i` of `n` is set.
     pub fits: Vec<SwitchFit>,
 }
@@ -181,9 +208,9 @@ pub struct Switch {
     pub channel: Option<String>,
 }
 
-/// Name of a parameter of a switchboard.
+/// Name of a parameter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct SwitchParameter {
+pub struct ParameterName {
     /// Id of the term.
     pub term: String,
     /// What the term belongs to.
@@ -192,6 +219,12 @@ pub struct SwitchParameter {
     pub name: String,
     /// Unit of the parameter.
     pub unit: String,
+}
+
+impl From<ParameterReport> for ParameterName {
+    fn from(ParameterReport { term, target, name, unit, .. }: ParameterReport) -> Self {
+        Self { term, target, name, unit }
+    }
 }
 
 /// One fit of a switchboard.

@@ -3,11 +3,11 @@
 use crate::Error;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::score::scored::is_data;
-use crate::estimate::directions::{ParameterReport, parameter_names, reported};
+use crate::estimate::directions::{parameter_names, reported};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::report::evidence::scores::name;
-use crate::report::evidence::shapes::{Switch, SwitchFit, SwitchParameter, Switchboard};
+use crate::report::evidence::shapes::{ParameterName, Switch, SwitchFit, Switchboard};
 use crate::report::traced::by_pose;
 use crate::screening::excluded::Excluded;
 
@@ -72,15 +72,9 @@ pub fn switchboard(full: &Full) -> Result<Option<Switchboard>, Error> {
     }
     let terms = last.model.term_parameters;
     let parameters = parameter_names(small, last).into_iter().take(terms);
-    let named = |p: ParameterReport| SwitchParameter {
-        term: p.term,
-        target: p.target,
-        name: p.name,
-        unit: p.unit,
-    };
     Ok(Some(Switchboard {
         switches: suspects.iter().map(|suspect| switch(small, suspect)).collect(),
-        parameters: parameters.map(named).collect(),
+        parameters: parameters.map(ParameterName::from).collect(),
         fits,
     }))
 }
