@@ -283,12 +283,32 @@ def load(path: Path) -> tuple[dict[str, Any], Array | None]:
     return table(read), np.stack([data[c] for c in known], axis=1) if known else None
 
 
-def handle_errors(folder: Path) -> dict[str, float]:
-    """Position error [in] on the check poses of a recording, by method."""
+Recorded = tuple[dict[str, Any], dict[str, Any], dict[str, Any], Array]
+"""Readings, the rest reading, and readings at known poses with these poses."""
+
+
+def recorded(folder: Path) -> Recorded:
+    """A recording in files."""
     (read, _), (rest, _) = load(folder / "readings.csv"), load(folder / "rest.csv")
     check, poses = load(folder / "check.csv")
     if poses is None:
         raise ValueError(f"{folder}: no known poses to check")
+    return read, rest, check, poses
+
+
+def simulated_recording(seed: int) -> Recorded:
+    """A recording of 20 s of a device drawn at random."""
+    rng = np.random.default_rng(seed)
+    device = Device.random(rng)
+    check = simulator.check(device, rng)
+    sessions = simulator.recording(device, rng), simulator.rest(device, rng), check
+    read, rest, known = map(table, sessions)
+    return read, rest, known, check["poses"]
+
+
+def handle_errors(recording: Recorded) -> dict[str, float]:
+    """Position error [in] on the check poses of a recording, by method."""
+    read, rest, check, poses = recording
     fit = {
         m: _core.Session(RSI, read, rest=rest["values"], method=m).fit()
         for m in ("implicit_loop", "algebraic")
@@ -618,7 +638,7 @@ def print_recordings(run: Runner, scale: float, seed: int) -> None:
     print(f"== Recordings, {sessions} each. Demanded: as for held poses")
     print_cells([Cell(4000, 0, sigma) for sigma in (0.5, 1.0, 3.0)], sessions, run, seed)
     if (DATA / "waved").is_dir():
-        error = handle_errors(DATA / "waved")
+        error = handle_errors(recorded(DATA / "waved"))
         loop, plain = error["implicit_loop"], error["algebraic"]
         print(f"waved: handle error {loop:.5f} in, plain least squares {plain:.5f} in")
 

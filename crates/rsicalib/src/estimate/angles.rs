@@ -7,6 +7,7 @@ use crate::model::{Model, Want, Workspace};
 /// channel.
 pub struct Angles {
     channels: usize,
+    #[cfg(feature = "document")]
     angles: Vec<f64>,
     slopes: Vec<f64>,
 }
@@ -15,23 +16,33 @@ impl Angles {
     pub fn of(observations: &Observations, model: &Model, beta: &[f64]) -> Self {
         let readings = &observations.readings;
         let channels = readings.channels;
-        let mut angles = vec![f64::NAN; readings.samples * channels];
-        let mut slopes = angles.clone();
+        let mut slopes = vec![f64::NAN; readings.samples * channels];
+        #[cfg(feature = "document")]
+        let mut angles = slopes.clone();
         let mut ws = Workspace::default();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: true };
             model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
             for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
                 for c in 0..channels {
-                    angles[row * channels + c] = ws.angles[c].0[lane];
+                    #[cfg(feature = "document")]
+                    {
+                        angles[row * channels + c] = ws.angles[c].0[lane];
+                    }
                     slopes[row * channels + c] = model.slopes(&ws)[c].0[lane];
                 }
             }
         }
-        Self { channels, angles, slopes }
+        Self {
+            channels,
+            #[cfg(feature = "document")]
+            angles,
+            slopes,
+        }
     }
 
     /// Coordinate of the joint that a channel reads (rad or length units).
+    #[cfg(feature = "document")]
     pub fn at(&self, row: usize, channel: usize) -> f64 {
         self.angles[row * self.channels + channel]
     }
