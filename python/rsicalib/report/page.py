@@ -30,7 +30,7 @@ from rsicalib.report.words import (
 from rsicalib.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
-__all__ = ["document", "figures", "html", "listed", "section", "table"]
+__all__ = ["document", "figures", "html", "listed", "pictures", "section", "table"]
 
 FEW = 3
 """Sentences of a list that are not folded."""

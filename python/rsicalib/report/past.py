@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rsicalib.plots import intervals, on_axes
 from rsicalib.records import Record, to_json
 from rsicalib.report.figure import Figure
-from rsicalib.report.page import document, section, table
+from rsicalib.report.page import document, pictures, section, table
 from rsicalib.report.svg import Canvas, Chart, bounds
 from rsicalib.report.words import number, p_is, plus_minus
 from rsicalib.tabular import Tabular
@@ -280,7 +280,7 @@ def page(history: History) -> str:
     columns = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
     cells = [(*(c.strip() for c in _cells(s)), p_is(s.p_value), s.unit) for s in history.parameters]
     parts.append(section("Parameters", table(columns, cells)))
-    parts.append(section("Over time", *(_figure(one).html() for one in history.parameters)))
+    parts.append(section("Over time", pictures(map(_figure, history.parameters))))
     rows_out = [(one.file, one.reason) for one in history.left_out]
     if rows_out:
         parts.append(section("Left out", table(("file", "why"), rows_out, text=2)))

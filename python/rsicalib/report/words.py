@@ -66,7 +66,7 @@ def plus_minus(value: float | None, half: float | None) -> tuple[str, str]:
     places = 1 - math.floor(math.log10(half))
     if places > 7 or max(abs(value), half) >= 1e6:
         return f"{value:.6e}", f"{half:.1e}"
-    return f"{value:.{max(places, 0)}f}", f"{half:.{max(places, 0)}f}"
+    return f"{value:z.{max(places, 0)}f}", f"{half:.{max(places, 0)}f}"
 
 
 def name_of(term: str) -> str:

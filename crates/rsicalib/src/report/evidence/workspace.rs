@@ -2,7 +2,7 @@
 //!
 //! A platform whose workspace is declared is placed on a grid of two planes through it. Anything
 //! else is drawn at random within the limits of its joints; a cell is the root mean square over all
-//! that lies behind it.
+//! that lies behind it. Nothing moves: each is a held pose.
 
 use nalgebra::Vector3;
 
@@ -104,7 +104,8 @@ fn planes(
         if cells.is_empty() {
             continue;
         }
-        let table = Table { values: table, ..Table::default() };
+        let pose = Some((1..=cells.len() as i64).collect());
+        let table = Table { values: table, pose, ..Table::default() };
         let readings = Readings::beside(mechanism, table, &observations.readings)?;
         let model = Model::like(&fit.model, mechanism, &readings)?;
         let places = Places { of: None, points: platform(&model, &readings, fit, &fit.beta) };
@@ -144,7 +145,7 @@ fn at_random(observations: &Observations, fit: &Fit) -> Result<Pictures, Error> 
     let key = |c: usize| observations.readings.groups.first().map(|g| vec![g[c].clone(); rows]);
     let table = Table {
         values,
-        pose: observations.readings.held.then(|| (1..=rows as i64).collect()),
+        pose: Some((1..=rows as i64).collect()),
         keys: (0..mechanism.key_columns().len()).filter_map(key).collect(),
         columns: vec![vec![1.0; rows]; mechanism.value_columns().len()],
         ..Table::default()
