@@ -10,6 +10,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::mechanism::Mechanism;
 use crate::model::{Instance, Model};
 use crate::numerics::distributions;
+use crate::numerics::symmetric::VISIBLE;
 use crate::terms::targets::typical;
 
 /// The absent effect that could harm the platform most without being seen.
@@ -24,9 +25,6 @@ pub struct WorstHidden {
     /// sessions of five.
     pub platform_rms: PlatformRms,
 }
-
-/// Directions with less than this share of the information of their parameters are not seen.
-const VISIBLE: f64 = 1e-8;
 
 /// The worst effect among instances of a model beyond its first `base` instances, where these rows
 /// are read; none where no effect can be seen at all.

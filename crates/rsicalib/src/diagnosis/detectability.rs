@@ -11,6 +11,7 @@ use crate::estimate::directions::{place, unit};
 use crate::estimate::{Fit, Observations};
 use crate::model::{Instance, Model};
 use crate::numerics::distributions;
+use crate::numerics::symmetric::VISIBLE;
 
 /// An effect that could be there unseen.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +66,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         let Ok(eigen) = square.self_adjoint_eigen(faer::Side::Lower) else { continue };
         let raw: f64 = (0..d).map(|i| candidate.raw[i] * typical[i] * typical[i]).sum();
         let value = eigen.S().column_vector()[0];
-        let visible = value > (1e-8 * raw).max(NOTHING);
+        let visible = value > (VISIBLE * raw).max(NOTHING);
         let size = if visible { (wanted / value).sqrt() } else { f64::NAN };
         let direction: Vec<f64> = (0..d).map(|i| eigen.U()[(i, 0)] * typical[i] * size).collect();
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));

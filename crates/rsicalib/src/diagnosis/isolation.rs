@@ -14,6 +14,7 @@ use crate::Error;
 use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{places, scan};
+use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
@@ -186,7 +187,7 @@ impl<'a> Released<'a> {
         if !self.released.readings.held {
             return Ok(None);
         }
-        let mut scored = places::bad_readings(&self.released, &self.rest, judge)?;
+        let mut scored = places::bad_readings(&AtFit::new(&self.released, &self.rest), judge)?;
         scored.retain(|s| !belongs(mechanism, s.instance.target, self.target));
         let worst = scored.iter().filter(|s| s.corrected <= search.alpha);
         let Some(worst) = worst.max_by(|a, b| a.charged().total_cmp(&b.charged())) else {

@@ -11,16 +11,17 @@
 
 use crate::Error;
 use crate::diagnosis::isolation::Isolated;
+use crate::diagnosis::score::bodies::{Bodies, is_move};
+use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
-use crate::diagnosis::score::{moved, places};
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
 use crate::diagnosis::verdict::determined;
+use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::{Instance, Model};
-use crate::numerics::symmetric;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
@@ -168,7 +169,8 @@ pub fn looks_bad(observations: &Observations, full: &Fit) -> Result<bool, Error>
     let mut stepwise = Stepwise::new(observations, full, &search)?;
     let mut small = fit(&stepwise.small, full.model.instances.clone(), Some(full))?;
     stepwise.rescale(&mut small)?;
-    let scored = places::bad_readings(&stepwise.small, &small, &stepwise.judge(&small))?;
+    let at = AtFit::new(&stepwise.small, &small);
+    let scored = places::bad_readings(&at, &stepwise.judge(&small))?;
     Ok(scored.iter().any(|s| s.corrected <= search.alpha))
 }
 
@@ -227,15 +229,13 @@ fn judge_again(
 /// The fit with what moved once at its likeliest time in all samples: where samples beside the
 /// slip were left out, the search could not tell when it was.
 fn retimed(observations: &Observations, mut fitted: Fit, judge: &Judge) -> Result<Fit, Error> {
-    let of = |i: &Instance| (i.term.info().id, i.target);
     let instances = fitted.model.instances.clone();
-    for slip in instances.into_iter().filter(moved::is_move) {
+    for slip in instances.into_iter().filter(is_move) {
         let others = fitted.model.instances.iter().copied().filter(|i| *i != slip).collect();
         let without = fit(observations, others, Some(&fitted))?;
-        let (inverse, ..) = symmetric::invert(&without.gram);
-        let scored = moved::score(observations, &without, judge, &inverse, &[])?;
-        let own = scored.into_iter().filter(|s| of(&s.instance) == of(&slip));
-        let Some(best) = own.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
+        let at = AtFit::new(observations, &without);
+        let scored = Bodies::of(&at, vec![slip])?.score(judge).into_iter();
+        let Some(best) = scored.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
         let mut instances = without.model.instances.clone();
         instances.push(best.instance);
         let moved = fit(observations, instances, Some(&without))?;

@@ -7,7 +7,6 @@ use crate::model::{Model, Want, Workspace};
 /// channel.
 pub struct Angles {
     channels: usize,
-    #[cfg(feature = "document")]
     angles: Vec<f64>,
     slopes: Vec<f64>,
 }
@@ -17,7 +16,6 @@ impl Angles {
         let readings = &observations.readings;
         let channels = readings.channels;
         let mut slopes = vec![f64::NAN; readings.samples * channels];
-        #[cfg(feature = "document")]
         let mut angles = slopes.clone();
         let mut ws = Workspace::default();
         for (block, meta) in readings.blocks().iter().enumerate() {
@@ -25,24 +23,16 @@ impl Angles {
             model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
             for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
                 for c in 0..channels {
-                    #[cfg(feature = "document")]
-                    {
-                        angles[row * channels + c] = ws.angles[c].0[lane];
-                    }
+                    angles[row * channels + c] = ws.angles[c].0[lane];
                     slopes[row * channels + c] = model.slopes(&ws)[c].0[lane];
                 }
             }
         }
-        Self {
-            channels,
-            #[cfg(feature = "document")]
-            angles,
-            slopes,
-        }
+        Self { channels, angles, slopes }
     }
 
     /// Coordinate of the joint that a channel reads (rad or length units).
-    #[cfg(feature = "document")]
+    #[cfg_attr(not(feature = "document"), expect(dead_code, reason = "only reports show angles"))]
     pub fn at(&self, row: usize, channel: usize) -> f64 {
         self.angles[row * self.channels + channel]
     }

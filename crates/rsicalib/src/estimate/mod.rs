@@ -2,6 +2,7 @@
 
 mod algebraic;
 pub(crate) mod angles;
+pub(crate) mod at_fit;
 pub mod directions;
 mod doubts;
 mod fit;

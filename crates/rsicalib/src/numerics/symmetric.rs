@@ -10,6 +10,14 @@ const RANK: f64 = 1e-11;
 /// direction, and the condition number of the Jacobian with unit columns.
 #[must_use]
 pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
+    let (root, unknowable, condition) = inverse_root(gram);
+    (&root * root.transpose(), unknowable, condition)
+}
+
+/// A root `R` of the pseudo-inverse `R Rᵀ` of a Gram matrix, with a column for each direction that
+/// is observable; flags and condition number as of [`invert`].
+#[must_use]
+pub fn inverse_root(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     let n = gram.nrows();
     if n == 0 {
         return (Mat::zeros(0, 0), Vec::new(), 1.0);
@@ -21,7 +29,7 @@ pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     });
     let mut unknowable: Vec<bool> = norms.iter().map(|v| *v == 0.0 || !v.is_finite()).collect();
     let Ok(eigen) = unit.self_adjoint_eigen(faer::Side::Lower) else {
-        return (Mat::zeros(n, n), vec![true; n], f64::INFINITY);
+        return (Mat::zeros(n, 0), vec![true; n], f64::INFINITY);
     };
     let values = eigen.S().column_vector();
     let vectors = eigen.U();
@@ -41,8 +49,7 @@ pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
             0.0
         }
     });
-    let inverse = &root * root.transpose();
-    (inverse, unknowable, (largest / smallest).sqrt())
+    (root, unknowable, (largest / smallest).sqrt())
 }
 
 /// The part of a step that lies in directions of which a Gram matrix tells nothing.
@@ -86,6 +93,9 @@ fn seen_everywhere(unit: &Mat<f64>) -> bool {
 
 /// Smallest share of a column that counts after the projection.
 pub const SEEN: f64 = 1e-3;
+
+/// Smallest share of a column's square that is more than rounding after the projection.
+pub const VISIBLE: f64 = 1e-8;
 
 /// Decrease of χ² without the equations of a pose, `rᵀ (I - H)⁻¹ r`, and the number of directions
 /// that the other equations judge: those in which `H`, the part that the fit absorbs, is not 1.

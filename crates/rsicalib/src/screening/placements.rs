@@ -13,12 +13,10 @@
 //! `s²` is from the median over all samples, and over all runs, which damage hardly
 //! moves: what a model lacks makes neighbouring rows alike in every run.
 
-use faer::Mat;
-
 use crate::Error;
-use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
+use crate::estimate::at_fit::AtFit;
+use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
-use crate::model::Model;
 use crate::numerics::{distributions, symmetric};
 use crate::screening::excluded::{Cause, Excluded};
 use crate::screening::steps::{SIDE, StepScore, StepSums};
@@ -84,11 +82,8 @@ fn fold(excluded: &mut Vec<(Excluded, Vec<usize>)>, placements: &[usize]) {
 
 /// A fit, as far as damage shows in it.
 struct Looking<'a> {
-    observations: &'a Observations,
-    model: &'a Model,
+    at: AtFit<'a>,
     placements: &'a [usize],
-    residuals: Residuals,
-    inverse: Mat<f64>,
     /// The rows in use that touch the same points, in their order.
     runs: Vec<Vec<usize>>,
     /// (82) of every row; zero of those not in use.
@@ -111,8 +106,6 @@ struct Displacement {
 impl<'a> Looking<'a> {
     fn at(observations: &'a Observations, fit: &'a Fit, placements: &'a [usize]) -> Self {
         let readings = &observations.readings;
-        let part = Part { model: &fit.model, readings, weights: Some(&observations.weights) };
-        let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
         let mut runs = vec![Vec::new(); readings.groups.len()];
         for block in readings.blocks() {
             let live = block.rows[..block.live].iter().filter(|&&r| observations.weights[r] > 0.0);
@@ -120,13 +113,9 @@ impl<'a> Looking<'a> {
         }
         runs.iter_mut().for_each(|rows| rows.sort_unstable());
         runs.retain(|rows| !rows.is_empty());
-        let inverse = fit.inverse();
         let mut looking = Self {
-            observations,
-            model: &fit.model,
+            at: AtFit::new(observations, fit),
             placements,
-            residuals,
-            inverse,
             single: vec![0.0; readings.samples],
             runs,
             typical: 0.0,
@@ -134,7 +123,7 @@ impl<'a> Looking<'a> {
         for row in looking.runs.concat() {
             looking.single[row] = looking.single_sample(row);
         }
-        let k = looking.residuals.equations as f64;
+        let k = looking.at.residuals.equations as f64;
         let scores = looking.runs.concat().iter().map(|&r| looking.single[r]).collect();
         looking.typical = median(scores) / distributions::chi2_quantile(0.5, k);
         looking
@@ -166,33 +155,24 @@ impl<'a> Looking<'a> {
         }
     }
 
-    /// `X` of one row, equation by equation, of all parameters.
-    fn x(&self, row: usize) -> &[f64] {
-        let size = self.residuals.equations * self.model.parameters;
-        &self.residuals.by_parameter[row * size..(row + 1) * size]
-    }
-
     fn whitened(&self, row: usize) -> &[f64] {
-        let k = self.residuals.equations;
-        &self.residuals.whitened[row * k..(row + 1) * k]
+        &self.at.residuals.whitened[self.at.equations(row)]
     }
 
     /// Eq. (82).
     fn single_sample(&self, row: usize) -> f64 {
-        let (k, n) = (self.residuals.equations, self.model.parameters);
-        let x = Mat::from_fn(k, n, |e, j| self.x(row)[e * n + j]);
-        let hat = &x * (&self.inverse * x.transpose());
-        symmetric::left_out(&hat, self.whitened(row)).map_or(0.0, |(score, _)| score)
+        let scored = symmetric::left_out(&self.at.hat(row), self.whitened(row));
+        scored.map_or(0.0, |(score, _)| score)
     }
 
     /// The row that stands off most, if above chance.
     fn worst_single(&self) -> Option<(usize, f64)> {
         let rows = self.runs.concat();
-        let k = self.residuals.equations as f64;
+        let k = self.at.residuals.equations as f64;
         let row = *rows.iter().max_by(|a, b| self.single[**a].total_cmp(&self.single[**b]))?;
         let score = self.single[row] / self.typical;
         // The scale is an estimate from as many samples: F, not χ².
-        let dof = (k * rows.len() as f64 - self.model.term_parameters as f64).max(k);
+        let dof = (k * rows.len() as f64 - self.at.fit.model.term_parameters as f64).max(k);
         let p = distributions::f_tail(score / k, k, dof) * rows.len() as f64;
         (p <= 0.5 * ALPHA).then_some((row, score))
     }
@@ -246,15 +226,18 @@ impl<'a> Looking<'a> {
         let rows = &self.runs[run];
         let mut best: Option<Displacement> = None;
         for (tool, columns) in self.movable(rows[0]) {
-            let mut sums = StepSums::new(self.model.parameters, columns.len());
+            let mut sums = StepSums::new(self.at.rank(), columns.len());
             for (at, &row) in rows.iter().enumerate().rev() {
-                sums.add(self.x(row), self.whitened(row), &columns);
+                for e in self.at.equations(row) {
+                    let x = self.at.by_parameter(e);
+                    sums.add(self.at.q(e), &columns.map(|c| x[c]), self.at.residuals.whitened[e]);
+                }
                 if at < SIDE || rows.len() - at < SIDE {
                     continue;
                 }
                 // Rows that do not tell all three may be any move.
                 let all = |s: &StepScore| s.rank == columns.len();
-                let Some(found) = sums.score(&self.inverse).filter(all) else { continue };
+                let Some(found) = sums.score(&self.at.pull).filter(all) else { continue };
                 let score = found.score / self.typical;
                 if best.as_ref().is_none_or(|b| score > b.score) {
                     best = Some(Displacement { run, at, score, by: found.by, tool });
@@ -267,9 +250,9 @@ impl<'a> Looking<'a> {
     /// What may move half-way, with the columns that do it: the point, and the tool
     /// where its place is a term of the model.
     fn movable(&self, row: usize) -> Vec<(bool, [usize; 3])> {
-        let group = self.observations.readings.blocks().iter().find(|b| b.rows.contains(&row));
-        let columns = group.map_or(&[][..], |b| &self.model.columns()[b.group]);
-        let points = columns.get(self.model.term_parameters..).unwrap_or_default();
+        let group = self.at.observations.readings.blocks().iter().find(|b| b.rows.contains(&row));
+        let columns = group.map_or(&[][..], |b| &self.at.fit.model.columns()[b.group]);
+        let points = columns.get(self.at.fit.model.term_parameters..).unwrap_or_default();
         let points = points.chunks_exact(3).map(|c| (false, [c[0], c[1], c[2]]));
         let tip = |acts: Acts| match acts {
             Acts::Geometry(freedoms) => {
@@ -278,10 +261,12 @@ impl<'a> Looking<'a> {
             _ => false,
         };
         let tools = self
+            .at
+            .fit
             .model
             .instances
             .iter()
-            .zip(&self.model.first)
+            .zip(&self.at.fit.model.first)
             .filter(|(i, _)| i.term.placed() == Placed::Once)
             .filter(|(i, _)| matches!(i.target, Target::Chain(_)) && tip(i.term.acts()));
         points.chain(tools.map(|(_, f)| (true, [*f, f + 1, f + 2]))).collect()
@@ -289,7 +274,7 @@ impl<'a> Looking<'a> {
 
     /// True where both sides of a move, each about its own mean, are as usual.
     fn heals(&self, m: &Displacement) -> bool {
-        let k = self.residuals.equations;
+        let k = self.at.residuals.equations;
         let spread = |rows: &[usize]| -> Vec<f64> {
             let mean = |e: usize| {
                 rows.iter().map(|&r| self.whitened(r)[e]).sum::<f64>() / rows.len() as f64
@@ -308,7 +293,7 @@ impl<'a> Looking<'a> {
 
     fn whole_placement(&self, (placement, times): (usize, f64)) -> (Excluded, Vec<usize>) {
         let rows: Vec<usize> = (0..self.placements.len())
-            .filter(|&r| self.placements[r] == placement && self.observations.weights[r] > 0.0)
+            .filter(|&r| self.placements[r] == placement && self.at.observations.weights[r] > 0.0)
             .collect();
         let cause = Cause::Placement { times };
         let placement = rows.first().copied();
@@ -320,24 +305,24 @@ impl<'a> Looking<'a> {
         let out = &rows[m.at..];
         let between = [self.place(rows[m.at - 1]), self.place(rows[m.at])];
         let cause = Cause::Moved { tool: m.tool, by: m.by, between };
-        let pose = Some(self.observations.readings.pose[out[0]]);
+        let pose = Some(self.at.observations.readings.pose[out[0]]);
         (Excluded::of(pose, out.len(), cause), out.to_vec())
     }
 
     fn one_row(&self, row: usize) -> (Excluded, Vec<usize>) {
-        let lengths = &self.residuals.lengths;
-        let k = self.residuals.equations;
+        let lengths = &self.at.residuals.lengths;
+        let k = self.at.residuals.equations;
         let off = lengths[row * k..(row + 1) * k].iter().map(|l| l * l).sum::<f64>().sqrt();
         let sigmas = (self.single[row] / self.typical).sqrt();
         let cause = Cause::Sample { number: self.place(row), off, sigmas };
-        let pose = Some(self.observations.readings.pose[row]);
-        let row_of_pose = self.observations.readings.held.then_some(row);
+        let pose = Some(self.at.observations.readings.pose[row]);
+        let row_of_pose = self.at.observations.readings.held.then_some(row);
         (Excluded { row: row_of_pose, ..Excluded::of(pose, 1, cause) }, vec![row])
     }
 
     /// Which of the samples that touch the same points a row is, those left out included.
     fn place(&self, row: usize) -> usize {
-        let keys = &self.observations.readings.table.keys;
+        let keys = &self.at.observations.readings.table.keys;
         let same = |r: &usize| keys.iter().all(|key| key[*r] == key[row]);
         (0..row).filter(same).count()
     }

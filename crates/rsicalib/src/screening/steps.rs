@@ -2,12 +2,11 @@
 
 use faer::{Mat, Side};
 
+use crate::estimate::at_fit::add_scaled;
+use crate::numerics::symmetric::{VISIBLE, dot};
+
 /// Rows on either side of a move: fewer are single samples.
 pub const SIDE: usize = 4;
-
-/// Fraction of a column's length that must be left after the projection, and of the longest
-/// column's that a column must have: less is rounding.
-const VISIBLE: f64 = 1e-8;
 
 /// What a move is worth, from the sums at its row.
 pub struct StepScore {
@@ -19,44 +18,43 @@ pub struct StepScore {
     pub by: f64,
 }
 
-/// Sums for (83) over the rows from one on.
+/// Sums for (83) over the rows from one on, of the columns `Z` of what moved.
 pub struct StepSums {
-    u: Vec<f64>,
+    /// `Zᵀr`
+    zr: Vec<f64>,
+    /// `ZᵀZ`
     zz: Mat<f64>,
-    zx: Mat<f64>,
+    /// `QᵀZ`
+    qz: Mat<f64>,
 }
 
 impl StepSums {
-    /// Of no row, for so many parameters and columns of what moved.
+    /// Of no row, for so many columns, beside so many directions that the fit absorbs.
     #[must_use]
-    pub fn new(parameters: usize, columns: usize) -> Self {
+    pub fn new(rank: usize, columns: usize) -> Self {
         let zz = Mat::zeros(columns, columns);
-        Self { u: vec![0.0; columns], zz, zx: Mat::zeros(parameters, columns) }
+        Self { zr: vec![0.0; columns], zz, qz: Mat::zeros(rank, columns) }
     }
 
-    /// Adds a row: its `X` and its residual, equation by equation. What moved is in `columns`.
-    pub fn add(&mut self, x: &[f64], r: &[f64], columns: &[usize]) {
-        let n = self.zx.nrows();
-        for (x, r) in x.chunks_exact(n).zip(r) {
-            for (i, &a) in columns.iter().enumerate() {
-                self.u[i] += x[a] * r;
-                for (sum, &b) in self.zz.col_as_slice_mut(i).iter_mut().zip(columns) {
-                    *sum += x[a] * x[b];
-                }
-                for (sum, other) in self.zx.col_as_slice_mut(i).iter_mut().zip(x) {
-                    *sum += x[a] * other;
-                }
-            }
+    /// Adds an equation: its row of `Q`, its row of `Z` and its residual.
+    pub fn add(&mut self, q: &[f64], z: &[f64], r: f64) {
+        add_scaled(&mut self.zr, r, z);
+        for (i, &value) in z.iter().enumerate() {
+            add_scaled(self.zz.col_as_slice_mut(i), value, z);
+            add_scaled(self.qz.col_as_slice_mut(i), value, q);
         }
     }
 
-    /// The score of a move here, in the directions that the rows tell; `inverse` is `(XᵀX)⁻¹`.
+    /// The score of a move here, in the directions that the rows tell; `pull` is `p` of the fit.
     #[must_use]
-    pub fn score(&self, inverse: &Mat<f64>) -> Option<StepScore> {
-        let columns = self.u.len();
-        let absorbed = self.zx.transpose() * (inverse * &self.zx);
+    pub fn score(&self, pull: &[f64]) -> Option<StepScore> {
+        let columns = self.zr.len();
+        let u: Vec<f64> =
+            (0..columns).map(|i| self.zr[i] - dot(self.qz.col_as_slice(i), pull)).collect();
+        let absorbed = self.qz.transpose() * &self.qz;
         let norms: Vec<f64> = (0..columns).map(|i| self.zz[(i, i)].max(0.0).sqrt()).collect();
         let longest = norms.iter().fold(0.0_f64, |most, norm| most.max(*norm));
+        // A column of which less than rounding is left moves nothing.
         let unit = |i: usize| match norms[i] > VISIBLE * longest {
             true => 1.0 / norms[i],
             false => 0.0,
@@ -68,8 +66,7 @@ impl StepSums {
         let (values, vectors) = (eigen.S().column_vector(), eigen.U());
         let (mut score, mut rank, mut moved) = (0.0, 0, vec![0.0; columns]);
         for k in (0..columns).filter(|&k| values[k] > VISIBLE) {
-            let along: f64 =
-                (0..columns).map(|i| vectors[(i, k)] * self.u[i] * unit(i)).sum::<f64>();
+            let along: f64 = (0..columns).map(|i| vectors[(i, k)] * u[i] * unit(i)).sum::<f64>();
             score += along * along / values[k];
             rank += 1;
             for (i, m) in moved.iter_mut().enumerate() {

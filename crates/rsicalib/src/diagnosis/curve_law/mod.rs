@@ -6,17 +6,19 @@
 //! search paid for.
 
 mod forms;
-mod room;
 
 use self::forms::{FORMS, Form, Joints, Measures, WIDEST, any};
-use self::room::{Room, Scored};
+use crate::diagnosis::score::room::{LawScore, Room};
 use crate::diagnosis::score::scored::{CHARGE, Judge};
+use crate::estimate::angles::Angles;
+use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::unit;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::search::{edge, highest};
+use crate::readings::Block;
 use crate::terms::term::Over;
 
 /// The closed form behind a free curve.
@@ -47,6 +49,9 @@ pub struct LawParameter {
     pub unit: String,
 }
 
+/// Places that samples are gathered at, at the most: a recording has many that are alike.
+const PLACES: usize = 1024;
+
 /// Waves that make any smooth curve, twice as short as those of the free curve.
 const WAVES: usize = 12;
 
@@ -70,13 +75,14 @@ pub(crate) fn curve_law(
 ) -> Option<CurveLaw> {
     let Target::Channel(channel) = curve.target else { return None };
     let over = curve.term.over().filter(|_| curve.term.info().penalised)?;
-    let room = Room::new(observations, without, channel, over)?;
+    let scale = Abscissa::new(observations, without, channel, over)?;
+    let room = &scale.room;
     let joints = match observations.mechanism.slides_at(curve.target) {
         true => Joints::Sliding,
         false => Joints::Turning,
     };
     let there = |form: &&Form| form.over == over && [Joints::Any, joints].contains(&form.joints);
-    let fitted = FORMS.iter().filter(there).map(|form| Fitted::new(&room, form));
+    let fitted = FORMS.iter().filter(there).map(|form| Fitted::new(&scale, form));
     let waves = room.score(WAVES, |x, out| any((x - room.low) / (room.high - room.low), out));
     let mut laws: Vec<Fitted> = fitted.filter(|law| law.left(&waves, judge) > LEFT).collect();
     laws.sort_by(|a, b| b.value.total_cmp(&a.value));
@@ -93,20 +99,62 @@ pub(crate) fn curve_law(
     })
 }
 
+/// What a curve runs over, and its samples along that.
+struct Abscissa {
+    room: Room,
+    /// Readings from the middle of the range in one unit of `x`; 1 over time.
+    per_x: f64,
+    /// The reading at `x = 0`; 0 over time.
+    zero: f64,
+}
+
+impl Abscissa {
+    /// None where the channel's readings are all alike.
+    fn new(observations: &Observations, without: &Fit, channel: usize, over: Over) -> Option<Self> {
+        let Observations { readings, weights, .. } = observations;
+        let angles = Angles::of(observations, &without.model, &without.beta);
+        let live: Vec<usize> = (0..readings.samples).filter(|&row| weights[row] > 0.0).collect();
+        let slope = live.iter().map(|&r| angles.slope(r, channel)).sum::<f64>() / live.len() as f64;
+        let middle = without.model.scales[channel].middle;
+        let (per_x, zero) = match over {
+            Over::Reading => (slope.recip(), middle),
+            Over::Time => (1.0, 0.0),
+        };
+        let samples: Vec<(f64, usize)> = match over {
+            Over::Reading => {
+                let x = |row: usize| (readings.row(row)[channel] - middle) * slope;
+                live.iter().map(|&row| (x(row), row)).collect()
+            }
+            Over::Time => {
+                let of = |b: &Block| {
+                    let rows = b.rows.iter().take(b.live).enumerate();
+                    rows.map(|(lane, &row)| (b.time.0[lane], row)).collect::<Vec<_>>()
+                };
+                let all = readings.blocks().iter().flat_map(of);
+                all.filter(|(_, row)| weights[*row] > 0.0).collect()
+            }
+        };
+        let at = AtFit::new(observations, without);
+        let room = Room::new(&at, &angles, channel, samples, PLACES)?;
+        per_x.is_finite().then_some(Self { room, per_x, zero })
+    }
+}
+
 /// A form at its best shape.
 struct Fitted<'a> {
-    room: &'a Room,
+    scale: &'a Abscissa,
     form: &'a Form,
     grid: Vec<Vec<f64>>,
     shape: Vec<f64>,
-    scored: Scored,
+    scored: LawScore,
     /// The score, parameters and search paid for.
     value: f64,
 }
 
 impl<'a> Fitted<'a> {
     /// The form at the shape that explains most: on the grid, then between its neighbours.
-    fn new(room: &'a Room, form: &'a Form) -> Self {
+    fn new(scale: &'a Abscissa, form: &'a Form) -> Self {
+        let room = &scale.room;
         let grid = (form.grid)(room.low, room.high);
         let shapes = product(&grid);
         let tried = shapes.len();
@@ -114,7 +162,7 @@ impl<'a> Fitted<'a> {
         let best = shapes.into_iter().map(|shape| (score(&shape), shape));
         let (_, shape) = best.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
         let mut fitted =
-            Self { room, form, grid, scored: at(room, form, &shape), shape, value: 0.0 };
+            Self { scale, form, grid, scored: at(room, form, &shape), shape, value: 0.0 };
         // Entry by entry; each time the others have moved.
         for _ in 0..fitted.shape.len() {
             (0..fitted.shape.len()).for_each(|k| fitted.refine(k));
@@ -129,7 +177,7 @@ impl<'a> Fitted<'a> {
         let (value, score) = highest(|v| self.with(k, v), self.around(k));
         if score > self.scored.score {
             self.shape[k] = value;
-            self.scored = at(self.room, self.form, &self.shape);
+            self.scored = at(&self.scale.room, self.form, &self.shape);
         }
     }
 
@@ -145,12 +193,12 @@ impl<'a> Fitted<'a> {
     fn with(&self, k: usize, value: f64) -> f64 {
         let mut shape = self.shape.clone();
         shape[k] = value;
-        at(self.room, self.form, &shape).score
+        at(&self.scale.room, self.form, &shape).score
     }
 
     /// Probability that chance makes waves explain so much more than the form. Not both together:
     /// where the form is the law, waves repeat it nearly, and their sum hangs on small differences.
-    fn left(&self, waves: &Scored, judge: &Judge) -> f64 {
+    fn left(&self, waves: &LawScore, judge: &Judge) -> f64 {
         let more = (waves.score - self.scored.score).max(0.0);
         judge.p_value(more, (waves.rank - self.scored.rank).max(1.0))
     }
@@ -192,14 +240,14 @@ impl<'a> Fitted<'a> {
     /// An entry of a shape in the units that users read.
     fn scaled(&self, measures: Measures, value: f64) -> f64 {
         match measures {
-            Measures::Place => self.room.zero + value * self.room.per_x,
-            Measures::Extent => value * self.room.per_x.abs(),
+            Measures::Place => self.scale.zero + value * self.scale.per_x,
+            Measures::Extent => value * self.scale.per_x.abs(),
             Measures::PerTurn | Measures::Phase => value,
         }
     }
 }
 
-fn at(room: &Room, form: &Form, shape: &[f64]) -> Scored {
+fn at(room: &Room, form: &Form, shape: &[f64]) -> LawScore {
     let width = form.amplitudes.len();
     debug_assert!(width <= WIDEST);
     room.score(width, |x, out| (form.columns)(x, shape, out))

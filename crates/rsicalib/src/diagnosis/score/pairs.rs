@@ -13,10 +13,11 @@ use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::Error;
-use crate::diagnosis::score::projection::{self, Projected, VISIBLE};
+use crate::diagnosis::score::projection::{self, Projected};
 use crate::diagnosis::score::scored::{CHARGE, Family, Judge, Scored};
 use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
+use crate::numerics::symmetric::VISIBLE;
 
 /// Two effects, and by how much χ² would fall with both.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,19 +1,17 @@
 //! Scores of wrong readings and of slips: thousands, of one column each, by running sums over poses.
 
-use faer::Mat;
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::diagnosis::score::scored::{Family, Judge, Scored};
-use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
+use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
+use crate::estimate::Observations;
+use crate::estimate::at_fit::{AtFit, Column};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::{SEEN, dot, left_out};
 use crate::terms::find;
-
-/// At most this many times are tried for a slip of one channel, and then every one about the best.
-const MOST_TIMES: usize = 256;
+use crate::terms::targets::provided;
 
 /// Poses on either side of a slip that must see it, each by its share of what they see: more than
 /// two, and so at least three. Two that are off alike are two wrong readings.
@@ -41,97 +39,8 @@ impl Seen {
     }
 }
 
-/// Of more poses than this, several are worked on at once.
+/// Of more poses than this, several channels are worked on at once.
 const MANY: usize = 1000;
-
-/// What the fit absorbs of any column of one pose, `X (XᵀX)⁻¹ Xᵀ` there, pose by pose.
-struct Hats {
-    /// Where each pose's matrix starts, and where the last one ends.
-    starts: Vec<usize>,
-    /// The matrices, row by row.
-    entries: Vec<f64>,
-}
-
-impl Hats {
-    fn new(residuals: &Residuals, rows: &[Vec<usize>], inverse: &[f64], n: usize) -> Self {
-        let k = residuals.equations;
-        let mut starts = vec![0];
-        for rows in rows {
-            starts.push(starts[starts.len() - 1] + (rows.len() * k).pow(2));
-        }
-        let x = |row: usize, e: usize| &residuals.by_parameter[(row * k + e) * n..][..n];
-        let of_poses = |poses: &[Vec<usize>]| {
-            let mut entries = Vec::new();
-            let (mut columns, mut absorbed) = (Vec::new(), vec![0.0; n]);
-            for rows in poses {
-                columns.clear();
-                columns.extend(rows.iter().flat_map(|&row| (0..k).map(move |e| x(row, e))));
-                for left in &columns {
-                    // (XᵀX)⁻¹ times a row of X, column by column.
-                    absorbed.fill(0.0);
-                    for (value, column) in left.iter().zip(inverse.chunks_exact(n.max(1))) {
-                        absorbed.iter_mut().zip(column).for_each(|(sum, v)| *sum += value * v);
-                    }
-                    entries.extend(columns.iter().map(|right| dot(&absorbed, right)));
-                }
-            }
-            entries
-        };
-        let entries = match rows.len() > MANY {
-            true => rows.par_chunks(MANY).map(of_poses).collect::<Vec<_>>().concat(),
-            false => of_poses(rows),
-        };
-        Self { starts, entries }
-    }
-
-    fn part(&self, order: usize) -> &[f64] {
-        &self.entries[self.starts[order]..self.starts[order + 1]]
-    }
-
-    /// `zᵀ H z`
-    fn form(&self, order: usize, z: &[f64]) -> f64 {
-        let rows = self.part(order).chunks_exact(z.len().max(1));
-        rows.zip(z).map(|(row, value)| value * dot(row, z)).sum()
-    }
-
-    fn of(&self, order: usize) -> Mat<f64> {
-        let part = self.part(order);
-        let m = part.len().isqrt();
-        Mat::from_fn(m, m, |i, j| part[i * m + j])
-    }
-}
-
-/// One candidate of one column: `Zᵀr`, `ZᵀZ`, `ZᵀX`, and `ZᵀX (XᵀX)⁻¹`.
-#[derive(Clone)]
-struct Column {
-    r: f64,
-    zz: f64,
-    zx: Vec<f64>,
-    absorbed: Vec<f64>,
-}
-
-impl Column {
-    fn new(n: usize) -> Self {
-        Self { r: 0.0, zz: 0.0, zx: vec![0.0; n], absorbed: Vec::new() }
-    }
-
-    fn projected(mut self, inverse: &[f64]) -> Self {
-        let along = |row: &[f64]| dot(row, &self.zx);
-        self.absorbed = inverse.chunks_exact(self.zx.len().max(1)).map(along).collect();
-        self
-    }
-
-    /// `M` of (71).
-    fn left(&self) -> f64 {
-        self.zz - dot(&self.zx, &self.absorbed)
-    }
-
-    /// `T` of (72); none where nothing of the column is left.
-    fn score(&self) -> Option<f64> {
-        let left = self.left();
-        (left > SEEN * self.zz).then(|| self.r * self.r / left)
-    }
-}
 
 /// A slip of a channel at one time: the sums over all poses from there on.
 #[derive(Clone)]
@@ -148,7 +57,7 @@ struct Time {
 /// The later column is part of the earlier one, so `ZᵢᵀZⱼ` is its own square.
 fn turns(times: &[Time]) -> Vec<f64> {
     let angle = |later: &Column, earlier: &Column| {
-        let shared = later.zz - dot(&later.zx, &earlier.absorbed);
+        let shared = later.zz - dot(&later.zq, &earlier.zq);
         let cosine = shared / (later.left() * earlier.left()).max(f64::MIN_POSITIVE).sqrt();
         cosine.clamp(-1.0, 1.0).acos()
     };
@@ -174,30 +83,22 @@ fn declumped(turns: &[f64], stride: usize, score: f64) -> f64 {
 ///
 /// # Errors
 ///
-/// As [`Model::new`].
-pub fn bad_readings(
-    observations: &Observations,
-    fit: &Fit,
-    judge: &Judge,
-) -> Result<Vec<Scored>, Error> {
-    let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
-    score(observations, fit, judge, &inverse, &["slip".to_owned()])
+/// As [`score`].
+pub fn bad_readings(at: &AtFit, judge: &Judge) -> Result<Vec<Scored>, Error> {
+    score(at, judge, &["slip".to_owned()])
 }
 
 /// Scores bad readings, bad poses and slips by running sums over poses.
-pub fn score(
-    observations: &Observations,
-    fit: &Fit,
-    judge: &Judge,
-    inverse: &Mat<f64>,
-    without: &[String],
-) -> Result<Vec<Scored>, Error> {
-    let poses = Poses::new(observations, fit, judge, inverse);
-    let readings = &observations.readings;
+///
+/// # Errors
+///
+/// [`Error::Unknown`] where the catalogue lacks one of their terms.
+pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Result<Vec<Scored>, Error> {
+    let poses = Poses::new(at, judge);
+    let Observations { mechanism, readings, .. } = at.observations;
     let allowed = |id: &str| !without.iter().any(|w| w == id);
     let (slip, bad) = (find("slip")?, find("bad_reading")?);
-    let slips = allowed("slip")
-        && crate::terms::targets::provided(slip, &observations.mechanism, readings).is_ok();
+    let slips = allowed("slip") && provided(slip, mechanism, readings).is_ok();
     let of_channel = |channel: usize| {
         let target = Target::Channel(channel);
         let mut scored = Vec::new();
@@ -221,35 +122,21 @@ pub fn score(
     Ok(scored)
 }
 
-/// The poses that count, and what a fit leaves there.
+/// The poses that count, at a fit.
 struct Poses<'a> {
-    observations: &'a Observations,
-    fit: &'a Fit,
+    at: &'a AtFit<'a>,
     judge: &'a Judge,
-    residuals: Residuals,
     /// The poses that count, from 0.
     live: Vec<usize>,
     /// Their rows that count.
     rows: Vec<Vec<usize>>,
     /// The number of all their rows.
     samples: Vec<usize>,
-    /// `(XᵀX)⁻¹`, row by row.
-    inverse: Vec<f64>,
-    hats: Hats,
 }
 
 impl<'a> Poses<'a> {
-    fn new(
-        observations: &'a Observations,
-        fit: &'a Fit,
-        judge: &'a Judge,
-        inverse: &Mat<f64>,
-    ) -> Self {
-        let (readings, weights) = (&observations.readings, &observations.weights);
-        let part = Part { model: &fit.model, readings, weights: Some(weights) };
-        let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
-        let n = fit.model.parameters;
-        let inverse: Vec<f64> = (0..n * n).map(|i| inverse[(i / n, i % n)]).collect();
+    fn new(at: &'a AtFit<'a>, judge: &'a Judge) -> Self {
+        let Observations { readings, weights, .. } = at.observations;
         let (mut live, mut rows, mut samples) = (Vec::new(), Vec::new(), Vec::new());
         for (pose, all) in readings.rows_of_poses().into_iter().enumerate() {
             let total = all.len();
@@ -260,50 +147,40 @@ impl<'a> Poses<'a> {
                 rows.push(counted);
             }
         }
-        let hats = Hats::new(&residuals, &rows, &inverse, n);
-        Self { observations, fit, judge, residuals, live, rows, samples, inverse, hats }
+        Self { at, judge, live, rows, samples }
     }
 
     fn scored(&self, instance: Instance, family: Family, tests: f64, score: f64) -> Option<Scored> {
-        let new = !self.fit.model.instances.contains(&instance);
+        let new = !self.at.fit.model.instances.contains(&instance);
         new.then(|| {
             let p_value = self.judge.p_value(score, 1.0);
             Scored::of(instance, family, score, 1.0, p_value, tests)
         })
     }
 
-    /// A column of a channel in one pose: its entries, and their product with the residual.
-    fn column(&self, channel: usize, order: usize, z: &mut Vec<f64>) -> f64 {
-        let (k, c) = (self.residuals.equations, self.observations.readings.channels);
-        z.clear();
-        let mut r = 0.0;
-        for row in &self.rows[order] {
-            for e in row * k..(row + 1) * k {
-                let value = self.residuals.by_reading[e * c + channel];
-                z.push(value);
-                r += value * self.residuals.whitened[e];
-            }
+    /// Adds the entries of a channel's column in one pose.
+    fn add(&self, column: &mut Column, channel: usize, order: usize) {
+        for equation in self.rows[order].iter().flat_map(|&row| self.at.equations(row)) {
+            column.add(self.at, equation, self.at.by_reading(equation, channel));
         }
-        r
     }
 
     /// Number of tests for bad readings.
     fn tests_bad(&self) -> f64 {
-        (self.live.len() * (self.observations.readings.channels + 1)) as f64
+        (self.live.len() * (self.at.observations.readings.channels + 1)) as f64
     }
 
     /// Scores of wrong readings of one channel. A recording has millions: of those that nobody
     /// could name, which would cost time and memory, it keeps the best.
     fn bad_of(&self, channel: usize, of: Instance) -> Vec<Scored> {
-        let held = self.observations.readings.held;
+        let held = self.at.observations.readings.held;
         let tests = self.tests_bad();
-        let (mut scored, mut z) = (Vec::new(), Vec::new());
+        let (mut scored, mut column) = (Vec::new(), Column::new(self.at.rank()));
         let mut dull: Option<(f64, Instance)> = None;
         for (order, &place) in self.live.iter().enumerate().rev() {
-            let r = self.column(channel, order, &mut z);
-            let zz = dot(&z, &z);
-            let left = zz - self.hats.form(order, &z);
-            let Some(score) = (left > SEEN * zz).then(|| r * r / left) else { continue };
+            column.clear();
+            self.add(&mut column, channel, order);
+            let Some(score) = column.score(&self.at.pull, SEEN) else { continue };
             let instance = Instance { place, ..of };
             if held || score > SURPRISE {
                 scored.extend(self.scored(instance, Family::Bad, tests, score));
@@ -318,15 +195,14 @@ impl<'a> Poses<'a> {
 
     /// Scores of poses that are wrong as a whole.
     fn bad_poses(&self, of: Instance) -> Vec<Scored> {
-        let k = self.residuals.equations;
         let mut scored = Vec::new();
         for (order, &place) in self.live.iter().enumerate() {
             if self.samples[order] > 1 {
                 continue; // repeats: a pose is judged where it is averaged
             }
             let row = self.rows[order][0];
-            let r = &self.residuals.whitened[row * k..(row + 1) * k];
-            let Some((score, width)) = left_out(&self.hats.of(order), r) else { continue };
+            let r = &self.at.residuals.whitened[self.at.equations(row)];
+            let Some((score, width)) = left_out(&self.at.hat(row), r) else { continue };
             let p_value = self.judge.p_value(score, width);
             let (instance, tests) = (Instance { place, ..of }, self.tests_bad());
             scored.push(Scored::of(instance, Family::Bad, score, width, p_value, tests));
@@ -335,29 +211,22 @@ impl<'a> Poses<'a> {
     }
 
     /// The sums from one pose later on, with this pose.
-    fn add(&self, time: &mut Time, channel: usize, order: usize, z: &mut Vec<f64>) {
-        let (k, n) = (self.residuals.equations, self.fit.model.parameters);
-        let Time { seen, column, .. } = time;
-        column.r += self.column(channel, order, z);
-        let zz = dot(z, z);
-        column.zz += zz;
-        for (e, z) in z.iter().enumerate() {
-            let first = (self.rows[order][e / k] * k + e % k) * n;
-            let x = &self.residuals.by_parameter[first..first + n];
-            column.zx.iter_mut().zip(x).for_each(|(s, x)| *s += z * x);
-        }
-        seen.add(zz);
+    fn earlier(&self, time: &mut Time, channel: usize, order: usize) {
+        let zz = time.column.zz;
+        self.add(&mut time.column, channel, order);
+        time.seen.add(time.column.zz - zz);
         time.order = order;
     }
 
-    /// Scores of slips of one channel: at some times, and at every one about the best of them.
+    /// Scores of slips of one channel: at [`MOST_TIMES`] times at the most, and then at every one about
+    /// the best.
     fn slips_of(&self, channel: usize, of: Instance) -> Vec<Scored> {
-        let (n, mut z) = (self.fit.model.parameters, Vec::new());
         let stride = self.live.len().div_ceil(MOST_TIMES).max(1);
-        let end = Time { order: self.live.len(), seen: Seen::default(), column: Column::new(n) };
+        let column = Column::new(self.at.rank());
+        let end = Time { order: self.live.len(), seen: Seen::default(), column };
         let (mut after, mut times) = (end.clone(), Vec::new());
         for order in (0..self.live.len()).rev() {
-            self.add(&mut after, channel, order, &mut z);
+            self.earlier(&mut after, channel, order);
             if order > 0 && order % stride == 0 {
                 times.push(after.clone());
             }
@@ -365,11 +234,9 @@ impl<'a> Poses<'a> {
         let all = after.seen;
         let both_sides = |later: &Seen| later.poses().min(all.without(*later).poses()) >= SIDE;
         times.retain(|time| both_sides(&time.seen));
-        for time in &mut times {
-            time.column = time.column.clone().projected(&self.inverse);
-        }
         let turns = turns(&times);
-        let score_of = |time: &Time| time.column.score().unwrap_or(0.0);
+        let score = |time: &Time| time.column.score(&self.at.pull, SEEN);
+        let score_of = |time: &Time| score(time).unwrap_or(0.0);
         let best = (0..times.len())
             .max_by(|i, j| score_of(&times[*i]).total_cmp(&score_of(&times[*j])))
             .filter(|_| stride > 1);
@@ -378,11 +245,9 @@ impl<'a> Poses<'a> {
             let mut time = best.checked_sub(1).map_or(&end, |later| &times[later]).clone();
             let first = times.get(best + 1).map_or(0, |earlier| earlier.order);
             for order in (first + 1..time.order).rev() {
-                self.add(&mut time, channel, order, &mut z);
-                let column = time.column.clone().projected(&self.inverse);
-                let found = Time { column, ..time.clone() };
-                if both_sides(&found.seen) && score_of(&found) > score_of(&times[best]) {
-                    times[best] = found;
+                self.earlier(&mut time, channel, order);
+                if both_sides(&time.seen) && score_of(&time) > score_of(&times[best]) {
+                    times[best] = time.clone();
                 }
             }
         }
@@ -392,12 +257,12 @@ impl<'a> Poses<'a> {
             true => declumped(&turns, stride, score).min(most),
             false => most,
         };
-        let channels = self.observations.readings.channels as f64;
+        let channels = self.at.observations.readings.channels as f64;
         times
             .iter()
             .filter_map(|time| {
                 let instance = Instance { place: self.live[time.order], ..of };
-                let score = time.column.score()?;
+                let score = score(time)?;
                 self.scored(instance, Family::Slip, channels * tests(score), score)
             })
             .collect()

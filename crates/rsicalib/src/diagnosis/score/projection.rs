@@ -8,6 +8,7 @@ use crate::estimate::{Fit, Implicit, Observations, Part};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
+use crate::numerics::symmetric::VISIBLE;
 use crate::terms::targets;
 
 /// ScoreSums for (71) over all candidates.
@@ -213,9 +214,6 @@ pub fn score(
     }
     Ok(scored)
 }
-
-/// Fraction of a column's length that must be left after the projection.
-pub const VISIBLE: f64 = 1e-8;
 
 /// Eq. (72) for one candidate: score, degrees of freedom, probability.
 fn judge_projected(

@@ -16,17 +16,18 @@
 //! running sums score them all.
 
 use crate::Error;
-use crate::diagnosis::score::scored::{Judge, Scored};
-use crate::diagnosis::score::{moved, periodic, places, projection};
-use crate::estimate::{Fit, Observations};
-
+use crate::diagnosis::score::bodies::Bodies;
 use crate::diagnosis::score::candidates::candidates;
+use crate::diagnosis::score::scored::{Judge, Scored};
+use crate::diagnosis::score::{periodic, places, projection};
+use crate::estimate::at_fit::AtFit;
+use crate::estimate::{Fit, Observations};
 
 /// Scores every candidate at a fit.
 ///
 /// # Errors
 ///
-/// As [`Model::new`].
+/// As [`Observations::model`].
 pub fn scan(
     observations: &Observations,
     fit: &Fit,
@@ -34,11 +35,11 @@ pub fn scan(
     without: &[String],
 ) -> Result<Vec<Scored>, Error> {
     observations.options.progress.step();
+    let at = AtFit::new(observations, fit);
     let named = candidates(observations, fit, without);
-    let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
-    let mut scored = projection::score(observations, fit, judge, &inverse, &named)?;
-    scored.extend(places::score(observations, fit, judge, &inverse, without)?);
-    scored.extend(periodic::score(observations, fit, judge, &inverse, without)?);
-    scored.extend(moved::score(observations, fit, judge, &inverse, without)?);
+    let mut scored = projection::score(observations, fit, judge, &at.inverse, &named)?;
+    scored.extend(places::score(&at, judge, without)?);
+    scored.extend(periodic::score(&at, judge, without));
+    scored.extend(Bodies::new(&at, without)?.score(judge));
     Ok(scored)
 }

@@ -79,14 +79,23 @@ impl Scored {
     }
 }
 
+/// At most this many times are tried for what happened once to one part.
+pub const MOST_TIMES: usize = 256;
+
 /// The best place of each term at each target, best first.
 #[must_use]
 pub fn best_places(scored: &[Scored]) -> Vec<Scored> {
     let mut best = scored.to_vec();
     best.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-    let mut seen = std::collections::HashSet::new();
-    best.retain(|s| seen.insert((s.instance.term.info().id, s.instance.target)));
+    one_place_each(&mut best, |_| true);
     best
+}
+
+/// Of candidates in their order, keeps the first place of each of these terms at each target.
+pub fn one_place_each(scored: &mut Vec<Scored>, of_these: impl Fn(&Instance) -> bool) {
+    let mut seen = std::collections::HashSet::new();
+    let key = |i: &Instance| (i.term.info().id, i.target);
+    scored.retain(|s| !of_these(&s.instance) || seen.insert(key(&s.instance)));
 }
 
 /// Share of the error budget that each family has.

@@ -5,7 +5,6 @@ use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, room};
 use crate::diagnosis::stepwise::orders::one_order;
 use crate::estimate::Fit;
-use crate::mechanism::Target;
 use crate::model::{Instance, Model};
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::screening::blame::Blame;
@@ -59,7 +58,7 @@ impl Stepwise<'_> {
                 && value_of(s) > value_of(&mine) - room
         });
         scored.sort_by(|a, b| value_of(b).total_cmp(&value_of(a)));
-        one_place_each(&mut scored);
+        scored::one_place_each(&mut scored, |_| true);
         let mut rivals = Vec::new();
         let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
         let my_value =
@@ -121,17 +120,6 @@ pub(crate) fn charge(candidate: &Scored) -> f64 {
 
 fn value_of(candidate: &Scored) -> f64 {
     candidate.score - charge(candidate)
-}
-
-/// Keeps the best place of each searched term at each target; best first.
-fn one_place_each(scored: &mut Vec<Scored>) {
-    let mut seen: Vec<(&str, Target)> = Vec::new();
-    scored.retain(|s| {
-        let key = (s.instance.term.info().id, s.instance.target);
-        let new = !seen.contains(&key);
-        seen.push(key);
-        new
-    });
 }
 
 /// Bad readings are rivals of bad readings of the same pose, effects of effects.

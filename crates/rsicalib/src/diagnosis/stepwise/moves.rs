@@ -5,9 +5,9 @@ use crate::Error;
 use crate::diagnosis::isolation::belongs;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::pairs::{self, Pair};
-use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose};
+use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose, one_place_each};
 use crate::diagnosis::score::{candidates, scan};
-use crate::diagnosis::stepwise::orders::{nearest_place, one_order_each};
+use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
 use crate::kinematics::elements::Weight;
@@ -189,7 +189,8 @@ impl<'a> Stepwise<'a> {
         let yielding = self.yielding(current, &scored)?;
         scored.retain(|s| s.corrected <= self.search.alpha);
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-        one_order_each(&mut scored);
+        // Neighbouring orders are one candidate.
+        one_place_each(&mut scored, has_order);
         let mut best: Option<(f64, Scored, Fit)> = None;
         let mut sensible = 0;
         for &candidate in scored.iter().take(HOPELESS * self.search.refits) {

@@ -2,30 +2,18 @@
 
 use std::f64::consts::TAU;
 
-use crate::diagnosis::score::scored::Scored;
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
 
-fn has_order(instance: &Instance) -> bool {
+/// True for what an order was searched for.
+pub(crate) fn has_order(instance: &Instance) -> bool {
     instance.term.placed() == Placed::AtOrder
 }
 
 fn same_sensor(a: &Instance, b: &Instance) -> bool {
     (a.term.info().id, a.target) == (b.term.info().id, b.target)
-}
-
-/// Keeps the best order of each sensor; best first.
-pub(crate) fn one_order_each(scored: &mut Vec<Scored>) {
-    let mut seen: Vec<Instance> = Vec::new();
-    scored.retain(|s| {
-        let again = has_order(&s.instance) && seen.iter().any(|i| same_sensor(i, &s.instance));
-        if has_order(&s.instance) {
-            seen.push(s.instance);
-        }
-        !again
-    });
 }
 
 /// True for two orders of one sensor that its readings do not tell apart: they differ by less than

@@ -11,9 +11,10 @@
 //!
 //! The second is the largest shift of any combination of parameters in its standard deviations.
 
-use crate::estimate::{Fit, Implicit, Observations, Part};
+use crate::estimate::at_fit::{AtFit, Column};
+use crate::estimate::{Fit, Observations};
 use crate::numerics::distributions::normal_quantile;
-use crate::numerics::symmetric::{SEEN, invert};
+use crate::numerics::symmetric::SEEN;
 use crate::report::evidence::shapes::Reliability;
 
 /// Level of the test, and how often it sees the error.
@@ -29,10 +30,8 @@ pub fn reliability(observations: &Observations, fit: &Fit) -> Option<Reliability
     if readings.samples > MOST_SAMPLES {
         return None;
     }
-    let part = Part { model: &fit.model, readings, weights: Some(&observations.weights) };
-    let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
-    let (k, channels, n) = (residuals.equations, readings.channels, fit.model.parameters);
-    let (inverse, ..) = invert(&fit.gram);
+    let at = AtFit::new(observations, fit);
+    let channels = readings.channels;
     let noncentral = normal_quantile(1.0 - 0.5 * LEVEL) + normal_quantile(POWER);
     let mut detectable = vec![vec![None; readings.poses()]; channels];
     let mut external = detectable.clone();
@@ -40,20 +39,15 @@ pub fn reliability(observations: &Observations, fit: &Fit) -> Option<Reliability
         let live: Vec<usize> =
             rows.iter().copied().filter(|&row| observations.weights[row] > 0.0).collect();
         for channel in 0..channels {
-            let (mut zz, mut zx) = (0.0, faer::Mat::<f64>::zeros(n, 1));
-            for e in live.iter().flat_map(|row| row * k..(row + 1) * k) {
-                let z = residuals.by_reading[e * channels + channel];
-                zz += z * z;
-                for (j, x) in residuals.by_parameter[e * n..(e + 1) * n].iter().enumerate() {
-                    zx[(j, 0)] += z * x;
-                }
+            let mut column = Column::new(at.rank());
+            for e in live.iter().flat_map(|&row| at.equations(row)) {
+                column.add(&at, e, at.by_reading(e, channel));
             }
-            let absorbed = (zx.transpose() * &inverse * &zx)[(0, 0)];
-            let shown = zz - absorbed;
-            if shown > SEEN * zz {
+            let shown = column.left();
+            if shown > SEEN * column.zz {
                 let error = noncentral / shown.sqrt();
                 detectable[channel][pose] = Some(error);
-                external[channel][pose] = Some(error * absorbed.max(0.0).sqrt());
+                external[channel][pose] = Some(error * (column.zz - shown).max(0.0).sqrt());
             }
         }
     }

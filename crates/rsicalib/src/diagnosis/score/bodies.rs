@@ -1,0 +1,144 @@
+//! Scores of what moved once: the base of a chain, the tool at its end.
+//!
+//! Each term, chain and time is one candidate of several columns: those of a body that is
+//! displaced in all samples, from one pose on. Running sums score all times, (71) and (72).
+
+use crate::Error;
+use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
+use crate::estimate::at_fit::AtFit;
+use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
+use crate::mechanism::Mechanism;
+use crate::model::Instance;
+use crate::screening::steps::{SIDE, StepSums};
+use crate::terms;
+use crate::terms::targets::{provided, targets};
+use crate::terms::term::{Acts, Placed, Spot, Term};
+
+/// Equations on either side of a move for each of its columns: of fewer, a few wrong readings look
+/// like a move.
+const EQUATIONS: usize = 3;
+
+/// True for a body that moved once.
+#[must_use]
+pub fn is_move(instance: &Instance) -> bool {
+    moves_once(instance.term)
+}
+
+fn moves_once(term: &dyn Term) -> bool {
+    term.placed() == Placed::AtPose && matches!(term.acts(), Acts::Geometry(_))
+}
+
+/// False where a move changes no reading, or would pass for another: a point that closes a loop is
+/// no tool in a clamp, and a chain that nothing ties to its base has none.
+fn meaningful(mechanism: &Mechanism, fit: &Fit, term: &dyn Term) -> bool {
+    if term.moves_only(&[Spot::Tip]) {
+        return !fit.model.unknown_names.is_empty();
+    }
+    !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats())
+}
+
+/// Every body that may have moved once, displaced in all samples: before the first pose.
+pub struct Bodies<'a> {
+    at: &'a AtFit<'a>,
+    bodies: Vec<Instance>,
+    /// Equations of a model with all of them.
+    residuals: Residuals,
+    /// The column of each body's first parameter.
+    first: Vec<usize>,
+    /// Columns of that model.
+    columns: usize,
+}
+
+impl<'a> Bodies<'a> {
+    /// All of a mechanism's, without these terms.
+    ///
+    /// # Errors
+    ///
+    /// As [`Observations::model`].
+    pub fn new(at: &'a AtFit<'a>, without: &[String]) -> Result<Self, Error> {
+        let AtFit { observations, fit, .. } = at;
+        let (mechanism, readings) = (&observations.mechanism, &observations.readings);
+        let tried = |term: &&&'static dyn Term| {
+            moves_once(**term)
+                && !without.iter().any(|id| id == term.info().id)
+                && meaningful(mechanism, fit, **term)
+                && provided(**term, mechanism, readings).is_ok()
+        };
+        let all = terms::all(mechanism);
+        let of = |&term: &&'static dyn Term| {
+            let targets = targets(term, mechanism).into_iter();
+            targets.map(move |target| Instance { term, target, place: 0 })
+        };
+        Self::of(at, all.iter().filter(tried).flat_map(of).collect())
+    }
+
+    /// These bodies, wherever they moved.
+    ///
+    /// # Errors
+    ///
+    /// As [`Observations::model`].
+    pub fn of(at: &'a AtFit<'a>, mut bodies: Vec<Instance>) -> Result<Self, Error> {
+        let Observations { readings, weights, .. } = at.observations;
+        bodies.iter_mut().for_each(|body| body.place = 0);
+        if bodies.is_empty() {
+            let (residuals, first) = (Residuals::default(), Vec::new());
+            return Ok(Self { at, bodies, residuals, first, columns: 0 });
+        }
+        let (fit, base) = (at.fit, at.fit.model.term_parameters);
+        let instances = fit.model.instances.iter().chain(&bodies).copied().collect();
+        let model = at.observations.model(instances)?;
+        let extra = model.term_parameters - base;
+        let mut beta = model.nominal();
+        beta[..base].copy_from_slice(&fit.beta[..base]);
+        beta[base + extra..].copy_from_slice(&fit.beta[base..]);
+        let part = Part { model: &model, readings, weights: Some(weights) };
+        let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&beta, true);
+        let first = model.first[fit.model.instances.len()..].to_vec();
+        Ok(Self { at, bodies, residuals, first, columns: model.parameters })
+    }
+
+    /// The score of each of them at each of the poses that are tried.
+    pub fn score(&self, judge: &Judge) -> Vec<Scored> {
+        let all: Vec<_> = (0..self.bodies.len()).flat_map(|body| self.moves(body)).collect();
+        let tests = all.len() as f64;
+        let of = |(instance, score, width): (Instance, f64, f64)| {
+            let p_value = judge.p_value(score, width);
+            Scored::of(instance, Family::Moved, score, width, p_value, tests)
+        };
+        all.into_iter().map(of).collect()
+    }
+
+    /// Score and rank of one body's moves.
+    fn moves(&self, body: usize) -> Vec<(Instance, f64, f64)> {
+        let Observations { readings, weights, .. } = self.at.observations;
+        let (extra, first) = (self.bodies[body].width(), self.first[body]);
+        let k = self.residuals.equations;
+        let poses = readings.rows_of_poses();
+        let counts = |row: &&usize| weights[**row] > 0.0;
+        let live: Vec<usize> =
+            (0..poses.len()).filter(|&p| poses[p].iter().any(|row| counts(&row))).collect();
+        let stride = live.len().div_ceil(MOST_TIMES).max(1);
+        let side = SIDE.max((EQUATIONS * extra).div_ceil(k));
+        let none = || StepSums::new(self.at.rank(), extra);
+        let (mut sums, mut found, mut last) = (none(), Vec::new(), None);
+        for (order, &pose) in live.iter().enumerate().rev() {
+            // What moved in one session has its place in that session.
+            let session = readings.session_of_pose.get(pose);
+            if last.replace(session).is_some_and(|later| later != session) {
+                sums = none();
+            }
+            for e in poses[pose].iter().filter(counts).flat_map(|&row| self.at.equations(row)) {
+                let z = &self.residuals.by_parameter[e * self.columns + first..][..extra];
+                sums.add(self.at.q(e), z, self.at.residuals.whitened[e]);
+            }
+            let both_sides = order >= side && live.len() - order >= side;
+            let instance = Instance { place: pose, ..self.bodies[body] };
+            if both_sides && order % stride == 0 && !self.at.fit.model.instances.contains(&instance)
+            {
+                let scored = sums.score(&self.at.pull);
+                found.extend(scored.map(|s| (instance, s.score, s.rank as f64)));
+            }
+        }
+        found
+    }
+}

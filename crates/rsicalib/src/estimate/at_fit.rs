@@ -1,0 +1,135 @@
+//! What a fit leaves of the readings, and what it absorbs of anything else.
+//!
+//! With `N⁻¹ = R Rᵀ` of the fit, priors included, and `Q = X R`, (71) for further columns `Z` is
+//!
+//! ```text
+//! M = ZᵀZ - (ZᵀQ)(QᵀZ),    u = Zᵀr - (ZᵀQ) p,    p = Qᵀr + Rᵀ ∇priors
+//! ```
+//!
+//! `p` is 0 at the minimum.
+
+use faer::{Mat, MatRef};
+
+use crate::estimate::fit::Fit;
+use crate::estimate::implicit::{Implicit, Residuals};
+use crate::estimate::objective::Part;
+use crate::estimate::observations::Observations;
+use crate::numerics::symmetric::{dot, inverse_root};
+
+/// A session at a fit.
+pub struct AtFit<'a> {
+    pub observations: &'a Observations,
+    pub fit: &'a Fit,
+    pub residuals: Residuals,
+    /// `N⁻¹`.
+    pub inverse: Mat<f64>,
+    /// `Qᵀ`, one column for each equation of each sample.
+    q: Mat<f64>,
+    /// `p`
+    pub pull: Vec<f64>,
+}
+
+impl<'a> AtFit<'a> {
+    /// A session at a fit of it.
+    pub fn new(observations: &'a Observations, fit: &'a Fit) -> Self {
+        let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
+        let part = Part { model: &fit.model, readings, weights };
+        let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
+        let n = fit.model.parameters;
+        let (root, ..) = inverse_root(&fit.gram);
+        let count = residuals.whitened.len();
+        let x = MatRef::from_column_major_slice(&residuals.by_parameter, n, count);
+        let q = root.transpose() * x;
+        let mut slope = vec![0.0; n];
+        for prior in &fit.priors {
+            for (column, by) in prior.slopes(&fit.beta) {
+                slope[column] += by * prior.off(&fit.beta);
+            }
+        }
+        let mut pull: Vec<f64> =
+            root.col_iter().map(|c| c.iter().zip(&slope).map(|(r, s)| r * s).sum()).collect();
+        for (e, r) in residuals.whitened.iter().enumerate() {
+            add_scaled(&mut pull, *r, q.col_as_slice(e));
+        }
+        let inverse = &root * root.transpose();
+        Self { observations, fit, residuals, inverse, q, pull }
+    }
+
+    /// Length of a row of `Q`.
+    pub fn rank(&self) -> usize {
+        self.q.nrows()
+    }
+
+    /// The row of `Q` of an equation: samples in their order, equation by equation.
+    pub fn q(&self, equation: usize) -> &[f64] {
+        self.q.col_as_slice(equation)
+    }
+
+    /// The equations of a sample.
+    pub fn equations(&self, row: usize) -> std::ops::Range<usize> {
+        let k = self.residuals.equations;
+        row * k..(row + 1) * k
+    }
+
+    /// Derivative of a whitened equation by the reading of a channel.
+    pub fn by_reading(&self, equation: usize, channel: usize) -> f64 {
+        self.residuals.by_reading[equation * self.observations.readings.channels + channel]
+    }
+
+    /// Derivatives of a whitened equation by the parameters, its row of `X`.
+    pub fn by_parameter(&self, equation: usize) -> &[f64] {
+        let n = self.fit.model.parameters;
+        &self.residuals.by_parameter[equation * n..(equation + 1) * n]
+    }
+
+    /// `Q Qᵀ` of the equations of one sample: what the fit absorbs of them.
+    pub fn hat(&self, row: usize) -> Mat<f64> {
+        let first = self.equations(row).start;
+        let k = self.residuals.equations;
+        Mat::from_fn(k, k, |i, j| dot(self.q(first + i), self.q(first + j)))
+    }
+}
+
+/// `sum += scale · values`
+pub fn add_scaled(sum: &mut [f64], scale: f64, values: &[f64]) {
+    sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += scale * value);
+}
+
+/// Sums for (71) of one column: `Zᵀr`, `ZᵀZ` and `QᵀZ`.
+#[derive(Clone)]
+pub struct Column {
+    pub zr: f64,
+    pub zz: f64,
+    pub zq: Vec<f64>,
+}
+
+impl Column {
+    /// Of no equation, beside so many directions that the fit absorbs.
+    pub fn new(rank: usize) -> Self {
+        Self { zr: 0.0, zz: 0.0, zq: vec![0.0; rank] }
+    }
+
+    pub fn clear(&mut self) {
+        (self.zr, self.zz) = (0.0, 0.0);
+        self.zq.fill(0.0);
+    }
+
+    /// Adds the entry of one equation.
+    pub fn add(&mut self, there: &AtFit, equation: usize, z: f64) {
+        self.zr += z * there.residuals.whitened[equation];
+        self.zz += z * z;
+        add_scaled(&mut self.zq, z, there.q(equation));
+    }
+
+    /// `M`
+    pub fn left(&self) -> f64 {
+        self.zz - dot(&self.zq, &self.zq)
+    }
+
+    /// `T = u²/M` (72), where at least a share of the column is left.
+    pub fn score(&self, pull: &[f64], share: f64) -> Option<f64> {
+        let left = self.left();
+        let u = self.zr - dot(&self.zq, pull);
+        (left > share * self.zz).then(|| u * u / left)
+    }
+}
