@@ -158,6 +158,6 @@ def test_a_placement_that_does_not_fit_is_left_out_whole(seed: int) -> None:
 
 
 def test_nothing_is_found_in_clean_readings() -> None:
-    # One in 500 sessions is accused by design: two of ten by chance once in 5600 runs.
-    accused = sum(bool(excluded(seed, Damage(row=ROWS))) for seed in range(100, 110))
+    # One in 500 sessions is accused by design: two of 20 by chance once in 1300 runs.
+    accused = sum(bool(excluded(seed, Damage(row=ROWS))) for seed in range(100, 120))
     assert accused <= 1

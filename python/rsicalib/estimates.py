@@ -22,6 +22,11 @@ def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
     return f"{known}{half}{'' if unit == '1' else f' {unit}'}"
 
 
+def parameter_key(spec: str, term: str, name: str) -> str:
+    """A parameter's own name in a result: `gain@a11`, `curvature@a22.c2`."""
+    return spec if name == term else f"{spec}.{name}"
+
+
 class Earlier(Protocol):
     """What an earlier result says."""
 
@@ -78,7 +83,7 @@ class Estimate:
     @property
     def key(self) -> str:
         """The parameter's own name in a result: `gain@a11`, `curvature@a22.c2`."""
-        return self.spec if self.name == self.term else f"{self.spec}.{self.name}"
+        return parameter_key(self.spec, self.term, self.name)
 
     def __repr__(self) -> str:
         return f"<{self.key} = {estimate_words(self.value, self.sd, self.unit)}>"

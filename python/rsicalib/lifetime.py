@@ -199,6 +199,7 @@ def _series(key: Key, own: Sequence[tuple[str, Result]]) -> Series:
         rate=rate,
         rate_sd=rate_sd,
         p_value=p_value,
+        place=at[2],
     )
 
 

@@ -129,16 +129,14 @@ def extras(truths: Sequence[Truth], result: Result) -> int:
 
 
 def is_misled(truths: Sequence[Truth], result: Result) -> bool:
-    """Whether it is said to be explained, by a class that nothing has that is wrong.
-
-    Where a tie among few is said, one of them must have such a class.
-    """
+    """Whether it is said to be explained, by a class that nothing has that is wrong."""
     if result.get("verdict") != "explained" or not truths:
         return False
     classes = {klass for truth in truths for klass, _ in truth.names}
-    said = [{klass for klass, _ in names(step)} for step in result.get("steps") or []]
-    said += [{"data"}] * bool(result.get("excluded"))
-    return not all(classes & of_step for of_step in said)
+    said = {step["class"] for step in result.get("steps") or []}
+    if result.get("excluded"):
+        said.add("data")
+    return not said <= classes
 
 
 def is_worse(errors: Errors) -> bool | None:

@@ -11,7 +11,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import Dots
 from rsicalib.report.svg import LETTER, WIDE, Axis, Canvas, Chart
-from rsicalib.report.words import listed_words, name_of, number, subject
+from rsicalib.report.words import listed_words, number, parameter_name, subject
 from rsicalib.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape, Weakest
 
 __all__ = ["mechanism_figure", "workspace_figure"]
@@ -229,7 +229,7 @@ def _weakest_words(weakest: Weakest, unit: str) -> str:
     size = math.hypot(*weakest.along)
     along = ", ".join(f"{v / size:z.1f}" for v in weakest.along)
     p = weakest.parameter
-    name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
+    name = parameter_name(p.term, p.name)
     of = "" if weakest.of is None else f"{weakest.of} "
     return (
         f"Least known is {of}at ({place}), by {number(size, 2)} {unit} along ({along}): an error "

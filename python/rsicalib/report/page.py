@@ -22,6 +22,7 @@ from rsicalib.report.words import (
     noise_words,
     number,
     p_is,
+    parameter_name,
     plus_minus,
     sentence,
     size_words,
@@ -278,7 +279,7 @@ def _moved(result: ResultShape) -> str:
         return ""
     rows = [
         (
-            name_of(m.term) if m.name == m.term else f"{name_of(m.term)} {m.name}",
+            parameter_name(m.term, m.name),
             m.target,
             number(m.before, 6),
             number(m.after, 6),
@@ -311,7 +312,7 @@ def _parameters(result: ResultShape) -> str:
     rows = []
     for p in result.parameters:
         value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
-        name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
+        name = parameter_name(p.term, p.name)
         target = p.target if p.place is None else f"{p.target} at {p.place}"
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from rsicalib import _core
+from rsicalib.estimates import parameter_key
 from rsicalib.plots import intervals, on_axes
 from rsicalib.records import Record, to_json
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, pictures, section, table
 from rsicalib.report.svg import Canvas, Chart, bounds
 from rsicalib.report.words import number, p_is, plus_minus
-from rsicalib.tabular import Tabular
+from rsicalib.tabular import Tabular, Told
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,12 +84,13 @@ class Series(Record):
     """Standard deviation of the rate, grown by scatter that the estimates' own does not explain."""
     p_value: float | None
     """Probability of such a rate by chance."""
+    place: str | None = None
+    """Where a searched term acts: another channel, an order."""
 
     @property
     def key(self) -> str:
         """Its name: `gain@a11`, `curvature@a22.c2`."""
-        spec = f"{self.term}@{self.target}"
-        return spec if self.name == self.term else f"{spec}.{self.name}"
+        return parameter_key(_core.spec(self.term, self.target, self.place), self.term, self.name)
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ class Forecast(Record):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class History(Tabular, Record):
+class History(Told, Tabular, Record):
     """What is known of one device over time."""
 
     format: str = FORMAT
@@ -181,9 +184,6 @@ class History(Tabular, Record):
         ]
         names = ("name", "valid_from", "value", "sd", "unit")
         return dict(zip(names, zip(*rows, strict=True), strict=True)) if rows else {}
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.text())}</pre>"
 
     def __repr__(self) -> str:
         drifting = ", ".join(one.key for one in _drifts(self)) or "nothing"

@@ -13,6 +13,7 @@ from rsicalib.report.words import (
     name_of,
     noise_words,
     number,
+    parameter_name,
     plus_minus,
     sentence,
     size_words,
@@ -162,7 +163,7 @@ def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
         cells = [_estimate(pair[t]) if t in pair else "" for t in ("offset", "gain")]
         lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>28}")
     for p in others:
-        name = name_of(p.term) if p.name == p.term else f"{name_of(p.term)} {p.name}"
+        name = parameter_name(p.term, p.name)
         lines.append(_cut(f"  {p.target:9} {name} = {_estimate(p)} {p.unit}"))
     if len(lines) > room:
         lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]

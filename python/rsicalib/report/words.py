@@ -27,6 +27,7 @@ __all__ = [
     "name_of",
     "noise_words",
     "number",
+    "parameter_name",
     "plus_minus",
     "predicted_words",
     "quality",
@@ -72,6 +73,11 @@ def plus_minus(value: float | None, half: float | None) -> tuple[str, str]:
 def name_of(term: str) -> str:
     """A term's id as people read it."""
     return term.replace("_", " ")
+
+
+def parameter_name(term: str, name: str) -> str:
+    """A parameter of a term as people read it: `gain`, `curvature c2`."""
+    return name_of(term) if name == term else f"{name_of(term)} {name}"
 
 
 def target_words(klass: str, target: str) -> str:
