@@ -1,7 +1,9 @@
 //! What a change of the model does to the platform, over the poses of a session.
 
+use crate::Error;
 use crate::apply::check::{Check, error_of};
 use crate::apply::poses::some_poses;
+use crate::apply::slopes::{Slopes, platform_slopes};
 use crate::estimate::{Fit, Noise, Observations};
 use crate::model::Model;
 
@@ -27,6 +29,51 @@ pub fn platform(observations: &Observations, model: &Model, beta: &[f64], noise:
     let stride = observations.readings.blocks().len().div_ceil(LOOKS);
     (!observations.mechanism.platform.is_empty())
         .then(|| some_poses(model, &observations.readings, beta, &noise.sigma, noise.play, stride))
+}
+
+/// How the platform moves with the parameters of a model, to first order.
+pub(crate) struct Movable {
+    /// Of the samples that count.
+    slopes: Vec<Slopes>,
+}
+
+impl Movable {
+    /// Of a long recording in some blocks; none without a platform.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::like`].
+    pub(crate) fn new(
+        observations: &Observations,
+        model: &Model,
+        beta: &[f64],
+        noise: &Noise,
+    ) -> Result<Option<Self>, Error> {
+        let Observations { readings, mechanism, weights, .. } = observations;
+        if mechanism.platform.is_empty() {
+            return Ok(None);
+        }
+        let stride = readings.blocks().len().div_ceil(LOOKS);
+        let mut slopes = platform_slopes(model, readings, beta, noise, stride)?;
+        slopes.retain(|s| weights[s.row] > 0.0);
+        Ok(Some(Self { slopes }))
+    }
+
+    /// What a change of these parameters does.
+    pub(crate) fn by(&self, change: &[(usize, f64)]) -> PlatformRms {
+        let mut squares = [0.0; 6];
+        for Slopes { by_parameter, .. } in &self.slopes {
+            let mut moved = [0.0; 6];
+            for &(column, by) in change {
+                let slope = by_parameter.column(column);
+                moved.iter_mut().zip(&slope).for_each(|(moved, slope)| *moved += slope * by);
+            }
+            squares.iter_mut().zip(moved).for_each(|(sum, moved)| *sum += moved * moved);
+        }
+        let components = 3.0 * self.slopes.len().max(1) as f64;
+        let rms = |of: &[f64]| (of.iter().sum::<f64>() / components).sqrt();
+        PlatformRms { position: rms(&squares[..3]), orientation: rms(&squares[3..]) }
+    }
 }
 
 /// Between two fits.

@@ -10,3 +10,4 @@ pub mod groups;
 pub mod moved;
 pub mod places;
 pub mod poses;
+pub(crate) mod slopes;

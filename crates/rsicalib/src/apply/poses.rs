@@ -5,8 +5,9 @@ use nalgebra::Vector3;
 use crate::Error;
 use crate::estimate::{Fit, Implicit, Noise, Observations, Part};
 use crate::kinematics::rigid::rigid_fit;
+use crate::mechanism::Mechanism;
 use crate::model::{Model, Want, Workspace};
-use crate::numerics::lanes::Vec3;
+use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Readings, Table};
 
 /// Platform pose of every row of a table, under parameters of a fit.
@@ -126,27 +127,54 @@ pub fn some_poses(
     stride: usize,
 ) -> Vec<(usize, [f64; 6])> {
     let noise = Noise { sigma: sigma.to_vec(), play };
-    let problem = Implicit::new(vec![(Part { model, readings, weights: None }, noise)], &[]);
     let mut poses = Vec::with_capacity(readings.samples / stride + 1);
     let mut ws = Workspace::default();
-    let names: Vec<usize> = (0..model.mechanism.points.len())
-        .filter(|&p| model.mechanism.platform.contains_key(&model.mechanism.points[p].name))
-        .collect();
-    let q: Vec<Vector3<f64>> = names
-        .iter()
-        .map(|&p| Vector3::from(model.mechanism.platform[&model.mechanism.points[p].name]))
-        .collect();
-    for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
-        let a = problem.settled(block, beta);
+    let platform = Platform::of(&model.mechanism);
+    for (block, a) in settled_blocks(model, readings, beta, &noise, stride) {
         model.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
         let points = model.points(&ws);
+        let meta = &readings.blocks()[block];
         for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
             let place = |at: Vec3| Vector3::new(at[0].0[lane], at[1].0[lane], at[2].0[lane]);
-            let r: Vec<Vector3<f64>> = names.iter().filter_map(|&p| points[p].map(place)).collect();
-            poses.push((row, rigid_fit(&q, &r)));
+            let r: Vec<Vector3<f64>> =
+                platform.points.iter().filter_map(|&p| points[p].map(place)).collect();
+            poses.push((row, rigid_fit(&platform.places, &r)));
         }
     }
     poses
+}
+
+/// The points of a platform.
+pub(crate) struct Platform {
+    /// Their numbers among the points of the mechanism.
+    pub points: Vec<usize>,
+    /// Where they are on the platform.
+    pub places: Vec<Vector3<f64>>,
+}
+
+impl Platform {
+    pub fn of(mechanism: &Mechanism) -> Self {
+        let name = |p: usize| &mechanism.points[p].name;
+        let points: Vec<usize> = (0..mechanism.points.len())
+            .filter(|&p| mechanism.platform.contains_key(name(p)))
+            .collect();
+        let places = points.iter().map(|&p| Vector3::from(mechanism.platform[name(p)])).collect();
+        Self { points, places }
+    }
+}
+
+/// Every `stride`-th block of readings, moved onto the closures by (52).
+pub(crate) fn settled_blocks<'a>(
+    model: &'a Model,
+    readings: &'a Readings,
+    beta: &'a [f64],
+    noise: &Noise,
+    stride: usize,
+) -> impl Iterator<Item = (usize, Vec<Lanes>)> + 'a {
+    let part = Part { model, readings, weights: None };
+    let problem = Implicit::new(vec![(part, noise.clone())], &[]);
+    let blocks = (0..readings.blocks().len()).step_by(stride);
+    blocks.map(move |block| (block, problem.settled(block, beta)))
 }
 
 /// Where the chains carry their points, row by row of a table, under a fit.

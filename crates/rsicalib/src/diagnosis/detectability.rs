@@ -2,14 +2,13 @@
 //! and what it would do to the platform meanwhile.
 
 use crate::Error;
-use crate::apply::change::{PlatformRms, difference, platform};
+use crate::apply::change::{Movable, PlatformRms};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::project;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::directions::{place, unit};
-use crate::estimate::{Fit, Observations};
-use crate::model::{Instance, Model};
+use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::VISIBLE;
 
@@ -49,10 +48,16 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         .collect();
     let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
     let projected = project(observations, last, &inverse, &named)?;
-    let noise = last.assumed();
-    let here = platform(observations, &last.model, &last.beta, &noise);
+    let base = last.model.term_parameters;
+    let model = observations.model([&last.model.instances[..], &named].concat())?;
+    let first = &model.first[last.model.instances.len()..];
+    let extra = model.term_parameters - base;
+    let mut beta = model.nominal();
+    beta[..base].copy_from_slice(&last.beta[..base]);
+    beta[base + extra..].copy_from_slice(&last.beta[base..]);
+    let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
     let mut hidden = Vec::with_capacity(named.len());
-    for (instance, candidate) in named.iter().zip(projected) {
+    for ((instance, candidate), first) in named.iter().zip(projected).zip(first) {
         let info = instance.term.info();
         let d = info.parameters.len();
         // Noncentrality that is seen in four sessions of five, at the corrected level.
@@ -70,15 +75,15 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         let size = if visible { (wanted / value).sqrt() } else { f64::NAN };
         let direction: Vec<f64> = (0..d).map(|i| eigen.U()[(i, 0)] * typical[i] * size).collect();
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let platform_rms = match (&here, visible) {
-            (Some(here), true) => {
-                let with =
-                    with_effect(observations, last, instance, &direction, &candidate.absorbed)?;
-                platform(observations, &with.0, &with.1, &noise)
-                    .map(|there| difference(observations, here, &there))
-            }
-            _ => None,
-        };
+        let platform_rms = platform.as_ref().filter(|_| visible).map(|platform| {
+            // What the fitted parameters absorb of it, they move the platform by as well.
+            let absorbed = (0..last.beta.len()).map(|i| {
+                let by: f64 = (0..d).map(|k| candidate.absorbed[(i, k)] * direction[k]).sum();
+                (if i < base { i } else { i + extra }, -by)
+            });
+            let own = direction.iter().enumerate().map(|(k, by)| (first + k, *by));
+            platform.by(&own.chain(absorbed).collect::<Vec<_>>())
+        });
         hidden.push(Detectability {
             term: info.id.into(),
             target: instance.target.name(&observations.mechanism),
@@ -93,26 +98,4 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         of(b).total_cmp(&of(a))
     });
     Ok(hidden)
-}
-
-/// A model with one more effect of a given size, the rest having absorbed what it can.
-fn with_effect(
-    observations: &Observations,
-    fit: &Fit,
-    instance: &Instance,
-    size: &[f64],
-    absorbed: &faer::Mat<f64>,
-) -> Result<(Model, Vec<f64>), Error> {
-    let mut instances = fit.model.instances.clone();
-    instances.push(*instance);
-    let model = observations.model(instances)?;
-    let base = fit.model.term_parameters;
-    let mut beta = model.nominal();
-    for (i, value) in fit.beta.iter().enumerate() {
-        let moved: f64 = size.iter().enumerate().map(|(k, s)| absorbed[(i, k)] * s).sum();
-        let at = if i < base { i } else { i + size.len() };
-        beta[at] = value - moved;
-    }
-    beta[base..base + size.len()].copy_from_slice(size);
-    Ok((model, beta))
 }

@@ -562,10 +562,20 @@ impl Model {
     ///
     /// As [`Model::new`].
     pub fn like(other: &Self, mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
-        let centre: Vec<f64> = other.scales.iter().map(|s| s.centre).collect();
-        let mut model = Self::compile(mechanism, readings, other.instances.clone(), &centre)?;
-        model.scales.clone_from(&other.scales);
+        let mut model = other.with_closures_of(mechanism, readings)?;
         model.leave_out_null_equations(readings);
+        Ok(model)
+    }
+
+    /// As [`Model::like`], with the equations that nothing can violate.
+    pub(crate) fn with_closures_of(
+        &self,
+        mechanism: &Mechanism,
+        readings: &Readings,
+    ) -> Result<Self, Error> {
+        let centre: Vec<f64> = self.scales.iter().map(|s| s.centre).collect();
+        let mut model = Self::compile(mechanism, readings, self.instances.clone(), &centre)?;
+        model.scales.clone_from(&self.scales);
         Ok(model)
     }
 

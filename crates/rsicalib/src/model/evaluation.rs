@@ -22,7 +22,7 @@
 use crate::kinematics::elements::{Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::{ClosureKind, MOST_PARAMETERS};
-use crate::model::compiled::{End, Model};
+use crate::model::compiled::{CompiledClosure, End, Model};
 use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
@@ -347,35 +347,14 @@ impl Model {
                 continue;
             }
             for (end, sign) in closure.ends.iter().zip([1.0, -1.0]) {
-                let mut put = |source: Source, moved: &Vec3| {
-                    let mut add = |row: usize, value: Lanes| match source {
-                        Source::Channel(c) => {
-                            ws.g[(closure.equation + row) * channels + c] += value * sign
-                        }
-                        Source::Parameter(p) if want.x => {
-                            ws.x[(closure.equation + row) * width + p] += value * sign;
-                        }
-                        Source::Gated(p, gate) if want.x => {
-                            ws.x[(closure.equation + row) * width + p] +=
-                                value * ws.gates[gate] * sign;
-                        }
-                        Source::Parameter(_) | Source::Gated(..) => {}
-                        Source::Law(to) => {
-                            let row = (closure.equation + row) * self.amounts;
-                            ws.laws.h[row + to - channels] += value * sign;
-                        }
-                    };
-                    match closure.kind {
-                        ClosureKind::Distance => add(0, dot(&apart, moved) * 2.0),
-                        ClosureKind::Touch => each_along(closure.along.as_deref(), moved, add),
-                    }
-                };
                 match end {
                     End::Fixed(_) => {}
                     End::Carried(chain, _) => {
                         let point = if sign > 0.0 { &ends[0] } else { &ends[1] };
-                        for lever in &ws.postures[*chain].levers {
-                            put(lever.source, &lever.moves(point));
+                        for lever in 0..ws.postures[*chain].levers.len() {
+                            let lever = &ws.postures[*chain].levers[lever];
+                            let (source, moved) = (lever.source, lever.moves(point));
+                            self.add_column(closure, source, &moved, &apart, sign, want, ws);
                         }
                     }
                     End::Unknown(point) => {
@@ -383,11 +362,68 @@ impl Model {
                         for axis in 0..3 {
                             let mut unit = [Lanes::ZERO; 3];
                             unit[axis] = Lanes::ONE;
-                            put(Source::Parameter(first + axis), &unit);
+                            let source = Source::Parameter(first + axis);
+                            self.add_column(closure, source, &unit, &apart, sign, want, ws);
                         }
                     }
                 }
             }
+        }
+    }
+
+    /// Adds to a column of a closure what its end moves by, in the direction in which the closure
+    /// counts it.
+    ///
+    /// A function, not a closure: only that is compiled with the vector instructions for certain.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the state of one loop")]
+    fn add_column(
+        &self,
+        closure: &CompiledClosure,
+        source: Source,
+        moved: &Vec3,
+        apart: &Vec3,
+        sign: f64,
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        match (closure.kind, closure.along.as_deref()) {
+            (ClosureKind::Distance, _) => {
+                let value = dot(apart, moved) * (2.0 * sign);
+                self.add_entry(closure.equation, source, value, want, ws);
+            }
+            (ClosureKind::Touch, None) => {
+                for (axis, along) in moved.iter().enumerate() {
+                    self.add_entry(closure.equation + axis, source, *along * sign, want, ws);
+                }
+            }
+            (ClosureKind::Touch, Some(along)) => {
+                for (row, u) in along.iter().enumerate() {
+                    let value = moved[0] * u[0] + moved[1] * u[1] + moved[2] * u[2];
+                    self.add_entry(closure.equation + row, source, value * sign, want, ws);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_entry(
+        &self,
+        equation: usize,
+        source: Source,
+        value: Lanes,
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        let (channels, width) = (self.scales.len(), self.width());
+        match source {
+            Source::Channel(c) => ws.g[equation * channels + c] += value,
+            Source::Parameter(p) if want.x => ws.x[equation * width + p] += value,
+            Source::Gated(p, gate) if want.x => {
+                ws.x[equation * width + p] += value * ws.gates[gate];
+            }
+            Source::Parameter(_) | Source::Gated(..) => {}
+            Source::Law(to) => ws.laws.h[equation * self.amounts + to - channels] += value,
         }
     }
 
