@@ -93,7 +93,7 @@ class Series(Record):
         return parameter_key(_core.spec(self.term, self.target, self.place), self.term, self.name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Forecast(Record):
     """When the platform's error will exceed a target under the last calibration."""
 
@@ -105,6 +105,10 @@ class Forecast(Record):
     """The day from which the error is likely above the target; None: not within ten years."""
     from_day: str | None
     """The day by which one device in twenty like this one has exceeded it."""
+
+    def __repr__(self) -> str:
+        past = "not within ten years" if self.day is None else f"past {self.target:g} by {self.day}"
+        return f"<Forecast: {number(self.now)} now, likely {past}>"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
