@@ -126,7 +126,8 @@ def simulate(args: Args) -> int:
 
     names = "mechanism poses samples noise seed force"
     options = {name: getattr(args, name) for name in names.split()}
-    made = simulate_device(args.out, check=args.check_poses, **options)
+    options["check"] = args.check_poses
+    made = _heard(args, lambda _: simulate_device(args.out, **options), "simulate")
     if args.json:
         emit(to_json(made.truth))
     elif not args.quiet:

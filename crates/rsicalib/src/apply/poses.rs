@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::Error;
-use crate::estimate::{Fit, Implicit, Noise, Observations, Part};
+use crate::estimate::settle::settled;
+use crate::estimate::{Fit, Noise, Observations, Part};
 use crate::kinematics::rigid::rigid_fit;
 use crate::mechanism::Mechanism;
 use crate::model::{Model, Want, Workspace};
@@ -171,10 +172,9 @@ pub(crate) fn settled_blocks<'a>(
     noise: &Noise,
     stride: usize,
 ) -> impl Iterator<Item = (usize, Vec<Lanes>)> + 'a {
-    let part = Part { model, readings, weights: None };
-    let problem = Implicit::new(vec![(part, noise.clone())], &[]);
+    let (part, noise) = (Part { model, readings, weights: None }, noise.clone());
     let blocks = (0..readings.blocks().len()).step_by(stride);
-    blocks.map(move |block| (block, problem.settled(block, beta)))
+    blocks.map(move |block| (block, settled(&part, &noise, block, beta)))
 }
 
 /// Where the chains carry their points, row by row of a table, under a fit.

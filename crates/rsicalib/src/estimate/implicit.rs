@@ -106,15 +106,6 @@ impl<'a> Implicit<'a> {
         out
     }
 
-    /// Readings `â` of one block at `x`, one [`Lanes`] per channel.
-    #[must_use]
-    pub fn settled(&self, block: usize, x: &[f64]) -> Vec<Lanes> {
-        let (part, noise) = &self.parts[0];
-        let mut a_hat = part.readings.raw(block).to_vec();
-        Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false);
-        a_hat
-    }
-
     /// Readings `â` of the last linearisation, row by row, one per channel.
     #[must_use]
     pub fn adjusted(&self) -> Vec<f64> {

@@ -362,15 +362,9 @@ impl Paper {
         Ok([offsets, gains].concat())
     }
 
-    /// Buffers for one part of the sums, with sums of zero.
+    /// Buffers for one part of the sums, which are those of before.
     fn room(&self) -> (Room, Normal) {
-        match lock(&self.spare).pop() {
-            Some((room, mut sums)) => {
-                sums.clear();
-                (room, sums)
-            }
-            None => (Room::new(self), Normal::new(self)),
-        }
+        lock(&self.spare).pop().unwrap_or_else(|| (Room::new(self), Normal::new(self)))
     }
 
     fn block(&self, block: usize) -> &[Lanes] {
@@ -541,6 +535,7 @@ impl Problem for Paper {
             dispatch(
                 #[inline(always)]
                 || {
+                    sums.clear();
                     for (i, counts) in blocks.chunks_exact(self.channels).enumerate() {
                         let live = (self.samples - (first + i) * WIDTH).min(WIDTH);
                         self.evaluate(counts, beta, &mut room);
@@ -618,10 +613,16 @@ impl Normal {
         }
     }
 
+    /// For code that [`dispatch`] compiles: elsewhere these loops take as long as a block of samples.
+    #[inline(always)]
     fn clear(&mut self) {
         self.cost = Lanes::ZERO;
-        self.gradient.fill([Lanes::ZERO; 2]);
-        self.gram.fill([Lanes::ZERO; 4]);
+        for sum in self.gradient.as_flattened_mut() {
+            *sum = Lanes::ZERO;
+        }
+        for sum in self.gram.as_flattened_mut() {
+            *sum = Lanes::ZERO;
+        }
     }
 
     fn merge(&mut self, other: &Self) {

@@ -18,6 +18,14 @@ const STILL: f64 = 1e-9;
 /// share: in a pose where equations say the same, the factor is that of the others.
 const ROUNDED: f64 = 1e-15;
 
+/// Readings `â` of one block at parameters `x`, moved onto the closures by (52): one [`Lanes`] per
+/// channel.
+pub(crate) fn settled(part: &Part, noise: &Noise, block: usize, x: &[f64]) -> Vec<Lanes> {
+    let mut a_hat = part.readings.raw(block).to_vec();
+    Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false);
+    a_hat
+}
+
 /// Buffers for the readings of one block.
 pub(crate) struct Room {
     pub(crate) ws: Workspace,

@@ -29,7 +29,7 @@ pub fn solve_damped(
             for (inverse, scale) in inverse.iter_mut().zip(scale) {
                 *inverse = 1.0 / scale;
             }
-            let mut columns = [[0.0; ROWS]; MOST];
+            let (mut columns, mut rows) = ([[0.0; ROWS]; MOST], [[0.0; ROWS]; MOST]);
             for (j, column) in columns[..n].iter_mut().enumerate() {
                 let own = inverse[j];
                 for ((value, h), inverse) in column.iter_mut().zip(h.col_as_slice(j)).zip(&inverse)
@@ -39,10 +39,10 @@ pub fn solve_damped(
                 column[j] += damping;
                 column[n] = -gradient[j] * own;
             }
-            let mut rows = [[0.0; ROWS]; MOST];
-            let first = eliminate::<0>(&mut columns, &mut rows, &mut s, n);
-            let second = first && eliminate::<1>(&mut columns, &mut rows, &mut s, n);
-            if !(second && eliminate::<2>(&mut columns, &mut rows, &mut s, n)) {
+            let mut state = State { columns: &mut columns, rows: &mut rows, pivots: [0.0; MOST] };
+            let first = state.eliminate::<0>(&mut s, n);
+            let second = first && state.eliminate::<1>(&mut s, n);
+            if !(second && state.eliminate::<2>(&mut s, n)) {
                 return false;
             }
             for k in (1..n).rev() {
@@ -57,49 +57,66 @@ pub fn solve_damped(
     solved.then(|| s[..n].iter().zip(&inverse).map(|(s, inverse)| s * inverse).collect())
 }
 
-/// Eliminates the columns of one block: the rows of `Lᵀ D` in `columns` give the columns of `L` as
-/// `rows`, and the right-hand side as `D⁻¹ L⁻¹` of it. False for a pivot that is not positive.
-#[expect(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN is no pivot either")]
-#[inline(always)]
-fn eliminate<const BLOCK: usize>(
-    columns: &mut Columns,
-    rows: &mut Columns,
-    rhs: &mut [f64; ROWS],
-    n: usize,
-) -> bool {
-    for j in BLOCK * WIDTH..((BLOCK + 1) * WIDTH).min(n) {
-        let own = columns[j];
-        if !(own[j] > 0.0) {
-            return false;
-        }
-        let inverse = 1.0 / own[j];
-        let mut scaled = own;
-        for value in &mut scaled {
-            *value *= inverse;
-        }
-        rhs[j] = scaled[n];
-        let nexts = columns[j + 1..n].iter_mut().zip(&mut rows[j + 1..n]);
-        for ((next, row), factor) in nexts.zip(&scaled[j + 1..n]) {
-            // Without this way out the compiler works on eight columns at once, by gathers, at
-            // twice the time.
-            if !factor.is_finite() {
-                return false;
-            }
-            row[j] = *factor;
-            subtract::<BLOCK>(next, &own, *factor);
-        }
-    }
-    true
+/// Vectors of one column.
+const BLOCKS: usize = ROWS / WIDTH;
+
+/// A factorisation on its way.
+struct State<'a> {
+    /// `L D` column by column as far as it is known, with the right-hand side in row `n`.
+    columns: &'a mut Columns,
+    /// `L`, row by row.
+    rows: &'a mut Columns,
+    /// Reciprocals of `D`.
+    pivots: [f64; MOST],
 }
 
-/// `next -= factor own`, from a block on.
+impl State<'_> {
+    /// Subtracts from each column of one block what all columns before take of it, and puts
+    /// `D⁻¹ L⁻¹` of the right-hand side into `rhs`. False for a pivot that is not positive.
+    ///
+    /// A column stays in registers meanwhile. Two sums of it take turns: each waits for itself only.
+    #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN is no pivot either")]
+    #[inline(always)]
+    fn eliminate<const BLOCK: usize>(&mut self, rhs: &mut [f64; ROWS], n: usize) -> bool {
+        for k in BLOCK * WIDTH..((BLOCK + 1) * WIDTH).min(n) {
+            let (done, rest) = self.columns.split_at_mut(k);
+            let (own, row) = (&mut rest[0], &mut self.rows[k]);
+            let (mut even, mut odd) = ([Lanes::ZERO; BLOCKS], [Lanes::ZERO; BLOCKS]);
+            for c in BLOCK..BLOCKS {
+                even[c].0.copy_from_slice(&own[c * WIDTH..(c + 1) * WIDTH]);
+            }
+            let mut j = 0;
+            while j + 1 < k {
+                row[j] = done[j][k] * self.pivots[j];
+                row[j + 1] = done[j + 1][k] * self.pivots[j + 1];
+                subtract::<BLOCK>(&mut even, &done[j], row[j]);
+                subtract::<BLOCK>(&mut odd, &done[j + 1], row[j + 1]);
+                j += 2;
+            }
+            if j < k {
+                row[j] = done[j][k] * self.pivots[j];
+                subtract::<BLOCK>(&mut even, &done[j], row[j]);
+            }
+            for c in BLOCK..BLOCKS {
+                let sum = even[c] + odd[c];
+                own[c * WIDTH..(c + 1) * WIDTH].copy_from_slice(&sum.0);
+            }
+            if !(own[k] > 0.0) {
+                return false;
+            }
+            self.pivots[k] = 1.0 / own[k];
+            rhs[k] = own[n] * self.pivots[k];
+        }
+        true
+    }
+}
+
+/// `sums -= factor column`, from a block on.
 #[inline(always)]
-fn subtract<const BLOCK: usize>(next: &mut [f64; ROWS], own: &[f64; ROWS], factor: f64) {
-    let (next, _) = next.as_chunks_mut::<WIDTH>();
-    let (own, _) = own.as_chunks::<WIDTH>();
-    for (next, own) in next[BLOCK..].iter_mut().zip(&own[BLOCK..]) {
-        let sum = Lanes(*own).mul_add(Lanes::splat(-factor), Lanes(*next));
-        *next = sum.0;
+fn subtract<const BLOCK: usize>(sums: &mut [Lanes; BLOCKS], column: &[f64; ROWS], factor: f64) {
+    let (column, _) = column.as_chunks::<WIDTH>();
+    for c in BLOCK..BLOCKS {
+        sums[c] = Lanes(column[c]).mul_add(Lanes::splat(-factor), sums[c]);
     }
 }
 

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::estimate::{Implicit, Noise, Part};
+use crate::estimate::settle::settled;
+use crate::estimate::{Noise, Part};
 use crate::kinematics::elements::Source;
 use crate::kinematics::rigid::rigid_fit;
 use crate::model::{Model, Want, Workspace};
@@ -33,16 +34,15 @@ pub fn points(
     stride: usize,
 ) -> Vec<Row> {
     let part = Part { model, readings, weights: None };
-    let problem = Implicit::new(vec![(part, noise.clone())], &[]);
     let mechanism = &model.mechanism;
     let mut rows = Vec::new();
     let mut ws = Workspace::default();
     for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
-        let settled = match has_platform(model) {
-            true => problem.settled(block, beta),
+        let on_closures = match has_platform(model) {
+            true => settled(&part, noise, block, beta),
             false => readings.raw(block).to_vec(),
         };
-        model.evaluate(readings, block, &settled, beta, Want { x: false, a: false }, &mut ws);
+        model.evaluate(readings, block, &on_closures, beta, Want { x: false, a: false }, &mut ws);
         let carried = model.points(&ws);
         let mut nodes: Vec<Vec3> = Vec::new();
         for (chain, posture) in ws.postures.iter().enumerate() {
