@@ -119,7 +119,7 @@ pub fn exported<'py>(
         py.detach(|| export::exported(&mechanism.0, &applied)).map_err(PyError::from)?;
     let tips: std::collections::BTreeMap<_, _> = tips.into_iter().collect();
     let notes = notes.iter().map(ToString::to_string).collect();
-    Ok((PyMechanism(mechanism), pythonize(py, &tips)?, notes))
+    Ok((mechanism.into(), pythonize(py, &tips)?, notes))
 }
 
 /// The mechanism with the gains and offsets that a result has found.
@@ -130,7 +130,7 @@ pub fn calibrated_sensors(
     applied: PyApplied,
 ) -> Result<PyMechanism, PyError> {
     let applied = applied.into();
-    Ok(PyMechanism(py.detach(|| export::with_sensors(&mechanism.0, &applied))?))
+    Ok(py.detach(|| export::with_sensors(&mechanism.0, &applied))?.into())
 }
 
 /// The terms of a result that a later session is identified with: `curvature@a22`, each once.

@@ -36,11 +36,14 @@ fn only(
 
 /// Readings under the paper's model, with only the closures named.
 fn paper(
-    mechanism: &Mechanism,
+    mechanism: &PyMechanism,
     counts: &[f64],
     closures: Option<Vec<String>>,
 ) -> Result<Paper, rsicalib::Error> {
-    Paper::new(only(mechanism, closures)?.as_ref(), counts)
+    match closures {
+        None => Paper::of(mechanism.layout()?, counts),
+        some => Paper::new(only(&mechanism.0, some)?.as_ref(), counts),
+    }
 }
 
 pub(crate) fn flat(array: &PyReadonlyArray2<'_, f64>) -> Vec<f64> {
@@ -75,7 +78,7 @@ pub fn minimize<'py>(
     options.xtol = xtol.unwrap_or(options.xtol);
     options.max_iterations = max_iterations.unwrap_or(options.max_iterations);
     let found = py
-        .detach(|| paper(&mechanism.0, &counts, closures)?.minimize(&offsets, &gains, &options))
+        .detach(|| paper(mechanism, &counts, closures)?.minimize(&offsets, &gains, &options))
         .map_err(PyError::from)?;
     Ok((
         PyArray1::from_vec(py, found.offsets),
@@ -98,7 +101,7 @@ pub fn misclosure<'py>(
     closures: Option<Vec<String>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let samples = counts.as_array().nrows();
-    let paper = paper(&mechanism.0, &flat(&counts), closures).map_err(PyError::from)?;
+    let paper = paper(mechanism, &flat(&counts), closures).map_err(PyError::from)?;
     let f = paper.misclosure(&vector(&offsets), &vector(&gains)).map_err(PyError::from)?;
     PyArray1::from_vec(py, f).reshape([samples, paper.equations() / samples])
 }
@@ -114,7 +117,7 @@ pub fn jacobian<'py>(
     gains: PyReadonlyArray1<'py, f64>,
     closures: Option<Vec<String>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let paper = paper(&mechanism.0, &flat(&counts), closures).map_err(PyError::from)?;
+    let paper = paper(mechanism, &flat(&counts), closures).map_err(PyError::from)?;
     let (offsets, gains) = (vector(&offsets), vector(&gains));
     let j = paper.jacobian(&offsets, &gains).map_err(PyError::from)?;
     PyArray1::from_vec(py, j).reshape([paper.equations(), 2 * offsets.len()])

@@ -1,10 +1,12 @@
 //! Mechanisms and terms.
 
 use std::collections::HashMap;
+use std::sync::{Arc, OnceLock};
 
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
 use pythonize::{Depythonizer, pythonize};
+use rsicalib::estimate::paper::Layout;
 use rsicalib::mechanism::{Law, Mechanism};
 use rsicalib::model::check_names;
 use rsicalib::terms::targets::{shared, targets};
@@ -17,7 +19,40 @@ use crate::error::PyError;
 /// A mechanism: channels, chains, points, closures, platform, rest.
 #[pyclass(frozen, eq, skip_from_py_object, name = "Mechanism", module = "rsicalib")]
 #[derive(Clone, PartialEq)]
-pub struct PyMechanism(pub Mechanism);
+pub struct PyMechanism(pub Mechanism, Prepared);
+
+/// What follows from a mechanism and is computed once.
+#[derive(Default)]
+struct Prepared(OnceLock<Arc<Layout>>);
+
+impl Clone for Prepared {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl PartialEq for Prepared {
+    fn eq(&self, _other: &Self) -> bool {
+        true
+    }
+}
+
+impl From<Mechanism> for PyMechanism {
+    fn from(mechanism: Mechanism) -> Self {
+        Self(mechanism, Prepared::default())
+    }
+}
+
+impl PyMechanism {
+    /// The paper's problem of this mechanism.
+    pub fn layout(&self) -> Result<Arc<Layout>, rsicalib::Error> {
+        if let Some(layout) = self.1.0.get() {
+            return Ok(layout.clone());
+        }
+        let layout = Arc::new(Layout::new(&self.0)?);
+        Ok(self.1.0.get_or_init(|| layout).clone())
+    }
+}
 
 /// A sensor: `angle = gain * reading + offset`.
 #[pyclass(frozen, get_all, skip_from_py_object, name = "Channel", module = "rsicalib")]
@@ -83,7 +118,7 @@ impl PyMechanism {
     /// The RSI 6-DOF hand controller.
     #[staticmethod]
     fn rsi() -> Self {
-        Self(Mechanism::rsi())
+        Mechanism::rsi().into()
     }
 
     /// Reads a mechanism from TOML text; chains in rows, not as URDF.
@@ -91,7 +126,7 @@ impl PyMechanism {
     fn from_toml(text: &str) -> Result<Self, PyError> {
         let mechanism = Mechanism::from_toml(text)?;
         check_names(&mechanism)?;
-        Ok(Self(mechanism))
+        Ok(mechanism.into())
     }
 
     /// Takes a mechanism from plain values, keys and units as in the TOML.
@@ -150,7 +185,7 @@ impl PyMechanism {
             (mechanism.channels[c].gain, mechanism.channels[c].offset) = (gain, offset);
         }
         mechanism.validate()?;
-        Ok(Self(mechanism))
+        Ok(mechanism.into())
     }
 
     /// The same mechanism with more terms of its own.
@@ -159,7 +194,7 @@ impl PyMechanism {
         mechanism.laws.extend(terms.iter().map(|term| term.0.clone()));
         mechanism.validate()?;
         check_names(&mechanism)?;
-        Ok(Self(mechanism))
+        Ok(mechanism.into())
     }
 
     /// Its terms beside those of the catalogue.
@@ -206,7 +241,7 @@ impl PyMechanism {
     fn checked(mechanism: Mechanism) -> Result<Self, PyError> {
         mechanism.validate()?;
         check_names(&mechanism)?;
-        Ok(Self(mechanism))
+        Ok(mechanism.into())
     }
 }
 

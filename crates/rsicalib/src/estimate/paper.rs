@@ -18,7 +18,7 @@
 //! s_ij    s_ij a_j    a_i s_ij    a_i s_ij a_j                            (53)
 //! ```
 
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use faer::Mat;
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::kinematics::elements::{Axis, Element, Source, Way, push_rigid};
 use crate::kinematics::posture::Posture;
-use crate::mechanism::{ClosureKind, Mechanism, Motion, Value};
+use crate::mechanism::{Channel, ClosureKind, Mechanism, Motion, Value};
 use crate::numerics::bounds::LARGEST;
 use crate::numerics::lanes::{Lanes, Vec3, WIDTH, dispatch, dot, minus};
 use crate::numerics::linearization::{Curvature, Linearization, Problem};
@@ -37,9 +37,19 @@ use crate::numerics::workers::lock;
 const CHUNK: usize = 64;
 
 /// Readings under the model `[offset, gain]`, in the paper's parametrisation.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Paper {
+    layout: Arc<Layout>,
     samples: usize,
+    /// Counts: [`WIDTH`] samples of every channel, block by block.
+    counts: Vec<Lanes>,
+}
+
+/// The problem of a mechanism, whatever its readings: for many fits of one mechanism.
+#[derive(Debug)]
+pub struct Layout {
+    /// Name and range of each channel.
+    names: Vec<(String, [f64; 2])>,
     channels: usize,
     equations: usize,
     chains: Vec<Vec<Element>>,
@@ -49,27 +59,8 @@ pub struct Paper {
     pairs: Vec<Together>,
     /// The equations of the pairs, one after another.
     shared: Vec<usize>,
-    /// Counts: [`WIDTH`] samples of every channel, block by block.
-    counts: Vec<Lanes>,
     /// Buffers of earlier linearisations, for reuse.
     spare: Mutex<Vec<(Room, Normal)>>,
-}
-
-impl Clone for Paper {
-    fn clone(&self) -> Self {
-        Self {
-            samples: self.samples,
-            channels: self.channels,
-            equations: self.equations,
-            chains: self.chains.clone(),
-            ends: self.ends.clone(),
-            closures: self.closures.clone(),
-            pairs: self.pairs.clone(),
-            shared: self.shared.clone(),
-            counts: self.counts.clone(),
-            spare: Mutex::new(Vec::new()),
-        }
-    }
 }
 
 /// An end of a closure: on a chain, or fixed in the base.
@@ -112,64 +103,31 @@ pub struct Minimum {
     pub termination: Termination,
 }
 
-impl Paper {
-    /// The problem of a mechanism and its readings: `counts` holds them row by row, one per channel.
+impl Layout {
+    /// The problem of a mechanism.
     ///
     /// # Errors
     ///
-    /// [`Error::Shape`], [`Error::Empty`] and [`Error::Reading`] for readings
-    /// that cannot be used; [`Error::Missing`] for a mechanism with unknown
-    /// points or measured distances, which this problem does not have.
-    pub fn new(mechanism: &Mechanism, counts: &[f64]) -> Result<Self, Error> {
-        let channels = mechanism.channels.len();
-        let mut paper = Self {
-            samples: counts.len() / channels.max(1),
-            channels,
+    /// [`Error::Missing`] for a mechanism with unknown points or measured distances, which this
+    /// problem does not have.
+    pub fn new(mechanism: &Mechanism) -> Result<Self, Error> {
+        let of = |channel: &Channel| {
+            (channel.name.clone(), channel.range.unwrap_or([-LARGEST, LARGEST]))
+        };
+        let mut layout = Self {
+            names: mechanism.channels.iter().map(of).collect(),
+            channels: mechanism.channels.len(),
             equations: mechanism.equations(),
             chains: Vec::with_capacity(mechanism.chains.len()),
             ends: Vec::new(),
             closures: Vec::with_capacity(mechanism.closures.len()),
             pairs: Vec::new(),
             shared: Vec::new(),
-            counts: Vec::new(),
             spare: Mutex::new(Vec::new()),
         };
-        paper.lay_out(mechanism, counts)?;
-        paper.compile_chains(mechanism)?;
-        paper.compile_closures(mechanism)?;
-        Ok(paper)
-    }
-
-    fn lay_out(&mut self, mechanism: &Mechanism, counts: &[f64]) -> Result<(), Error> {
-        let (samples, channels) = (self.samples, self.channels);
-        if counts.len() != samples * channels {
-            let (what, found) = ("counts".into(), counts.len());
-            return Err(Error::Shape { what, found, expected: (samples + 1) * channels });
-        }
-        if samples == 0 {
-            return Err(Error::Empty("the table has no rows".into()));
-        }
-        for (c, channel) in mechanism.channels.iter().enumerate() {
-            let [low, high] = channel.range.unwrap_or([-LARGEST, LARGEST]);
-            let outside = |found: f64| !(found.is_finite() && found >= low && found <= high);
-            let mut column = counts[c..].iter().step_by(channels);
-            if let Some(row) = column.position(|found| outside(*found)) {
-                let (channel, found) = (channel.name.clone(), counts[row * channels + c]);
-                return Err(Error::Reading { row, channel, found, low, high });
-            }
-        }
-        self.counts = vec![Lanes::ZERO; samples.div_ceil(WIDTH) * channels];
-        let blocks = self.counts.chunks_exact_mut(channels);
-        for (block, rows) in blocks.zip(counts.chunks(WIDTH * channels)) {
-            for lane in 0..WIDTH {
-                // The last sample fills up the last block; its weight there is zero.
-                let first = (lane * channels).min(rows.len() - channels);
-                for (lanes, count) in block.iter_mut().zip(&rows[first..first + channels]) {
-                    lanes.0[lane] = *count;
-                }
-            }
-        }
-        Ok(())
+        layout.compile_chains(mechanism)?;
+        layout.compile_closures(mechanism)?;
+        Ok(layout)
     }
 
     fn compile_chains(&mut self, mechanism: &Mechanism) -> Result<(), Error> {
@@ -251,10 +209,65 @@ impl Paper {
         Ok(())
     }
 
+    /// Buffers for one part of the sums, which are those of before.
+    fn room(&self) -> (Room, Normal) {
+        lock(&self.spare).pop().unwrap_or_else(|| (Room::new(self), Normal::new(self)))
+    }
+}
+
+impl Paper {
+    /// The problem of a mechanism and its readings: `counts` holds them row by row, one per channel.
+    ///
+    /// # Errors
+    ///
+    /// As [`Layout::new`] and [`Paper::of`].
+    pub fn new(mechanism: &Mechanism, counts: &[f64]) -> Result<Self, Error> {
+        Self::of(Arc::new(Layout::new(mechanism)?), counts)
+    }
+
+    /// The problem of readings of a mechanism: `counts` holds them row by row, one per channel.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`], [`Error::Empty`] and [`Error::Reading`] for readings
+    /// that cannot be used.
+    pub fn of(layout: Arc<Layout>, counts: &[f64]) -> Result<Self, Error> {
+        let channels = layout.channels;
+        let samples = counts.len() / channels.max(1);
+        if counts.len() != samples * channels {
+            let (what, found) = ("counts".into(), counts.len());
+            return Err(Error::Shape { what, found, expected: (samples + 1) * channels });
+        }
+        if samples == 0 {
+            return Err(Error::Empty("the table has no rows".into()));
+        }
+        for (c, (name, [low, high])) in layout.names.iter().enumerate() {
+            let (low, high) = (*low, *high);
+            let outside = |found: f64| !(found.is_finite() && found >= low && found <= high);
+            let mut column = counts[c..].iter().step_by(channels);
+            if let Some(row) = column.position(|found| outside(*found)) {
+                let (channel, found) = (name.clone(), counts[row * channels + c]);
+                return Err(Error::Reading { row, channel, found, low, high });
+            }
+        }
+        let mut blocks = vec![Lanes::ZERO; samples.div_ceil(WIDTH) * channels];
+        let rows = counts.chunks(WIDTH * channels);
+        for (block, rows) in blocks.chunks_exact_mut(channels).zip(rows) {
+            for lane in 0..WIDTH {
+                // The last sample fills up the last block; its weight there is zero.
+                let first = (lane * channels).min(rows.len() - channels);
+                for (lanes, count) in block.iter_mut().zip(&rows[first..first + channels]) {
+                    lanes.0[lane] = *count;
+                }
+            }
+        }
+        Ok(Self { layout, samples, counts: blocks })
+    }
+
     /// Number of equations of all samples.
     #[must_use]
     pub fn equations(&self) -> usize {
-        self.samples * self.equations
+        self.samples * self.layout.equations
     }
 
     /// Minimises (11) from a start: one offset (rad) and one gain (rad/reading) per channel.
@@ -270,7 +283,7 @@ impl Paper {
     ) -> Result<Minimum, Error> {
         let start = self.parameters(offsets, gains)?;
         let outcome = lm::minimize(self, &start, options);
-        let (offsets, gains) = outcome.x.split_at(self.channels);
+        let (offsets, gains) = outcome.x.split_at(self.layout.channels);
         Ok(Minimum {
             offsets: offsets.to_vec(),
             gains: gains.to_vec(),
@@ -290,7 +303,7 @@ impl Paper {
         let mut f = vec![0.0; self.equations()];
         self.visit(&beta, |row, lane, room| {
             for (e, value) in room.f.iter().enumerate() {
-                f[row * self.equations + e] = value.0[lane];
+                f[row * self.layout.equations + e] = value.0[lane];
             }
         });
         Ok(f)
@@ -304,7 +317,7 @@ impl Paper {
     /// As [`Paper::minimize`].
     pub fn jacobian(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
         let beta = self.parameters(offsets, gains)?;
-        let (k, c) = (self.equations, self.channels);
+        let (k, c) = (self.layout.equations, self.layout.channels);
         let mut jacobian = vec![0.0; self.equations() * 2 * c];
         self.visit(&beta, |row, lane, room| {
             let counts = self.block(row / WIDTH);
@@ -328,7 +341,7 @@ impl Paper {
     /// As [`Paper::minimize`].
     pub fn point_effects(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
         let beta = self.parameters(offsets, gains)?;
-        let c = self.channels;
+        let c = self.layout.channels;
         let (mut sums, mut moved) = (vec![0.0; 2 * c], vec![0_usize; c]);
         self.visit(&beta, |row, lane, room| {
             let counts = self.block(row / WIDTH);
@@ -354,26 +367,21 @@ impl Paper {
 
     fn parameters(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
         for (what, given) in [("offsets", offsets), ("gains", gains)] {
-            if given.len() != self.channels {
-                let (found, expected) = (given.len(), self.channels);
+            if given.len() != self.layout.channels {
+                let (found, expected) = (given.len(), self.layout.channels);
                 return Err(Error::Shape { what: what.into(), found, expected });
             }
         }
         Ok([offsets, gains].concat())
     }
 
-    /// Buffers for one part of the sums, which are those of before.
-    fn room(&self) -> (Room, Normal) {
-        lock(&self.spare).pop().unwrap_or_else(|| (Room::new(self), Normal::new(self)))
-    }
-
     fn block(&self, block: usize) -> &[Lanes] {
-        &self.counts[block * self.channels..(block + 1) * self.channels]
+        &self.counts[block * self.layout.channels..(block + 1) * self.layout.channels]
     }
 
     /// Evaluates every block and calls `see(row, lane, room)` for each sample.
     fn visit(&self, beta: &[f64], mut see: impl FnMut(usize, usize, &Room)) {
-        let mut room = Room::new(self);
+        let mut room = Room::new(&self.layout);
         for block in 0..self.samples.div_ceil(WIDTH) {
             dispatch(
                 #[inline(always)]
@@ -388,14 +396,14 @@ impl Paper {
     /// Eqs. (9), (10) and `G = ∂f/∂θ` of one block.
     #[inline(always)]
     fn evaluate(&self, counts: &[Lanes], beta: &[f64], room: &mut Room) {
-        let (offsets, gains) = beta.split_at(self.channels);
+        let (offsets, gains) = beta.split_at(self.layout.channels);
         for (c, angle) in room.angles.iter_mut().enumerate() {
             *angle = counts[c] * gains[c] + Lanes::splat(offsets[c]); // (9)
         }
-        for (posture, steps) in room.postures.iter_mut().zip(&self.chains) {
+        for (posture, steps) in room.postures.iter_mut().zip(&self.layout.chains) {
             posture.take(steps, &room.angles, &[], &[]);
         }
-        for (end, (at, moves)) in self.ends.iter().zip(&mut room.ends) {
+        for (end, (at, moves)) in self.layout.ends.iter().zip(&mut room.ends) {
             moves.clear();
             let Some(chain) = end.chain else { continue };
             let posture = &room.postures[chain];
@@ -407,11 +415,11 @@ impl Paper {
             }
         }
         room.g.fill(Lanes::ZERO);
-        for pair in &self.closures {
+        for pair in &self.layout.closures {
             let [(from, ahead), (to, behind)] = pair.ends.map(|end| &room.ends[end]);
             let apart = minus(from, to);
             let sides = [(ahead, 1.0), (behind, -1.0)];
-            let row = pair.equation * self.channels;
+            let row = pair.equation * self.layout.channels;
             match pair.kind {
                 ClosureKind::Distance => {
                     room.f[pair.equation] = dot(&apart, &apart) - Lanes::splat(pair.square); // (10)
@@ -426,7 +434,7 @@ impl Paper {
                         room.f[pair.equation + axis] = apart[axis];
                         for (moves, sign) in sides {
                             for (c, moved) in moves {
-                                room.g[row + axis * self.channels + c] += moved[axis] * sign;
+                                room.g[row + axis * self.layout.channels + c] += moved[axis] * sign;
                             }
                         }
                     }
@@ -438,7 +446,7 @@ impl Paper {
     /// Adds one block to the sums (53).
     #[inline(always)]
     fn add(&self, counts: &[Lanes], live: usize, room: &mut Room, sums: &mut Normal) {
-        let c = self.channels;
+        let c = self.layout.channels;
         if live < WIDTH {
             let weight = Lanes(std::array::from_fn(|lane| if lane < live { 1.0 } else { 0.0 }));
             for value in room.f.iter_mut().chain(&mut room.g) {
@@ -456,9 +464,9 @@ impl Paper {
             sum[0] += h;
             sum[1] += h * counts[i];
         }
-        for (Together { i, j, equations }, sum) in self.pairs.iter().zip(&mut sums.gram) {
+        for (Together { i, j, equations }, sum) in self.layout.pairs.iter().zip(&mut sums.gram) {
             let mut s = Lanes::ZERO;
-            for e in &self.shared[equations.clone()] {
+            for e in &self.layout.shared[equations.clone()] {
                 s = room.g[e * c + i].mul_add(room.g[e * c + j], s);
             }
             let by_i = s * counts[*i];
@@ -471,7 +479,7 @@ impl Paper {
 
     /// The sums as `JᵀJ` and `Jᵀf`.
     fn linearization_of(&self, sums: &mut Normal, room: Option<Linearization>) -> Linearization {
-        let n = 2 * self.channels;
+        let n = 2 * self.layout.channels;
         let mut here = match room {
             Some(Linearization { gradient, curvature: Curvature::Gram(gram), islands, .. })
                 if gram.nrows() == n =>
@@ -491,7 +499,7 @@ impl Paper {
         );
         here.cost = 0.5 * sums.cost.sum();
         for (i, gradient) in here.gradient.iter_mut().enumerate() {
-            *gradient = sums.gradient[i % self.channels][i / self.channels].sum();
+            *gradient = sums.gradient[i % self.layout.channels][i / self.layout.channels].sum();
         }
         if let Curvature::Gram(gram) = &mut here.curvature {
             for (j, column) in sums.whole.chunks_exact(n).enumerate() {
@@ -504,9 +512,9 @@ impl Paper {
     /// Adds up the lanes of (53), and puts them in both triangles.
     #[inline(always)]
     fn add_lanes(&self, sums: &mut Normal) {
-        let c = self.channels;
+        let c = self.layout.channels;
         let n = 2 * c;
-        for (Together { i, j, .. }, sum) in self.pairs.iter().zip(&sums.gram) {
+        for (Together { i, j, .. }, sum) in self.layout.pairs.iter().zip(&sums.gram) {
             let [plain, by_i, by_j, by_both] = Lanes::sums(sum);
             for (row, column, by_row, by_column) in [(*i, *j, by_i, by_j), (*j, *i, by_j, by_i)] {
                 let (upper, lower) = sums.whole.split_at_mut(c * n);
@@ -522,7 +530,7 @@ impl Paper {
 
 impl Problem for Paper {
     fn parameters(&self) -> usize {
-        2 * self.channels
+        2 * self.layout.channels
     }
 
     fn linearize(&self, beta: &[f64]) -> Linearization {
@@ -531,12 +539,12 @@ impl Problem for Paper {
 
     fn linearize_in(&self, beta: &[f64], room: Option<Linearization>) -> Linearization {
         let one = |first: usize, blocks: &[Lanes]| {
-            let (mut room, mut sums) = self.room();
+            let (mut room, mut sums) = self.layout.room();
             dispatch(
                 #[inline(always)]
                 || {
                     sums.clear();
-                    for (i, counts) in blocks.chunks_exact(self.channels).enumerate() {
+                    for (i, counts) in blocks.chunks_exact(self.layout.channels).enumerate() {
                         let live = (self.samples - (first + i) * WIDTH).min(WIDTH);
                         self.evaluate(counts, beta, &mut room);
                         self.add(counts, live, &mut room, &mut sums);
@@ -545,7 +553,7 @@ impl Problem for Paper {
             );
             (room, sums)
         };
-        let size = CHUNK * self.channels;
+        let size = CHUNK * self.layout.channels;
         let mut parts = if self.counts.len() <= 2 * size {
             vec![one(0, &self.counts)]
         } else {
@@ -556,7 +564,7 @@ impl Problem for Paper {
             rest.iter().for_each(|(_, part)| sum.merge(part));
         }
         let here = self.linearization_of(&mut parts[0].1, room);
-        lock(&self.spare).append(&mut parts);
+        lock(&self.layout.spare).append(&mut parts);
         here
     }
 }
@@ -582,13 +590,13 @@ struct Room {
 }
 
 impl Room {
-    fn new(paper: &Paper) -> Self {
+    fn new(layout: &Layout) -> Self {
         Self {
-            angles: vec![Lanes::ZERO; paper.channels],
-            postures: vec![Posture::new(); paper.chains.len()],
-            ends: paper.ends.iter().map(|e| (e.at.map(Lanes::splat), Vec::new())).collect(),
-            f: vec![Lanes::ZERO; paper.equations],
-            g: vec![Lanes::ZERO; paper.equations * paper.channels],
+            angles: vec![Lanes::ZERO; layout.channels],
+            postures: vec![Posture::new(); layout.chains.len()],
+            ends: layout.ends.iter().map(|e| (e.at.map(Lanes::splat), Vec::new())).collect(),
+            f: vec![Lanes::ZERO; layout.equations],
+            g: vec![Lanes::ZERO; layout.equations * layout.channels],
         }
     }
 }
@@ -604,12 +612,12 @@ struct Normal {
 }
 
 impl Normal {
-    fn new(paper: &Paper) -> Self {
+    fn new(layout: &Layout) -> Self {
         Self {
             cost: Lanes::ZERO,
-            gradient: vec![[Lanes::ZERO; 2]; paper.channels],
-            gram: vec![[Lanes::ZERO; 4]; paper.pairs.len()],
-            whole: vec![0.0; 4 * paper.channels * paper.channels],
+            gradient: vec![[Lanes::ZERO; 2]; layout.channels],
+            gram: vec![[Lanes::ZERO; 4]; layout.pairs.len()],
+            whole: vec![0.0; 4 * layout.channels * layout.channels],
         }
     }
 
