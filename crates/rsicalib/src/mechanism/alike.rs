@@ -27,10 +27,11 @@ impl Mechanism {
         groups
     }
 
-    /// The group that a chain is the first of.
+    /// The group that a chain is the first of; empty where it is not.
     fn group_of(&self, first: usize) -> Vec<usize> {
-        let groups = self.alike().into_iter();
-        groups.filter(|group| group[0] == first).flatten().collect()
+        let same = |c: &usize| alike(&self.chains[first], &self.chains[*c]);
+        let group: Vec<usize> = (0..self.chains.len()).filter(same).collect();
+        if group.len() > 1 && group[0] == first { group } else { Vec::new() }
     }
 
     /// The targets that a target stands for: one of each chain for a shared one, else itself.
@@ -107,13 +108,12 @@ fn alike(a: &Chain, b: &Chain) -> bool {
 fn same_row(a: &Row, b: &Row, turned: bool) -> bool {
     let numbers = |row: &Row| {
         let own = [row.d, row.a, row.alpha, row.mass.unwrap_or(-1.0)];
-        let vectors = row.xyz.into_iter().chain(row.rpy).chain(row.com);
-        own.into_iter().chain(vectors).collect::<Vec<f64>>()
+        own.into_iter().chain(row.xyz).chain(row.rpy).chain(row.com)
     };
     a.channel.is_some() == b.channel.is_some()
         && a.joint == b.joint
         && (!turned || close(a.theta, b.theta, SAME))
-        && numbers(a).into_iter().zip(numbers(b)).all(|(a, b)| close(a, b, SAME))
+        && numbers(a).zip(numbers(b)).all(|(a, b)| close(a, b, SAME))
 }
 
 fn close(a: f64, b: f64, share: f64) -> bool {
