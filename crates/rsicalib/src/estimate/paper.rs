@@ -36,6 +36,9 @@ use crate::numerics::workers::lock;
 /// Blocks per task; the sums of the tasks are added up in order.
 const CHUNK: usize = 64;
 
+/// Buffers that a layout keeps: a longer recording makes the others anew, and works long on each.
+const SPARE: usize = 64;
+
 /// Readings under the model `[offset, gain]`, in the paper's parametrisation.
 #[derive(Debug, Clone)]
 pub struct Paper {
@@ -564,7 +567,9 @@ impl Problem for Paper {
             rest.iter().for_each(|(_, part)| sum.merge(part));
         }
         let here = self.linearization_of(&mut parts[0].1, room);
-        lock(&self.layout.spare).append(&mut parts);
+        let mut spare = lock(&self.layout.spare);
+        spare.append(&mut parts);
+        spare.truncate(SPARE);
         here
     }
 }
