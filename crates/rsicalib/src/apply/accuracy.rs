@@ -2,7 +2,7 @@
 //!
 //! Closure is not accuracy: loops may close well where readings do not determine the parameters
 //! that place the platform. With the covariance `C` of the parameters and the derivative `J` of
-//! the positions by them, (98),
+//! the positions by them, (100),
 //!
 //! ```text
 //! E |e|² = tr(C JᵀJ),    var |e|² = 2 tr((C JᵀJ)²)                        (97)

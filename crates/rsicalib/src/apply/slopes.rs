@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! ∂â/∂a = 1 - Σ Aᵀ S⁻¹ A,    ∂â/∂β = -Σ Aᵀ S⁻¹ X          of (52), to first order
-//! ∂p/∂a = P_a ∂â/∂a,         ∂p/∂β = P_β + P_a ∂â/∂β                      (98)
+//! ∂p/∂a = P_a ∂â/∂a,         ∂p/∂β = P_β + P_a ∂â/∂β                      (100)
 //! ```
 //!
 //! and a platform with points `q` about its origin, at rotation `R`, follows them by
@@ -157,7 +157,7 @@ fn lane_of(
 }
 
 impl Moves {
-    /// (98), of points whose readings are moved onto the closures.
+    /// (100), of points whose readings are moved onto the closures.
     fn on_closures(self, loops: &Self, sigma: &[f64], play: &[f64]) -> Self {
         let (a, channels) = (&loops.by_reading, sigma.len());
         let weighted = DMatrix::from_fn(channels, a.nrows(), |c, e| a[(e, c)] * sigma[c].powi(2));
