@@ -92,7 +92,10 @@ class Operator:
             time_s=np.concatenate([[self.clock_s], times]),
             temperature_c=np.full(count + 1, 21.0),
         )
-        ideal = self.device.ideal(scene, effects)[1:]
+        try:
+            ideal = self.device.ideal(scene, effects)[1:]
+        except ValueError:  # an arm that is stretched cannot be pushed
+            ideal = self.device.ideal(scene, self.effects)[1:]
         codes = simulator.digitise(ideal, self.rng, 1.0, effects)[:, list(self.order)]
         if self.lost is not None:
             codes[:, self.lost] = 2048

@@ -105,6 +105,21 @@ class Exchanged(Trouble):
 
 
 @dataclass
+class Reversed(Trouble):
+    """A channel whose outer wires are exchanged, from the start."""
+
+    def codes(self, codes: Array, pose: int) -> Array:
+        """The other way round."""
+        out = codes.copy()
+        out[:, self.channel] = TOP - out[:, self.channel]
+        return out
+
+    def said(self, text: str) -> bool:
+        """By its channel."""
+        return text.startswith(f"{self.name} reads the wrong way round")
+
+
+@dataclass
 class Leant(Trouble):
     """An arm that is pushed by `size` [in] half-way through one pose, and springs back after it."""
 
@@ -162,6 +177,11 @@ def exchanged(rng: np.random.Generator, device: Device) -> Trouble:
     return Exchanged(int(first), 1, int(second))
 
 
+def reversed_(rng: np.random.Generator, device: Device) -> Trouble:
+    """Any."""
+    return Reversed(int(rng.integers(9)), 1)
+
+
 def leant(rng: np.random.Generator, device: Device) -> Trouble:
     """By 0.05 to 0.2 in, at a pose that is fitted."""
     size = float(rng.uniform(0.05, 0.2))
@@ -177,6 +197,7 @@ KINDS: dict[str, Callable[[np.random.Generator, Device], Trouble]] = {
     "slipped": slipped,
     "dead_zone": dead_zone,
     "exchanged": exchanged,
+    "reversed": reversed_,
     "leant": leant,
     "lost": lost,
 }
@@ -186,23 +207,26 @@ KINDS: dict[str, Callable[[np.random.Generator, Device], Trouble]] = {
 class Told:
     """What a session with a trouble came to."""
 
-    kind: str
     trouble: Trouble
     right: int | None
     """Poses taken when the right thing was said."""
     wrong: tuple[str, ...]
     """What else was said."""
-    done: bool
     poses: int
     verdict: str | None
 
 
-def session(kind: str, seed: Sequence[int], target: float = 0.003, most: int = 24) -> Told:
-    """A guided session in which this happens."""
+def drawn(kind: str, seed: Sequence[int]) -> person.Operator:
+    """A person at a device with a trouble of this kind."""
     rng = np.random.default_rng(seed)
     device = Device.random(rng)
-    trouble = KINDS[kind](rng, device)
-    operator = person.Operator(device, (), rng, trouble=trouble)
+    return person.Operator(device, (), rng, trouble=KINDS[kind](rng, device))
+
+
+def session(operator: person.Operator, target: float = 0.003, most: int = 24) -> Told:
+    """A guided session in which the operator's trouble happens."""
+    trouble = operator.trouble
+    assert trouble is not None
 
     def enough(state: person.State) -> bool:
         return trouble.begins_again and any(map(trouble.said, state["troubles"]))
@@ -213,15 +237,7 @@ def session(kind: str, seed: Sequence[int], target: float = 0.003, most: int = 2
     right = [poses for text, poses in said.items() if trouble.said(text)]
     wrong = tuple(f"{poses}: {text}" for text, poses in said.items() if not trouble.said(text))
     state = taken.state()
-    return Told(
-        kind,
-        trouble,
-        min(right, default=None),
-        wrong,
-        state["done"],
-        state["taken"],
-        state["verdict"],
-    )
+    return Told(trouble, min(right, default=None), wrong, state["taken"], state["verdict"])
 
 
 def main() -> int:
@@ -233,14 +249,11 @@ def main() -> int:
     args = parser.parse_args()
     seed = secrets.randbits(32) if args.seed is None else args.seed
     print(f"seed {seed}", flush=True)
-    found: list[Told] = []
     for kind in args.kinds:
+        own: list[Told] = []
         for k in range(args.sessions):
-            one = session(kind, (seed, list(KINDS).index(kind), k))
-            found.append(one)
-            print(k, one, flush=True)
-    for kind in args.kinds:
-        own = [f for f in found if f.kind == kind]
+            own.append(session(drawn(kind, (seed, list(KINDS).index(kind), k))))
+            print(k, own[-1], flush=True)
         late = [f.right for f in own if f.right is not None]
         print(
             f"{kind}: said right {rate([f.right is not None for f in own])}, "

@@ -81,8 +81,6 @@ class Adviser:
     prior: Mechanism = field(init=False)
     mistake: str | None = None
     """What is wrong with the wires, once it shows."""
-    wired: bool = False
-    """Whether the wires were found to be right."""
 
     def __post_init__(self) -> None:
         self.prior = _with_priors(self.mechanism, self.rest)
@@ -120,8 +118,10 @@ class Adviser:
         Advice
             Troubles are in words.
         """
-        self._look_at_wires(fitted)
         result = None if self.mistake else self._traced(fitted)
+        if not usable(result) and self.mistake is None:
+            self.mistake = self._mistake(fitted)
+            result = None if self.mistake else result
         rivals = [] if result is None else explanations(result)
         planned = self._planned(fitted, result, here, off, decide=False)
         sure = planned.get("sd")
@@ -133,16 +133,16 @@ class Adviser:
             **planned,
             result=result,
             open=tuple(words(terms) for terms, _, _ in rivals) if many else (),
-            repeat=() if result is None else _repeats(result),
+            repeat=_repeats(result),
             closure=check[1],
             closure_fitted=check[0],
         )
 
-    def _look_at_wires(self, fitted: Mapping[int, Sequence[Sample]]) -> None:
-        """Look for a mistake, until there is one or a session that can be traced has none."""
-        at_rest, spare = self.rest, self._spare(fitted)
-        if at_rest is None or self.mistake or self.wired or spare + self.equations < SOON:
-            return
+    def _mistake(self, fitted: Mapping[int, Sequence[Sample]]) -> str | None:
+        """What is wrong with the wires, where no trace explains the poses."""
+        at_rest = self.rest
+        if at_rest is None or self._spare(fitted) + self.equations < SOON:
+            return None
 
         def chi2(undone: Callable[[FloatArray], FloatArray]) -> float:
             rest = replace(at_rest, values=undone(at_rest.values))
@@ -150,8 +150,7 @@ class Adviser:
             session = Adviser(self.mechanism, rest)._session(poses, enough=False, starts=1)
             return float(session.fit().to_dict()["fit"]["chi2"])
 
-        self.mistake = mistaken(self.mechanism.channels, chi2)
-        self.wired = self.mistake is None and spare >= SPARE
+        return mistaken(self.mechanism.channels, chi2)
 
     def _spare(self, fitted: Mapping[int, Sequence[Sample]]) -> int:
         """Equations beyond the parameters."""
@@ -331,7 +330,14 @@ def _undone(samples: Sequence[Sample], undone: Callable[[FloatArray], FloatArray
     return [replace(s, values=tuple(row)) for s, row in zip(samples, rows.tolist(), strict=True)]
 
 
-def _repeats(result: Trace) -> tuple[Repeat, ...]:
+def usable(result: Trace | None) -> bool:
+    """Whether a result explains its poses: a single one can be wrong where the others fit."""
+    return result is not None and result.exit_code == 0
+
+
+def _repeats(result: Trace | None) -> tuple[Repeat, ...]:
+    if result is None or not usable(result):
+        return ()
     return tuple(
         Repeat(bad.pose, f"pose {bad.pose} does not fit the others: {bad.reason}")
         for bad in result.excluded
