@@ -18,7 +18,8 @@
 //! ```
 //!
 //! over ordered pairs, a bound of the probability of a wrong decision. The uncertainty of `θ_a` is
-//! neglected: where the effect is hardly above the noise, λ is a typical value of a wide spread.
+//! neglected: where the effect is hardly above the noise, λ is a typical value of a wide spread. The
+//! forecast of a plan (98) has it.
 
 use faer::{Mat, Side};
 use rayon::prelude::*;

@@ -43,7 +43,8 @@ pub(crate) fn decides(rivals: &[Rival], columns: &[&[usize]], new: &Whitened) ->
     let decided = |a: usize| {
         let noise = &sides[a].root * &z;
         let ends: Vec<Vec<f64>> = sides.iter().map(|b| b.ends(&sides[a], &noise)).collect();
-        let others: Vec<&Vec<f64>> = (0..ends.len()).filter(|&b| b != a).map(|b| &ends[b]).collect();
+        let others: Vec<&Vec<f64>> =
+            (0..ends.len()).filter(|&b| b != a).map(|b| &ends[b]).collect();
         let ahead = |&draw: &usize| others.iter().all(|b| b[draw] - ends[a][draw] > DECIDED);
         (0..DRAWS).filter(ahead).count() as f64 / DRAWS as f64
     };
@@ -74,8 +75,10 @@ impl Predicted {
     fn of(rival: &Rival, w: &Mat<f64>) -> Self {
         let theta = Mat::from_fn(rival.theta.len(), 1, |i, _| rival.theta[i]);
         let k = w.nrows();
-        let spread = w * inverse_of(&rival.information) * w.transpose() + Mat::<f64>::identity(k, k);
-        let root = spread.llt(Side::Lower).map_or_else(|_| Mat::identity(k, k), |f| f.L().to_owned());
+        let spread =
+            w * inverse_of(&rival.information) * w.transpose() + Mat::<f64>::identity(k, k);
+        let root =
+            spread.llt(Side::Lower).map_or_else(|_| Mat::identity(k, k), |f| f.L().to_owned());
         Self { mean: w * theta, root, chi2: rival.chi2 }
     }
 
