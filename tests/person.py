@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import secrets
 import sys
 import tempfile
@@ -16,7 +17,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,11 +35,16 @@ from tests.blind.scene import Scene, held
 from tests.blind.simulator import CHANNELS, Device
 from tests.oracle import Array
 
+if TYPE_CHECKING:
+    from tests.trouble import Trouble
+
 State = dict[str, Any]
 MISSES = (0.15, 0.05)
 """Standard deviation of where the pose ends up, (in, rad)."""
 SHAKES = (0.004, 0.002)
 """Of the hand between samples, (in, rad)."""
+NOT_HERE = re.compile("adds nothing|end of its range")
+"""Of a message that no pose is taken here."""
 POSE_S = 20.0
 """From pose to pose, by the clock of the samples."""
 
@@ -47,7 +53,9 @@ POSE_S = 20.0
 class Operator:
     """A device with its effects, and the person at its handle.
 
-    `channels` may exchange two columns; `lost` names a channel that reads the same for ever.
+    `order` may exchange two columns; `lost` is a channel that reads the same for ever; `trouble`
+    is what goes wrong in the session. `said` is what the page said is wrong, with the poses taken
+    by then.
     """
 
     device: Device
@@ -57,12 +65,21 @@ class Operator:
     shakes: tuple[float, float] = SHAKES
     order: tuple[int, ...] = tuple(range(9))
     lost: int | None = None
+    trouble: Trouble | None = None
+    pose: int = 0
+    said: dict[str, int] = field(default_factory=dict)
     at: Array = field(default_factory=lambda: np.array(oracle.REST, dtype=float))
     clock_s: float = 0.0
     before: Array | None = None
 
-    def read(self, poses: Array, step_s: float = 0.02) -> list[tuple[float, Array]]:
+    def read(
+        self, poses: Array, step_s: float = 0.02, late: bool = False
+    ) -> list[tuple[float, Array]]:
         """Samples of a way, and their times: the last pose before them counts for hysteresis."""
+        trouble = self.trouble
+        effects = (
+            self.effects if trouble is None else (*self.effects, *trouble.effects(self.pose, late))
+        )
         count = len(poses)
         times = self.clock_s + step_s * np.arange(1, count + 1)
         whole = np.vstack([self.at[None] if self.before is None else self.before[None], poses])
@@ -75,10 +92,15 @@ class Operator:
             time_s=np.concatenate([[self.clock_s], times]),
             temperature_c=np.full(count + 1, 21.0),
         )
-        ideal = self.device.ideal(scene, self.effects)[1:]
-        codes = simulator.digitise(ideal, self.rng, 1.0, self.effects)[:, list(self.order)]
+        try:
+            ideal = self.device.ideal(scene, effects)[1:]
+        except ValueError:  # an arm that is stretched cannot be pushed
+            ideal = self.device.ideal(scene, self.effects)[1:]
+        codes = simulator.digitise(ideal, self.rng, 1.0, effects)[:, list(self.order)]
         if self.lost is not None:
             codes[:, self.lost] = 2048
+        if trouble is not None:
+            codes = trouble.codes(codes, self.pose)
         self.clock_s = float(times[-1])
         return list(zip(times.tolist(), codes, strict=True))
 
@@ -88,11 +110,12 @@ class Operator:
         goal = self._reachable(pose, missed)
         way = self.at + np.linspace(0.1, 1.0, 10)[:, None] * (goal - self.at)
         inside = self.device.allows(way)
-        moving = self.read(way[inside]) if inside.any() else []
         self.clock_s += POSE_S
+        moving = self.read(way[inside]) if inside.any() else []
         held = goal + self.rng.standard_normal((40, 6)) * np.repeat(self.shakes, 3)
         self.before, self.at = self.at, goal
-        return moving + self.read(np.where(self.device.allows(held)[:, None], held, goal))
+        held = np.where(self.device.allows(held)[:, None], held, goal)
+        return moving + self.read(held[:15]) + self.read(held[15:], late=True)
 
     def _reachable(self, pose: Array, missed: Array) -> Array:
         """Where the hand ends up: as far towards the pose as the stops of the device let it."""
@@ -117,11 +140,13 @@ def operate(
     remembered: dict[int, Array] = {}
     while time.monotonic() - since < patience_s:
         now = state()
+        for text in now["troubles"]:
+            person.said.setdefault(text, now["taken"])
         if now["done"]:
             return
         if now["phase"] == "think" or (now["taken"] == taken and now["hold"] > 0.3):
-            if now["phase"] != "think" and "adds nothing" in now["message"]:
-                strike_off()  # the stops do not let the hand leave the last pose
+            if now["phase"] != "think" and NOT_HERE.search(now["message"]):
+                strike_off()  # the stops do not let the hand leave the last pose, or the track ends
                 taken = -1
             elif now["phase"] != "think":
                 _hold(person, write)  # a person holds until the pose is taken
@@ -133,6 +158,7 @@ def operate(
             taken, since = now["taken"], time.monotonic()
             wanted = remembered.get(now["repeat"], now["pose"])
             person.clock_s += now["wait_s"]
+            person.pose = now["next"]
             pose = person.at * 0.97 if wanted is None else np.array(wanted)
             for moment, codes in person.go(pose):
                 write(_line(moment, codes))
@@ -144,7 +170,7 @@ def operate(
 def _hold(person: Operator, write: Callable[[str], None]) -> None:
     poses = person.at + person.rng.standard_normal((5, 6)) * np.repeat(person.shakes, 3)
     inside = person.device.allows(poses)[:, None]
-    for moment, codes in person.read(np.where(inside, poses, person.at)):
+    for moment, codes in person.read(np.where(inside, poses, person.at), late=True):
         write(_line(moment, codes))
 
 
@@ -153,12 +179,22 @@ def _line(moment: float, codes: Array) -> str:
 
 
 def guided(
-    person: Operator, folder: Path, target: float, **settings: Any
+    person: Operator,
+    folder: Path,
+    target: float,
+    until: Callable[[State], bool] = lambda state: False,
+    **settings: Any,
 ) -> tuple[Session, Trace | None]:
-    """A session in this process: the operator reads the state, without page or terminal."""
+    """A session in this process: the operator reads the state, without page or terminal.
+
+    It ends early where the operator has seen enough.
+    """
     mechanism = built()
     codes = simulator.rest(person.device, person.rng, effects=person.effects)["values"]
-    rest = rsicalib.Readings.from_arrays(mechanism, codes[:, list(person.order)])
+    codes = codes[:, list(person.order)]
+    if person.trouble is not None:
+        codes = person.trouble.codes(codes, 0)
+    rest = rsicalib.Readings.from_arrays(mechanism, codes)
     names = oracle.channel_names(oracle.rsi())
     session = Session(
         mechanism, Adviser(mechanism, rest), Log(folder, names, False), Settings(target, **settings)
@@ -181,7 +217,8 @@ def guided(
     def state() -> State:
         feed()
         session.poll()
-        return session.state()
+        found = session.state()
+        return found | {"done": found["done"] or until(found)}
 
     operate(person, state, write, session.strike_off)
     return session, session.finish()

@@ -117,6 +117,31 @@ class Numpy:
         spread = np.eye(len(e)) + w_b @ inverse @ w_b.T
         return float(e @ np.linalg.solve(spread, e))
 
+    def expected(self, new: Array, shape: str) -> tuple[Array, Array]:
+        """Mean and covariance of the whitened new readings, for this shape true."""
+        theta, information = self.rival(shape)
+        w = self.rows(new, shape)
+        w = w.reshape(-1, w.shape[2])
+        scale = np.sqrt(np.diag(information))
+        inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
+        return w @ theta, np.eye(len(w)) + w @ inverse @ w.T
+
+    def decides(self, new: Array, shapes: list[str], chi2: Array, prior: Array) -> float:
+        """Share of simulated readings after which the true shape is 12 ahead of all others."""
+        rng = np.random.default_rng(1)
+        expected = [self.expected(new, shape) for shape in shapes]
+        share = 0.0
+        for a, (mean, cover) in enumerate(expected):
+            y = rng.multivariate_normal(mean, cover, 4000)
+            off = [(y - m).T for m, _ in expected]
+            ends = [
+                c + np.sum(e * np.linalg.solve(s, e), axis=0)
+                for c, e, (_, s) in zip(chi2, off, expected, strict=True)
+            ]
+            least = np.min([end for b, end in enumerate(ends) if b != a], axis=0)
+            share += prior[a] / prior.sum() * float(np.mean(least - ends[a] > 12.0))
+        return share
+
 
 def planned(tie: planning.Tie, **options: Any) -> Plan:
     readings = planning.readings_of(tie.scene, tie.values)
@@ -141,6 +166,26 @@ def test_lambda_is_that_of_numpy(tie: planning.Tie) -> None:
     assert min(v for v in found["lambda"] if v > 0) == pytest.approx(
         found["forecast"]["least_lambda"]
     )
+
+
+def test_the_forecast_is_what_simulated_readings_bring(tie: planning.Tie) -> None:
+    sessions = Sessions(planning.readings_of(tie.scene, tie.values), tie.result)
+    known = explanations(tie.result)
+    specs = [
+        ([_core.spec(t.term, t.target, t.place) for t in terms], c, p) for terms, c, p in known
+    ]
+    forecasts = []
+    for poses in (3, 6, 12):
+        found = _core.further(sessions.session, specs, poses=poses, criterion="decide")
+        kept = found["kept"]
+        shapes = [tie.result.rivals[k].terms[0].term for k in kept]
+        chi2, prior = (np.array([known[k][column] for k in kept]) for column in (1, 2))
+        assert len(kept) == len(known)  # merged explanations share their probability
+        expected = Numpy(tie).decides(found["readings"], shapes, chi2, prior)
+        # The weights of the witness do not follow the parameters, as for λ; 2 % of the draws.
+        assert found["forecast"]["decides"] == pytest.approx(expected, rel=0.3, abs=0.02)
+        forecasts.append(expected)
+    assert max(forecasts) > 2.0 * min(forecasts)  # not one number for all plans
 
 
 def test_planned_poses_are_worth_many_random_ones(tie: planning.Tie) -> None:

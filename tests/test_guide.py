@@ -27,7 +27,8 @@ from rsicalib.guide.server import Page
 from rsicalib.guide.session import SAME
 from rsicalib.guide.source import open_source
 from rsicalib.guide.terminal import Screen, screen
-from tests import oracle, person
+from rsicalib.guide.wiring import mistaken
+from tests import oracle, person, trouble
 from tests.browser import CHROMIUM, needs_chromium
 
 CHANNELS = oracle.channel_names(oracle.rsi())
@@ -149,6 +150,51 @@ def test_a_lost_channel_and_the_end_of_a_range_are_said(tmp_path: Path) -> None:
     assert any("a13 is at the end of its range" in t for t in state.state()["troubles"])
     assert not log.poses  # a dead zone is no reading
     state.finish()
+
+
+@pytest.mark.parametrize("kind", ["dead_zone", "exchanged", "reversed", "lost"])
+def test_what_is_wrong_with_a_channel_is_said_while_it_can_be_repeated(kind: str) -> None:
+    """`python -m tests.trouble` counts more of them; its figures are in docs/guide.md."""
+    told = trouble.session(trouble.drawn(kind, (20261122, 1)))
+    assert told.right is not None and told.right <= 16
+
+
+def test_a_slip_is_said_with_its_channel() -> None:
+    operator = trouble.drawn("slipped", (20261122, 2))
+    # 40 mrad are 26 counts of noise 1: it cannot hide once three poses on either side see it.
+    operator.trouble = trouble.Slipped(4, 6, 0.04)
+    told = trouble.session(operator)
+    assert told.right is not None and told.right >= 6
+
+
+def test_a_pose_in_which_an_arm_was_pushed_is_measured_again(tmp_path: Path) -> None:
+    operator = trouble.drawn("leant", (20261122, 3))
+    operator.trouble = trouble.Leant(4, 5, 0.15)
+    taken, result = person.guided(operator, tmp_path / "o", TARGET, most=24)
+    assert any(map(operator.trouble.said, operator.said))
+    assert taken.state()["done"] and 5 not in taken.log.poses
+    assert result is not None and result.exit_code == 0 and not result.excluded
+
+
+def test_wires_are_not_blamed_for_what_no_wire_explains() -> None:
+    """χ² of 45 mistakes: named is one that alone fits, far better than what is declared."""
+    channels = rsicalib.load_mechanism("rsi").channels
+    rows = np.arange(18.0).reshape(2, 9)
+
+    def chi2_of(fits: dict[tuple[float, ...], float]) -> Callable[[Callable[[Any], Any]], float]:
+        return lambda undone: fits.get(tuple(undone(rows)[0]), 1e6)
+
+    as_it_is = tuple(rows[0])
+    swapped = (1.0, 0.0, *as_it_is[2:])
+    other = (2.0, 1.0, 0.0, *as_it_is[3:])
+    said = mistaken(channels, chi2_of({swapped: 3.0}))
+    assert said is not None and said.startswith("a11 and a12 look exchanged")
+    assert mistaken(channels, chi2_of({as_it_is: 30.0, swapped: 3.0})) is None  # fits as it is
+    assert mistaken(channels, chi2_of({swapped: 3.0, other: 9.0})) is None  # either may be
+    assert mistaken(channels, chi2_of({swapped: 1e5})) is None  # nothing fits
+    turned = (4095.0 - 0.0, *as_it_is[1:])
+    said = mistaken(channels, chi2_of({turned: 3.0}))
+    assert said is not None and said.startswith("a11 reads the wrong way round")
 
 
 def test_a_hand_that_shakes_is_still_and_a_hand_that_moves_is_not() -> None:

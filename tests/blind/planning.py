@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 
 import rsicalib
-from rsicalib.planning import plan
+from rsicalib.further import explanations, words
+from rsicalib.planning import Plan, plan
 from rsicalib.records import plain
 from tests import oracle
 from tests.blind import effects as catalogue
@@ -50,6 +51,8 @@ SIZES = ((24, 4), (48, 8))
 """Poses and samples of a session, by turns."""
 RIGHT = 0.05
 WIDE = np.array([[-3.0, 3.0], [-3.0, 3.0], [-5.7, -0.3]] + 3 * [[-np.pi / 6, np.pi / 6]])
+EXACT = np.zeros(2)
+"""A hand that takes poses as they are planned."""
 MARGIN = 20
 """Counts that a wide pose keeps from the ends of the range."""
 
@@ -87,6 +90,8 @@ class Outcome:
     """What is left, less than 12 behind, is all right or all wrong."""
     alone: bool
     """One explanation is left: all others are 12 behind."""
+    settled: bool
+    """Of the explanations that the plan could tell apart one alone is left, and is the best."""
     right: bool
     """The best explanation is right."""
     across: bool
@@ -186,8 +191,8 @@ def tie(number: int, seed: int) -> Tie | None:
     return Tie(number, device, effect, scene, samples, values, rest, warmth, result)
 
 
-def further_poses(it: Tie, way: str, count: int, seed: int) -> tuple[Array, Array, Any]:
-    """Poses (n, 6), pauses (n,) and the forecast of a plan."""
+def further_poses(it: Tie, way: str, count: int, seed: int) -> tuple[Array, Array, Plan | None]:
+    """Poses (n, 6), pauses (n,) and the plan."""
     if way == "random":
         rng = np.random.default_rng([seed, it.number, 7])
         return wide_poses(rng, it.device, count), np.zeros(count), None
@@ -204,7 +209,7 @@ def reached(
     criterion: str | None,
     seed: int,
     known: bool = False,
-) -> tuple[Array, Array, Any]:
+) -> tuple[Array, Array, Plan]:
     """A plan whose poses the device can take: others are struck off, and planned again."""
     off = np.empty((0, 9))
     found = None
@@ -224,14 +229,30 @@ def reached(
         off = np.vstack([off, found.readings[~can]])
     assert found is not None
     waits = np.array(found.waits) if found.waits else np.zeros(count)
-    return found.poses, waits, found.forecast
+    return found.poses, waits, found
 
 
-def measured(it: Tie, poses: Array, waits: Array, seed: int) -> tuple[Scene, Array]:
+def missed(rng: np.random.Generator, device: Device, poses: Array, misses: Array) -> Array:
+    """Where a hand ends up that misses poses by these standard deviations [in, rad].
+
+    The stops of the device let it go as far as half or a quarter of a miss where not all of it.
+    """
+    errors = rng.standard_normal(poses.shape) * np.repeat(misses, 3)
+    ends = np.array(poses)
+    for share in (0.25, 0.5, 1.0):
+        there = poses + share * errors
+        ends = np.where(device.allows(there)[:, None], there, ends)
+    return ends
+
+
+def measured(
+    it: Tie, poses: Array, waits: Array, seed: int, misses: Array = EXACT
+) -> tuple[Scene, Array]:
     """The session with these poses as the device reads them, those it can take."""
     can = it.device.allows(poses)
-    scene = continued(it.scene, poses[can], it.samples, it.room, waits[can])
     rng = np.random.default_rng([seed, it.number, 11])
+    ends = missed(rng, it.device, poses[can], misses)
+    scene = continued(it.scene, ends, it.samples, it.room, waits[can])
     ideal = it.device.ideal(scene, (it.effect,))[len(it.values) :]
     more = simulator.digitise(ideal, rng, 1.0, (it.effect,))
     return scene, np.concatenate([it.values, more])
@@ -269,10 +290,35 @@ def leaves_little(it: Tie, scene: Scene, terms: Sequence[Any]) -> bool:
     return left(it, scene, specs) < RIGHT * left(it, scene, [])
 
 
-def outcome(it: Tie, way: str, count: int, seed: int) -> Outcome:
+def settled(it: Tie, found: Plan | None, rivals: Sequence[Any]) -> bool:
+    """Whether one alone is left, and the best, of the explanations that the plan could tell apart.
+
+    Explanations that it did not know of do not count: a free curve comes up wherever a curve is
+    named, some 10 behind, and no pose tells a curve from all smooth ones.
+    """
+    of = [(_name(terms), words(terms)) for terms, _, _ in explanations(it.result)]
+    merged = {} if found is None else _merged([told for _, told in of], found)
+    group = {name: merged.get(told, told) for name, told in reversed(of)}
+    known = [group.get(_name(r.terms)) for r in rivals]
+    return len(set(known) - {None}) == 1 and known[0] is not None
+
+
+def _name(terms: Sequence[Any]) -> frozenset[tuple[str, str]]:
+    """Terms and targets: where a slip is placed may move by a pose."""
+    return frozenset((t.term, t.target) for t in terms)
+
+
+def _merged(names: Sequence[str], found: Plan) -> dict[str, str]:
+    """Explanations with those that no pose within reach tells them from."""
+    same = {f"no pose within reach tells {a} from {b}": (a, b) for a in names for b in names}
+    return dict(same[line] for line in found.merged)
+
+
+def outcome(it: Tie, way: str, count: int, seed: int, misses: Array = EXACT) -> Outcome:
     """Plans, measures and traces anew."""
-    poses, waits, forecast = further_poses(it, way, count, seed)
-    scene, values = measured(it, poses, waits, seed)
+    poses, waits, found = further_poses(it, way, count, seed)
+    scene, values = measured(it, poses, waits, seed, misses)
+    forecast = None if found is None else found.forecast
     result = rsicalib.trace(readings_of(scene, values), rest=it.rest)
     rivals = result.rivals
     best = rivals[0].terms if rivals else ()
@@ -285,6 +331,7 @@ def outcome(it: Tie, way: str, count: int, seed: int) -> Outcome:
         named=" + ".join(f"{t.term} {t.target}" for t in best) or "nothing",
         decided=bool(rights) and len(set(rights)) == 1,
         alone=len(rights) == 1,
+        settled=settled(it, found, rivals),
         right=bool(rights) and rights[0],
         across=len(it.targets) > 1,
         placed=bool(rivals) and {t.target for r in rivals for t in r.terms} == {it.effect.target},
@@ -337,8 +384,22 @@ def table(rows: Sequence[Outcome]) -> list[str]:
                 lines.append(
                     f"  λ ≥ 25, right         {rate([r.decided and r.right for r in safe])}"
                 )
-                foreseen = float(np.mean([r.forecast for r in own if r.forecast is not None]))
-                lines.append(f"  forecast of deciding  {100 * foreseen:5.1f} %")
+            lines += calibration([r for r in own if r.forecast is not None])
+    return lines
+
+
+def calibration(rows: Sequence[Outcome]) -> list[str]:
+    """Forecasts by fifths of the range, beside what came: settled, and right."""
+    lines = []
+    for name, low, high in (
+        *((f"{k / 5:.1f}", k / 5, (k + 1) / 5) for k in range(5)),
+        ("all", 0, 1),
+    ):
+        own = [r for r in rows if low <= float(r.forecast or 0.0) < high + (high == 1)]
+        if own:
+            foreseen = 100 * float(np.mean([r.forecast for r in own]))
+            came = rate([r.settled and r.right for r in own])
+            lines.append(f"  forecast {name:>4}: said {foreseen:5.1f} %, came {came}")
     return lines
 
 
@@ -378,6 +439,14 @@ def main() -> int:
     parser.add_argument("--devices", type=int, default=50)
     parser.add_argument("--poses", type=int, nargs="+", default=[6, 12])
     parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=WAYS)
+    parser.add_argument(
+        "--misses",
+        type=float,
+        nargs=2,
+        default=EXACT.tolist(),
+        metavar=("LENGTH", "ANGLE"),
+        help="standard deviations by which poses are missed [in, rad]",
+    )
     parser.add_argument("--seed", type=int)
     parser.add_argument("--out", help="a file for the rows, one JSON object a line")
     args = parser.parse_args()
@@ -388,14 +457,14 @@ def main() -> int:
     for k, it in enumerate(ties(args.ties, seed)):
         for way in args.ways:
             for count in args.poses:
-                rows.append(outcome(it, way, count, seed))
+                rows.append(outcome(it, way, count, seed, np.array(args.misses)))
                 if out is not None:
                     out.write(json.dumps(vars(rows[-1])) + "\n")
                     out.flush()
         if k % 10 == 9:
             print(f"{k + 1} ties", file=sys.stderr, flush=True)
     print("\n".join(table(rows)), flush=True)
-    for way in ("platform", "offsets", "random") if args.devices else ():
+    for way in ("platform", "offsets", "volume", "random") if args.devices else ():
         errors = [platform_error(k, seed, way) for k in range(args.devices)]
         print(
             f"platform error after 6 random and 12 {way} poses [1e-3 in]: "

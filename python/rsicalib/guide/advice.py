@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import RsicalibError
 from rsicalib.further import explanations, reason, words
 from rsicalib.guide.log import Sample
+from rsicalib.guide.wiring import mistaken
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Trace
@@ -31,6 +32,8 @@ GAIN_SD = 0.05
 """What is known of a gain, as a fraction of it."""
 SPARE = 6
 """Equations beyond the parameters, from which on a session is traced."""
+SOON = 3
+"""The same, from which on wires that are exchanged are looked for: with the rest reading."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ class Adviser:
     rest: Readings | None
     seed: int = 0
     prior: Mechanism = field(init=False)
+    mistake: str | None = None
+    """What is wrong with the wires, once it shows."""
 
     def __post_init__(self) -> None:
         self.prior = _with_priors(self.mechanism, self.rest)
@@ -113,7 +118,10 @@ class Adviser:
         Advice
             Troubles are in words.
         """
-        result = self._traced(fitted)
+        result = None if self.mistake else self._traced(fitted)
+        if not usable(result) and self.mistake is None:
+            self.mistake = self._mistake(fitted)
+            result = None if self.mistake else result
         rivals = [] if result is None else explanations(result)
         planned = self._planned(fitted, result, here, off, decide=False)
         sure = planned.get("sd")
@@ -125,14 +133,31 @@ class Adviser:
             **planned,
             result=result,
             open=tuple(words(terms) for terms, _, _ in rivals) if many else (),
-            repeat=() if result is None else _repeats(result),
+            repeat=_repeats(result),
             closure=check[1],
             closure_fitted=check[0],
         )
 
+    def _mistake(self, fitted: Mapping[int, Sequence[Sample]]) -> str | None:
+        """What is wrong with the wires, where no trace explains the poses."""
+        at_rest = self.rest
+        if at_rest is None or self._spare(fitted) + self.equations < SOON:
+            return None
+
+        def chi2(undone: Callable[[FloatArray], FloatArray]) -> float:
+            rest = replace(at_rest, values=undone(at_rest.values))
+            poses = {label: _undone(samples, undone) for label, samples in fitted.items()}
+            session = Adviser(self.mechanism, rest)._session(poses, enough=False, starts=1)
+            return float(session.fit().to_dict()["fit"]["chi2"])
+
+        return mistaken(self.mechanism.channels, chi2)
+
+    def _spare(self, fitted: Mapping[int, Sequence[Sample]]) -> int:
+        """Equations beyond the parameters."""
+        return len(fitted) * self.equations - 2 * len(self.mechanism.channels)
+
     def _traced(self, fitted: Mapping[int, Sequence[Sample]]) -> Trace | None:
-        parameters = 2 * len(self.mechanism.channels)
-        if len(fitted) * self.equations < parameters + SPARE:
+        if self._spare(fitted) < SPARE:
             return None
         try:
             return trace(self._readings(fitted), self.mechanism, rest=self.rest)
@@ -150,7 +175,9 @@ class Adviser:
             temperature_c=None if None in warm else np.array(warm, dtype=np.float64),
         )
 
-    def _session(self, fitted: Mapping[int, Sequence[Sample]], enough: bool) -> _core.Session:
+    def _session(
+        self, fitted: Mapping[int, Sequence[Sample]], enough: bool, starts: int | None = None
+    ) -> _core.Session:
         """The poses for planning; before they are enough, the rest pose is one of them."""
         poses = dict(fitted)
         if not enough and self.rest is not None:
@@ -160,7 +187,8 @@ class Adviser:
         if not poses:
             middle = tuple(_middle(self.prior))
             poses[0] = [Sample(0.0, None, middle)] * 2
-        return _core.Session(self.prior, as_table([self._readings(poses)], self.mechanism))
+        table = as_table([self._readings(poses)], self.mechanism)
+        return _core.Session(self.prior, table, starts=starts)
 
     def _planned(
         self,
@@ -193,7 +221,7 @@ class Adviser:
             except RsicalibError:
                 specs = specs if attempt == "decide" else []
         if found is None:
-            return {"troubles": tuple(session.fit().warnings)}
+            return {"troubles": self._troubles(session.fit().warnings)}
         spread = found["forecast"]["platform_sd"]
         names = [words(terms) for terms, _, _ in rivals]
         return {
@@ -205,10 +233,14 @@ class Adviser:
             "sd": spread[0]["position"],
             "sd_next": spread[1]["position"],
             "wait_s": found["waits"][0] * _length_s(fitted),
-            "troubles": tuple(
+            "troubles": self._troubles(
                 _wiring(session.fit().warnings if result is None else result.warnings)
             ),
         }
+
+    def _troubles(self, warnings: Sequence[str]) -> tuple[str, ...]:
+        """Warnings; of wires that are wrong nothing else makes sense."""
+        return (self.mistake,) if self.mistake else tuple(warnings)
 
     def _closures(
         self,
@@ -216,7 +248,7 @@ class Adviser:
         fitted: Mapping[int, Sequence[Sample]],
         kept_out: Mapping[int, Sequence[Sample]],
     ) -> tuple[float | None, float | None]:
-        if result is None or not kept_out:
+        if result is None or result.reference is None or result.noise is None or not kept_out:
             return None, None
         # All poses at once: time and the direction of approach are those of the whole session.
         readings = self._readings({**fitted, **kept_out})
@@ -293,7 +325,19 @@ def _length_s(poses: Mapping[int, Sequence[Sample]]) -> float:
     return max(times) - min(times) if times else 0.0
 
 
-def _repeats(result: Trace) -> tuple[Repeat, ...]:
+def _undone(samples: Sequence[Sample], undone: Callable[[FloatArray], FloatArray]) -> list[Sample]:
+    rows = undone(np.array([s.values for s in samples]))
+    return [replace(s, values=tuple(row)) for s, row in zip(samples, rows.tolist(), strict=True)]
+
+
+def usable(result: Trace | None) -> bool:
+    """Whether a result explains its poses: a single one can be wrong where the others fit."""
+    return result is not None and result.exit_code == 0
+
+
+def _repeats(result: Trace | None) -> tuple[Repeat, ...]:
+    if result is None or not usable(result):
+        return ()
     return tuple(
         Repeat(bad.pose, f"pose {bad.pose} does not fit the others: {bad.reason}")
         for bad in result.excluded

@@ -222,7 +222,8 @@ class Session:
             hopeless = now.gain is not None and now.gain < PARTS
             self.done = beyond >= DECIDING or hopeless or now.criterion != "decide"
         else:
-            self.done = beyond >= AFTER or not _doubtful(now.result)
+            sound = not _doubtful(now.result) and not self._unmended()
+            self.done = beyond >= AFTER or sound
         self.done = self.done or count >= self.settings.most
 
     def _repeat(self) -> int | None:
@@ -230,6 +231,11 @@ class Session:
         repeats = self.advice.repeat if self.advice is not None else ()
         known = (r.label for r in repeats if r.label in self._means)
         return next((k for k in known if k not in self.repeated), None)
+
+    def _unmended(self) -> list[int]:
+        """Poses that do not fit after they were measured again: the others may be wrong, too."""
+        repeats = self.advice.repeat if self.advice is not None else ()
+        return [r.label for r in repeats if r.label in self._means and r.label in self.repeated]
 
     def _goal(self) -> FloatArray | None:
         """Readings of where to go."""
@@ -286,20 +292,21 @@ class Session:
     def troubles(self) -> list[str]:
         """What is wrong while it can still be repeated, in words."""
         out = []
-        lost = self._lost()
-        out += [f"{name} does not change while others do: is it connected?" for name in lost]
         now = self.hold.now
-        ends = self._at_ends(now) if now is not None and not lost else []
+        ends = self._at_ends(now) if now is not None else []
         out += [
             f"{name} is at the end of its range: a dead zone, or a wire is off" for name in ends
         ]
+        lost = [name for name in self._lost() if name not in ends]
+        out += [f"{name} does not change while others do: is it connected?" for name in lost]
         advice = self.advice
         if advice is not None:
             repeat = self._repeat()
             out += [r.why + "; hold it once more" for r in advice.repeat if r.label == repeat]
+            out += [_changed(label) for label in self._unmended()]
             out += [_short(w) for w in advice.troubles if not any(n in w for n in lost)]
             if advice.result is not None:
-                out += [_slipped(s) for s in advice.result.steps if s.term == "slip"]
+                out += [_slipped(s) for s in advice.result.steps if s.term in ("slip", "wander")]
         if self.bad_lines:
             out.append(f"{self.bad_lines} lines could not be read; the last: {self.bad_line}")
         return out
@@ -396,5 +403,14 @@ def _short(text: str) -> str:
 
 
 def _slipped(step: Any) -> str:
+    if step.term == "wander":
+        return f"{step.target} changes in the course of the session: look whether it slipped"
     at = f" before pose {step.place}" if step.place else ""
     return f"{step.target} slipped{at}: fasten it, and begin again with --out of another folder"
+
+
+def _changed(label: int) -> str:
+    return (
+        f"pose {label}, measured again, does not fit the others either: look whether a sensor "
+        "slipped or an arm was moved before it"
+    )

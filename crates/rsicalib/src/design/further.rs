@@ -9,6 +9,7 @@ use crate::apply::change::PlatformRms;
 use crate::apply::poses::poses_of;
 use crate::design::contest::{Contest, Field, Rival};
 use crate::design::exchange::Criterion;
+use crate::design::forecast::decides;
 use crate::design::hidden::{WorstHidden, with_priors, worst_hidden};
 use crate::design::linearised::{Linearised, Whitened};
 use crate::design::moments::{Moments, PoseSlopes, moments_of, slopes_of};
@@ -273,8 +274,9 @@ pub fn further(
     let chosen: Vec<usize> = steps.iter().map(|s| s.candidate).collect();
     let planned = found.some(&chosen);
     let new = visits.visited(&at, &planned, &steps)?;
+    let columns: Vec<&[usize]> = sides.iter().map(|s| &s.columns[..]).collect();
     let forecast = Forecast {
-        decides: (kept.len() > 1).then(|| contest.decides()),
+        decides: (kept.len() > 1).then(|| decides(&contest.rivals, &columns, &new)),
         least_lambda: (kept.len() > 1).then(|| contest.least()),
         platform_sd: (!planned.poses.is_empty()).then(|| platform_sd(best, &new, &moments)),
         worst_hidden: hidden(&session, &fits[kept[0]], &visits, &planned, &steps, &judged)?,

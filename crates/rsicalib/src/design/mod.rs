@@ -3,6 +3,7 @@
 mod configurations;
 mod contest;
 pub mod exchange;
+mod forecast;
 pub mod further;
 mod hidden;
 pub mod identifiability;
