@@ -39,6 +39,7 @@
 
 pub mod alarm;
 pub mod compare;
+mod drift;
 mod naming;
 mod open;
 pub mod options;

@@ -34,8 +34,9 @@ impl Recent {
         }
     }
 
-    /// The rows from `first` to `last`, oldest first; none where older ones are gone.
-    pub(crate) fn between(&self, first: u64, last: u64) -> Option<Vec<&[f64]>> {
+    /// The rows from `first` to `last` with their numbers, oldest first; none where older ones are
+    /// gone.
+    pub(crate) fn between(&self, first: u64, last: u64) -> Option<Vec<(u64, Vec<f64>)>> {
         let oldest = self.numbers.iter().flatten().min()?;
         if *oldest > first {
             return None;
@@ -45,8 +46,8 @@ impl Recent {
             .filter(|(number, _)| (first..=last).contains(number))
             .collect();
         found.sort_unstable();
-        let row = |k: usize| &self.readings[k * self.channels..(k + 1) * self.channels];
-        Some(found.into_iter().map(|(_, k)| row(k)).collect())
+        let row = |k: usize| self.readings[k * self.channels..(k + 1) * self.channels].to_vec();
+        Some(found.into_iter().map(|(number, k)| (number, row(k))).collect())
     }
 }
 
@@ -60,7 +61,7 @@ mod tests {
         (0..700).for_each(|n| recent.keep(n, &[n as f64]));
         recent.leave_out(601);
         let found: Vec<f64> =
-            recent.between(600, 603).into_iter().flatten().map(|r| r[0]).collect();
+            recent.between(600, 603).into_iter().flatten().map(|(_, row)| row[0]).collect();
         assert_eq!(found, [600.0, 602.0, 603.0]);
         assert!(recent.between(100, 603).is_none());
     }

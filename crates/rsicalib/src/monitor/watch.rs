@@ -136,7 +136,8 @@ impl Monitor {
         options: &MonitorOptions,
     ) -> Result<Self, Error> {
         options.check()?;
-        let watched = Watched::new(mechanism, applied, Some(covariance), changes(mechanism))?;
+        let watched =
+            Watched::new(mechanism, applied, Some(covariance), changes(mechanism))?.with_drifts();
         if watched.uncertain == 0 {
             let what = "the covariance of the calibration".into();
             return Err(Error::Shape { what, found: 0, expected: applied.parameters.len().pow(2) });
@@ -185,7 +186,7 @@ impl Monitor {
         self.alarms.clear();
         if let Some(tested) = self.judge(readings, time) {
             self.rows.put(0, readings);
-            self.rows.linearise(&self.watched);
+            self.rows.linearise(&self.watched, tested.row);
             self.test(0, tested);
             self.seen.see(readings);
         }
@@ -258,13 +259,11 @@ impl Monitor {
     }
 
     fn test_block(&mut self, block: &[Tested]) {
-        if block.is_empty() {
-            return;
-        }
-        self.rows.linearise(&self.watched);
+        let Some(first) = block.first() else { return };
+        self.rows.linearise(&self.watched, first.row);
         for (lane, tested) in block.iter().enumerate() {
             if self.test(lane, *tested) {
-                self.rows.linearise(&self.watched);
+                self.rows.linearise(&self.watched, first.row);
             }
         }
     }
@@ -274,7 +273,7 @@ impl Monitor {
         if tested.after_gap {
             self.whitening.interrupt();
         }
-        self.rows.read(lane, &self.watched, &mut self.r, &mut self.g);
+        self.rows.read(lane, &self.watched, tested.row, &mut self.r, &mut self.g);
         let crossed = dispatch(
             #[inline(always)]
             || self.advance(tested),
@@ -299,7 +298,7 @@ impl Monitor {
     /// name is open, the mean under this name.
     fn recentre(&mut self) {
         let named: Option<Vec<f64>> = self.open.as_ref().and_then(|open| {
-            let (mean, _) = open.alone(&self.watched, &self.state)?;
+            let (mean, _) = open.alone(&self.watched, &self.state, open.named)?;
             let places = mean.iter().enumerate();
             Some(places.map(|(k, m)| m - open.moved(&self.watched, k)).collect())
         });

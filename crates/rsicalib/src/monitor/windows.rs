@@ -51,6 +51,19 @@ impl Sums {
         Self { products, scores, mark: Mark::default() }
     }
 
+    /// The samples of these sums that are not in `before`.
+    pub(crate) fn minus(&self, before: &Self) -> Self {
+        let less = |all: &[f64], part: &[f64]| all.iter().zip(part).map(|(a, b)| a - b).collect();
+        let products = less(&self.products, &before.products);
+        Self { products, scores: less(&self.scores, &before.scores), mark: self.mark }
+    }
+
+    /// Adds other samples.
+    pub(crate) fn add(&mut self, other: &Self) {
+        axpy(1.0, &other.products, &mut self.products);
+        axpy(1.0, &other.scores, &mut self.scores);
+    }
+
     fn copy(&mut self, other: &Self) {
         self.products.copy_from_slice(&other.products);
         self.scores.copy_from_slice(&other.scores);
