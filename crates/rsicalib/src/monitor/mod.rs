@@ -41,6 +41,7 @@ pub mod alarm;
 pub mod compare;
 mod drift;
 mod naming;
+mod onsets;
 mod open;
 pub mod options;
 mod order;

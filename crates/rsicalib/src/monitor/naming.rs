@@ -12,6 +12,7 @@ use crate::monitor::alarm::{Alarm, Change};
 use crate::monitor::drift::{Drift, sums_since};
 use crate::monitor::open::{Kind, Name, Open, Suspected};
 use crate::monitor::score::MOST_COLUMNS;
+use crate::monitor::recent::Kept;
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watch::{Monitor, Tested};
 use crate::monitor::watched::Watched;
@@ -36,8 +37,7 @@ const SETTLED: usize = 3;
 #[derive(Debug, Clone, Copy)]
 struct Suspect {
     candidate: usize,
-    /// None: the onset before the samples that waited.
-    onset: Option<usize>,
+    onset: usize,
     statistic: f64,
     rank: usize,
     log_p: f64,
@@ -45,23 +45,14 @@ struct Suspect {
 
 impl Monitor {
     /// Names a change, and goes on with it.
-    pub(super) fn raise(&mut self, crossed: Option<usize>, tested: Tested) {
-        let mut before = None;
-        let mut onsets: Vec<Option<usize>> = vec![None];
-        if crossed.is_none() {
-            before = Some(self.windows.now.clone());
-            for place in std::mem::take(&mut self.waiting) {
-                self.state.compare(&place.r, &place.g, self.watched.order.len());
-                self.state.absorb();
-                self.counts.used += 1;
-                self.windows.add(&place.r, &place.g, place.row, place.time);
-                self.waiting.push(place);
-            }
-            self.held = 0;
-        } else {
-            onsets = self.windows.onsets().into_iter().map(Some).collect();
+    pub(super) fn raise(&mut self, tested: Tested) {
+        for place in &self.waiting[..std::mem::take(&mut self.held)] {
+            self.state.compare(&place.r, &place.g, self.watched.order.len());
+            self.state.absorb();
+            self.counts.used += 1;
+            self.windows.add(&place.r, &place.g, place.row, place.time);
         }
-        if let Some(alarm) = self.name(&onsets, before.as_ref(), tested) {
+        if let Some(alarm) = self.name(tested) {
             self.counts.alarms += 1;
             self.alarms.push(alarm);
         }
@@ -75,27 +66,17 @@ impl Monitor {
         self.whitening.interrupt();
     }
 
-    fn name(
-        &mut self,
-        onsets: &[Option<usize>],
-        before: Option<&Sums>,
-        tested: Tested,
-    ) -> Option<Alarm> {
+    fn name(&mut self, tested: Tested) -> Option<Alarm> {
         self.settle();
-        let suspects = self.suspects(onsets, before);
+        let onsets = self.onsets(tested.row);
+        let suspects = self.suspects(&onsets);
         let best = *suspects.first()?;
-        let mut since = match best.onset {
-            Some(kept) => self.windows.onset(kept).mark,
-            None => before?.mark,
-        };
-        if before.is_some() {
-            // The samples that waited are the first of the change.
-            (since.row, since.time) = (self.waiting[0].row, self.waiting[0].time);
-        }
+        let begin = &onsets[best.onset];
+        let since = begin.mark;
         let behind = |s: &Suspect| 2.0 * (s.log_p - best.log_p);
         let limit = BESIDE.0.max(-2.0 * BESIDE.1 * best.log_p);
         let beside: Vec<Suspect> = suspects.into_iter().filter(|s| behind(s) < limit).collect();
-        let mut open = self.take_over(&beside, before, since.row)?;
+        let mut open = self.take_over(&beside, begin)?;
         open.alarm = Alarm {
             row: tested.row,
             time: tested.time,
@@ -252,16 +233,11 @@ impl Monitor {
     }
 
     /// Every candidate at its best onset, the least probable by chance first.
-    fn suspects(&mut self, onsets: &[Option<usize>], before: Option<&Sums>) -> Vec<Suspect> {
+    fn suspects(&mut self, onsets: &[Sums]) -> Vec<Suspect> {
         let mut all: Vec<Suspect> = Vec::new();
         for (number, candidate) in self.watched.candidates.iter().enumerate() {
             let mut best: Option<Suspect> = None;
-            for &onset in onsets {
-                let begin = match (onset, before) {
-                    (Some(kept), _) => self.windows.onset(kept),
-                    (None, Some(before)) => before,
-                    (None, None) => continue,
-                };
+            for (onset, begin) in onsets.iter().enumerate() {
                 let (statistic, rank) =
                     self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
                 if rank == 0 {
@@ -279,15 +255,12 @@ impl Monitor {
         all
     }
 
-    /// Puts the estimates of changes since a row into the parameters, and their uncertainty into the
-    /// state.
-    fn take_over(&mut self, beside: &[Suspect], before: Option<&Sums>, since: u64) -> Option<Open> {
+    /// Puts the estimates of changes since an onset into the parameters, and their uncertainty into
+    /// the state.
+    fn take_over(&mut self, beside: &[Suspect], begin: &Sums) -> Option<Open> {
+        let since = begin.mark.row;
         let chosen = self.chosen(beside);
         self.count_from(since, &chosen);
-        let begin = match (beside.first()?.onset, before) {
-            (Some(kept), _) => self.windows.onset(kept),
-            (None, before) => before?,
-        };
         let drifts: Vec<&Drift> =
             chosen.iter().filter_map(|s| self.watched.drift(s.candidate)).collect();
         let (within, none) =
@@ -301,12 +274,12 @@ impl Monitor {
             let most: Vec<f64> = candidate.typical.iter().map(|t| (TYPICAL * t).powi(2)).collect();
             let known: Vec<f64> = most.iter().map(|m| 1.0 / m).collect();
             self.score.test(&candidate.columns, &self.state, &within, &none);
-            let Some((theta, _)) = self.score.estimate(&known) else { continue };
+            let Some((theta, variance)) = self.score.estimate(&known) else { continue };
             width.extend(most.iter().zip(&theta).map(|(m, t)| m + t.powi(2)));
             columns.extend(&candidate.columns);
             if let Some(drift) = self.watched.drift(suspect.candidate) {
                 // What goes on may have moved by as much since the onset as a step does at once.
-                width.push(width[width.len() - 1] / rows.powi(2));
+                width.push((theta[0].powi(2) + variance[(0, 0)]) / rows.powi(2));
                 columns.push(drift.own);
             }
             suspects.push(suspect);
@@ -402,17 +375,17 @@ impl Monitor {
     }
 
     /// The state after some rows, with this covariance before the change.
-    fn pass(&mut self, open: &Open, prior: &DMatrix<f64>, rows: &[(u64, Vec<f64>)]) {
+    fn pass(&mut self, open: &Open, prior: &DMatrix<f64>, rows: &[Kept]) {
         let width = self.watched.order.len();
         let mean: Vec<f64> = (0..prior.nrows()).map(|k| -open.moved(&self.watched, k)).collect();
         self.state.set(&mean, prior);
         self.whitening.interrupt();
         for block in rows.chunks(WIDTH) {
-            for (lane, (_, readings)) in block.iter().enumerate() {
+            for (lane, (.., readings)) in block.iter().enumerate() {
                 self.again.put(lane, readings);
             }
             self.again.linearise(&self.watched, block[0].0);
-            for (lane, (row, _)) in block.iter().enumerate() {
+            for (lane, (row, ..)) in block.iter().enumerate() {
                 self.again.read(lane, &self.watched, *row, &mut self.r, &mut self.g);
                 self.whitening.filter(&mut self.r, &mut self.g);
                 self.state.compare(&self.r, &self.g, width);

@@ -252,7 +252,7 @@ impl Monitor {
         match self.order.judge(readings, time, &mut self.counts) {
             Row::LeftOut => None,
             found => {
-                self.recent.keep(row, readings);
+                self.recent.keep(row, time, readings);
                 Some(Tested { row, time, after_gap: found == Row::AfterGap })
             }
         }
@@ -278,8 +278,8 @@ impl Monitor {
             #[inline(always)]
             || self.advance(tested),
         );
-        if let Some(onset) = crossed {
-            self.raise(onset, tested);
+        if crossed {
+            self.raise(tested);
             return true;
         }
         if self.held > 0 {
@@ -317,10 +317,10 @@ impl Monitor {
         self.state.mean = mean;
     }
 
-    /// Takes over one sample; the onset of a window that exceeds its threshold, `Some(None)` where
-    /// samples far outside have been confirmed.
+    /// Takes over one sample; true where a window exceeds its threshold, or where samples far outside
+    /// have been confirmed.
     #[inline(always)]
-    fn advance(&mut self, tested: Tested) -> Option<Option<usize>> {
+    fn advance(&mut self, tested: Tested) -> bool {
         let width = self.watched.order.len();
         self.whitening.filter(&mut self.r, &mut self.g);
         let squared = self.state.compare(&self.r, &self.g, width) / self.scale;
@@ -331,7 +331,7 @@ impl Monitor {
             place.g.copy_from_slice(&self.g);
             (place.row, place.time) = (tested.row, tested.time);
             self.held += 1;
-            return (self.held == CONFIRMED).then_some(None);
+            return self.held == CONFIRMED;
         }
         for place in &self.waiting[..self.held] {
             self.recent.leave_out(place.row);
@@ -346,15 +346,15 @@ impl Monitor {
         let (state, size) = (&self.state, self.state.size);
         self.whitening.learn(|g| dot(&g[..size], &state.mean));
         self.windows.add(&self.r, &self.g, tested.row, tested.time);
-        let (level, onset) = self.windows.keep()?;
+        let Some((level, onset)) = self.windows.keep() else { return false };
         for candidate in &self.watched.candidates {
             let begin = self.windows.onset(onset);
             let (statistic, rank) =
                 self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
             if self.thresholds.exceeded(level, rank, statistic / self.scale, self.dof) {
-                return Some(Some(onset));
+                return true;
             }
         }
-        None
+        false
     }
 }
