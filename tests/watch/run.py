@@ -72,7 +72,8 @@ def _words(found: Sequence[Found]) -> str:
         f"delay {half:.0f} rows ({low:.0f} … {high:.0f}), missed {len(sound) - len(late)} of "
         f"{len(sound)}; named at once {share([f.first for f in seen])}, or listed "
         f"{share([f.listed for f in seen])}; in the end {share([f.last for f in seen])}, or listed "
-        f"{share([f.last_listed for f in seen])}; {np.mean([f.more for f in seen]):.2f} more alarms"
+        f"{share([f.last_listed for f in seen])}; said to go on {share([f.drifts for f in seen])}; "
+        f"{np.mean([f.more for f in seen]):.2f} more alarms"
     )
 
 

@@ -40,7 +40,7 @@ class Found:
 
     `first` and `last` say whether the first alarm, and the last word on it, name the right part;
     `listed` and `last_listed` whether they name it or list it among those that fit as well. `size`
-    is the last word's.
+    is the last word's, and so is `drifts`: it goes on.
     """
 
     early: bool
@@ -49,6 +49,7 @@ class Found:
     listed: bool = False
     last: bool = False
     last_listed: bool = False
+    drifts: bool = False
     more: int = 0
     size: float = float("nan")
 
@@ -118,6 +119,7 @@ def judged(change: Change, alarms: list[Alarm]) -> Found:
         listed=listed(first),
         last=right(words[-1]),
         last_listed=listed(words[-1]),
+        drifts=words[-1].rate is not None,
         more=sum(a.revises is None for a in news) - 1,
         size=words[-1].size,
     )

@@ -17,7 +17,8 @@ impl Monitor {
     /// change for rows after it, and another name might fit these better.
     pub(super) fn onsets(&mut self, last: u64) -> Vec<Sums> {
         let kept = self.windows.onsets();
-        let mut onsets: Vec<Sums> = kept.into_iter().map(|k| self.windows.onset(k).clone()).collect();
+        let mut onsets: Vec<Sums> =
+            kept.into_iter().map(|k| self.windows.onset(k).clone()).collect();
         let first = (last + 1).saturating_sub(ROW_BY_ROW).max(self.windows.began);
         let mut after = Sums::new(self.watched.order.len());
         let tested = self.watched.tested();
