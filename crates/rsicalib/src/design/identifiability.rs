@@ -33,6 +33,9 @@ use crate::terms::targets::targets;
 use crate::terms::term::Acts;
 use crate::{Error, terms};
 
+/// Parameters of a model beyond which none are counted: about ten seconds of work.
+const MOST_PARAMETERS: usize = 2000;
+
 /// Complete geometry of any chain, with its sensors; and where there are such,
 /// `point_position` and `distance`.
 pub const COMPLETE: [&str; 6] =
@@ -327,6 +330,11 @@ fn loops(
     let every: Vec<usize> = (0..combinations).collect();
     let first = configurations.open(&every, random)?;
     let model = Model::with_null_equations(mechanism, &first, instances.to_vec())?;
+    if model.term_parameters > MOST_PARAMETERS {
+        let found = format!("{} parameters", model.term_parameters);
+        let expected = format!("at most {MOST_PARAMETERS}: the time grows with their cube");
+        return Err(Error::Option { name: "terms", found, expected });
+    }
     // As many rows of every closure as it has parameters to tell, and half as many again.
     let minimal = open.minimal(labels);
     let active = model.active();
