@@ -1,9 +1,9 @@
 """Mistakes that people make with the command, and what ought to come of each.
 
 Each mistake begins from a folder with good files: `readings.csv`, `rest.csv` and `check.csv` of the
-demo, `result.json` calibrated from them and `rsi.toml`. It damages a copy, runs one command there as
-a user would, and expects an exit code and a part of the message. `scripts/make_mistakes.py` writes
-the page, `tests/test_mistakes.py` runs them as tests.
+demo, `result.json` calibrated from them and `rsi.toml`. It damages a copy, runs one command there
+as a user would, and expects an exit code and a part of the message. `scripts/make_mistakes.py`
+writes the page, `tests/test_mistakes.py` runs them as tests.
 """
 
 from __future__ import annotations
@@ -11,17 +11,23 @@ from __future__ import annotations
 import json
 import os
 import re
-import resource
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 import rsicalib
 from rsicalib import DEMO
+
+LIMIT = 120.0
+"""Seconds after which a command is ended."""
 
 Damage = Callable[[Path], object]
 
@@ -420,20 +426,33 @@ def run(mistake: Mistake, good: Path, folder: Path) -> Came:
     mistake.damage(folder)
     variables = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", **mistake.environment}
     kept = {key: value for key, value in variables.items() if value is not None}
+    command = f'"{sys.executable}" -m rsicalib {mistake.words} {mistake.shell}'
     begin = time.monotonic()
-    with subprocess.Popen(
-        ["sh", "-c", f'"{sys.executable}" -m rsicalib {mistake.words} {mistake.shell}'],
-        cwd=folder,
-        env=kept,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
-        out, err = process.communicate(timeout=600)
-    seconds = time.monotonic() - begin
-    megabytes = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    text = err.decode("utf-8", "replace") + out.decode("utf-8", "replace")
-    return Came(process.returncode, _telling(err, out), text, seconds, megabytes)
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        process = subprocess.Popen(
+            ["sh", "-c", command],
+            cwd=folder,
+            env=kept,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=err,
+            start_new_session=True,
+        )
+        alarm = threading.Timer(LIMIT, os.killpg, [process.pid, signal.SIGKILL])
+        alarm.start()
+        _, status, usage = os.wait4(process.pid, 0)
+        alarm.cancel()
+        process.returncode = os.waitstatus_to_exitcode(status)
+        seconds = time.monotonic() - begin
+        said, printed = (_whole(file) for file in (err, out))
+    text = said.decode("utf-8", "replace") + printed.decode("utf-8", "replace")
+    megabytes = usage.ru_maxrss / 1024
+    return Came(process.returncode, _telling(said, printed), text, seconds, megabytes)
+
+
+def _whole(file: IO[bytes]) -> bytes:
+    file.seek(0)
+    return file.read()
 
 
 def _telling(err: bytes, out: bytes) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import rsicalib
 from rsicalib.monitor import Alarm, Suspect
 from tests.blind.simulator import CHANNELS
-from tests.watch.device import Change, Work, calibrated
+from tests.watch.device import RATE_HZ, Change, Work, calibrated
 
 CHUNK = 10_000
 """Rows that are simulated at a time."""
@@ -54,19 +54,36 @@ class Found:
     size: float = float("nan")
 
 
-def quiet(seed: list[int], kind: str, promise: float, rows: int) -> Quiet:
-    """Watch a sound device for a number of rows."""
+def quiet(seed: list[int], kind: str, promise: float, rows: int, lost: float = 0.0) -> Quiet:
+    """Watch a sound device for a number of rows, a share of which does not come."""
     device, found, rng = calibrated(seed, kind)
     work = Work(device, rng, kind)
     monitor = rsicalib.Monitor(found, false_alarms=promise)
     seconds = 0.0
     while work.row < rows:
+        first = work.row
         values = work.rows(min(CHUNK, rows - work.row))
+        times = np.arange(first, work.row) / RATE_HZ
+        if lost:
+            kept = rng.random(len(values)) >= lost
+            values, times = values[kept], times[kept]
         begin = time.process_time()
-        monitor.update(values)
+        monitor.update(values, times)
         seconds += time.process_time() - begin
     summary = monitor.summary()
     return Quiet(summary.rows, summary.alarms, seconds)
+
+
+def one_by_one(seed: list[int], rows: int) -> float:
+    """Seconds of one `update` in the core, the conversion of a row to Python and back included."""
+    device, found, rng = calibrated(seed)
+    monitor = rsicalib.Monitor(found)
+    values = Work(device, rng).rows(rows)
+    update = monitor._core.update
+    begin = time.process_time()
+    for row in values:
+        update(row)
+    return (time.process_time() - begin) / rows
 
 
 def drawn(rng: np.random.Generator, what: str, size: float) -> Change:

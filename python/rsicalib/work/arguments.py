@@ -72,9 +72,7 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[R
         if parameter.value is None:
             place = f"parameters[{number}].value"
             found, expected = "null", f"a number: what {parameter.at} is"
-            raise InputError.at(
-                where, found=found, expected=expected, column=place, column_word=""
-            )
+            raise InputError.at(where, found=found, expected=expected, column=place, column_word="")
     return result, _with_laws(mechanism, result)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core, options
+from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError, UndeterminedError
 from rsicalib.io.frames import in_memory
