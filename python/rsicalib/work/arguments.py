@@ -71,8 +71,9 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[R
     for number, parameter in enumerate(result.parameters):
         if parameter.value is None:
             place = f"parameters[{number}].value"
-            found, expected = "null", f"a number: what {parameter.at} is"
-            raise InputError.at(where, found=found, expected=expected, column=place, column_word="")
+            raise InputError.at(
+                where, found="null", expected="a number", column=place, column_word=""
+            )
     return result, _with_laws(mechanism, result)
 
 
