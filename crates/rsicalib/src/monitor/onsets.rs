@@ -10,6 +10,9 @@ const ROW_BY_ROW: u64 = 64;
 /// Rows before these that fill the filter which makes the residual white.
 const FILL: u64 = 2;
 
+/// Number and time (s) of a row, with its `r` and `G`.
+type Linearised = (u64, Option<f64>, Vec<f64>, Vec<f64>);
+
 impl Monitor {
     /// The sums before each onset that is possible, marked with the first row of the change.
     ///
@@ -33,7 +36,7 @@ impl Monitor {
     }
 
     /// The rows from `first` to `last` with their numbers and times, linearised and filtered.
-    fn filtered(&mut self, first: u64, last: u64) -> Vec<(u64, Option<f64>, Vec<f64>, Vec<f64>)> {
+    fn filtered(&mut self, first: u64, last: u64) -> Vec<Linearised> {
         let rows = self.recent.between(first.saturating_sub(FILL), last);
         let rows = rows.or_else(|| self.recent.between(first, last)).unwrap_or_default();
         let mut found = Vec::new();

@@ -27,7 +27,7 @@ impl Monitor {
             after[watched.order[place]] += value * watched.scale[place];
         }
         let mut rate = None;
-        if let (true, &[_, own]) = (open.named.drifts, &places[..]) {
+        if let (true, &[_, own]) = (open.named.drifts, places) {
             let column = watched.order[own];
             before[column] = 0.0;
             values[1] = after[column] / watched.scale[own];

@@ -114,7 +114,8 @@ pub(super) struct Waiting {
 pub(super) struct Tested {
     pub(super) row: u64,
     pub(super) time: Option<f64>,
-    after_gap: bool,
+    /// Rows that are missing before it, if there is a gap; none of a gap of unknown length.
+    gap: Option<Option<u64>>,
 }
 
 impl Monitor {
@@ -211,7 +212,7 @@ impl Monitor {
             return Err(shape("time", found, rows));
         }
         self.alarms.clear();
-        let mut block = [Tested { row: 0, time: None, after_gap: false }; WIDTH];
+        let mut block = [Tested { row: 0, time: None, gap: None }; WIDTH];
         let mut full = 0;
         for (row, readings) in values.chunks_exact(channels).enumerate() {
             if let Some(tested) = self.judge(readings, times.map(|t| t[row])) {
@@ -248,12 +249,14 @@ impl Monitor {
     }
 
     fn judge(&mut self, readings: &[f64], time: Option<f64>) -> Option<Tested> {
-        let row = self.counts.rows;
+        let (row, missing) = (self.counts.rows, self.counts.missing);
         match self.order.judge(readings, time, &mut self.counts) {
             Row::LeftOut => None,
             found => {
                 self.recent.keep(row, time, readings);
-                Some(Tested { row, time, after_gap: found == Row::AfterGap })
+                let missing = self.counts.missing - missing;
+                let gap = (found == Row::AfterGap).then_some((missing > 0).then_some(missing));
+                Some(Tested { row, time, gap })
             }
         }
     }
@@ -270,8 +273,10 @@ impl Monitor {
 
     /// Tests the row in a lane; true where the parameters have moved.
     fn test(&mut self, lane: usize, tested: Tested) -> bool {
-        if tested.after_gap {
-            self.whitening.interrupt();
+        match tested.gap {
+            None => {}
+            Some(None) => self.whitening.interrupt(),
+            Some(Some(missing)) => self.whitening.skip(missing),
         }
         self.rows.read(lane, &self.watched, tested.row, &mut self.r, &mut self.g);
         let crossed = dispatch(
