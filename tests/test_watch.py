@@ -79,6 +79,29 @@ def test_row_by_row_and_all_at_once_say_the_same(step: dict[str, Any]) -> None:
     np.testing.assert_allclose([a.size for a in at_once], [a.size for a in one_by_one], rtol=1e-6)
 
 
+def test_a_drift_is_named_once_with_its_rate() -> None:
+    device, found, rng = calibrated(15)
+    rate = 4e-6  # rad in a row: 28 counts in 10,000 rows
+    change = Change("a22", 0.2, since=2000, per_row=rate)
+    values, times = Work(device, rng, change=change).rows(20_000), np.arange(20_000) / RATE_HZ
+    alarms = Monitor(found).update(values, times)
+    last = alarms[-1]
+    assert 2000 <= alarms[0].row < 3000
+    assert (last.term, last.target) == ("offset", "a22")
+    assert all(a.revises == alarms[0].row for a in alarms[1:])
+    assert last.rate is not None
+    assert last.rate.unit == "rad/h"
+    hourly = rate * RATE_HZ * 3600
+    assert abs(last.rate.value - hourly) < 4 * last.rate.sd
+    # It drifts from row 2000 on: what it has moved until that row.
+    assert abs(last.size - rate * (last.row - 2000)) < 4 * last.sd
+    assert "drifts since" in last.text()
+
+
+def test_a_step_is_not_said_to_go_on(step: dict[str, Any]) -> None:
+    assert Monitor(step["calibration"]).update(step["values"])[-1].rate is None
+
+
 def test_a_link_bent_across_its_plane_is_named_by_its_chain() -> None:
     device, found, rng = calibrated(12)
     work = Work(device, rng, change=Change("arm3", 0.05, since=2000, axis="forearm"))

@@ -76,11 +76,15 @@ class Alarm(Told, Record):
     target: str
     """Where: `a22`, `wrist1-wrist2`, `arm2/2`, `arm2`."""
     size: float
-    """How large: the value of a single parameter, or the length of a displacement."""
+    """How large: the value of a single parameter, or the length of a displacement; of a drift, by
+    how much it has moved until this row."""
     sd: float
     """Standard deviation of the size."""
     unit: str
     """Unit of both."""
+    rate: Change | None = None
+    """What goes on: the rate at which the size grows, per hour where rows have a time, else per
+    row. None for a change that stands still."""
     parameters: tuple[Change, ...]
     """All parameters of the change."""
     platform_rms: Rms | None
@@ -95,8 +99,11 @@ class Alarm(Told, Record):
     def text(self) -> str:
         """The alarm as a sentence."""
         when = f"row {self.since_row}" if self.time_s is None else f"{self.since:.6g} s"
-        words = f"{self.target} has changed since {when}: {self.term} by {self.size:.3g} "
+        what = "has changed" if self.rate is None else "drifts"
+        words = f"{self.target} {what} since {when}: {self.term} by {self.size:.3g} "
         words += f"± {self.sd:.1g} {self.unit}"
+        if self.rate is not None:
+            words += f", now {self.rate.value:.3g} ± {self.rate.sd:.1g} {self.rate.unit}"
         if self.platform_rms is not None and self.platform_rms.position is not None:
             words += f", the platform by {self.platform_rms.position:.2g}"
         if self.also_fits:

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from tests.watch.device import NOISES
-from tests.watch.trials import Found, Quiet, changed, quiet
+from tests.watch.trials import Found, Quiet, changed, one_by_one, quiet
 
 SIZES = {
     "step": (0.5, 1.0, 2.0, 4.0, 8.0, 32.0),
@@ -32,7 +32,7 @@ def rate(args: argparse.Namespace) -> None:
     each = args.rows // args.devices
     for kind in args.noise:
         for promise in args.promise:
-            job = partial(_quiet, args.seed, kind, promise, each)
+            job = partial(_quiet, args.seed, kind, promise, each, args.lost)
             found: list[Quiet] = args.map(job, range(args.devices))
             alarms = np.array([one.alarms for one in found])
             rows = sum(one.rows for one in found)
@@ -72,18 +72,21 @@ def _words(found: Sequence[Found]) -> str:
         f"delay {half:.0f} rows ({low:.0f} … {high:.0f}), missed {len(sound) - len(late)} of "
         f"{len(sound)}; named at once {share([f.first for f in seen])}, or listed "
         f"{share([f.listed for f in seen])}; in the end {share([f.last for f in seen])}, or listed "
-        f"{share([f.last_listed for f in seen])}; {np.mean([f.more for f in seen]):.2f} more alarms"
+        f"{share([f.last_listed for f in seen])}; said to go on {share([f.drifts for f in seen])}; "
+        f"{np.mean([f.more for f in seen]):.2f} more alarms"
     )
 
 
 def speed(args: argparse.Namespace) -> None:
-    """Print rows per second of processor time."""
+    """Print rows per second of processor time, and microseconds of a row by itself."""
     found = [quiet([args.seed, device], "white", 1e-5, 50_000) for device in range(3)]
     print(f"{sum(f.rows for f in found) / sum(f.seconds for f in found):.0f} rows per second")
+    alone = [one_by_one([args.seed, device], 20_000) for device in range(3)]
+    print(f"{1e6 * float(np.median(alone)):.1f} µs for a row by itself")
 
 
-def _quiet(seed: int, kind: str, promise: float, rows: int, device: int) -> Quiet:
-    return quiet([seed, NOISES.index(kind), device], kind, promise, rows)
+def _quiet(seed: int, kind: str, promise: float, rows: int, lost: float, device: int) -> Quiet:
+    return quiet([seed, NOISES.index(kind), device], kind, promise, rows, lost)
 
 
 def _changed(seed: int, what: str, size: float, promise: float, device: int) -> Found:
@@ -98,6 +101,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--change", nargs="+", choices=tuple(SIZES), default=list(SIZES))
     parser.add_argument("--promise", nargs="+", type=float, default=[1e-5])
     parser.add_argument("--rows", type=int, default=10_000_000, help="of all devices together")
+    parser.add_argument("--lost", type=float, default=0.0, help="share of rows that do not come")
     parser.add_argument("--devices", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)

@@ -10,7 +10,7 @@ import numpy as np
 import rsicalib
 from rsicalib.monitor import Alarm, Suspect
 from tests.blind.simulator import CHANNELS
-from tests.watch.device import Change, Work, calibrated
+from tests.watch.device import RATE_HZ, Change, Work, calibrated
 
 CHUNK = 10_000
 """Rows that are simulated at a time."""
@@ -40,7 +40,7 @@ class Found:
 
     `first` and `last` say whether the first alarm, and the last word on it, name the right part;
     `listed` and `last_listed` whether they name it or list it among those that fit as well. `size`
-    is the last word's.
+    is the last word's, and so is `drifts`: it goes on.
     """
 
     early: bool
@@ -49,23 +49,41 @@ class Found:
     listed: bool = False
     last: bool = False
     last_listed: bool = False
+    drifts: bool = False
     more: int = 0
     size: float = float("nan")
 
 
-def quiet(seed: list[int], kind: str, promise: float, rows: int) -> Quiet:
-    """Watch a sound device for a number of rows."""
+def quiet(seed: list[int], kind: str, promise: float, rows: int, lost: float = 0.0) -> Quiet:
+    """Watch a sound device for a number of rows, a share of which does not come."""
     device, found, rng = calibrated(seed, kind)
     work = Work(device, rng, kind)
     monitor = rsicalib.Monitor(found, false_alarms=promise)
     seconds = 0.0
     while work.row < rows:
+        first = work.row
         values = work.rows(min(CHUNK, rows - work.row))
+        times = np.arange(first, work.row) / RATE_HZ
+        if lost:
+            kept = rng.random(len(values)) >= lost
+            values, times = values[kept], times[kept]
         begin = time.process_time()
-        monitor.update(values)
+        monitor.update(values, times)
         seconds += time.process_time() - begin
     summary = monitor.summary()
     return Quiet(summary.rows, summary.alarms, seconds)
+
+
+def one_by_one(seed: list[int], rows: int) -> float:
+    """Seconds of one `update` in the core, the conversion of a row to Python and back included."""
+    device, found, rng = calibrated(seed)
+    monitor = rsicalib.Monitor(found)
+    values = Work(device, rng).rows(rows)
+    update = monitor._core.update
+    begin = time.process_time()
+    for row in values:
+        update(row)
+    return (time.process_time() - begin) / rows
 
 
 def drawn(rng: np.random.Generator, what: str, size: float) -> Change:
@@ -118,6 +136,7 @@ def judged(change: Change, alarms: list[Alarm]) -> Found:
         listed=listed(first),
         last=right(words[-1]),
         last_listed=listed(words[-1]),
+        drifts=words[-1].rate is not None,
         more=sum(a.revises is None for a in news) - 1,
         size=words[-1].size,
     )

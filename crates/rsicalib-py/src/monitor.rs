@@ -117,6 +117,7 @@ fn plain<'py>(py: Python<'py>, alarm: &Alarm) -> PyResult<Bound<'py, PyDict>> {
     out.set_item("size", alarm.size)?;
     out.set_item("sd", alarm.sd)?;
     out.set_item("unit", &alarm.unit)?;
+    out.set_item("rate", pythonize(py, &alarm.rate)?)?;
     out.set_item("parameters", pythonize(py, &alarm.parameters)?)?;
     out.set_item("platform_rms", pythonize(py, &alarm.platform_rms)?)?;
     out.set_item("p_value", alarm.p_value)?;

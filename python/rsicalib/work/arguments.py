@@ -54,15 +54,26 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
 def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[Result, Mechanism]:
     """A result, or that of its file, and the mechanism with the laws that it was found with.
 
-    Refused if it is of another mechanism.
+    Refused if it is of another mechanism, in another length unit, or lacks a value.
     """
     if not isinstance(calibration, str | os.PathLike | Result):
         expected = "a path or a result"
         raise InputTypeError(f"calibration: found {calibration!r}, expected {expected}")
     result = calibration if isinstance(calibration, Result) else load_calibration(calibration)
+    where = "calibration" if result is calibration else os.fspath(calibration)  # type: ignore[arg-type]
     if result.mechanism != mechanism.name:
         found = f"a calibration of {result.mechanism!r}"
-        raise InputError(f"found {found}, expected one of {mechanism.name!r}")
+        raise InputError.at(where, found=found, expected=f"one of {mechanism.name!r}")
+    if result.length_unit != mechanism.length_unit:
+        found, expected = f"lengths in {result.length_unit!r}", f"{mechanism.length_unit!r}"
+        expected += f", as the mechanism {mechanism.name!r} has them"
+        raise InputError.at(where, found=found, expected=expected)
+    for number, parameter in enumerate(result.parameters):
+        if parameter.value is None:
+            place = f"parameters[{number}].value"
+            raise InputError.at(
+                where, found="null", expected="a number", column=place, column_word=""
+            )
     return result, _with_laws(mechanism, result)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core, options
+from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError, UndeterminedError
 from rsicalib.io.frames import in_memory
@@ -38,6 +39,10 @@ from rsicalib.work.outcome import (
 )
 
 __all__ = ["Work"]
+
+MOVED = 0.02
+"""Readings of a rest pose that differ by more than this share of a channel's range are not of one
+pose: a fixture holds it within a few counts."""
 
 
 class Work:
@@ -123,6 +128,7 @@ class Work:
         if rest is not None:
             loaded = load(rest, Bare(self.mechanism), self.skip)
             self.warnings += loaded.warnings
+            self.warnings += _moved(loaded, self.mechanism)
             values = loaded.values
         table = as_table(self.readings, self.mechanism)
         return _core.Session(mechanism, table, rest=values, terms=terms, **options)
@@ -201,6 +207,19 @@ class Work:
         found = {"verdict": "undetermined", "unobservable": [error.message], "noise": None}
         found |= {"parameters": [], "covariance": [], "termination": "not begun"}
         return self.result(kind, found, session)
+
+
+def _moved(rest: Readings, mechanism: Mechanism) -> list[str]:
+    """A warning where the readings of the rest pose are not of one pose."""
+    for channel, low, high in zip(
+        mechanism.channels, rest.values.min(axis=0), rest.values.max(axis=0), strict=True
+    ):
+        if channel.range is not None and high - low > MOVED * (channel.range[1] - channel.range[0]):
+            return [
+                f"{rest.source}: the readings of the rest pose differ by {high - low:.0f} "
+                f"{channel.unit} in {channel.name}, and their mean is taken: is it the right file?"
+            ]
+    return []
 
 
 def _first_rows(pose: npt.NDArray[Any] | None, n: int) -> npt.NDArray[np.intp]:

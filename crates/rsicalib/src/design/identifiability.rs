@@ -33,6 +33,9 @@ use crate::terms::targets::targets;
 use crate::terms::term::Acts;
 use crate::{Error, terms};
 
+/// Rows of all chains, or parameters of a model, beyond which none are counted.
+const MOST: usize = 2000;
+
 /// Complete geometry of any chain, with its sensors; and where there are such,
 /// `point_position` and `distance`.
 pub const COMPLETE: [&str; 6] =
@@ -160,12 +163,24 @@ pub fn identifiable(
     seed: u64,
 ) -> Result<Identifiable, Error> {
     let mut random = Random::new(seed);
+    refuse_large("chains", mechanism.chains.iter().map(|chain| chain.rows.len()).sum())?;
     let configurations = Configurations::new(mechanism, &mut random)?;
     let instances = instances(&configurations, &counting, &mut random)?;
+    refuse_large("terms", instances.iter().map(|one| one.term.info().parameters.len()).sum())?;
     let labels = Labels::of(&instances);
     let open = Open::new(mechanism, &instances, &labels, &mut random)?;
     let (closed, rows) = loops(&configurations, &instances, &labels, &open, &mut random)?;
     counted(mechanism, counting, &labels, &open, &closed, rows)
+}
+
+/// Refuses what would take hours.
+fn refuse_large(name: &'static str, count: usize) -> Result<(), Error> {
+    if count <= MOST {
+        return Ok(());
+    }
+    let found = format!("{count} rows or parameters");
+    let expected = format!("at most {MOST}: the time grows with their cube");
+    Err(Error::Option { name, found, expected })
 }
 
 /// The instances of the model that is counted.

@@ -17,12 +17,16 @@ pub struct Alarm {
     pub since: Option<f64>,
     /// The term and what it acts on: `offset@a22`, `link_frame@arm2/2`, `distance@wrist1-wrist2`.
     pub spec: Spec,
-    /// How large: the value of a single parameter, or the length of a displacement.
+    /// How large: the value of a single parameter, or the length of a displacement; of a drift, by
+    /// how much it has moved until this row.
     pub size: f64,
     /// Standard deviation of the size.
     pub sd: f64,
     /// Unit of the size.
     pub unit: String,
+    /// What goes on: the rate at which the size grows, per hour where rows have a time, else per row.
+    /// None for a change that stands still.
+    pub rate: Option<Change>,
     /// All parameters of the change.
     pub parameters: Vec<Change>,
     /// What the change does to the platform over poses seen; none without a platform.

@@ -238,9 +238,9 @@ impl Session<'_> {
             for (lane, &row) in block.iter().enumerate() {
                 rows.put(lane, self.observations.readings.row(row));
             }
-            rows.linearise(watched);
+            rows.linearise(watched, 0);
             for lane in 0..block.len() {
-                rows.read(lane, watched, &mut r, &mut g);
+                rows.read(lane, watched, 0, &mut r, &mut g);
                 r.iter_mut().chain(&mut g).for_each(|v| *v *= less);
                 chi2 += state.compare(&r, &g, width) * self.judged.inflation;
                 state.absorb();

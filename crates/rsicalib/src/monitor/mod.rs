@@ -35,11 +35,15 @@
 //! | δ, J⁻¹, J⁻¹b | `state` | error of the calibration: covariance and mean |
 //! | D, d | `windows` | sums since an onset |
 //! | M, u, T | `score` | score test of one candidate in one window |
-//! | θ | `open`, `naming` | the change that is named, and corrected when later rows tell |
+//! | θ | `open`, `naming`, `estimating` | the change that is named, and corrected when later rows tell |
+//! | ρ | `drift` | its rate, (106) |
 
 pub mod alarm;
 pub mod compare;
+mod drift;
+mod estimating;
 mod naming;
+mod onsets;
 mod open;
 pub mod options;
 mod order;
@@ -48,6 +52,7 @@ mod recent;
 mod rows;
 mod score;
 mod state;
+mod telling;
 mod thresholds;
 mod watch;
 mod watched;

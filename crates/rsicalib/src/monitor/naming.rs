@@ -2,39 +2,31 @@
 //!
 //! In the first rows of a change several names may fit: three sensors of an arm move one point.
 //! All are estimated together from then on, from the rows since the onset as long as these are
-//! kept, linearised about the estimate of the best; [`super::open`] compares the names.
-
-use nalgebra::{DMatrix, DVector};
+//! kept, linearised about the estimate of the best; [`super::open`] compares the names. A sensor or a
+//! distance has a rate beside its step ([`super::drift`]), so what drifts is named once.
 
 use crate::monitor::alarm::Alarm;
-use crate::monitor::open::{Name, Open};
-use crate::monitor::score::MOST_COLUMNS;
+use crate::monitor::open::{Kind, Name, Open};
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watch::{Monitor, Tested};
-use crate::monitor::watched::Watched;
 use crate::monitor::windows::Sums;
 use crate::numerics::credible_set::AS_WELL;
-use crate::numerics::lanes::WIDTH;
 
 /// Changes within this of the best, or within this share of it, are estimated beside it: more rows
 /// may tell, and a large change looks different where it is linearised elsewhere.
 const BESIDE: (f64, f64) = (20.0, 0.9);
 
-/// Standard deviation of a change beforehand, in typical sizes.
-const TYPICAL: f64 = 3.0;
-
 /// Samples after which a name is taken for certain.
 const SETTLED_AT: u64 = 1 << 15;
 
-/// Linearisations about the estimate of a change.
-const SETTLED: usize = 3;
+/// Names that are tried for the linearisation.
+const TRIED: usize = 3;
 
 /// The best onset of a candidate.
 #[derive(Debug, Clone, Copy)]
-struct Suspect {
-    candidate: usize,
-    /// None: the onset before the samples that waited.
-    onset: Option<usize>,
+pub(super) struct Suspect {
+    pub(super) candidate: usize,
+    onset: usize,
     statistic: f64,
     rank: usize,
     log_p: f64,
@@ -42,23 +34,14 @@ struct Suspect {
 
 impl Monitor {
     /// Names a change, and goes on with it.
-    pub(super) fn raise(&mut self, crossed: Option<usize>, tested: Tested) {
-        let mut before = None;
-        let mut onsets: Vec<Option<usize>> = vec![None];
-        if crossed.is_none() {
-            before = Some(self.windows.now.clone());
-            for place in std::mem::take(&mut self.waiting) {
-                self.state.compare(&place.r, &place.g, self.watched.order.len());
-                self.state.absorb();
-                self.counts.used += 1;
-                self.windows.add(&place.r, &place.g, place.row, place.time);
-                self.waiting.push(place);
-            }
-            self.held = 0;
-        } else {
-            onsets = self.windows.onsets().into_iter().map(Some).collect();
+    pub(super) fn raise(&mut self, tested: Tested) {
+        for place in &self.waiting[..std::mem::take(&mut self.held)] {
+            self.state.compare(&place.r, &place.g, self.watched.order.len());
+            self.state.absorb();
+            self.counts.used += 1;
+            self.windows.add(&place.r, &place.g, place.row, place.time);
         }
-        if let Some(alarm) = self.name(&onsets, before.as_ref(), tested) {
+        if let Some(alarm) = self.name(tested) {
             self.counts.alarms += 1;
             self.alarms.push(alarm);
         }
@@ -67,32 +50,22 @@ impl Monitor {
     }
 
     /// Begins with new windows.
-    fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.windows.restart(self.watched.tested());
         self.whitening.interrupt();
     }
 
-    fn name(
-        &mut self,
-        onsets: &[Option<usize>],
-        before: Option<&Sums>,
-        tested: Tested,
-    ) -> Option<Alarm> {
+    fn name(&mut self, tested: Tested) -> Option<Alarm> {
         self.settle();
-        let suspects = self.suspects(onsets, before);
+        let onsets = self.onsets(tested.row);
+        let suspects = self.suspects(&onsets);
         let best = *suspects.first()?;
-        let mut since = match best.onset {
-            Some(kept) => self.windows.onset(kept).mark,
-            None => before?.mark,
-        };
-        if before.is_some() {
-            // The samples that waited are the first of the change.
-            (since.row, since.time) = (self.waiting[0].row, self.waiting[0].time);
-        }
+        let begin = &onsets[best.onset];
+        let since = begin.mark;
         let behind = |s: &Suspect| 2.0 * (s.log_p - best.log_p);
         let limit = BESIDE.0.max(-2.0 * BESIDE.1 * best.log_p);
         let beside: Vec<Suspect> = suspects.into_iter().filter(|s| behind(s) < limit).collect();
-        let mut open = self.take_over(&beside, before)?;
+        let mut open = self.take_over(&beside, begin)?;
         open.alarm = Alarm {
             row: tested.row,
             time: tested.time,
@@ -102,8 +75,8 @@ impl Monitor {
             ..Alarm::default()
         };
         let names = self.compare(&open, tested.row);
-        open.named = names.first().map_or(best.candidate, |name| name.candidate);
-        let alarm = self.alarm(&open, &names);
+        open.named = names.first().map_or(open.named, |name| name.kind);
+        let alarm = self.alarm(&open, &names, tested);
         self.open = Some(open);
         Some(alarm)
     }
@@ -112,26 +85,54 @@ impl Monitor {
     pub(super) fn look_again(&mut self, tested: Tested) {
         let Some(mut open) = self.open.take() else { return };
         let names = self.compare(&open, tested.row);
-        let of = |candidate| names.iter().find(|n| n.candidate == candidate).copied();
+        let of = |kind| names.iter().find(|n| n.kind == kind).copied();
         let (Some(best), Some(now)) = (names.first().copied(), of(open.named)) else { return };
         if best.evidence > now.evidence + AS_WELL {
-            open.named = best.candidate;
+            open.named = best.kind;
             let revises = Some(open.alarm.row);
-            let alarm = self.alarm(&open, &names);
+            let alarm = self.alarm(&open, &names, tested);
             self.alarms.push(Alarm { row: tested.row, time: tested.time, revises, ..alarm });
         }
-        let named = open.named;
-        let excluded = |n: &Name| n.candidate == named || n.fit < now.fit - BESIDE.0;
+        let Kind { candidate, .. } = open.named;
+        let other = |n: &&Name| n.kind.candidate != candidate;
+        let excluded = |n: &Name| n.fit < now.fit - BESIDE.0;
+        let alone = best.kind.candidate == candidate && names.iter().filter(other).all(excluded);
         self.open = Some(open);
-        if self.age >= SETTLED_AT || (best.candidate == named && names.iter().all(excluded)) {
+        if self.age >= SETTLED_AT {
             self.settle();
+        } else if alone {
+            self.narrow(candidate);
         }
     }
 
     /// Takes the name of the last change for certain: nothing else has changed.
     fn settle(&mut self) {
-        let Some(open) = self.open.take() else { return };
-        if let Some((mean, covariance)) = open.alone(&self.watched, &self.state) {
+        if let Some(open) = self.open.take() {
+            self.leave(&open, open.named);
+        }
+    }
+
+    /// Takes for certain what has changed, but not whether it drifts.
+    fn narrow(&mut self, candidate: usize) {
+        let Some(mut open) = self.open.take() else { return };
+        let drifts = self.watched.drift(candidate).is_some();
+        let widest = Kind { candidate, drifts };
+        if drifts && open.suspects.len() > 1 {
+            self.leave(&open, widest);
+        }
+        if !drifts {
+            return self.leave(&open, widest);
+        }
+        let own = open.columns(widest);
+        open.places = open.places[own.clone()].to_vec();
+        open.width = open.width[own].to_vec();
+        open.suspects.retain(|one| one.candidate == candidate);
+        self.open = Some(open);
+    }
+
+    /// Goes on with one name only.
+    fn leave(&mut self, open: &Open, kind: Kind) {
+        if let Some((mean, covariance)) = open.alone(&self.watched, &self.state, kind) {
             let mean: Vec<f64> =
                 mean.iter().enumerate().map(|(k, m)| m - open.moved(&self.watched, k)).collect();
             self.state.set(&mean, &covariance);
@@ -142,13 +143,13 @@ impl Monitor {
     /// as the rows since the onset are there.
     fn compare(&mut self, open: &Open, last: u64) -> Vec<Name> {
         let mut names = self.names(open);
-        for _ in 0..SETTLED {
-            let Some(best) = names.first().map(|n| n.candidate) else { break };
+        for _ in 0..TRIED {
+            let Some(best) = names.first().map(|n| n.kind) else { break };
             if !self.refit(open, best, last) {
                 break;
             }
             names = self.names(open);
-            if names.first().is_some_and(|n| n.candidate == best) {
+            if names.first().is_some_and(|n| n.kind == best) {
                 break;
             }
         }
@@ -157,51 +158,15 @@ impl Monitor {
 
     fn names(&self, open: &Open) -> Vec<Name> {
         let told = open.told(&self.watched, &self.state, self.scale);
-        told.map_or(Vec::new(), |told| open.names(&self.watched, &told))
-    }
-
-    /// The alarm that says what is named, and what the rows cannot tell from it.
-    fn alarm(&self, open: &Open, names: &[Name]) -> Alarm {
-        let watched = &self.watched;
-        let columns = open.columns(watched, open.named);
-        let places = &open.places[columns];
-        let n = self.state.size;
-        let (mean, covariance) = open
-            .alone(watched, &self.state)
-            .unwrap_or((DVector::zeros(n), DMatrix::identity(n, n)));
-        let values = DVector::from_fn(places.len(), |i, _| mean[places[i]]);
-        let covariance = DMatrix::from_fn(places.len(), places.len(), |i, j| {
-            covariance[(places[i], places[j])] * self.scale
-        });
-        let named = &watched.candidates[open.named];
-        let (parameters, [size, sd], unit) = named.changes(&values, &covariance);
-        let mut after = open.was.clone();
-        for (&place, value) in places.iter().zip(&values) {
-            after[watched.order[place]] += value * watched.scale[place];
-        }
-        let platform_rms = self.seen.change(watched, &self.sigma, &open.was, &after);
-        let spec = |candidate: usize| watched.candidates[candidate].spec.clone();
-        let now = names.iter().find(|n| n.candidate == open.named);
-        let ties = names.iter().filter(|n| n.candidate != open.named);
-        let also_fits = ties
-            .filter(|n| now.is_some_and(|now| n.ties(now)))
-            .map(|n| spec(n.candidate))
-            .collect();
-        let spec = spec(open.named);
-        Alarm { spec, size, sd, unit, parameters, platform_rms, also_fits, ..open.alarm.clone() }
+        told.map_or(Vec::new(), |told| open.names(&told))
     }
 
     /// Every candidate at its best onset, the least probable by chance first.
-    fn suspects(&mut self, onsets: &[Option<usize>], before: Option<&Sums>) -> Vec<Suspect> {
+    fn suspects(&mut self, onsets: &[Sums]) -> Vec<Suspect> {
         let mut all: Vec<Suspect> = Vec::new();
         for (number, candidate) in self.watched.candidates.iter().enumerate() {
             let mut best: Option<Suspect> = None;
-            for &onset in onsets {
-                let begin = match (onset, before) {
-                    (Some(kept), _) => self.windows.onset(kept),
-                    (None, Some(before)) => before,
-                    (None, None) => continue,
-                };
+            for (onset, begin) in onsets.iter().enumerate() {
                 let (statistic, rank) =
                     self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
                 if rank == 0 {
@@ -217,105 +182,5 @@ impl Monitor {
         }
         all.sort_by(|a, b| a.log_p.total_cmp(&b.log_p));
         all
-    }
-
-    /// Puts the estimates of changes into the parameters, and their uncertainty into the state.
-    fn take_over(&mut self, beside: &[Suspect], before: Option<&Sums>) -> Option<Open> {
-        let (mut width, mut columns): (Vec<f64>, Vec<usize>) = (Vec::new(), Vec::new());
-        let mut suspects: Vec<usize> = Vec::new();
-        let begin = match (beside.first()?.onset, before) {
-            (Some(kept), _) => self.windows.onset(kept),
-            (None, before) => before?,
-        };
-        for suspect in beside {
-            let own = &self.watched.candidates[suspect.candidate].columns;
-            if columns.len() + own.len() > MOST_COLUMNS {
-                continue;
-            }
-            let typical = &self.watched.candidates[suspect.candidate].typical;
-            let most: Vec<f64> = typical.iter().map(|t| (TYPICAL * t).powi(2)).collect();
-            let known: Vec<f64> = most.iter().map(|m| 1.0 / m).collect();
-            self.score.test(own, &self.state, &self.windows.now, begin);
-            let Some((theta, _)) = self.score.estimate(&known) else { continue };
-            width.extend(most.iter().zip(&theta).map(|(m, t)| m + t.powi(2)));
-            columns.extend(own);
-            suspects.push(suspect.candidate);
-        }
-        self.score.test(&columns, &self.state, &self.windows.now, begin);
-        let precision: Vec<f64> = width.iter().map(|w| 1.0 / w).collect();
-        let (theta, v) = self.score.estimate(&precision)?;
-        let (m, q) = (self.state.size, columns.len());
-
-        // Error of the calibration beside the changes: β - W θ, with W = J⁻¹ D_gz.
-        let w = DMatrix::from_fn(m, q, |row, column| self.score.absorbed[column * m + row]);
-        let beta = DMatrix::from_row_slice(m, 1, &self.state.mean) - &w * &theta;
-        let old = DMatrix::from_row_slice(m, m, &self.state.covariance) + &w * &v * w.transpose();
-        let mut joint = DMatrix::zeros(m + q, m + q);
-        joint.view_mut((0, 0), (m, m)).copy_from(&old);
-        joint.view_mut((0, m), (m, q)).copy_from(&(-&w * &v));
-        joint.view_mut((m, 0), (q, m)).copy_from(&(-(&w * &v).transpose()));
-        joint.view_mut((m, m), (q, q)).copy_from(&v);
-
-        let Watched { order, scale, at, .. } = &mut self.watched;
-        let mut was = at.clone();
-        (0..m).for_each(|k| was[order[k]] += beta[k] * scale[k]);
-        let model: Vec<usize> = columns.iter().map(|&z| order[z]).collect();
-        for (i, &position) in columns.iter().enumerate() {
-            at[order[position]] += theta[i] * scale[position];
-        }
-        // A change of a parameter that is uncertain adds to it; another one joins them.
-        for &column in &model {
-            let position = self.watched.order.iter().position(|&o| o == column)?;
-            if position >= self.watched.uncertain {
-                self.watched.join(position);
-            }
-        }
-        let place = |column: &usize| self.watched.order.iter().position(|o| o == column);
-        let places: Vec<usize> = model.iter().filter_map(place).collect();
-        let size = self.watched.uncertain;
-        let mut map = DMatrix::zeros(size, m + q);
-        (0..m).for_each(|k| map[(k, k)] = 1.0);
-        places.iter().enumerate().for_each(|(i, &p)| map[(p, m + i)] = 1.0);
-        self.state.set(beta.as_slice(), &(&map * joint * map.transpose()));
-        let mut known = DMatrix::zeros(size, size);
-        known.view_mut((0, 0), (m, m)).copy_from(&old);
-        let named = suspects[0];
-        Some(Open { suspects, named, places, width, was, known, alarm: Alarm::default() })
-    }
-
-    /// Estimates the suspects from the rows since the onset, linearised about the estimate of one
-    /// of them alone; false where those rows are gone, and nothing was done.
-    fn refit(&mut self, open: &Open, candidate: usize, last: u64) -> bool {
-        let Some(rows) = self.recent.between(open.alarm.since_row, last) else { return false };
-        let rows: Vec<Vec<f64>> = rows.into_iter().map(<[f64]>::to_vec).collect();
-        let alone = open.prior(open.columns(&self.watched, candidate));
-        for _ in 0..SETTLED {
-            self.pass(open, &alone, &rows);
-            for (k, mean) in self.state.mean.iter_mut().enumerate() {
-                self.watched.at[self.watched.order[k]] += *mean * self.watched.scale[k];
-                *mean = 0.0;
-            }
-        }
-        self.pass(open, &open.prior(0..open.places.len()), &rows);
-        self.restart();
-        true
-    }
-
-    /// The state after some rows, with this covariance before the change.
-    fn pass(&mut self, open: &Open, prior: &DMatrix<f64>, rows: &[Vec<f64>]) {
-        let width = self.watched.order.len();
-        let mean: Vec<f64> = (0..prior.nrows()).map(|k| -open.moved(&self.watched, k)).collect();
-        self.state.set(&mean, prior);
-        self.whitening.interrupt();
-        for block in rows.chunks(WIDTH) {
-            (0..block.len()).for_each(|lane| self.again.put(lane, &block[lane]));
-            self.again.linearise(&self.watched);
-            for lane in 0..block.len() {
-                self.again.read(lane, &self.watched, &mut self.r, &mut self.g);
-                self.whitening.filter(&mut self.r, &mut self.g);
-                self.state.compare(&self.r, &self.g, width);
-                self.state.absorb();
-            }
-        }
     }
 }

@@ -3,15 +3,15 @@
 //! All suspects are estimated together, each parameter `θ` with a variance beforehand. With the
 //! covariance `P` of the whole state beforehand, its mean `d` and covariance `V` after later rows,
 //! these say `Λ = V⁻¹ - P⁻¹` and `h = V⁻¹ d`. A name for the change lets the parameters of one
-//! suspect have their variances, and those of the others none. With its covariance `Σ` of the
-//! state beforehand, the evidence for it is
+//! suspect have their variances, and those of the others none; a suspect may be named as a step, or
+//! with its rate as a drift. With its covariance `Σ` of the state beforehand, the evidence for it is
 //!
 //! ```text
 //! 2 ln Z = hᵀ Σ (1 + Λ Σ)⁻¹ h - ln |1 + Λ Σ|                             (105)
 //! ```
 //!
 //! The first part is the fit, by how much `χ²` falls. The second charges it for what it could also
-//! have fitted. Mean and covariance of the state under this name are `Σ (1 + Λ Σ)⁻¹ h` and
+//! have fitted; a drift is charged [`AS_WELL`] more. Mean and covariance of the state under this name are `Σ (1 + Λ Σ)⁻¹ h` and
 //! `Σ (1 + Λ Σ)⁻¹`.
 
 use nalgebra::{DMatrix, DVector};
@@ -25,10 +25,11 @@ use crate::numerics::credible_set::AS_WELL;
 #[derive(Debug, Clone)]
 pub(crate) struct Open {
     /// Candidates that are estimated together.
-    pub(crate) suspects: Vec<usize>,
-    /// The one that is named.
-    pub(crate) named: usize,
-    /// Their columns, candidate by candidate, as places in the state.
+    pub(crate) suspects: Vec<Suspected>,
+    /// What is named.
+    pub(crate) named: Kind,
+    /// Their columns, candidate by candidate, and the rate of one that may drift at its end, as
+    /// places in the state.
     pub(crate) places: Vec<usize>,
     /// Variance of each beforehand.
     pub(crate) width: Vec<f64>,
@@ -39,10 +40,26 @@ pub(crate) struct Open {
     pub(crate) alarm: Alarm,
 }
 
+/// A candidate that is estimated.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Suspected {
+    pub(crate) candidate: usize,
+    /// Number of its columns, and whether its rate follows them.
+    pub(crate) columns: usize,
+    pub(crate) drifts: bool,
+}
+
+/// A candidate that has changed once, or that goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Kind {
+    pub(crate) candidate: usize,
+    pub(crate) drifts: bool,
+}
+
 /// One name for a change.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Name {
-    pub(crate) candidate: usize,
+    pub(crate) kind: Kind,
     /// By how much `χ²` falls.
     pub(crate) fit: f64,
     /// Twice the logarithm of the evidence.
@@ -53,7 +70,8 @@ impl Name {
     /// True where the rows cannot tell this name from `named`: by its evidence, or as it fits as
     /// well. A link bent in one direction can be the same as an offset of its sensor.
     pub(crate) fn ties(&self, named: &Self) -> bool {
-        self.fit > named.fit - AS_WELL || self.evidence > named.evidence - AS_WELL
+        let fits = self.kind.drifts == named.kind.drifts && self.fit > named.fit - AS_WELL;
+        fits || self.evidence > named.evidence - AS_WELL
     }
 }
 
@@ -85,12 +103,25 @@ fn part(all: &DMatrix<f64>, live: &[usize]) -> DMatrix<f64> {
 }
 
 impl Open {
-    /// Where the columns of a suspect begin, and how many there are.
-    pub(crate) fn columns(&self, watched: &Watched, candidate: usize) -> std::ops::Range<usize> {
-        let width = |c: &usize| watched.candidates[*c].columns.len();
-        let before = self.suspects.iter().take_while(|c| **c != candidate);
-        let first = before.map(width).sum();
-        first..first + width(&candidate)
+    /// The columns of a suspect, and its rate where it goes on.
+    pub(crate) fn columns(&self, kind: Kind) -> std::ops::Range<usize> {
+        let mut first = 0;
+        for one in &self.suspects {
+            if one.candidate == kind.candidate {
+                return first..first + one.columns + usize::from(kind.drifts && one.drifts);
+            }
+            first += one.columns + usize::from(one.drifts);
+        }
+        first..first
+    }
+
+    /// All that a suspect can be named.
+    pub(crate) fn kinds(&self) -> impl Iterator<Item = Kind> {
+        let kind = |one: &Suspected, drifts| Kind { candidate: one.candidate, drifts };
+        self.suspects
+            .iter()
+            .flat_map(move |one| [Some(kind(one, false)), one.drifts.then(|| kind(one, true))])
+            .flatten()
     }
 
     /// Covariance of the state beforehand, if these columns may have changed.
@@ -121,26 +152,27 @@ impl Open {
     }
 
     /// Names by their evidence, the best first.
-    pub(crate) fn names(&self, watched: &Watched, told: &Told) -> Vec<Name> {
-        let name = |&candidate: &usize| {
-            let prior = self.prior(self.columns(watched, candidate));
-            let (fit, evidence, ..) = told.under(&prior)?;
-            Some(Name { candidate, fit, evidence })
+    pub(crate) fn names(&self, told: &Told) -> Vec<Name> {
+        let name = |kind: Kind| {
+            let (fit, evidence, ..) = told.under(&self.prior(self.columns(kind)))?;
+            let charged = if kind.drifts { AS_WELL } else { 0.0 };
+            Some(Name { kind, fit, evidence: evidence - charged })
         };
-        let mut names: Vec<Name> = self.suspects.iter().filter_map(name).collect();
+        let mut names: Vec<Name> = self.kinds().filter_map(name).collect();
         names.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         names
     }
 
-    /// Mean of the state, counted from before the change, and its covariance, if nothing but the
-    /// named suspect has changed.
+    /// Mean of the state, counted from before the change, and its covariance, if nothing else has
+    /// changed.
     pub(crate) fn alone(
         &self,
         watched: &Watched,
         state: &State,
+        kind: Kind,
     ) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let told = self.told(watched, state, 1.0)?;
-        let prior = self.prior(self.columns(watched, self.named));
+        let prior = self.prior(self.columns(kind));
         let (.., mean, covariance) = told.under(&prior)?;
         let n = state.size;
         let (mut all, mut square) = (DVector::zeros(n), DMatrix::zeros(n, n));

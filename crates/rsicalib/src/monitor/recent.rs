@@ -1,13 +1,17 @@
 //! The last rows, to look at a change again once it is known better.
 
 /// Rows that are kept.
-const KEPT: usize = 512;
+const MOST: usize = 512;
+
+/// Number, time (s) and readings of a row.
+pub(crate) type Kept = (u64, Option<f64>, Vec<f64>);
 
 /// A ring of rows.
 #[derive(Debug, Clone)]
 pub(crate) struct Recent {
     channels: usize,
     readings: Vec<f64>,
+    times: Vec<Option<f64>>,
     /// Number of each row, all rows counted; none for a row that is left out.
     numbers: Vec<Option<u64>>,
     next: usize,
@@ -15,16 +19,16 @@ pub(crate) struct Recent {
 
 impl Recent {
     pub(crate) fn new(channels: usize) -> Self {
-        let (readings, numbers) = (vec![0.0; KEPT * channels], vec![None; KEPT]);
-        Self { channels, readings, numbers, next: 0 }
+        let (readings, times) = (vec![0.0; MOST * channels], vec![None; MOST]);
+        Self { channels, readings, times, numbers: vec![None; MOST], next: 0 }
     }
 
     /// Keeps a row in the place of the oldest.
-    pub(crate) fn keep(&mut self, number: u64, readings: &[f64]) {
+    pub(crate) fn keep(&mut self, number: u64, time: Option<f64>, readings: &[f64]) {
         let first = self.next * self.channels;
         self.readings[first..first + self.channels].copy_from_slice(readings);
-        self.numbers[self.next] = Some(number);
-        self.next = (self.next + 1) % KEPT;
+        (self.numbers[self.next], self.times[self.next]) = (Some(number), time);
+        self.next = (self.next + 1) % MOST;
     }
 
     /// Leaves out a row that turned out to be bad.
@@ -35,18 +39,18 @@ impl Recent {
     }
 
     /// The rows from `first` to `last`, oldest first; none where older ones are gone.
-    pub(crate) fn between(&self, first: u64, last: u64) -> Option<Vec<&[f64]>> {
+    pub(crate) fn between(&self, first: u64, last: u64) -> Option<Vec<Kept>> {
         let oldest = self.numbers.iter().flatten().min()?;
         if *oldest > first {
             return None;
         }
-        let mut found: Vec<(u64, usize)> = (0..KEPT)
+        let mut found: Vec<(u64, usize)> = (0..MOST)
             .filter_map(|k| Some((self.numbers[k]?, k)))
             .filter(|(number, _)| (first..=last).contains(number))
             .collect();
         found.sort_unstable();
-        let row = |k: usize| &self.readings[k * self.channels..(k + 1) * self.channels];
-        Some(found.into_iter().map(|(_, k)| row(k)).collect())
+        let row = |k: usize| self.readings[k * self.channels..(k + 1) * self.channels].to_vec();
+        Some(found.into_iter().map(|(number, k)| (number, self.times[k], row(k))).collect())
     }
 }
 
@@ -57,10 +61,10 @@ mod tests {
     #[test]
     fn rows_come_back_in_order_as_long_as_they_are_there() {
         let mut recent = Recent::new(1);
-        (0..700).for_each(|n| recent.keep(n, &[n as f64]));
+        (0..700).for_each(|n| recent.keep(n, None, &[n as f64]));
         recent.leave_out(601);
         let found: Vec<f64> =
-            recent.between(600, 603).into_iter().flatten().map(|r| r[0]).collect();
+            recent.between(600, 603).into_iter().flatten().map(|(.., row)| row[0]).collect();
         assert_eq!(found, [600.0, 602.0, 603.0]);
         assert!(recent.between(100, 603).is_none());
     }

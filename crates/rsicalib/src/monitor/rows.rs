@@ -11,6 +11,9 @@ pub(crate) struct Rows {
     room: Room,
     raw: Vec<Lanes>,
     adjusted: Vec<Lanes>,
+    /// Parameters about which they are linearised: those of this row.
+    at: Vec<f64>,
+    row: u64,
 }
 
 impl Rows {
@@ -18,7 +21,8 @@ impl Rows {
         let noise = Noise { sigma: sigma.to_vec(), play: 1.0 };
         let model = &watched.under.model;
         let none = vec![Lanes::ZERO; model.scales.len()];
-        Self { room: Room::new(model, &noise), raw: none.clone(), adjusted: none }
+        let at = vec![0.0; model.parameters];
+        Self { room: Room::new(model, &noise), raw: none.clone(), adjusted: none, at, row: 0 }
     }
 
     /// Puts a row into a lane and all after it.
@@ -28,11 +32,13 @@ impl Rows {
         }
     }
 
-    /// Linearises all lanes about the present parameters, (51) and (52).
-    pub(crate) fn linearise(&mut self, watched: &Watched) {
+    /// Linearises all lanes about the present parameters in a row, (51) and (52).
+    pub(crate) fn linearise(&mut self, watched: &Watched, row: u64) {
         let under = &watched.under;
+        self.row = row;
+        watched.put_in_row(&watched.at, row, &mut self.at);
         let part = Part { model: &under.model, readings: &under.readings, weights: None };
-        self.room.settle_once(&part, 0, &self.raw, &watched.at, &mut self.adjusted);
+        self.room.settle_once(&part, 0, &self.raw, &self.at, &mut self.adjusted);
     }
 
     /// Sum of squares of the misclosure of the raw readings in the first lanes, in length units.
@@ -44,9 +50,17 @@ impl Rows {
         self.room.ws.f.iter().zip(lengths).map(|(f, length)| lanes(f) * length * length).sum()
     }
 
-    /// `r` and `G` of one lane; `G` row by row, one entry per column that is watched.
+    /// `r` and `G` of one lane, which holds this row; `G` row by row, one entry per column that is
+    /// watched.
     #[inline(always)]
-    pub(crate) fn read(&self, lane: usize, watched: &Watched, r: &mut [f64], g: &mut [f64]) {
+    pub(crate) fn read(
+        &self,
+        lane: usize,
+        watched: &Watched,
+        row: u64,
+        r: &mut [f64],
+        g: &mut [f64],
+    ) {
         let columns = watched.order.len();
         let width = watched.under.model.width();
         let x = self.room.ws.x.chunks_exact(width.max(1));
@@ -55,7 +69,15 @@ impl Rows {
         {
             *r = w.0[lane];
             for ((g, column), scale) in g.iter_mut().zip(&watched.order).zip(&watched.scale) {
-                *g = -x[*column].0[lane] * scale;
+                *g = x.get(*column).map_or(0.0, |x| -x.0[lane] * scale);
+            }
+        }
+        for drift in &watched.drifts {
+            let (Some(age), Some(here)) = (drift.age(row), drift.age(self.row)) else { continue };
+            let rate = watched.at[watched.order[drift.own]] / watched.scale[drift.own];
+            for (r, g) in r.iter_mut().zip(g.chunks_exact_mut(columns)) {
+                g[drift.own] = age * g[drift.base];
+                *r -= rate * (age - here) * g[drift.base];
             }
         }
     }

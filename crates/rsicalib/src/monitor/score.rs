@@ -6,7 +6,7 @@ use crate::monitor::state::{State, axpy, dot};
 use crate::monitor::windows::Sums;
 
 /// Largest number of columns of a candidate, or of all suspects of a change together.
-pub(crate) const MOST_COLUMNS: usize = 28;
+pub(crate) const MOST_COLUMNS: usize = 36;
 
 /// Part of the information about a direction that the other parameters must leave.
 const LEFT: f64 = 1e-7;

@@ -43,6 +43,21 @@ impl State {
         self.covariance.extend(covariance.iter());
     }
 
+    /// Counts a parameter from where its rate has moved it after some rows.
+    pub(crate) fn move_on(&mut self, base: usize, rate: usize, rows: f64) {
+        let m = self.size;
+        if base >= m || rate >= m {
+            return;
+        }
+        self.mean[base] += rows * self.mean[rate];
+        for k in 0..m {
+            self.covariance[base * m + k] += rows * self.covariance[rate * m + k];
+        }
+        for row in self.covariance.chunks_exact_mut(m) {
+            row[base] += rows * row[rate];
+        }
+    }
+
     /// Compares a sample `r` with what is expected, `G` having `width` entries a row: the squared
     /// innovation in units of its covariance, `χ²` of as many degrees of freedom as equations.
     #[inline(always)]

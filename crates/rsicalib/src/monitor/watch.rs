@@ -114,7 +114,8 @@ pub(super) struct Waiting {
 pub(super) struct Tested {
     pub(super) row: u64,
     pub(super) time: Option<f64>,
-    after_gap: bool,
+    /// Rows that are missing before it, if there is a gap; none of a gap of unknown length.
+    gap: Option<Option<u64>>,
 }
 
 impl Monitor {
@@ -136,7 +137,8 @@ impl Monitor {
         options: &MonitorOptions,
     ) -> Result<Self, Error> {
         options.check()?;
-        let watched = Watched::new(mechanism, applied, Some(covariance), changes(mechanism))?;
+        let watched =
+            Watched::new(mechanism, applied, Some(covariance), changes(mechanism))?.with_drifts();
         if watched.uncertain == 0 {
             let what = "the covariance of the calibration".into();
             return Err(Error::Shape { what, found: 0, expected: applied.parameters.len().pow(2) });
@@ -185,7 +187,7 @@ impl Monitor {
         self.alarms.clear();
         if let Some(tested) = self.judge(readings, time) {
             self.rows.put(0, readings);
-            self.rows.linearise(&self.watched);
+            self.rows.linearise(&self.watched, tested.row);
             self.test(0, tested);
             self.seen.see(readings);
         }
@@ -210,7 +212,7 @@ impl Monitor {
             return Err(shape("time", found, rows));
         }
         self.alarms.clear();
-        let mut block = [Tested { row: 0, time: None, after_gap: false }; WIDTH];
+        let mut block = [Tested { row: 0, time: None, gap: None }; WIDTH];
         let mut full = 0;
         for (row, readings) in values.chunks_exact(channels).enumerate() {
             if let Some(tested) = self.judge(readings, times.map(|t| t[row])) {
@@ -247,40 +249,42 @@ impl Monitor {
     }
 
     fn judge(&mut self, readings: &[f64], time: Option<f64>) -> Option<Tested> {
-        let row = self.counts.rows;
+        let (row, missing) = (self.counts.rows, self.counts.missing);
         match self.order.judge(readings, time, &mut self.counts) {
             Row::LeftOut => None,
             found => {
-                self.recent.keep(row, readings);
-                Some(Tested { row, time, after_gap: found == Row::AfterGap })
+                self.recent.keep(row, time, readings);
+                let missing = self.counts.missing - missing;
+                let gap = (found == Row::AfterGap).then_some((missing > 0).then_some(missing));
+                Some(Tested { row, time, gap })
             }
         }
     }
 
     fn test_block(&mut self, block: &[Tested]) {
-        if block.is_empty() {
-            return;
-        }
-        self.rows.linearise(&self.watched);
+        let Some(first) = block.first() else { return };
+        self.rows.linearise(&self.watched, first.row);
         for (lane, tested) in block.iter().enumerate() {
             if self.test(lane, *tested) {
-                self.rows.linearise(&self.watched);
+                self.rows.linearise(&self.watched, first.row);
             }
         }
     }
 
     /// Tests the row in a lane; true where the parameters have moved.
     fn test(&mut self, lane: usize, tested: Tested) -> bool {
-        if tested.after_gap {
-            self.whitening.interrupt();
+        match tested.gap {
+            None => {}
+            Some(None) => self.whitening.interrupt(),
+            Some(Some(missing)) => self.whitening.skip(missing),
         }
-        self.rows.read(lane, &self.watched, &mut self.r, &mut self.g);
+        self.rows.read(lane, &self.watched, tested.row, &mut self.r, &mut self.g);
         let crossed = dispatch(
             #[inline(always)]
             || self.advance(tested),
         );
-        if let Some(onset) = crossed {
-            self.raise(onset, tested);
+        if crossed {
+            self.raise(tested);
             return true;
         }
         if self.held > 0 {
@@ -299,7 +303,7 @@ impl Monitor {
     /// name is open, the mean under this name.
     fn recentre(&mut self) {
         let named: Option<Vec<f64>> = self.open.as_ref().and_then(|open| {
-            let (mean, _) = open.alone(&self.watched, &self.state)?;
+            let (mean, _) = open.alone(&self.watched, &self.state, open.named)?;
             let places = mean.iter().enumerate();
             Some(places.map(|(k, m)| m - open.moved(&self.watched, k)).collect())
         });
@@ -318,10 +322,10 @@ impl Monitor {
         self.state.mean = mean;
     }
 
-    /// Takes over one sample; the onset of a window that exceeds its threshold, `Some(None)` where
-    /// samples far outside have been confirmed.
+    /// Takes over one sample; true where a window exceeds its threshold, or where samples far outside
+    /// have been confirmed.
     #[inline(always)]
-    fn advance(&mut self, tested: Tested) -> Option<Option<usize>> {
+    fn advance(&mut self, tested: Tested) -> bool {
         let width = self.watched.order.len();
         self.whitening.filter(&mut self.r, &mut self.g);
         let squared = self.state.compare(&self.r, &self.g, width) / self.scale;
@@ -332,7 +336,7 @@ impl Monitor {
             place.g.copy_from_slice(&self.g);
             (place.row, place.time) = (tested.row, tested.time);
             self.held += 1;
-            return (self.held == CONFIRMED).then_some(None);
+            return self.held == CONFIRMED;
         }
         for place in &self.waiting[..self.held] {
             self.recent.leave_out(place.row);
@@ -347,15 +351,15 @@ impl Monitor {
         let (state, size) = (&self.state, self.state.size);
         self.whitening.learn(|g| dot(&g[..size], &state.mean));
         self.windows.add(&self.r, &self.g, tested.row, tested.time);
-        let (level, onset) = self.windows.keep()?;
+        let Some((level, onset)) = self.windows.keep() else { return false };
         for candidate in &self.watched.candidates {
             let begin = self.windows.onset(onset);
             let (statistic, rank) =
                 self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
             if self.thresholds.exceeded(level, rank, statistic / self.scale, self.dof) {
-                return Some(Some(onset));
+                return true;
             }
         }
-        None
+        false
     }
 }

@@ -6,6 +6,7 @@ use crate::apply::earlier::{Applied, Under};
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::Spec;
 use crate::monitor::alarm::Change;
+use crate::monitor::drift::Drift;
 use crate::monitor::score::MOST_COLUMNS;
 use crate::numerics::random::Random;
 use crate::readings::Table;
@@ -30,6 +31,8 @@ pub(crate) struct Watched {
     pub(crate) prior: Vec<f64>,
     /// What may change.
     pub(crate) candidates: Vec<Candidate>,
+    /// Rates of the candidates that may drift.
+    pub(crate) drifts: Vec<Drift>,
 }
 
 /// A change that is tested.
@@ -44,6 +47,8 @@ pub(crate) struct Candidate {
     pub(crate) scale: Vec<f64>,
     /// Typical size of each, in that unit.
     pub(crate) typical: Vec<f64>,
+    /// Its rate among [`Watched::drifts`], if it may drift.
+    pub(crate) drift: Option<usize>,
 }
 
 impl Watched {
@@ -96,10 +101,47 @@ impl Watched {
             let parameters = names(mechanism, term.info(), target);
             let units: Vec<f64> = columns.iter().map(|&z| scale[z]).collect();
             let typical = sizes.iter().zip(&units).map(|(size, unit)| size / unit).collect();
-            candidates.push(Candidate { spec, columns, parameters, scale: units, typical });
+            let (scale, drift) = (units, None);
+            candidates.push(Candidate { spec, columns, parameters, scale, typical, drift });
         }
-        let at = under.internal(&under.values);
-        Ok(Self { at, order, scale, uncertain, prior, candidates, under })
+        let (at, drifts) = (under.internal(&under.values), Vec::new());
+        Ok(Self { at, order, scale, uncertain, prior, candidates, drifts, under })
+    }
+
+    /// Lets candidates of one parameter drift: each has a column for its rate, behind those of the
+    /// model.
+    pub(crate) fn with_drifts(mut self) -> Self {
+        for candidate in &mut self.candidates {
+            let [base] = candidate.columns[..] else { continue };
+            candidate.drift = Some(self.drifts.len());
+            self.drifts.push(Drift { own: self.order.len(), base, since: None });
+            self.order.push(self.at.len());
+            self.scale.push(self.scale[base]);
+            self.at.push(0.0);
+        }
+        self
+    }
+
+    /// Rate of a candidate, if it may drift.
+    pub(crate) fn drift(&self, candidate: usize) -> Option<&Drift> {
+        self.candidates[candidate].drift.map(|drift| &self.drifts[drift])
+    }
+
+    /// Parameters of the model in a row, from parameters and rates.
+    pub(crate) fn in_row(&self, at: &[f64], row: u64) -> Vec<f64> {
+        let mut own = vec![0.0; self.under.model.parameters];
+        self.put_in_row(at, row, &mut own);
+        own
+    }
+
+    /// As [`Watched::in_row`], without new memory.
+    pub(crate) fn put_in_row(&self, at: &[f64], row: u64, out: &mut [f64]) {
+        out.copy_from_slice(&at[..out.len()]);
+        for drift in &self.drifts {
+            if let Some(age) = drift.age(row) {
+                out[self.order[drift.base]] += age * at[self.order[drift.own]];
+            }
+        }
     }
 
     /// Positions of the columns that candidates have, ascending.
@@ -115,7 +157,9 @@ impl Watched {
         let first = self.uncertain;
         self.order.swap(position, first);
         self.scale.swap(position, first);
-        for column in self.candidates.iter_mut().flat_map(|c| &mut c.columns) {
+        let columns = self.candidates.iter_mut().flat_map(|c| &mut c.columns);
+        let drifts = self.drifts.iter_mut().flat_map(|d| [&mut d.own, &mut d.base]);
+        for column in columns.chain(drifts) {
             *column = match *column {
                 own if own == position => first,
                 other if other == first => position,

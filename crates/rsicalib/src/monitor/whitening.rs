@@ -38,6 +38,8 @@ pub(crate) struct Whitening {
     past: [Vec<f64>; ORDER + 1],
     /// Number of samples without a gap between them, the newest counted, at most `ORDER + 1`.
     known: usize,
+    /// Distance of the neighbour of the next row in rows, if rows are missing between; else 0.
+    distance: u64,
     /// For no, one and two neighbours: coefficients and `1/√v`.
     filters: [([f64; ORDER], f64); ORDER + 1],
 }
@@ -53,6 +55,7 @@ impl Whitening {
             residuals: std::array::from_fn(|_| vec![0.0; equations]),
             past: std::array::from_fn(|_| vec![0.0; equations * (columns + 1)]),
             known: 0,
+            distance: 0,
             filters: [([0.0; ORDER], 1.0); ORDER + 1],
         };
         own.update();
@@ -78,9 +81,24 @@ impl Whitening {
         self.filters[2] = ([one * (1.0 - second), second], 1.0 / both.sqrt());
     }
 
-    /// Forgets the neighbours: a gap.
+    /// Forgets the neighbours: a gap of unknown length.
     pub(crate) fn interrupt(&mut self) {
+        (self.known, self.distance) = (0, 0);
+    }
+
+    /// Some rows are missing: the next one has its neighbour that much farther away.
+    pub(crate) fn skip(&mut self, missing: u64) {
+        self.distance = if self.known > 0 { missing + 1 } else { 0 };
         self.known = 0;
+    }
+
+    /// Coefficients and `1/√v` for the next row.
+    fn present(&self) -> ([f64; ORDER], f64) {
+        if self.distance == 0 {
+            return self.filters[self.known.min(ORDER)];
+        }
+        let far = self.at(1).clamp(-MOST, MOST).powi(self.distance.min(1000) as i32);
+        ([far, 0.0], 1.0 / (1.0 - far * far).sqrt())
     }
 
     /// Counts from a state that has moved by `shift`.
@@ -99,7 +117,8 @@ impl Whitening {
     #[inline(always)]
     pub(crate) fn filter(&mut self, r: &mut [f64], g: &mut [f64]) {
         let k = self.equations;
-        let (factors, inverse) = self.filters[self.known.min(ORDER)];
+        let (factors, inverse) = self.present();
+        self.distance = 0;
         self.past.rotate_right(1);
         let (now, before) = self.past.split_at_mut(1);
         now[0][..k].copy_from_slice(r);
@@ -200,5 +219,8 @@ mod tests {
         assert!((pass(&mut filter, 1.0) - 0.577_350_269).abs() < 1e-6);
         filter.interrupt();
         assert_eq!(pass(&mut filter, 1.0), 1.0);
+        filter.skip(1);
+        // Correlated by 0.25 with the row before the one that is missing: 0.75 / √(1 - 0.0625).
+        assert!((pass(&mut filter, 1.0) - 0.774_596_669).abs() < 1e-6);
     }
 }

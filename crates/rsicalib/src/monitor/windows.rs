@@ -39,6 +39,8 @@ pub(crate) struct Windows {
     levels: usize,
     /// Columns that candidates have: only their rows of the products are needed.
     tested: Vec<usize>,
+    /// The first row since the start.
+    pub(crate) began: u64,
     pub(crate) now: Sums,
     /// Level by level, [`KEPT`] entries each.
     past: Vec<Sums>,
@@ -49,6 +51,34 @@ impl Sums {
     pub(crate) fn new(width: usize) -> Self {
         let (products, scores) = (vec![0.0; width * width], vec![0.0; width]);
         Self { products, scores, mark: Mark::default() }
+    }
+
+    /// Takes in one sample, with these columns of the candidates.
+    #[inline(always)]
+    pub(crate) fn take(&mut self, y: &[f64], g: &[f64], tested: &[usize]) {
+        let width = self.scores.len();
+        for (y, g) in y.iter().zip(g.chunks_exact(width)) {
+            axpy(*y, g, &mut self.scores);
+            for &row in tested {
+                if g[row] != 0.0 {
+                    axpy(g[row], g, &mut self.products[row * width..(row + 1) * width]);
+                }
+            }
+        }
+        self.mark.samples += 1;
+    }
+
+    /// The samples of these sums that are not in `before`.
+    pub(crate) fn minus(&self, before: &Self) -> Self {
+        let less = |all: &[f64], part: &[f64]| all.iter().zip(part).map(|(a, b)| a - b).collect();
+        let products = less(&self.products, &before.products);
+        Self { products, scores: less(&self.scores, &before.scores), mark: self.mark }
+    }
+
+    /// Adds other samples.
+    pub(crate) fn add(&mut self, other: &Self) {
+        axpy(1.0, &other.products, &mut self.products);
+        axpy(1.0, &other.scores, &mut self.scores);
     }
 
     fn copy(&mut self, other: &Self) {
@@ -63,7 +93,7 @@ impl Windows {
     /// `2^(levels + 2)` samples.
     pub(crate) fn new(width: usize, levels: usize, tested: Vec<usize>) -> Self {
         let past = (0..levels * KEPT).map(|_| Sums::new(width)).collect();
-        Self { width, levels, tested, now: Sums::new(width), past }
+        Self { width, levels, tested, began: 0, now: Sums::new(width), past }
     }
 
     /// How often a window of a level ends, in samples.
@@ -77,22 +107,15 @@ impl Windows {
         self.now.products.fill(0.0);
         self.now.scores.fill(0.0);
         self.now.mark.samples = 0;
+        self.began = self.now.mark.row;
         self.past.iter_mut().for_each(|sums| sums.mark.samples = 0);
     }
 
     /// Adds one sample.
     #[inline(always)]
     pub(crate) fn add(&mut self, y: &[f64], g: &[f64], row: u64, time: Option<f64>) {
-        let width = self.width;
-        for (y, g) in y.iter().zip(g.chunks_exact(width)) {
-            axpy(*y, g, &mut self.now.scores);
-            for &row in &self.tested {
-                if g[row] != 0.0 {
-                    axpy(g[row], g, &mut self.now.products[row * width..(row + 1) * width]);
-                }
-            }
-        }
-        self.now.mark = Mark { samples: self.now.mark.samples + 1, row: row + 1, time };
+        self.now.take(y, g, &self.tested);
+        (self.now.mark.row, self.now.mark.time) = (row + 1, time);
     }
 
     /// Keeps the sums of this sample; the level whose window ends here, and the onset where it

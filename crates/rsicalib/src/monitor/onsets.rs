@@ -1,0 +1,59 @@
+//! Onsets of a change: row by row among the last, on the grid of the windows before.
+
+use crate::monitor::watch::Monitor;
+use crate::monitor::windows::{Mark, Sums};
+use crate::numerics::lanes::WIDTH;
+
+/// Number of the last rows of which each may be the first of the change.
+const ROW_BY_ROW: u64 = 64;
+
+/// Rows before these that fill the filter which makes the residual white.
+const FILL: u64 = 2;
+
+/// Number and time (s) of a row, with its `r` and `G`.
+type Linearised = (u64, Option<f64>, Vec<f64>, Vec<f64>);
+
+impl Monitor {
+    /// The sums before each onset that is possible, marked with the first row of the change.
+    ///
+    /// A large change is named from few rows: there an onset on the grid would take rows before the
+    /// change for rows after it, and another name might fit these better.
+    pub(super) fn onsets(&mut self, last: u64) -> Vec<Sums> {
+        let kept = self.windows.onsets();
+        let mut onsets: Vec<Sums> =
+            kept.into_iter().map(|k| self.windows.onset(k).clone()).collect();
+        let first = (last + 1).saturating_sub(ROW_BY_ROW).max(self.windows.began);
+        let mut after = Sums::new(self.watched.order.len());
+        let tested = self.watched.tested();
+        for (row, time, r, g) in self.filtered(first, last).into_iter().rev() {
+            after.take(&r, &g, &tested);
+            let mut before = self.windows.now.minus(&after);
+            let samples = self.windows.now.mark.samples.saturating_sub(after.mark.samples);
+            before.mark = Mark { samples, row, time };
+            onsets.push(before);
+        }
+        onsets
+    }
+
+    /// The rows from `first` to `last` with their numbers and times, linearised and filtered.
+    fn filtered(&mut self, first: u64, last: u64) -> Vec<Linearised> {
+        let rows = self.recent.between(first.saturating_sub(FILL), last);
+        let rows = rows.or_else(|| self.recent.between(first, last)).unwrap_or_default();
+        let mut found = Vec::new();
+        self.whitening.interrupt();
+        for block in rows.chunks(WIDTH) {
+            for (lane, (_, _, readings)) in block.iter().enumerate() {
+                self.again.put(lane, readings);
+            }
+            self.again.linearise(&self.watched, block[0].0);
+            for (lane, &(row, time, _)) in block.iter().enumerate() {
+                self.again.read(lane, &self.watched, row, &mut self.r, &mut self.g);
+                self.whitening.filter(&mut self.r, &mut self.g);
+                if row >= first {
+                    found.push((row, time, self.r.clone(), self.g.clone()));
+                }
+            }
+        }
+        found
+    }
+}

@@ -1,0 +1,38 @@
+"""Mistakes that people make with the command: refused with a place, never a traceback."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from scripts.mistakes import MISTAKES, Mistake, prepared, run
+
+SMALL = [mistake for mistake in MISTAKES if not mistake.large]
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="a shell")
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("good")
+    prepared(folder)
+    return folder
+
+
+@pytest.mark.parametrize("mistake", SMALL, ids=[mistake.what for mistake in SMALL])
+def test_a_mistake_comes_to_its_exit_code_and_message(
+    mistake: Mistake, good: Path, tmp_path: Path
+) -> None:
+    came = run(mistake, good, tmp_path)
+    assert came.code == mistake.code, came.text
+    assert mistake.says in came.text
+    assert "Traceback" not in came.text
+
+
+def test_every_mistake_is_on_the_page_as_it_came() -> None:
+    page = Path(__file__).parents[1] / "docs" / "mistakes.md"
+    rows = [line.split(" | ") for line in page.read_text(encoding="utf-8").splitlines()]
+    listed = {row[0].removeprefix("| "): row[2] for row in rows if len(row) > 3}
+    assert {m.what: str(m.code) for m in MISTAKES}.items() <= listed.items()
