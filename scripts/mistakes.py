@@ -307,7 +307,13 @@ MISTAKES = [
     ),
     Mistake("parameters missing in a result", FORWARD, 2, "19 rows", result(drop)),
     Mistake("a value of null", FORWARD, 2, "value", result(lambda d: first(d, value=None))),
-    Mistake("text for a value", FORWARD, 2, "value", result(lambda d: first(d, value="2,5"))),
+    Mistake(
+        "text for a value",
+        FORWARD,
+        2,
+        'found text "2,5", expected a number',
+        result(lambda d: first(d, value="2,5")),
+    ),
     Mistake("another length unit", FORWARD, 2, "mm", result(lambda d: d.update(length_unit="mm"))),
     Mistake(
         "a later version of the format",
