@@ -34,7 +34,8 @@ impl<'a> AtFit<'a> {
     pub fn new(observations: &'a Observations, fit: &'a Fit) -> Self {
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
         let part = Part { model: &fit.model, readings, weights };
-        let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
+        let mut residuals =
+            Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, true);
         let n = fit.model.parameters;
         let (root, ..) = inverse_root(&fit.gram);
         let count = residuals.whitened.len();
@@ -52,6 +53,10 @@ impl<'a> AtFit<'a> {
             add_scaled(&mut pull, *r, q.col_as_slice(e));
         }
         let inverse = &root * root.transpose();
+        if fit.model.unknown_names.is_empty() {
+            // Of a long recording they are gigabytes, and only what touches unknown points needs them.
+            residuals.by_parameter = Vec::new();
+        }
         Self { observations, fit, residuals, inverse, q, pull }
     }
 
@@ -76,7 +81,8 @@ impl<'a> AtFit<'a> {
         self.residuals.by_reading[equation * self.observations.readings.channels + channel]
     }
 
-    /// Derivatives of a whitened equation by the parameters, its row of `X`.
+    /// Derivatives of a whitened equation by the parameters, its row of `X`; for a model with unknown
+    /// points.
     pub fn by_parameter(&self, equation: usize) -> &[f64] {
         let n = self.fit.model.parameters;
         &self.residuals.by_parameter[equation * n..(equation + 1) * n]

@@ -6,7 +6,7 @@
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::at_fit::AtFit;
-use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
+use crate::estimate::{Fit, Implicit, Observations, Part};
 use crate::mechanism::Mechanism;
 use crate::model::Instance;
 use crate::screening::steps::{SIDE, StepSums};
@@ -41,11 +41,11 @@ fn meaningful(mechanism: &Mechanism, fit: &Fit, term: &dyn Term) -> bool {
 pub struct Bodies<'a> {
     at: &'a AtFit<'a>,
     bodies: Vec<Instance>,
-    /// Equations of a model with all of them.
-    residuals: Residuals,
+    /// `Z` of all of them, equation by equation.
+    z: Vec<f64>,
     /// The column of each body's first parameter.
     first: Vec<usize>,
-    /// Columns of that model.
+    /// Columns of all of them.
     columns: usize,
 }
 
@@ -81,8 +81,7 @@ impl<'a> Bodies<'a> {
         let Observations { readings, weights, .. } = at.observations;
         bodies.iter_mut().for_each(|body| body.place = 0);
         if bodies.is_empty() {
-            let (residuals, first) = (Residuals::default(), Vec::new());
-            return Ok(Self { at, bodies, residuals, first, columns: 0 });
+            return Ok(Self { at, bodies, z: Vec::new(), first: Vec::new(), columns: 0 });
         }
         let (fit, base) = (at.fit, at.fit.model.term_parameters);
         let instances = fit.model.instances.iter().chain(&bodies).copied().collect();
@@ -93,8 +92,10 @@ impl<'a> Bodies<'a> {
         beta[base + extra..].copy_from_slice(&fit.beta[base..]);
         let part = Part { model: &model, readings, weights: Some(weights) };
         let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&beta, true);
-        let first = model.first[fit.model.instances.len()..].to_vec();
-        Ok(Self { at, bodies, residuals, first, columns: model.parameters })
+        let first = model.first[fit.model.instances.len()..].iter().map(|c| c - base).collect();
+        let rows = residuals.by_parameter.chunks_exact(model.parameters);
+        let z = rows.flat_map(|x| x[base..base + extra].iter().copied()).collect();
+        Ok(Self { at, bodies, z, first, columns: extra })
     }
 
     /// The score of each of them at each of the poses that are tried.
@@ -112,7 +113,7 @@ impl<'a> Bodies<'a> {
     fn moves(&self, body: usize) -> Vec<(Instance, f64, f64)> {
         let Observations { readings, weights, .. } = self.at.observations;
         let (extra, first) = (self.bodies[body].width(), self.first[body]);
-        let k = self.residuals.equations;
+        let k = self.at.residuals.equations;
         let poses = readings.rows_of_poses();
         let counts = |row: &&usize| weights[**row] > 0.0;
         let live: Vec<usize> =
@@ -128,7 +129,7 @@ impl<'a> Bodies<'a> {
                 sums = none();
             }
             for e in poses[pose].iter().filter(counts).flat_map(|&row| self.at.equations(row)) {
-                let z = &self.residuals.by_parameter[e * self.columns + first..][..extra];
+                let z = &self.z[e * self.columns + first..][..extra];
                 sums.add(self.at.q(e), z, self.at.residuals.whitened[e]);
             }
             let both_sides = order >= side && live.len() - order >= side;
