@@ -7,6 +7,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::project;
 use crate::diagnosis::trace::Traced;
+use crate::estimate::carry_over;
 use crate::estimate::directions::{place, unit};
 use crate::model::Instance;
 use crate::numerics::distributions;
@@ -52,9 +53,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let model = observations.model([&last.model.instances[..], &named].concat())?;
     let first = &model.first[last.model.instances.len()..];
     let extra = model.term_parameters - base;
-    let mut beta = model.nominal();
-    beta[..base].copy_from_slice(&last.beta[..base]);
-    beta[base + extra..].copy_from_slice(&last.beta[base..]);
+    let beta = carry_over(last, &model);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
     let mut hidden = Vec::with_capacity(named.len());
     for ((instance, candidate), first) in named.iter().zip(projected).zip(first) {

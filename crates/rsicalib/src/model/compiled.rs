@@ -49,7 +49,8 @@ pub(crate) struct CompiledClosure {
 
 impl CompiledClosure {
     /// Scalar equations of one sample.
-    fn equations(&self) -> usize {
+    #[inline(always)]
+    pub(crate) fn equations(&self) -> usize {
         self.along.as_ref().map_or(self.kind.equations(), Vec::len)
     }
 }

@@ -62,14 +62,12 @@ pub struct Want {
     pub a: bool,
 }
 
-/// What a vector is along the directions of a touch, one by one; none: the axes of the base.
+/// What a vector is along one of the directions of a touch; none: the axes of the base.
 #[inline(always)]
-fn each_along(along: Option<&[[f64; 3]]>, vector: &Vec3, mut put: impl FnMut(usize, Lanes)) {
-    match along {
-        None => (0..3).for_each(|row| put(row, vector[row])),
-        Some(along) => along.iter().enumerate().for_each(|(row, u)| {
-            put(row, vector[0] * u[0] + vector[1] * u[1] + vector[2] * u[2]);
-        }),
+fn along(directions: Option<&[[f64; 3]]>, row: usize, vector: &Vec3) -> Lanes {
+    match directions {
+        None => vector[row],
+        Some(all) => vector[0] * all[row][0] + vector[1] * all[row][1] + vector[2] * all[row][2],
     }
 }
 
@@ -339,8 +337,10 @@ impl Model {
                     ws.f[closure.equation] = dot(&apart, &apart) - distance * distance;
                 }
                 ClosureKind::Touch => {
-                    let along = closure.along.as_deref();
-                    each_along(along, &apart, |row, off| ws.f[closure.equation + row] = off);
+                    for row in 0..closure.equations() {
+                        let off = along(closure.along.as_deref(), row, &apart);
+                        ws.f[closure.equation + row] = off;
+                    }
                 }
             }
             if !(want.x || want.a) {
@@ -387,20 +387,15 @@ impl Model {
         want: Want,
         ws: &mut Workspace,
     ) {
-        match (closure.kind, closure.along.as_deref()) {
-            (ClosureKind::Distance, _) => {
+        match closure.kind {
+            ClosureKind::Distance => {
                 let value = dot(apart, moved) * (2.0 * sign);
                 self.add_entry(closure.equation, source, value, want, ws);
             }
-            (ClosureKind::Touch, None) => {
-                for (axis, along) in moved.iter().enumerate() {
-                    self.add_entry(closure.equation + axis, source, *along * sign, want, ws);
-                }
-            }
-            (ClosureKind::Touch, Some(along)) => {
-                for (row, u) in along.iter().enumerate() {
-                    let value = moved[0] * u[0] + moved[1] * u[1] + moved[2] * u[2];
-                    self.add_entry(closure.equation + row, source, value * sign, want, ws);
+            ClosureKind::Touch => {
+                for row in 0..closure.equations() {
+                    let value = along(closure.along.as_deref(), row, moved) * sign;
+                    self.add_entry(closure.equation + row, source, value, want, ws);
                 }
             }
         }

@@ -6,7 +6,7 @@
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::at_fit::AtFit;
-use crate::estimate::{Fit, Implicit, Observations, Part};
+use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::mechanism::Mechanism;
 use crate::model::Instance;
 use crate::screening::steps::{SIDE, StepSums};
@@ -87,9 +87,7 @@ impl<'a> Bodies<'a> {
         let instances = fit.model.instances.iter().chain(&bodies).copied().collect();
         let model = at.observations.model(instances)?;
         let extra = model.term_parameters - base;
-        let mut beta = model.nominal();
-        beta[..base].copy_from_slice(&fit.beta[..base]);
-        beta[base + extra..].copy_from_slice(&fit.beta[base..]);
+        let beta = carry_over(fit, &model);
         let part = Part { model: &model, readings, weights: Some(weights) };
         let residuals = Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&beta, true);
         let first = model.first[fit.model.instances.len()..].iter().map(|c| c - base).collect();

@@ -4,7 +4,7 @@ use faer::{Mat, Side};
 
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
-use crate::estimate::{Fit, Implicit, Observations, Part};
+use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
@@ -119,9 +119,7 @@ pub fn project_blocks(
     let extra: usize = blocks.iter().sum();
     let nuisance = model.parameters - model.term_parameters;
     let n = base + nuisance;
-    let mut beta = model.nominal();
-    beta[..base].copy_from_slice(&fit.beta[..base]);
-    beta[base + extra..].copy_from_slice(&fit.beta[base..]);
+    let beta = carry_over(fit, &model);
 
     let part = Part {
         model: &model,
