@@ -206,7 +206,7 @@ def test_outside_the_target_is_what_counts() -> None:
     assert is_found(truth, result(step("hysteresis", "sensor", "q2")))
     assert is_found(truth, result(verdict="unexplained", unexplained={"target": "q2"}))
     assert not is_found(truth, result(step("hysteresis", "sensor", "q1")))
-    coarse = "q2 reads in steps of 8.6e-4 rad: the noise of rounding, step/√12, rules its noise"
+    coarse = "q2 reads in steps of 8.6e-4 rad: rounding, step/√12, is 81 % of its variance"
     assert is_found(truth, result(verdict="adequate", warnings=[coarse]))
     wrong = grade(result(step("link_length", "geometry", "arm/2")), 0, [truth])
     assert wrong.misled and not wrong.found[0]

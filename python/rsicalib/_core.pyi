@@ -496,6 +496,13 @@ def spread(
     `groups` names the group of each row; None: the first column that tells unknown points apart.
     """
 
+def steps(values: Array, counts: Sequence[bool]) -> list[float]:
+    """The step of each channel, shape (channels,): of a counter a count or more; zero where readings
+    lie on no grid.
+
+    `values` has shape (n, channels), `counts` says which are read in whole counts.
+    """
+
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
 

@@ -1,7 +1,8 @@
-//! Faults of converters.
+//! Codes and faults of converters.
 
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
+use rsicalib::readings::codes;
 use rsicalib::screening::converter::of_codes;
 use rsicalib::screening::fault::FaultKind;
 
@@ -27,4 +28,14 @@ pub fn faults(
             FaultKind::Clipped { at, poses } => (fault.channel, Vec::new(), Some((at, poses))),
         })
         .collect()
+}
+
+/// The step of each channel, shape (channels,): of a counter a count or more; zero where readings
+/// lie on no grid.
+///
+/// `values` has shape (n, channels), `counts` says which are read in whole counts.
+#[pyfunction]
+pub fn steps(values: PyReadonlyArray2<'_, f64>, counts: Vec<bool>) -> Vec<f64> {
+    let values: Vec<f64> = values.as_array().iter().copied().collect();
+    codes::steps(&values, &counts)
 }

@@ -145,11 +145,9 @@ def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
 
 def _resolution(values: FloatArray, mechanism: MechanismLike) -> FloatArray:
     """Scatter that rounding alone gives, shape (C,); a millionth of the span where unknown."""
-    whole = (values == np.rint(values)).all(axis=0)
-    counts = np.array([channel.unit == "count" for channel in mechanism.channels])
-    rounding = math.sqrt(1.0 / 12.0)
-    span = np.maximum(np.ptp(values, axis=0), np.finfo(np.float64).tiny)
-    return np.asarray(np.where(whole & counts, rounding, 1e-6 * span))
+    counts = [channel.unit == "count" for channel in mechanism.channels]
+    rounding = np.array(_core.steps(values, counts)) / math.sqrt(12.0)
+    return np.maximum(rounding, 1e-6 * np.ptp(values, axis=0))
 
 
 def _chi2(dof: IntArray, z: float) -> FloatArray:

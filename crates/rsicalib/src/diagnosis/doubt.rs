@@ -3,6 +3,7 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
+use crate::terms::term::{Needs, Placed};
 
 /// An effect beside others that χ² would not rise by this much without is faint.
 const FAINT: f64 = 40.0;
@@ -28,6 +29,8 @@ pub enum Doubt {
     AgainInChain(usize),
     /// The same kind of fault was found in so many chains.
     InChains(usize),
+    /// Errors of one joint were found to follow two laws: the other one.
+    TwoLaws(Instance),
 }
 
 impl Doubted {
@@ -35,7 +38,7 @@ impl Doubted {
     #[must_use]
     pub fn target(&self) -> Target {
         match self.doubt {
-            Doubt::Faint { .. } => self.instance.target,
+            Doubt::Faint { .. } | Doubt::TwoLaws(_) => self.instance.target,
             Doubt::AgainInChain(chain) => Target::Chain(chain),
             Doubt::InChains(_) => Target::All,
         }
@@ -48,7 +51,22 @@ pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option
     if found.len() < 2 {
         return None;
     }
-    faintest(found, rises).or_else(|| repeated(mechanism, found))
+    faintest(found, rises).or_else(|| repeated(mechanism, found)).or_else(|| two_laws(found))
+}
+
+/// Two laws of one joint that need no more than its pose: one law of the pose that the catalogue
+/// lacks may be behind both. What time, temperature or motion do to a joint is apart.
+fn two_laws(found: &[Instance]) -> Option<Doubted> {
+    let of_pose = |i: &Instance| {
+        let needs = matches!(i.term.info().needs, Needs::Nothing | Needs::Gravity | Needs::Masses);
+        needs && i.term.placed() != Placed::AtPose && matches!(i.target, Target::Channel(_))
+    };
+    found.iter().enumerate().find_map(|(k, &instance)| {
+        let mut before = found[..k].iter();
+        let other = before.find(|i| of_pose(i) && i.target == instance.target)?;
+        let doubt = Doubt::TwoLaws(*other);
+        of_pose(&instance).then_some(Doubted { instance, doubt })
+    })
 }
 
 /// The last of several terms that make up an effect is faint. But several joints give under one
@@ -121,5 +139,16 @@ mod tests {
         assert_eq!(doubts(&[tilt(0, 1), tilt(1, 1), tilt(2, 2)]).as_deref(), Some("all"));
         let sag = |chain| ("sag", Target::Chain(chain), 90.0);
         assert_eq!(doubts(&[sag(0), sag(1), sag(2)]), None);
+    }
+
+    #[test]
+    fn two_laws_of_one_joint_may_be_one() {
+        let of = |id, channel| (id, Target::Channel(channel), 90.0);
+        let bent = [of("once_per_turn", 4), of("joint_compliance", 4)];
+        assert_eq!(doubts(&bent).as_deref(), Some("a22"));
+        assert_eq!(doubts(&[of("once_per_turn", 4), of("joint_compliance", 5)]), None);
+        assert_eq!(doubts(&[of("curvature", 4), of("slip", 4)]), None);
+        assert_eq!(doubts(&[of("curvature", 4), of("drift", 4)]), None);
+        assert_eq!(doubts(&[of("curvature", 4), of("hysteresis", 4)]), None);
     }
 }

@@ -13,8 +13,9 @@ const BEYOND: f64 = 3.0;
 /// Part beyond the limits of a joint that readings may lie: limits are drawn in round numbers.
 const ROUND: f64 = 1.1;
 
-/// Share of a channel's variance that rounding has where its steps rule.
-const RULES: f64 = 0.5;
+/// Share of the variance of a channel's noise that rounding must have to be named: with it the
+/// standard deviation is a tenth larger than without, 1 - 1/1.1².
+const COARSE: f64 = 0.17;
 
 /// What the readings themselves are doubted for.
 pub(crate) fn of_readings(observations: &Observations) -> Vec<Suspicion> {
@@ -60,8 +61,10 @@ pub(crate) fn of_noise(
     let mut found = Vec::new();
     let least = observations.least_noise();
     for (channel, (least, sigma)) in least.iter().zip(&noise.sigma).enumerate() {
-        if *least > 0.0 && least * least > RULES * sigma * sigma {
-            found.push(Suspicion::Coarse { channel, step: observations.steps[channel] });
+        let share = least * least / (sigma * sigma);
+        if share > COARSE {
+            let step = observations.steps[channel];
+            found.push(Suspicion::Coarse { channel, step, share: share.min(1.0) });
         }
     }
     if let (Source::Declared, Some([chi2, dof])) = (noise.source, chi2) {

@@ -34,18 +34,6 @@ pub struct Observations {
     pub held: Option<(Mechanism, Readings)>,
 }
 
-/// Step of the codes of each channel: a count where readings are counts, else what they show.
-fn steps(mechanism: &Mechanism, readings: &Readings) -> Vec<f64> {
-    let column = |c: usize| readings.table.values.iter().skip(c).step_by(readings.channels);
-    let channels = mechanism.channels.iter().enumerate();
-    channels
-        .map(|(c, channel)| match channel.unit.as_str() {
-            "count" => 1.0,
-            _ => codes::step(column(c).copied()).unwrap_or(0.0),
-        })
-        .collect()
-}
-
 /// Source of an anchor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnchorKind {
@@ -128,7 +116,8 @@ impl Observations {
         let mut weights = vec![1.0; readings.samples];
         let copied = |row: &usize| copies.binary_search(&readings.pose[*row]).is_ok();
         (0..readings.samples).filter(copied).for_each(|row| weights[row] = 0.0);
-        let steps = steps(&mechanism, &readings);
+        let counters: Vec<bool> = mechanism.channels.iter().map(|c| c.unit == "count").collect();
+        let steps = codes::steps(&readings.table.values, &counters);
         let centre = readings.mean.clone();
         Ok(Self {
             mechanism,
@@ -149,9 +138,10 @@ impl Observations {
         self.steps.iter().map(|step| step * step / 12.0)
     }
 
-    /// True where channel `c` is no counter and reads in steps of its own.
+    /// True where channel `c` reads in steps of its own: of a counter, of more than a count.
     fn coded(&self, c: usize) -> bool {
-        self.steps[c] > 0.0 && self.mechanism.channels[c].unit != "count"
+        let own = if self.mechanism.channels[c].unit == "count" { 1.0 } else { 0.0 };
+        self.steps[c] > own
     }
 
     /// Least noise of one reading of each channel: that of rounding, where a channel reads in

@@ -43,12 +43,14 @@ pub enum Suspicion {
         /// The channels.
         channels: Vec<usize>,
     },
-    /// A channel reads in steps that rule its noise.
+    /// A channel reads in steps that are a good part of its noise.
     Coarse {
         /// The channel.
         channel: usize,
         /// The step, in its unit.
         step: f64,
+        /// Share of the variance of its noise that is of rounding.
+        share: f64,
     },
     /// Declared noise is not what the readings show.
     Noise {

@@ -6,6 +6,11 @@
 //! ```text
 //! d_i = m_i s,    m_i whole,    s = Σ d_i m_i / Σ m_i²                     (60)
 //! ```
+//!
+//! The step of a counter is one count, or the whole number of counts of which all differences of
+//! its readings are multiples.
+
+use std::collections::HashSet;
 
 /// A gap may differ from whole steps by this part of a step: readings may have been rounded
 /// again when they were written, to a tenth of a step or finer.
@@ -15,9 +20,53 @@ const OFF: f64 = 0.1;
 /// `2 OFF`, and all must be.
 const CHANCE: f64 = 1e-6;
 
-/// The step of these readings of one channel; none where they lie on no grid.
+/// Whole numbers up to here are exact.
+const WHOLE: f64 = 9e15;
+
+/// The step of each channel of `values`, of which `counts` says whether it is a counter; zero where
+/// readings lie on no grid.
 #[must_use]
-pub fn step(readings: impl Iterator<Item = f64>) -> Option<f64> {
+pub fn steps(values: &[f64], counts: &[bool]) -> Vec<f64> {
+    let column = |c: usize| values.iter().skip(c).step_by(counts.len()).copied();
+    let channels = counts.iter().enumerate();
+    channels
+        .map(|(c, &counter)| match counter {
+            true => counts_of_a_step(column(c)).unwrap_or(1.0),
+            false => step(column(c)).unwrap_or(0.0),
+        })
+        .collect()
+}
+
+/// The counts of a step of these readings of one counter; none where a step is one count.
+fn counts_of_a_step(readings: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut readings = readings.peekable();
+    let first = *readings.peek()?;
+    let (mut step, mut codes) = (0, HashSet::new());
+    for reading in readings {
+        let apart = (reading - first).abs();
+        if apart.fract() != 0.0 || apart > WHOLE {
+            return None;
+        }
+        step = common_divisor(step, apart as u64);
+        if step == 1 {
+            return None;
+        }
+        codes.insert(reading.to_bits());
+    }
+    // Of two codes the difference gives the step, and each other one repeats it by chance.
+    let told = codes.len().saturating_sub(2) as i32;
+    (step > 1 && (step as f64).powi(-told) <= CHANCE).then_some(step as f64)
+}
+
+fn common_divisor(mut a: u64, mut b: u64) -> u64 {
+    while b > 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+/// The step of these readings of one channel; none where they lie on no grid.
+fn step(readings: impl Iterator<Item = f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = readings.collect();
     sorted.sort_by(f64::total_cmp);
     let all = sorted.len();
@@ -56,7 +105,7 @@ fn fitted(gaps: &[f64], guess: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::step;
+    use super::{step, steps};
 
     /// Numbers between 0 and 6 that follow no rule.
     fn odd(i: usize) -> f64 {
@@ -78,6 +127,18 @@ mod tests {
         let found = step((0..150).map(|i| printed((anywhere(i) / code).round() * code)));
         // Rounded to 1e-6, of a step of 1.5e-3: 150 gaps tell the step to 1e-5.
         assert!(found.is_some_and(|s| (s / code - 1.0).abs() < 1e-4), "{found:?}");
+    }
+
+    #[test]
+    fn a_counter_that_skips_counts_has_their_step() {
+        let counts = |i: usize| (100.0 * odd(i)).round();
+        let coarse = |i: usize| 512.0 + 3.0 * counts(7 * i + 3);
+        let rows: Vec<f64> =
+            (0..60).flat_map(|i| [counts(i), coarse(i), 0.25 * counts(i)]).collect();
+        assert_eq!(steps(&rows, &[true; 3]), [1.0, 3.0, 1.0]); // the third is of means
+        // A dozen even counts are chance: one dozen in 2,000 of them is.
+        let few: Vec<f64> = (0..12).map(|i| 2.0 * counts(i)).collect();
+        assert_eq!(steps(&few, &[true]), [1.0]);
     }
 
     #[test]

@@ -115,10 +115,12 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 names.join(", ")
             )
         }
-        Suspicion::Coarse { channel, step } => format!(
-            "{} reads in steps of {step:.3e} {}: the noise of rounding, step/√12, rules its noise",
+        Suspicion::Coarse { channel, step, share } => format!(
+            "{} reads in steps of {} {}: rounding, step/√12, is {:.0} % of the variance of its noise",
             name(*channel),
-            mechanism.channels[*channel].unit
+            if step.fract() == 0.0 { step.to_string() } else { format!("{step:.3e}") },
+            mechanism.channels[*channel].unit,
+            100.0 * share
         ),
         Suspicion::Noise { by, factor, play } => declared_noise(*by, *factor, *play),
         Suspicion::NoStart { tried } => format!(
@@ -415,6 +417,12 @@ fn doubted(mechanism: &Mechanism, doubted: &Doubted) -> (String, String) {
             (name.clone(), format!("{id} is named more than once in {name}"))
         }
         Doubt::InChains(count) => ("all".to_owned(), format!("{id} is named in {count} chains")),
+        Doubt::TwoLaws(other) => {
+            let target = doubted.instance.target.name(mechanism);
+            let other = other.term.info().id;
+            let what = format!("{target} has errors of two laws, {other} and {id}");
+            (target, what)
+        }
     };
     let text = format!(
         "{what}: together they may stand for one effect that the catalogue lacks. Record more \
