@@ -3,7 +3,7 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
-use crate::terms::term::{Needs, Placed};
+use crate::terms::term::{Needs, Placed, Role};
 
 /// An effect beside others that χ² would not rise by this much without is faint.
 const FAINT: f64 = 40.0;
@@ -55,11 +55,13 @@ pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option
 }
 
 /// Two laws of one joint that need no more than its pose: one law of the pose that the catalogue
-/// lacks may be behind both. What time, temperature or motion do to a joint is apart.
+/// lacks may be behind both. What time, temperature or motion do to a joint is apart, and its line
+/// is beside any law.
 fn two_laws(found: &[Instance]) -> Option<Doubted> {
     let of_pose = |i: &Instance| {
         let needs = matches!(i.term.info().needs, Needs::Nothing | Needs::Gravity | Needs::Masses);
-        needs && i.term.placed() != Placed::AtPose && matches!(i.target, Target::Channel(_))
+        let law = i.term.placed() != Placed::AtPose && i.term.role() == Role::Other;
+        needs && law && matches!(i.target, Target::Channel(_))
     };
     found.iter().enumerate().find_map(|(k, &instance)| {
         let mut before = found[..k].iter();
@@ -150,5 +152,6 @@ mod tests {
         assert_eq!(doubts(&[of("curvature", 4), of("slip", 4)]), None);
         assert_eq!(doubts(&[of("curvature", 4), of("drift", 4)]), None);
         assert_eq!(doubts(&[of("curvature", 4), of("hysteresis", 4)]), None);
+        assert_eq!(doubts(&[of("curvature", 4), of("gain", 4)]), None);
     }
 }

@@ -32,7 +32,7 @@ pub fn held_out(observations: &Observations, full: &Fit) -> Option<HeldOut> {
         for first in trained.model.untouched(&observations.readings, &training.weights) {
             beta[first..first + 3].copy_from_slice(&placed[first..first + 3]);
         }
-        let problem = Implicit::new(vec![(part, full.assumed())], &[]);
+        let problem = Implicit::at(part, full);
         let residuals = problem.residuals(&beta, false);
         let k = residuals.equations;
         for row in out.flat_map(|p| rows[p].clone()).filter(|&r| observations.weights[r] > 0.0) {

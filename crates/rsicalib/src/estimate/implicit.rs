@@ -2,6 +2,7 @@
 
 use std::sync::Mutex;
 
+use crate::estimate::fit::Fit;
 use crate::estimate::objective::{Noise, Part, add_priors};
 use crate::estimate::settle::Room;
 use crate::model::{Prior, Want};
@@ -38,6 +39,12 @@ pub struct Residuals {
 }
 
 impl<'a> Implicit<'a> {
+    /// The objective of a part with the noise of a fit.
+    #[must_use]
+    pub(crate) fn at(part: Part<'a>, fit: &Fit) -> Self {
+        Self::new(vec![(part, fit.assumed())], &[])
+    }
+
     /// The objective of readings, their model and their noise. All parts share the parameters of
     /// the first part.
     #[must_use]
@@ -125,38 +132,43 @@ impl<'a> Implicit<'a> {
 }
 
 impl Implicit<'_> {
-    /// Visits every block of the first part at `x`, in order. `visit` gets the block's group and the
-    /// weighted `L⁻¹ w` and `L⁻¹ X`, equation by equation.
+    /// Visits every block of the first part, in order, where a fit is: its own model settles the
+    /// readings, and the model of the part, which has terms more that are zero in `x`, is linearised
+    /// there. `visit` gets the block's group and the weighted `L⁻¹ w` and `L⁻¹ X`, equation by
+    /// equation.
     pub(crate) fn sweep<S: Send>(
         &self,
+        fit: &Fit,
         x: &[f64],
         zero: impl Fn() -> S + Sync,
         visit: impl Fn(&mut S, usize, &[Lanes], &[Lanes]) + Sync,
         merge: impl FnMut(&mut S, S),
     ) -> Option<S> {
         let (part, noise) = &self.parts[0];
-        let channels = part.readings.channels;
+        let own = Part { model: &fit.model, ..*part };
+        let readings = part.readings;
         let mut adjusted = lock(&self.adjusted);
         let one = |first: usize, chunk: &mut [Lanes]| {
             dispatch(
                 #[inline(always)]
                 || {
+                    let mut settling = Room::new(own.model, noise);
                     let mut room = Room::new(part.model, noise);
                     let mut sums = zero();
-                    for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
-                        room.settle(part, first + i, x, a_hat, true);
-                        let weight = part.weight(first + i);
+                    for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(readings.channels)) {
+                        settling.settle(&own, block, &fit.beta, a_hat, false);
+                        room.linearise(part, block, readings.raw(block), x, a_hat);
+                        let weight = part.weight(block);
                         for value in room.ws.x.iter_mut().chain(&mut room.w) {
                             *value = *value * weight;
                         }
-                        let group = part.readings.blocks()[first + i].group;
-                        visit(&mut sums, group, &room.w, &room.ws.x);
+                        visit(&mut sums, readings.blocks()[block].group, &room.w, &room.ws.x);
                     }
                     sums
                 },
             )
         };
-        over_chunks(&mut adjusted[0], channels, one, merge)
+        over_chunks(&mut adjusted[0], readings.channels, one, merge)
     }
 }
 

@@ -11,8 +11,10 @@ const INNER: usize = 20;
 /// Up to this number of parameters, `X` is computed in every repeat.
 const CHEAP: usize = 40;
 
-/// Change of `â`, in standard deviations of a reading, below which (52) has converged.
-const STILL: f64 = 1e-9;
+/// Change of `â`, in standard deviations of a reading, below which (52) has converged. `w` has an
+/// error of second order in it. `X` has one of first order, of that part of the thousandth or so by
+/// which noise turns a column: [`VISIBLE`](crate::numerics::symmetric::VISIBLE) is far above.
+const STILL: f64 = 1e-6;
 
 /// Part of the variance of an equation that rounding may leave when those before take their
 /// share: in a pose where equations say the same, the factor is that of the others.
@@ -106,10 +108,24 @@ impl Room {
         a_hat: &mut [Lanes],
     ) {
         a_hat.copy_from_slice(raw);
-        for want in [Want { x: false, a: true }, Want { x: true, a: true }] {
-            part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
-            self.step(raw, a_hat);
-        }
+        let want = Want { x: false, a: true };
+        part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
+        self.step(raw, a_hat);
+        self.linearise(part, block, raw, x, a_hat);
+    }
+
+    /// `L⁻¹ w` and `L⁻¹ X` of settled readings.
+    pub(crate) fn linearise(
+        &mut self,
+        part: &Part,
+        block: usize,
+        raw: &[Lanes],
+        x: &[f64],
+        a_hat: &mut [Lanes],
+    ) {
+        let want = Want { x: true, a: true };
+        part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
+        self.step(raw, a_hat);
         self.whiten_parameters(part.model.width());
     }
 

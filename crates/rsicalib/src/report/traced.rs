@@ -346,9 +346,10 @@ pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let readings = &observations.readings;
     let rows = readings.rows_of_poses();
     let part = Part { model: &fit.model, readings, weights: None };
-    let all = rows.iter().any(|r| out(r[0])).then(|| {
-        Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, false).whitened
-    });
+    let all = rows
+        .iter()
+        .any(|r| out(r[0]))
+        .then(|| Implicit::at(part, fit).residuals(&fit.beta, false).whitened);
     let of = |row: usize| match &all {
         Some(all) if out(row) => all[row * k..(row + 1) * k].to_vec(),
         _ => fit.residuals.whitened[row * k..(row + 1) * k].to_vec(),

@@ -14,7 +14,7 @@ use faer::{Mat, MatRef, Side};
 
 use crate::Error;
 use crate::diagnosis::score::projection::{self, Projected};
-use crate::diagnosis::score::scored::{CHARGE, Family, Judge, Scored};
+use crate::diagnosis::score::scored::{self, Family, Judge, Scored, room};
 use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 use crate::numerics::symmetric::VISIBLE;
@@ -39,7 +39,8 @@ impl Pair {
 /// Share of the second of two that must not be the first's.
 const APART: f64 = 1e-3;
 
-/// Scores all pairs of named candidates, of which each stands out beside the other.
+/// Scores all pairs of named candidates, of which each stands out beside the other, that are worth
+/// more than `needed` once paid for, with `room` for what a refit may change of a score.
 ///
 /// # Errors
 ///
@@ -50,6 +51,7 @@ pub fn pairs(
     judge: &Judge,
     named: &[Instance],
     alpha: f64,
+    needed: f64,
 ) -> Result<Vec<Pair>, Error> {
     let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
     let widths: Vec<usize> = named.iter().map(Instance::width).collect();
@@ -57,23 +59,28 @@ pub fn pairs(
     let projected = projection::project_blocks(observations, fit, &inverse, named, &all)?;
     let Some(all) = projected.first() else { return Ok(Vec::new()) };
     let together = Together::new(all, &widths);
-    let places = named.len() as f64;
+    let tests = named.len() as f64;
+    // Probabilities cost more than scores do: for each width the score that stands out.
+    let widest = widths.iter().copied().max().unwrap_or(0);
+    let level = alpha / scored::named_places(tests);
+    let least: Vec<f64> = (0..=widest).map(|w| judge.least_score(level, w as f64)).collect();
     let mut pairs = Vec::new();
     for (k, a) in together.units.iter().enumerate() {
         for b in &together.units[k + 1..] {
             let Some(score) = together.score(a, b) else { continue };
             let added = [(a, score - b.score), (b, score - a.score)];
-            // Probabilities cost more than scores do: only of what pays for itself.
-            if added.iter().any(|(unit, added)| *added < CHARGE * unit.columns.len() as f64) {
+            if added.iter().any(|(unit, added)| *added < least[unit.columns.len()]) {
                 continue;
             }
-            let both = added.map(|(unit, added)| {
-                let (instance, width) = (named[unit.candidate], unit.columns.len() as f64);
-                let p_value = judge.p_value(added, width);
-                Scored::of(instance, Family::Named, added, width, p_value, places)
-            });
-            if both.iter().all(|one| one.corrected <= alpha) {
-                pairs.push(Pair { both, score });
+            let pair = Pair {
+                both: added.map(|(unit, added)| {
+                    let (instance, width) = (named[unit.candidate], unit.columns.len() as f64);
+                    Scored::of(instance, Family::Named, added, width, level, tests)
+                }),
+                score,
+            };
+            if pair.charged() + room(score) > needed {
+                pairs.push(Pair { both: pair.both.map(|one| one.judged(judge)), ..pair });
             }
         }
     }

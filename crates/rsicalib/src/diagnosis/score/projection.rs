@@ -126,7 +126,7 @@ pub fn project_blocks(
         readings: &observations.readings,
         weights: Some(&observations.weights),
     };
-    let problem = Implicit::new(vec![(part, fit.assumed())], &[]);
+    let problem = Implicit::at(part, fit);
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || ScoreSums {
         gradient: vec![Lanes::ZERO; extra],
@@ -136,6 +136,7 @@ pub fn project_blocks(
         own: Vec::new(),
     };
     let sums = problem.sweep(
+        fit,
         &beta,
         zero,
         #[inline(always)]

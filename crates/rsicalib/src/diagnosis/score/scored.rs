@@ -53,6 +53,11 @@ pub struct Scored {
 /// Charge for each parameter, in units of χ².
 pub const CHARGE: f64 = 4.0;
 
+/// Scores are first order: this much refitting may change.
+pub(crate) fn room(score: f64) -> f64 {
+    4.0 + 0.15 * score
+}
+
 impl Scored {
     pub(crate) fn of(
         instance: Instance,
@@ -64,6 +69,12 @@ impl Scored {
     ) -> Self {
         let places = tests / share(family);
         Self { instance, family, score, width, p_value, places, corrected: p_value * places }
+    }
+
+    /// The same with the probability of its score.
+    pub(crate) fn judged(self, judge: &Judge) -> Self {
+        let p_value = judge.p_value(self.score, self.width);
+        Self { p_value, corrected: p_value * self.places, ..self }
     }
 
     /// What its parameters and its places cost.
@@ -144,6 +155,24 @@ impl Judge {
 }
 
 impl Judge {
+    /// The least score of `width` degrees of freedom that chance makes with this probability or less.
+    #[must_use]
+    pub fn least_score(&self, p_value: f64, width: f64) -> f64 {
+        let mut low = 0.0;
+        let mut high = width.max(1.0);
+        while self.p_value(high, width) > p_value && high < 1e6 {
+            (low, high) = (high, 2.0 * high);
+        }
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            match self.p_value(middle, width) > p_value {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        high
+    }
+
     /// Probability of a fit's lack of fit by chance; none where only the fit gives
     /// the noise.
     #[must_use]

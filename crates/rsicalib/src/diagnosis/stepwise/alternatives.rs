@@ -1,8 +1,8 @@
 //! What fits as well as an effect, and what fits better.
 
 use crate::Error;
-use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose};
-use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, room};
+use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose, room};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical};
 use crate::diagnosis::stepwise::orders::one_order;
 use crate::estimate::Fit;
 use crate::model::{Instance, Model};

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::Error;
 use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
-use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, room};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
@@ -195,11 +195,8 @@ impl Stepwise<'_> {
         let those: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
         let without = self.without(current, &those)?;
         let needed = self.gain(&without, current, gone) + BETTER;
-        let mut pairs = self.pairs(&without)?;
-        pairs.retain(|p| {
-            let same = p.both.iter().all(|s| those.contains(&s.instance));
-            !same && p.charged() + room(p.score) > needed
-        });
+        let mut pairs = self.pairs(&without, needed)?;
+        pairs.retain(|p| !p.both.iter().all(|s| those.contains(&s.instance)));
         pairs.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         self.best(&without, needed, pairs.iter().take(self.search.refits / 2).map(|p| p.both))
     }

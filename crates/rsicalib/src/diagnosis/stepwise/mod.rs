@@ -2,6 +2,7 @@
 
 mod alternatives;
 mod exchange;
+mod known;
 pub mod moves;
 mod orders;
 mod prune;

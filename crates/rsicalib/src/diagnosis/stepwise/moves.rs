@@ -1,12 +1,15 @@
 //! The moves of a search: add the best effect, drop what is no longer needed, exchange
 //! some for others, and say what fits as well.
 
+use std::cell::RefCell;
+
 use crate::Error;
 use crate::diagnosis::isolation::belongs;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::pairs::{self, Pair};
 use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose, one_place_each};
 use crate::diagnosis::score::{candidates, scan};
+use crate::diagnosis::stepwise::known::KnownFits;
 use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
@@ -25,11 +28,6 @@ const ENOUGH: f64 = 1e-7;
 
 /// In place of another effect is named what fits better by this, in units of χ².
 pub(crate) const BETTER: f64 = 0.5;
-
-/// Scores are first order: this much refitting may change.
-pub(crate) fn room(score: f64) -> f64 {
-    4.0 + 0.15 * score
-}
 
 /// Candidates to look at for each that is refitted: a load that lifts, or a fit that does not
 /// converge, must not keep the search from others.
@@ -72,6 +70,8 @@ pub struct Stepwise<'a> {
     noise_dof: f64,
     /// Its noise is declared, and nothing bears it out.
     unverified: bool,
+    /// Fits of the search: the same are asked for again and again.
+    known: RefCell<KnownFits>,
 }
 
 impl<'a> Stepwise<'a> {
@@ -110,6 +110,7 @@ impl<'a> Stepwise<'a> {
             source,
             noise_dof,
             unverified: fit.unverified(),
+            known: RefCell::default(),
         })
     }
 
@@ -130,11 +131,11 @@ impl<'a> Stepwise<'a> {
         Ok(scored)
     }
 
-    /// Scores of two effects at once.
-    pub(crate) fn pairs(&self, fit: &Fit) -> Result<Vec<Pair>, Error> {
+    /// Scores of two effects at once that may be worth more than is needed.
+    pub(crate) fn pairs(&self, fit: &Fit, needed: f64) -> Result<Vec<Pair>, Error> {
         let mut named = candidates::candidates(&self.small, fit, &self.search.without);
         named.retain(|i| !i.term.info().penalised && self.open_to(i));
-        pairs::pairs(&self.small, fit, &self.judge(fit), &named, self.search.alpha)
+        pairs::pairs(&self.small, fit, &self.judge(fit), &named, self.search.alpha, needed)
     }
 
     /// Whether this may be wrong. Where a chain is at fault alone, no one channel is to blame.
@@ -307,7 +308,7 @@ impl<'a> Stepwise<'a> {
     pub(crate) fn with(&self, current: &Fit, more: &[Instance]) -> Result<Fit, Error> {
         let mut instances = current.model.instances.clone();
         instances.extend(more);
-        fit(&self.small, instances, Some(current))
+        self.known.borrow_mut().fit(&self.small, instances, current)
     }
 
     /// The fit with one more effect. An order is moved to the place that is nearest to where the
@@ -329,7 +330,7 @@ impl<'a> Stepwise<'a> {
     /// The fit without some of its effects.
     pub fn without(&self, current: &Fit, gone: &[Instance]) -> Result<Fit, Error> {
         let kept = current.model.instances.iter().copied().filter(|i| !gone.contains(i));
-        fit(&self.small, kept.collect(), Some(current))
+        self.known.borrow_mut().fit(&self.small, kept.collect(), current)
     }
 
     /// By how much χ² fell, the parameters and places of what was added paid for.
