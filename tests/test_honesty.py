@@ -5,6 +5,7 @@ Readings are simulated by `tests.families`, which shares nothing with the core.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from copy import deepcopy
 from dataclasses import replace
@@ -608,6 +609,26 @@ def test_the_step_of_a_coarse_encoder_joins_the_noise(verb: Any) -> None:
     assert found.noise is not None
     for sigma in found.noise.sigma.values():
         assert sigma == pytest.approx(step / np.sqrt(12), rel=0.1)
+
+
+@both
+def test_steps_of_one_encoder_are_said_and_no_pose_moved(verb: Any) -> None:
+    """Steps of three times its noise: within a pose the encoder reads one code, or two."""
+    device, scene, rng = machine("fivebar", 0)
+    mechanism = Mechanism.from_toml(toml(device))
+    session = observe(device, scene, rng)
+    values = session.values.copy()
+    step = 3 * device.noise[1]
+    values[:, 1] = step * np.rint(values[:, 1] / step)
+    found = verb(readings_of(mechanism, session.changed(values)), mechanism)
+    assert found.verdict == "adequate"
+    name = mechanism.channels[1].name
+    said = [text for text in found.warnings if f"{name} reads in steps of {step:.3e} rad" in text]
+    assert len(said) == 1, found.warnings
+    # Of rounding 9 / 12, of the sensor 1 or, where what it reads stays within a code, less.
+    share = float(re.search(r"is (\d+) % of the variance", said[0])[1])
+    assert 25 <= share <= 100
+    assert not any("scatters" in text for text in found.warnings)
 
 
 # ------------------------------------------------------------------ l, m, n: loads
