@@ -35,11 +35,8 @@ pub(super) struct Suspect {
 impl Monitor {
     /// Names a change, and goes on with it.
     pub(super) fn raise(&mut self, tested: Tested) {
-        for place in &self.waiting[..std::mem::take(&mut self.held)] {
-            self.state.compare(&place.r, &place.g, self.watched.order.len());
-            self.state.absorb();
-            self.counts.used += 1;
-            self.windows.add(&place.r, &place.g, place.row, place.time);
+        if std::mem::take(&mut self.held) > 0 {
+            self.absorb_waiting(tested.row);
         }
         if let Some(alarm) = self.name(tested) {
             self.counts.alarms += 1;
@@ -47,6 +44,17 @@ impl Monitor {
         }
         self.restart();
         self.age = 0;
+    }
+
+    /// Takes over the samples that waited. Each was filtered as if those before it were bad
+    /// readings; now they are its neighbours.
+    fn absorb_waiting(&mut self, last: u64) {
+        for (row, time, r, g) in self.filtered(self.waiting[0], last) {
+            self.state.compare(&r, &g, self.watched.order.len());
+            self.state.absorb();
+            self.counts.used += 1;
+            self.windows.add(&r, &g, row, time);
+        }
     }
 
     /// Begins with new windows.
