@@ -5,7 +5,7 @@ use crate::estimate::observations::Observations;
 use crate::estimate::search::{End, StartSearch, anchored};
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Gains, Origin, Start, Try};
-use crate::estimate::wiring;
+use crate::estimate::{rewired, wiring};
 use crate::model::Model;
 
 /// Common factors on the nominal gains, the nearest to 1 first.
@@ -56,9 +56,12 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     }
     let score = best.as_ref().map_or(f64::INFINITY, |b| b.score);
     let mut warnings = Vec::new();
-    if score >= options.good_start
-        && options.starts > 1
-        && enough(observations, model)
+    if options.starts == 1 {
+        // One start is asked for: no search.
+    } else if search.knows() && enough(observations, model, search.knowledge()) {
+        warnings.extend(rewired::suspect(&search, best.as_ref()));
+    } else if score >= options.good_start
+        && enough(observations, model, 0)
         && let Some(found) = wiring::suspect(&search, score)
     {
         warnings.push(found.suspicion);
@@ -71,12 +74,13 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     Start { beta, tries, warnings }
 }
 
-/// True where poses give half as many equations again as there are parameters: from fewer,
-/// almost any mistake leads to a good fit. Repeats of a pose are no equations of their own.
-fn enough(observations: &Observations, model: &Model) -> bool {
+/// True where poses and `known` equations beside them are half as many again as there are
+/// parameters: from fewer, almost any mistake leads to a good fit. Repeats of a pose are no
+/// equations of their own.
+fn enough(observations: &Observations, model: &Model, known: usize) -> bool {
     let live = |rows: &Vec<usize>| rows.iter().any(|&r| observations.weights[r] > 0.0);
     let poses = observations.readings.rows_of_poses().iter().filter(|rows| live(rows)).count();
-    2 * poses * model.equations() >= 3 * model.parameters
+    2 * (poses * model.equations() + known) >= 3 * model.parameters
 }
 
 /// Anchor, name and gain factors of `count` starts: the nearest factors first, anchors in turn.
