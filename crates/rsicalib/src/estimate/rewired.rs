@@ -8,9 +8,11 @@ use crate::Error;
 use crate::estimate::observations::Observations;
 use crate::estimate::search::{End, StartSearch, anchored};
 use crate::estimate::suspicion::{Closes, Suspicion};
-use crate::estimate::wiring::DECISIVE;
 use crate::mechanism::Mechanism;
 use crate::readings::{Readings, Table};
+
+/// χ² must fall by this factor before a mistake is named.
+pub(crate) const DECISIVE: f64 = 20.0;
 
 /// The observations, and the readings that a search uses, as they would be without a mistake.
 pub(crate) struct Rewired {

@@ -4,7 +4,7 @@
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
-use crate::estimate::rewired::Rewired;
+use crate::estimate::rewired::{DECISIVE, Rewired};
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
 use crate::estimate::suspicion::{Closes, Shown, Suspicion};
 use crate::readings::Table;
@@ -18,9 +18,6 @@ pub struct Suspected {
     /// The fit.
     pub end: Option<End>,
 }
-
-/// χ² must fall by this factor before a mistake is named.
-pub(crate) const DECISIVE: f64 = 20.0;
 
 /// Part of the range without a single reading that makes a jump.
 const JUMP: f64 = 0.3;
