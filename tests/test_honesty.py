@@ -24,6 +24,8 @@ from rsicalib.report.words import advice
 from tests import oracle, simulated
 from tests.blind import simulator, trials
 from tests.blind.effects import Drift
+from tests.blind.effects.sensor import Slip
+from tests.blind.scene import held
 from tests.families.device import Device, Effect, Scene, Session, observe, stage
 from tests.families.draw import Rng
 from tests.families.effects import CATALOGUE, bad
@@ -709,6 +711,25 @@ def test_a_slip_of_two_poses_is_bad_readings(family: str) -> None:
     found = rsicalib.trace(*given(device, scene, rng, as_strong(device, scene, effect, 200.0)))
     assert not [step for step in found.steps if step.term == "slip"]
     assert {entry.pose for entry in found.excluded} == {scene.poses - 1, scene.poses}
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_slip_with_three_poses_on_one_side_is_a_slip(seed: int) -> None:
+    """By 30 mrad. Of two of these it was said that they wander, and their first pose left out."""
+    rng = np.random.default_rng([seed, 12, 3])
+    device = simulator.Device.random(rng)
+    name, sign = str(rng.choice(simulator.CHANNELS)), float(rng.choice([-1.0, 1.0]))
+    scene = held(rng, simulator.hand_poses(rng, 12, device), 8, (0.004, 0.002))
+    before = 9 if seed % 2 == 0 else 3
+    at = float(np.mean([scene.turn[scene.label == label].mean() for label in (before, before + 1)]))
+    session = simulator.observe(device, scene, rng, 1.0, (Slip(name, 0.03 * sign, at=at),))
+    mechanism = rsicalib.load_mechanism("rsi")
+    rest = Readings.from_arrays(mechanism, simulator.rest(device, rng)["values"])
+    columns = {key: session[key] for key in ("pose", "time_s")}
+    readings = Readings.from_arrays(mechanism, session["values"], **columns)
+    found = rsicalib.trace(readings, mechanism, rest=rest)
+    assert not found.excluded
+    assert [(step.term, step.target) for step in found.steps] == [("slip", name)]
 
 
 # ------------------------------------------------------------------ p: the tool

@@ -18,7 +18,7 @@ from rsicalib.io.stream import rows_of
 from tests import oracle
 from tests.oracle import Array
 from tests.watch.device import RATE_HZ, Change, Work, calibrated
-from tests.watch.trials import quiet
+from tests.watch.trials import changed, quiet
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
 NAMES = tuple(f"a{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
@@ -100,6 +100,14 @@ def test_a_drift_is_named_once_with_its_rate() -> None:
 
 def test_a_step_is_not_said_to_go_on(step: dict[str, Any]) -> None:
     assert Monitor(step["calibration"]).update(step["values"])[-1].rate is None
+
+
+@pytest.mark.parametrize("device", [1009, 1012])
+def test_a_large_step_in_correlated_noise_raises_one_alarm(device: int) -> None:
+    """The first of these had raised 190 more alarms, the second had ended in an error."""
+    found = changed([3, device], "correlated", "step", 32.0, 1e-5)
+    assert found.delay is not None and found.delay <= 4
+    assert found.last and found.more == 0
 
 
 def test_a_link_bent_across_its_plane_is_named_by_its_chain() -> None:

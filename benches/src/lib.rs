@@ -1,7 +1,10 @@
 //! What every bench starts from: the hand controller in poses by hand.
 
+use rsicalib::apply::earlier::{Applied, Reference, Reported};
 use rsicalib::estimate::Observations;
 use rsicalib::mechanism::{Mechanism, hand_controller};
+use rsicalib::model::Spec;
+use rsicalib::monitor::{Monitor, MonitorOptions};
 use rsicalib::readings::Table;
 
 /// A device, its readings and its true parameters.
@@ -75,4 +78,46 @@ pub fn hand_controller(poses: usize) -> Device {
         }
     }
     Device { mechanism, counts, offsets, gains }
+}
+
+/// Standard deviations of an offset (rad) and of a gain (a share of it) in a calibration.
+const KNOWN: [f64; 2] = [1e-3, 1e-3];
+
+/// A watch over the hand controller, and rows of a device that is as it was calibrated, with noise
+/// of one count.
+///
+/// # Panics
+///
+/// If the calibration does not fit the mechanism: a mistake in this file.
+#[must_use]
+#[expect(clippy::expect_used, reason = "a bench stops at a mistake")]
+pub fn watched(rows: usize) -> (Monitor, Vec<Vec<f64>>) {
+    let Device { mechanism, counts, offsets, gains } = hand_controller(rows);
+    let (mut parameters, mut sd) = (Vec::new(), Vec::new());
+    for (c, channel) in mechanism.channels.iter().enumerate() {
+        for (id, value, known) in
+            [("offset", offsets[c], KNOWN[0]), ("gain", gains[c], KNOWN[1] * gains[c])]
+        {
+            let target = Some(channel.name.clone());
+            let spec = Spec { term: id.into(), target, place: None };
+            parameters.push(Reported { spec, name: id.into(), value });
+            sd.push(known);
+        }
+    }
+    let n = sd.len();
+    let covariance: Vec<f64> =
+        (0..n * n).map(|k| if k / n == k % n { sd[k / n].powi(2) } else { 0.0 }).collect();
+    let reference = Reference {
+        centre: mechanism.channels.iter().map(|c| c.middle()).collect(),
+        span: mechanism.channels.iter().filter_map(|c| c.range).collect(),
+        temperature: None,
+    };
+    let sigma = vec![1.0; mechanism.channels.len()];
+    let applied = Applied { parameters, reference, sigma, ..Applied::default() };
+    let monitor = Monitor::new(&mechanism, &applied, &covariance, &MonitorOptions::default());
+    let mut random = Uniform(20_261_122);
+    // Three uniforms in (-1, 1) have variance one.
+    let mut noise = || random.next() + random.next() + random.next();
+    let row = |row: &[f64]| row.iter().map(|count| (count + noise()).round()).collect();
+    (monitor.expect("a calibration"), counts.chunks_exact(9).map(row).collect())
 }

@@ -8,6 +8,7 @@ figures do not depend on the number of jobs.
 from __future__ import annotations
 
 import argparse
+import itertools
 import multiprocessing
 from collections.abc import Sequence
 from functools import partial
@@ -47,12 +48,12 @@ def rate(args: argparse.Namespace) -> None:
 
 
 def delay(args: argparse.Namespace) -> None:
-    """Print rows until an alarm, by size, and how often the right part is named."""
-    for what in args.change:
+    """Print rows until an alarm, by noise and size, and how often the right part is named."""
+    for kind, what in itertools.product(args.noise, args.change):
         for size in SIZES[what]:
-            job = partial(_changed, args.seed, what, size, args.promise[0])
+            job = partial(_changed, args.seed, kind, what, size, args.promise[0])
             found: list[Found] = args.map(job, range(args.devices))
-            print(f"{what:9} {size:<6g} {_words(found)}; seed {args.seed}", flush=True)
+            print(f"{kind:10} {what:9} {size:<6g} {_words(found)}; seed {args.seed}", flush=True)
 
 
 def _words(found: Sequence[Found]) -> str:
@@ -89,8 +90,8 @@ def _quiet(seed: int, kind: str, promise: float, rows: int, lost: float, device:
     return quiet([seed, NOISES.index(kind), device], kind, promise, rows, lost)
 
 
-def _changed(seed: int, what: str, size: float, promise: float, device: int) -> Found:
-    return changed([seed, 1000 + device], what, size, promise)
+def _changed(seed: int, kind: str, what: str, size: float, promise: float, device: int) -> Found:
+    return changed([seed, 1000 + device], kind, what, size, promise)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

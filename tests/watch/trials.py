@@ -98,11 +98,11 @@ def drawn(rng: np.random.Generator, what: str, size: float) -> Change:
     return Change(str(rng.choice(["arm1", "arm2", "arm3"])), sign * size, since, axis=what)
 
 
-def changed(seed: list[int], what: str, size: float, promise: float) -> Found:
-    """Watch a device that changes."""
-    device, found, rng = calibrated(seed)
+def changed(seed: list[int], kind: str, what: str, size: float, promise: float) -> Found:
+    """Watch a device that changes, in noise of a kind."""
+    device, found, rng = calibrated(seed, kind)
     change = drawn(rng, what, size)
-    work = Work(device, rng, change=change)
+    work = Work(device, rng, kind, change=change)
     monitor = rsicalib.Monitor(found, false_alarms=promise)
     alarms: list[Alarm] = []
     while work.row < change.since + PATIENCE:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import RsicalibError
 from rsicalib.further import explanations, reason, words
 from rsicalib.guide.log import Sample
-from rsicalib.guide.wiring import mistaken
 from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Trace
@@ -30,10 +29,10 @@ OFFSET_SD = 0.1
 """What is known of an offset before anything is measured [rad]."""
 GAIN_SD = 0.05
 """What is known of a gain, as a fraction of it."""
+REST_SD = 0.1
+"""What is known of where the rest pose holds the platform, as a fraction of its longest side."""
 SPARE = 6
 """Equations beyond the parameters, from which on a session is traced."""
-SOON = 3
-"""The same, from which on wires that are exchanged are looked for: with the rest reading."""
 
 
 @dataclass(frozen=True)
@@ -140,17 +139,15 @@ class Adviser:
 
     def _mistake(self, fitted: Mapping[int, Sequence[Sample]]) -> str | None:
         """What is wrong with the wires, where no trace explains the poses."""
-        at_rest = self.rest
-        if at_rest is None or self._spare(fitted) + self.equations < SOON:
+        if self.rest is None or not fitted:
             return None
-
-        def chi2(undone: Callable[[FloatArray], FloatArray]) -> float:
-            rest = replace(at_rest, values=undone(at_rest.values))
-            poses = {label: _undone(samples, undone) for label, samples in fitted.items()}
-            session = Adviser(self.mechanism, rest)._session(poses, enough=False, starts=1)
-            return float(session.fit().to_dict()["fit"]["chi2"])
-
-        return mistaken(self.mechanism.channels, chi2)
+        mechanism = _with_gains(self.mechanism)
+        table = as_table([self._readings(fitted)], mechanism)
+        try:
+            warnings = _core.Session(mechanism, table, rest=self.rest.values).fit().warnings
+        except RsicalibError:
+            return None
+        return next((w for w in warnings if WIRES.search(w)), None)
 
     def _spare(self, fitted: Mapping[int, Sequence[Sample]]) -> int:
         """Equations beyond the parameters."""
@@ -286,12 +283,26 @@ def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def _gain_sd(mechanism: Mechanism) -> float:
+    return GAIN_SD * float(np.median([abs(c.gain) for c in mechanism.channels]))
+
+
+def _with_gains(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with weak knowledge of its gains and its rest pose: it tells wires apart."""
+    drawing = mechanism.to_dict()
+    model = drawing.setdefault("model", {})
+    model["sd"] = {"gain": _gain_sd(mechanism), **model.get("sd", {})}
+    sides = [c["value"] for c in drawing["closure"] if isinstance(c.get("value"), float)]
+    if drawing.get("rest") and sides:
+        drawing["rest"].setdefault("sd", REST_SD * max(sides))
+    return _core.Mechanism.from_dict(plain(drawing))
+
+
 def _with_priors(mechanism: Mechanism, rest: Readings | None) -> Mechanism:
     """The mechanism with weak knowledge of its sensors, its offsets as of the rest reading."""
     drawing = mechanism.to_dict()
-    gains = [abs(c.gain) for c in mechanism.channels]
     model = drawing.setdefault("model", {})
-    known = {"offset": OFFSET_SD, "gain": GAIN_SD * float(np.median(gains))}
+    known = {"offset": OFFSET_SD, "gain": _gain_sd(mechanism)}
     model["sd"] = {**known, **model.get("sd", {})}
     if rest is not None and drawing.get("rest"):
         angles = mechanism.inverse(drawing["rest"]["pose"])
@@ -325,11 +336,6 @@ def _length_s(poses: Mapping[int, Sequence[Sample]]) -> float:
     return max(times) - min(times) if times else 0.0
 
 
-def _undone(samples: Sequence[Sample], undone: Callable[[FloatArray], FloatArray]) -> list[Sample]:
-    rows = undone(np.array([s.values for s in samples]))
-    return [replace(s, values=tuple(row)) for s, row in zip(samples, rows.tolist(), strict=True)]
-
-
 def usable(result: Trace | None) -> bool:
     """Whether a result explains its poses: a single one can be wrong where the others fit."""
     return result is not None and result.exit_code == 0
@@ -345,6 +351,7 @@ def _repeats(result: Trace | None) -> tuple[Repeat, ...]:
     )
 
 
+WIRES = re.compile("look exchanged|the wrong way round")
 WIRING = re.compile(r"exchang|revers|wrap|never changes|does not change|stuck|clip|saturat", re.I)
 
 

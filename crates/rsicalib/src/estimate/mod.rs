@@ -14,6 +14,7 @@ mod observations;
 mod options;
 pub mod paper;
 pub mod progress;
+mod rewired;
 pub mod search;
 pub(crate) mod settle;
 pub mod start;

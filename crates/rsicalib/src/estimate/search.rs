@@ -19,6 +19,7 @@ use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::{Anchor, Observations};
+use crate::mechanism::Mechanism;
 use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
@@ -234,6 +235,55 @@ impl<'a> StartSearch<'a> {
         let mut beta = outcome.x;
         let elsewhere = self.turn_back(&mut beta);
         End { cost: 2.0 * outcome.cost, beta, score, elsewhere }
+    }
+
+    /// True where gains are unknown and all of them have priors: then knowledge can judge few poses.
+    pub(crate) fn knows(&self) -> bool {
+        let held = |column: usize| {
+            let of =
+                |p: &Prior| matches!(p, Prior::Parameter { column: own, .. } if *own == column);
+            self.priors.iter().any(of)
+        };
+        let gain = |c: usize| self.model.column(Role::Gain, c);
+        let mut gains = (0..self.model.scales.len()).filter_map(gain).peekable();
+        gains.peek().is_some() && gains.all(held)
+    }
+
+    /// Equations beside those of the readings: priors, and those of a rest pose that is held.
+    pub(crate) fn knowledge(&self) -> usize {
+        let held = self.observations.held.as_ref();
+        self.priors.len() + held.map_or(0, |held| self.at_rest(held).map_or(0, |m| m.equations()))
+    }
+
+    fn at_rest(&self, (mechanism, readings): &(Mechanism, Readings)) -> Option<Model> {
+        Model::like(self.model, mechanism, readings).ok()
+    }
+
+    /// The maximum-likelihood fit from the parameters `start`, with one weight per sample, with
+    /// priors and the rest pose `held`. The score counts these among the equations.
+    pub(crate) fn end_knowing(
+        &self,
+        readings: &Readings,
+        weights: &[f64],
+        held: Option<&(Mechanism, Readings)>,
+        start: &[f64],
+    ) -> End {
+        let part = Part { model: self.model, readings, weights: Some(weights) };
+        let rest = held.and_then(|held| Some((self.at_rest(held)?, &held.1)));
+        let mut parts = vec![(part, self.noise.clone())];
+        if let Some((model, readings)) = &rest {
+            parts.push((Part { model, readings, weights: None }, self.noise.clone()));
+        }
+        let problem = Implicit::new(parts, &self.priors);
+        let outcome = lm::minimize(&problem, start, &self.options);
+        let live = weights.iter().filter(|w| **w > 0.0).count();
+        let equations = self.model.equations() * live + self.knowledge();
+        let chi2 = 2.0 * outcome.cost;
+        let lost = collapsed(self.model, &outcome.x) || !chi2.is_finite();
+        let score = if lost { f64::INFINITY } else { chi2 / equations as f64 };
+        let mut beta = outcome.x;
+        let elsewhere = self.turn_back(&mut beta);
+        End { cost: chi2, beta, score, elsewhere }
     }
 
     /// Removes whole turns from the joint angles. True where a joint at its mean reading is still

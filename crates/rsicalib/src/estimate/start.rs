@@ -5,7 +5,8 @@ use crate::estimate::observations::Observations;
 use crate::estimate::search::{End, StartSearch, anchored};
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Gains, Origin, Start, Try};
-use crate::estimate::wiring;
+use crate::estimate::wiring::Suspected;
+use crate::estimate::{rewired, wiring};
 use crate::model::Model;
 
 /// Common factors on the nominal gains, the nearest to 1 first.
@@ -54,13 +55,8 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
             break;
         }
     }
-    let score = best.as_ref().map_or(f64::INFINITY, |b| b.score);
     let mut warnings = Vec::new();
-    if score >= options.good_start
-        && options.starts > 1
-        && enough(observations, model)
-        && let Some(found) = wiring::suspect(&search, score)
-    {
+    if let Some(found) = suspected(&search, best.as_ref()) {
         warnings.push(found.suspicion);
         best = found.end.or(best);
     }
@@ -71,12 +67,31 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     Start { beta, tries, warnings }
 }
 
-/// True where poses give half as many equations again as there are parameters: from fewer,
-/// almost any mistake leads to a good fit. Repeats of a pose are no equations of their own.
-fn enough(observations: &Observations, model: &Model) -> bool {
+/// What looks wrong with the wiring where the best end is not good, or where it disagrees with what
+/// is known of gains and the rest pose. Nothing where one start is asked for.
+fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> {
+    let options = &search.observations.options;
+    if options.starts == 1 {
+        return None;
+    }
+    if search.knows() && enough(search, search.knowledge()) {
+        if let Some(suspicion) = rewired::suspect(search, best) {
+            return Some(Suspected { suspicion, end: None });
+        }
+    }
+    let score = best.map_or(f64::INFINITY, |end| end.score);
+    let doubtful = score >= options.good_start && enough(search, 0);
+    doubtful.then(|| wiring::suspect(search, score))?
+}
+
+/// True where poses and `known` equations beside them are half as many again as there are
+/// parameters: from fewer, almost any mistake leads to a good fit. Repeats of a pose are no
+/// equations of their own.
+fn enough(search: &StartSearch<'_>, known: usize) -> bool {
+    let StartSearch { observations, model, .. } = search;
     let live = |rows: &Vec<usize>| rows.iter().any(|&r| observations.weights[r] > 0.0);
     let poses = observations.readings.rows_of_poses().iter().filter(|rows| live(rows)).count();
-    2 * poses * model.equations() >= 3 * model.parameters
+    2 * (poses * model.equations() + known) >= 3 * model.parameters
 }
 
 /// Anchor, name and gain factors of `count` starts: the nearest factors first, anchors in turn.

@@ -4,9 +4,10 @@
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
+use crate::estimate::rewired::{DECISIVE, Rewired};
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
 use crate::estimate::suspicion::{Closes, Shown, Suspicion};
-use crate::readings::{Readings, Table};
+use crate::readings::Table;
 
 /// A suspicion, and the fit that takes the mistake into account where that needs no other
 /// readings.
@@ -17,9 +18,6 @@ pub struct Suspected {
     /// The fit.
     pub end: Option<End>,
 }
-
-/// χ² must fall by this factor before a mistake is named.
-const DECISIVE: f64 = 20.0;
 
 /// Part of the range without a single reading that makes a jump.
 const JUMP: f64 = 0.3;
@@ -83,21 +81,14 @@ fn reversed(search: &StartSearch<'_>, at: impl Fn(usize) -> bool) -> End {
     best_of(FACTORS.into_iter().map(from)).unwrap_or(nothing)
 }
 
-/// The fit with two columns of the readings exchanged.
+/// The fit with two columns of the readings exchanged; none where a reading is beyond the range of
+/// the other channel.
 fn exchanged(search: &StartSearch<'_>, a: usize, b: usize) -> Option<End> {
-    let observations = search.observations;
-    let swap = |row: &mut [f64]| row.swap(a, b);
-    let mut table = search.readings.table.clone();
-    table.values.chunks_exact_mut(search.readings.channels).for_each(swap);
-    // The other way round they may be beyond each other's range.
-    let readings = Readings::beside(&observations.mechanism, table, &observations.readings).ok()?;
-    let mut turned = observations.clone();
-    if let Some(rest) = &mut turned.rest {
-        swap(rest);
-    }
+    let Rewired { readings, observations } =
+        Rewired::exchanged(search.observations, &search.readings, [a, b])?;
     let from = |factor: f64| {
         let factors = vec![factor; search.model.scales.len()];
-        let start = anchored(&turned, search.model, &factors);
+        let start = anchored(&observations, search.model, &factors);
         search.end_with(&readings, &search.weights, &start)
     };
     best_of(FACTORS.into_iter().map(from))

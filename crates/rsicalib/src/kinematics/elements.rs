@@ -36,6 +36,14 @@ pub enum Source {
     Law(usize),
 }
 
+impl Source {
+    /// True for a parameter of the model, false for a coordinate of a joint or a law.
+    #[inline(always)]
+    pub(crate) fn is_parameter(self) -> bool {
+        matches!(self, Self::Parameter(_) | Self::Gated(..))
+    }
+}
+
 /// One element of a chain.
 #[derive(Debug, Clone)]
 pub enum Element {

@@ -230,6 +230,8 @@ impl Posture {
                     });
                     let by = match *source {
                         Source::Channel(c) | Source::Law(c) => angles[c],
+                        // Most parameters of a geometry that may differ are as drawn.
+                        Source::Parameter(p) if parameters[p] == 0.0 => continue,
                         Source::Parameter(p) => Lanes::splat(parameters[p]),
                         Source::Gated(p, gate) => gates[gate] * parameters[p],
                     };

@@ -353,6 +353,9 @@ impl Model {
                         let point = if sign > 0.0 { &ends[0] } else { &ends[1] };
                         for lever in 0..ws.postures[*chain].levers.len() {
                             let lever = &ws.postures[*chain].levers[lever];
+                            if lever.source.is_parameter() && !want.x {
+                                continue;
+                            }
                             let (source, moved) = (lever.source, lever.moves(point));
                             self.add_column(closure, source, &moved, &apart, sign, want, ws);
                         }

@@ -230,23 +230,16 @@ impl Session<'_> {
             *mean = (was[column] - watched.at[column]) / watched.scale[position];
         }
         let mut windows = Windows::new(width, 1, watched.tested());
-        let (mut r, mut g) = (vec![0.0; k], vec![0.0; k * width]);
         let less = 1.0 / self.judged.inflation.sqrt();
         let mut chi2 = 0.0;
-        let used: Vec<usize> = self.used().collect();
-        for block in used.chunks(WIDTH) {
-            for (lane, &row) in block.iter().enumerate() {
-                rows.put(lane, self.observations.readings.row(row));
-            }
-            rows.linearise(watched, 0);
-            for lane in 0..block.len() {
-                rows.read(lane, watched, 0, &mut r, &mut g);
-                r.iter_mut().chain(&mut g).for_each(|v| *v *= less);
-                chi2 += state.compare(&r, &g, width) * self.judged.inflation;
-                state.absorb();
-                windows.add(&r, &g, 0, None);
-            }
-        }
+        let readings = &self.observations.readings;
+        let used: Vec<(u64, &[f64])> = self.used().map(|row| (0, readings.row(row))).collect();
+        rows.each(watched, &used, |_, r, g| {
+            r.iter_mut().chain(&mut *g).for_each(|v| *v *= less);
+            chi2 += state.compare(r, g, width) * self.judged.inflation;
+            state.absorb();
+            windows.add(r, g, 0, None);
+        });
         Pass { state, now: windows.now, chi2 }
     }
 

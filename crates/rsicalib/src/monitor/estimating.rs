@@ -6,12 +6,11 @@ use crate::monitor::alarm::Alarm;
 use crate::monitor::drift::{Drift, sums_since};
 use crate::monitor::naming::Suspect;
 use crate::monitor::open::{Kind, Open, Suspected};
-use crate::monitor::recent::Kept;
+use crate::monitor::recent::{Kept, numbered};
 use crate::monitor::score::MOST_COLUMNS;
 use crate::monitor::watch::Monitor;
 use crate::monitor::watched::Watched;
 use crate::monitor::windows::Sums;
-use crate::numerics::lanes::WIDTH;
 
 /// Standard deviation of a change beforehand, in typical sizes.
 const TYPICAL: f64 = 3.0;
@@ -90,7 +89,7 @@ impl Monitor {
         self.state.set(beta.as_slice(), &(&map * joint * map.transpose()));
         let mut known = DMatrix::zeros(size, size);
         known.view_mut((0, 0), (m, m)).copy_from(&old);
-        let named = Kind { candidate: suspects[0].candidate, drifts: false };
+        let named = Kind { candidate: suspects.first()?.candidate, drifts: false };
         Some(Open { suspects, named, places, width, was, known, alarm: Alarm::default() })
     }
 
@@ -147,18 +146,12 @@ impl Monitor {
         let width = self.watched.order.len();
         let mean: Vec<f64> = (0..prior.nrows()).map(|k| -open.moved(&self.watched, k)).collect();
         self.state.set(&mean, prior);
-        self.whitening.interrupt();
-        for block in rows.chunks(WIDTH) {
-            for (lane, (.., readings)) in block.iter().enumerate() {
-                self.again.put(lane, readings);
-            }
-            self.again.linearise(&self.watched, block[0].0);
-            for (lane, (row, ..)) in block.iter().enumerate() {
-                self.again.read(lane, &self.watched, *row, &mut self.r, &mut self.g);
-                self.whitening.filter(&mut self.r, &mut self.g);
-                self.state.compare(&self.r, &self.g, width);
-                self.state.absorb();
-            }
-        }
+        let Self { again, watched, whitening, state, .. } = self;
+        whitening.interrupt();
+        again.each(watched, &numbered(rows), |_, r, g| {
+            whitening.filter(r, g);
+            state.compare(r, g, width);
+            state.absorb();
+        });
     }
 }

@@ -35,18 +35,28 @@ pub(super) struct Suspect {
 impl Monitor {
     /// Names a change, and goes on with it.
     pub(super) fn raise(&mut self, tested: Tested) {
-        for place in &self.waiting[..std::mem::take(&mut self.held)] {
-            self.state.compare(&place.r, &place.g, self.watched.order.len());
-            self.state.absorb();
-            self.counts.used += 1;
-            self.windows.add(&place.r, &place.g, place.row, place.time);
+        let broken = (std::mem::take(&mut self.held) > 0).then_some(self.waiting[0]);
+        if let Some(first) = broken {
+            self.absorb_waiting(first, tested.row);
         }
-        if let Some(alarm) = self.name(tested) {
+        if let Some(alarm) = self.name(tested, broken) {
             self.counts.alarms += 1;
             self.alarms.push(alarm);
         }
         self.restart();
         self.age = 0;
+    }
+
+    /// Takes over the samples that waited, from the row `first` on. Each was filtered as if those
+    /// before it were bad readings; now they are its neighbours. The first has none: the row before
+    /// it lacks the change, and the filtered `G` is that of a change that both have.
+    fn absorb_waiting(&mut self, first: u64, last: u64) {
+        for (row, time, r, g) in self.filtered(first, last, Some(first)) {
+            self.state.compare(&r, &g, self.watched.order.len());
+            self.state.absorb();
+            self.counts.used += 1;
+            self.windows.add(&r, &g, row, time);
+        }
     }
 
     /// Begins with new windows.
@@ -55,9 +65,9 @@ impl Monitor {
         self.whitening.interrupt();
     }
 
-    fn name(&mut self, tested: Tested) -> Option<Alarm> {
+    fn name(&mut self, tested: Tested, broken: Option<u64>) -> Option<Alarm> {
         self.settle();
-        let onsets = self.onsets(tested.row);
+        let onsets = self.onsets(tested.row, broken);
         let suspects = self.suspects(&onsets);
         let best = *suspects.first()?;
         let begin = &onsets[best.onset];

@@ -6,6 +6,11 @@ const MOST: usize = 512;
 /// Number, time (s) and readings of a row.
 pub(crate) type Kept = (u64, Option<f64>, Vec<f64>);
 
+/// Number and readings of rows.
+pub(crate) fn numbered(rows: &[Kept]) -> Vec<(u64, &[f64])> {
+    rows.iter().map(|(number, _, readings)| (*number, &**readings)).collect()
+}
+
 /// A ring of rows.
 #[derive(Debug, Clone)]
 pub(crate) struct Recent {

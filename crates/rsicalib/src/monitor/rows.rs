@@ -41,6 +41,28 @@ impl Rows {
         self.room.settle_once(&part, 0, &self.raw, &self.at, &mut self.adjusted);
     }
 
+    /// Gives `take` the place, `r` and `G` of one row after the other, which have these numbers and
+    /// readings.
+    pub(crate) fn each(
+        &mut self,
+        watched: &Watched,
+        rows: &[(u64, &[f64])],
+        mut take: impl FnMut(usize, &mut [f64], &mut [f64]),
+    ) {
+        let equations = watched.under.model.equations();
+        let (mut r, mut g) = (vec![0.0; equations], vec![0.0; equations * watched.order.len()]);
+        for (block, rows) in rows.chunks(WIDTH).enumerate() {
+            for (lane, (_, readings)) in rows.iter().enumerate() {
+                self.put(lane, readings);
+            }
+            self.linearise(watched, rows[0].0);
+            for (lane, (row, _)) in rows.iter().enumerate() {
+                self.read(lane, watched, *row, &mut r, &mut g);
+                take(block * WIDTH + lane, &mut r, &mut g);
+            }
+        }
+    }
+
     /// Sum of squares of the misclosure of the raw readings in the first lanes, in length units.
     pub(crate) fn misclosure(&mut self, watched: &Watched, lengths: &[f64], live: usize) -> f64 {
         let (model, readings) = (&watched.under.model, &watched.under.readings);

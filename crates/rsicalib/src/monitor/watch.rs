@@ -84,8 +84,8 @@ pub struct Monitor {
     pub(super) dof: f64,
     /// Limit beyond which a sample is far outside.
     pub(super) outside: f64,
-    /// Samples far outside that wait to be confirmed.
-    pub(super) waiting: Vec<Waiting>,
+    /// Rows of samples far outside that wait to be confirmed.
+    pub(super) waiting: [u64; CONFIRMED],
     pub(super) held: usize,
     /// Samples since the start, or since the last change.
     pub(super) age: u64,
@@ -98,15 +98,6 @@ pub struct Monitor {
     pub(super) r: Vec<f64>,
     pub(super) g: Vec<f64>,
     pub(super) alarms: Vec<Alarm>,
-}
-
-/// A sample that waits.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Waiting {
-    pub(super) r: Vec<f64>,
-    pub(super) g: Vec<f64>,
-    pub(super) row: u64,
-    pub(super) time: Option<f64>,
 }
 
 /// A row that is to be tested.
@@ -147,11 +138,6 @@ impl Monitor {
         let state = State::new(watched.prior.clone(), watched.uncertain, width, equations);
         let thresholds =
             Thresholds::new(options.false_alarms, LEVELS, watched.candidates.len(), Windows::step);
-        let waiting = Waiting {
-            r: vec![0.0; equations],
-            g: vec![0.0; equations * width],
-            ..Waiting::default()
-        };
         Ok(Self {
             sigma: applied.sigma.clone(),
             order: Order::new(&mechanism.channels),
@@ -166,9 +152,9 @@ impl Monitor {
             scale: 1.0,
             dof: options.quiet.dof.unwrap_or(DECLARED),
             outside: quantile(OUTSIDE, equations as f64),
-            r: waiting.r.clone(),
-            g: waiting.g.clone(),
-            waiting: vec![waiting; CONFIRMED],
+            r: vec![0.0; equations],
+            g: vec![0.0; equations * width],
+            waiting: [0; CONFIRMED],
             held: 0,
             age: 0,
             recent: Recent::new(mechanism.channels.len()),
@@ -331,16 +317,11 @@ impl Monitor {
         let squared = self.state.compare(&self.r, &self.g, width) / self.scale;
         if squared > self.outside && as_chi2(squared, self.dof) > self.outside {
             self.whitening.interrupt();
-            let place = &mut self.waiting[self.held];
-            place.r.copy_from_slice(&self.r);
-            place.g.copy_from_slice(&self.g);
-            (place.row, place.time) = (tested.row, tested.time);
+            self.waiting[self.held] = tested.row;
             self.held += 1;
             return self.held == CONFIRMED;
         }
-        for place in &self.waiting[..self.held] {
-            self.recent.leave_out(place.row);
-        }
+        self.waiting[..self.held].iter().for_each(|row| self.recent.leave_out(*row));
         self.counts.outliers += std::mem::take(&mut self.held) as u64;
         self.state.absorb();
         self.counts.used += 1;

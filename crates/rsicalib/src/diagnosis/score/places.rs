@@ -13,30 +13,21 @@ use crate::numerics::symmetric::{SEEN, dot, left_out};
 use crate::terms::find;
 use crate::terms::targets::provided;
 
-/// Poses on either side of a slip that must see it, each by its share of what they see: more than
-/// two, and so at least three. Two that are off alike are two wrong readings.
+/// Poses on either side of a slip that must see it: more than two, and so at least three. Two that
+/// are off alike are two wrong readings.
 const SIDE: f64 = 2.5;
 
-/// So many poses as see all alike see as much as these, which see so much each (Kish).
-#[derive(Clone, Copy, Default)]
-struct Seen {
-    sum: f64,
-    squares: f64,
-}
+/// A pose sees a slip that changes its χ² by this much, two standard deviations; one that changes it
+/// by less counts in part.
+const SEES: f64 = 4.0;
 
-impl Seen {
-    fn add(&mut self, information: f64) {
-        self.sum += information;
-        self.squares += information * information;
-    }
-
-    fn without(self, other: Self) -> Self {
-        Self { sum: self.sum - other.sum, squares: self.squares - other.squares }
-    }
-
-    fn poses(self) -> f64 {
-        self.sum * self.sum / self.squares.max(f64::MIN_POSITIVE)
-    }
+/// True where enough poses see a slip, which changes χ² of each by these, times `by`.
+fn seen(each: &[f64], by: f64) -> bool {
+    let mut poses = 0.0;
+    each.iter().any(|own| {
+        poses += (own * by / SEES).min(1.0);
+        poses >= SIDE
+    })
 }
 
 /// Of more poses than this, several channels are worked on at once.
@@ -47,8 +38,6 @@ const MANY: usize = 1000;
 struct Time {
     /// Place among the poses that count.
     order: usize,
-    /// What those poses see of it.
-    seen: Seen,
     column: Column,
 }
 
@@ -210,32 +199,36 @@ impl<'a> Poses<'a> {
         scored
     }
 
-    /// The sums from one pose later on, with this pose.
-    fn earlier(&self, time: &mut Time, channel: usize, order: usize) {
+    /// The sums from one pose later on, with this pose; what this pose adds to `ZᵀZ`.
+    fn earlier(&self, time: &mut Time, channel: usize, order: usize) -> f64 {
         let zz = time.column.zz;
         self.add(&mut time.column, channel, order);
-        time.seen.add(time.column.zz - zz);
         time.order = order;
+        time.column.zz - zz
     }
 
     /// Scores of slips of one channel: at [`MOST_TIMES`] times at the most, and then at every one about
     /// the best.
     fn slips_of(&self, channel: usize, of: Instance) -> Vec<Scored> {
         let stride = self.live.len().div_ceil(MOST_TIMES).max(1);
-        let column = Column::new(self.at.rank());
-        let end = Time { order: self.live.len(), seen: Seen::default(), column };
+        let end = Time { order: self.live.len(), column: Column::new(self.at.rank()) };
         let (mut after, mut times) = (end.clone(), Vec::new());
+        let mut each = vec![0.0; self.live.len()];
         for order in (0..self.live.len()).rev() {
-            self.earlier(&mut after, channel, order);
+            each[order] = self.earlier(&mut after, channel, order);
             if order > 0 && order % stride == 0 {
                 times.push(after.clone());
             }
         }
-        let all = after.seen;
-        let both_sides = |later: &Seen| later.poses().min(all.without(*later).poses()) >= SIDE;
-        times.retain(|time| both_sides(&time.seen));
+        // No three poses see a slip so near an end.
+        times.retain(|time| time.order.min(self.live.len() - time.order) as f64 > SIDE);
         let turns = turns(&times);
-        let score = |time: &Time| time.column.score(&self.at.pull, SEEN);
+        let score = |time: &Time| {
+            let score = time.column.score(&self.at.pull, SEEN)?;
+            let (before, after) = each.split_at(time.order);
+            let squared = score / time.column.left();
+            (seen(before, squared) && seen(after, squared)).then_some(score)
+        };
         let score_of = |time: &Time| score(time).unwrap_or(0.0);
         let best = (0..times.len())
             .max_by(|i, j| score_of(&times[*i]).total_cmp(&score_of(&times[*j])))
@@ -246,7 +239,7 @@ impl<'a> Poses<'a> {
             let first = times.get(best + 1).map_or(0, |earlier| earlier.order);
             for order in (first + 1..time.order).rev() {
                 self.earlier(&mut time, channel, order);
-                if both_sides(&time.seen) && score_of(&time) > score_of(&times[best]) {
+                if score_of(&time) > score_of(&times[best]) {
                     times[best] = time.clone();
                 }
             }

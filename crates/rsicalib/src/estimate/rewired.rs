@@ -1,0 +1,137 @@
+//! Mistakes at first wiring in few poses, judged by all that is known beside the readings.
+//!
+//! From few poses almost any wiring leads to a good fit of gains and offsets that nobody knows.
+//! Where gains have priors, these and a held rest pose are equations, too: a wrong wire then
+//! costs χ². A mistake is named only where it is the only one that explains the poses.
+
+use crate::Error;
+use crate::estimate::observations::Observations;
+use crate::estimate::search::{End, StartSearch, anchored};
+use crate::estimate::suspicion::{Closes, Suspicion};
+use crate::mechanism::Mechanism;
+use crate::readings::{Readings, Table};
+
+/// χ² must fall by this factor before a mistake is named.
+pub(crate) const DECISIVE: f64 = 20.0;
+
+/// The observations, and the readings that a search uses, as they would be without a mistake.
+pub(crate) struct Rewired {
+    /// The readings of the poses.
+    pub(crate) readings: Readings,
+    /// The observations, for the reading of the rest pose.
+    pub(crate) observations: Observations,
+}
+
+impl Rewired {
+    /// Every row changed by `undo`; an error where a reading is beyond its channel's range then.
+    fn new(
+        observations: &Observations,
+        readings: &Readings,
+        undo: impl Fn(&mut [f64]),
+    ) -> Result<Self, Error> {
+        let mut observations = observations.clone();
+        let mut table = readings.table.clone();
+        table.values.chunks_exact_mut(readings.channels).for_each(&undo);
+        let readings = Readings::beside(&observations.mechanism, table, &observations.readings)?;
+        if let Some(rest) = &mut observations.rest {
+            undo(rest);
+        }
+        if let (Some((held, readings)), Some(rest)) = (&mut observations.held, &observations.rest) {
+            *readings = Readings::new(held, Table { values: rest.clone(), ..Table::default() })?;
+        }
+        Ok(Self { readings, observations })
+    }
+
+    /// Two columns exchanged; none where a reading is beyond the range of the other channel.
+    pub(crate) fn exchanged(
+        observations: &Observations,
+        readings: &Readings,
+        [a, b]: [usize; 2],
+    ) -> Option<Self> {
+        Self::new(observations, readings, |row| row.swap(a, b)).ok()
+    }
+
+    /// A channel the other way round within its range, or about zero where it has none.
+    fn mirrored(observations: &Observations, readings: &Readings, channel: usize) -> Option<Self> {
+        let range = observations.mechanism.channels[channel].range;
+        let ends = range.map_or(0.0, |[low, high]| low + high);
+        Self::new(observations, readings, |row| row[channel] = ends - row[channel]).ok()
+    }
+}
+
+/// The poses, each the mean of its samples, with the square root of their number as its weight.
+struct Poses<'a> {
+    search: &'a StartSearch<'a>,
+    readings: Readings,
+    weights: Vec<f64>,
+}
+
+impl<'a> Poses<'a> {
+    fn new(search: &'a StartSearch<'a>) -> Result<Self, Error> {
+        let (all, mechanism) = (&*search.readings, &search.observations.mechanism);
+        let (readings, live) = match all.held {
+            true => all.averaged(mechanism, &search.weights)?,
+            false => (all.clone(), search.weights.clone()),
+        };
+        Ok(Self { search, readings, weights: live.into_iter().map(f64::sqrt).collect() })
+    }
+
+    /// χ² per equation of the best fit from a start, with the rest pose `held`.
+    fn from(&self, readings: &Readings, held: Option<&(Mechanism, Readings)>, x: &[f64]) -> f64 {
+        self.search.end_knowing(readings, &self.weights, held, x).score
+    }
+
+    /// The same from the rest pose and nominal gains, without a mistake.
+    fn without(&self, Rewired { readings, observations }: &Rewired) -> f64 {
+        let factors = vec![1.0; readings.channels];
+        let start = anchored(observations, self.search.model, &factors);
+        self.from(readings, observations.held.as_ref(), &start)
+    }
+
+    /// The same as it is declared, also from the best end of the search.
+    fn declared(&self, best: Option<&End>) -> f64 {
+        let observations = self.search.observations;
+        let anchor = anchored(observations, self.search.model, &vec![1.0; self.readings.channels]);
+        let starts = [Some(&anchor), best.map(|end| &end.beta)];
+        let scores = starts
+            .into_iter()
+            .flatten()
+            .map(|start| self.from(&self.readings, observations.held.as_ref(), start));
+        scores.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Every mistake with the χ² per equation that is left without it, the best first.
+    fn mistakes(&self, declared: f64) -> Vec<(f64, Suspicion)> {
+        let (observations, readings) = (self.search.observations, &self.readings);
+        let channels = readings.channels;
+        let pairs = (0..channels).flat_map(|a| (a + 1..channels).map(move |b| [a, b]));
+        let exchanged = pairs.filter_map(|channels| {
+            let with = self.without(&Rewired::exchanged(observations, readings, channels)?);
+            Some((with, Suspicion::Exchanged { channels, closes: Closes { with, declared } }))
+        });
+        let reversed = (0..channels).filter_map(|c| {
+            let with = self.without(&Rewired::mirrored(observations, readings, c)?);
+            let closes = Closes { with, declared };
+            Some((with, Suspicion::Reversed { channels: vec![c], closes }))
+        });
+        let mut found: Vec<(f64, Suspicion)> = exchanged.chain(reversed).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found
+    }
+}
+
+/// The only mistake with which the poses agree with what is known, if they do not without one.
+/// `best` is the best end of the search, where there is one.
+#[must_use]
+pub(crate) fn suspect(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspicion> {
+    let poses = Poses::new(search).ok()?;
+    let declared = poses.declared(best);
+    if declared < DECISIVE {
+        return None;
+    }
+    let mut found = poses.mistakes(declared).into_iter();
+    let (score, suspicion) = found.next()?;
+    let next = found.next().map_or(f64::INFINITY, |(score, _)| score);
+    let limit = search.observations.options.good_start.min(declared.min(next) / DECISIVE);
+    (score.max(1.0) <= limit).then_some(suspicion)
+}
