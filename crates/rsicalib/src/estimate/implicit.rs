@@ -124,7 +124,57 @@ impl<'a> Implicit<'a> {
     }
 }
 
+/// What some rows leave.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Misfit {
+    /// χ².
+    pub chi2: f64,
+    /// Sum of the squares of the misclosures, length units.
+    pub square: f64,
+    /// Equations.
+    pub equations: f64,
+}
+
 impl Implicit<'_> {
+    /// What the rows of the first part leave at `x` that count, block by block.
+    #[must_use]
+    pub fn misfit(&self, x: &[f64], counts: impl Fn(usize) -> bool + Sync) -> Misfit {
+        let (part, noise) = &self.parts[0];
+        let (model, readings, channels) = (part.model, part.readings, part.readings.channels);
+        let lengths = model.lengths();
+        let mut adjusted = lock(&self.adjusted);
+        let one = |first: usize, chunk: &mut [Lanes]| {
+            let mut room = Room::new(model, noise);
+            let mut sum = Misfit::default();
+            for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
+                let (block, meta) = (first + i, &readings.blocks()[first + i]);
+                let lanes: Vec<usize> =
+                    (0..meta.live).filter(|&lane| counts(meta.rows[lane])).collect();
+                if lanes.is_empty() {
+                    continue;
+                }
+                let bare = Want { x: false, a: false };
+                model.evaluate(readings, block, readings.raw(block), x, bare, &mut room.ws);
+                for (f, length) in room.ws.f.iter().zip(&lengths) {
+                    sum.square += lanes.iter().map(|&l| (f.0[l] * length).powi(2)).sum::<f64>();
+                }
+                room.settle(part, block, x, a_hat, false);
+                let weight = part.weight(block);
+                for w in &room.w {
+                    sum.chi2 += lanes.iter().map(|&l| (w.0[l] * weight.0[l]).powi(2)).sum::<f64>();
+                }
+                sum.equations += (lanes.len() * room.w.len()) as f64;
+            }
+            sum
+        };
+        let merge = |sum: &mut Misfit, other: Misfit| {
+            sum.chi2 += other.chi2;
+            sum.square += other.square;
+            sum.equations += other.equations;
+        };
+        over_chunks(&mut adjusted[0], channels, one, merge).unwrap_or_default()
+    }
+
     /// Visits every block of the first part at `x`, in order. `visit` gets the block's group and the
     /// weighted `L⁻¹ w` and `L⁻¹ X`, equation by equation.
     pub(crate) fn sweep<S: Send>(

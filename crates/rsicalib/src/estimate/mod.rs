@@ -23,7 +23,7 @@ mod wiring;
 
 pub use algebraic::Algebraic;
 pub use fit::{Fit, carry_over, fit, free_parameters};
-pub use implicit::{Implicit, Residuals};
+pub use implicit::{Implicit, Misfit, Residuals};
 pub use note::Note;
 pub use objective::{Noise, Part};
 pub use observations::{Anchor, AnchorKind, Observations};

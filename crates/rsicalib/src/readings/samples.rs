@@ -10,7 +10,8 @@ use crate::mechanism::Mechanism;
 use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
-use crate::readings::table::Table;
+use crate::readings::context::Motion;
+use crate::readings::table::{Table, rows_of};
 
 /// Checked readings of one mechanism.
 #[derive(Debug, Clone)]
@@ -46,6 +47,9 @@ pub struct Readings {
     /// First and last time of each session (s); numbers of the first and last pose without a time
     /// column.
     pub clock: Vec<[f64; 2]>,
+    /// Rows of the recording of whose stretches these samples are means; none for readings as they
+    /// were taken.
+    pub merged: Option<usize>,
     blocks: Vec<Block>,
     raw: Vec<Lanes>,
     approach: Vec<Lanes>,
@@ -122,6 +126,59 @@ impl Readings {
         Ok((Self::build(mechanism, table, Some(self), true)?, live))
     }
 
+    /// One sample for each stretch of this recording: all that is known of its middle row, with these
+    /// readings, one per channel, in place of that row's. `stretches` holds the first row and the
+    /// middle row of each; `rows` is how many rows of the recording count.
+    ///
+    /// Means and spans are those of the recording, so that parameters are the same.
+    #[must_use]
+    pub(crate) fn merged(&self, stretches: &[[usize; 2]], values: Vec<f64>, rows: usize) -> Self {
+        let middles: Vec<usize> = stretches.iter().map(|[_, middle]| *middle).collect();
+        let lane_of = self.lane_of_rows();
+        let places: Vec<(usize, usize)> = middles.iter().map(|&row| lane_of[row]).collect();
+        let of_block = |f: &dyn Fn(&Block) -> Lanes| -> Vec<f64> {
+            places.iter().map(|&(block, lane)| f(&self.blocks[block]).0[lane]).collect()
+        };
+        let of_channels = |all: &[Lanes]| -> Vec<f64> {
+            let of = |&(block, lane): &(usize, usize)| {
+                part(all, block, self.channels).iter().map(move |value| value.0[lane])
+            };
+            places.iter().flat_map(of).collect()
+        };
+        let group: Vec<usize> = places.iter().map(|&(block, _)| self.blocks[block].group).collect();
+        let (time, temperature) = (of_block(&|b| b.time), of_block(&|b| b.temperature));
+        let motion =
+            Motion { approach: of_channels(&self.approach), velocity: of_channels(&self.velocity) };
+        let table = Table { values, ..rows_of(&self.table, self.channels, &middles) };
+        let session_of_pose = middles.iter().map(|&row| session_of(&self.table, row)).collect();
+        let mut merged = Self {
+            samples: middles.len(),
+            channels: self.channels,
+            labels: stretches.iter().map(|[first, _]| self.labels[self.pose[*first]]).collect(),
+            pose: (0..middles.len()).collect(),
+            held: false,
+            timed: self.timed,
+            tempered: self.tempered,
+            mean_temperature: self.mean_temperature,
+            mean: self.mean.clone(),
+            span: self.span.clone(),
+            sessions: self.sessions,
+            session_of_pose,
+            groups: self.groups.clone(),
+            table,
+            clock: self.clock.clone(),
+            merged: Some(rows),
+            blocks: Vec::new(),
+            raw: Vec::new(),
+            approach: Vec::new(),
+            velocity: Vec::new(),
+            columns: Vec::new(),
+        };
+        let order: Vec<f64> = (0..middles.len()).map(|pose| pose as f64).collect();
+        merged.lay_out(&group, &time, &temperature, &order, &motion);
+        merged
+    }
+
     fn build(
         mechanism: &Mechanism,
         table: Table,
@@ -175,6 +232,7 @@ impl Readings {
             groups,
             table,
             clock,
+            merged: None,
             blocks: Vec::new(),
             raw: Vec::new(),
             approach: Vec::new(),
@@ -197,7 +255,7 @@ impl Readings {
         time: &[f64],
         temperature: &[f64],
         pose: &[f64],
-        motion: &crate::readings::context::Motion,
+        motion: &Motion,
     ) {
         let mut order: Vec<usize> = (0..self.samples).collect();
         order.sort_by_key(|&row| group[row]);
@@ -321,6 +379,18 @@ impl Readings {
     #[must_use]
     pub fn row(&self, row: usize) -> &[f64] {
         part(&self.table.values, row, self.channels)
+    }
+
+    /// Block and lane of each row.
+    #[must_use]
+    pub(crate) fn lane_of_rows(&self) -> Vec<(usize, usize)> {
+        let mut lane_of = vec![(0, 0); self.samples];
+        for (block, meta) in self.blocks.iter().enumerate() {
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                lane_of[*row] = (block, lane);
+            }
+        }
+        lane_of
     }
 
     /// The rows of each pose, in order.

@@ -67,7 +67,8 @@ impl Groups {
             }
             return Self { rows, order: 1 };
         }
-        if !readings.timed {
+        // Stretches of a recording are means already, and what is left of them is no noise.
+        if !readings.timed || readings.merged.is_some() {
             return Self { rows: Vec::new(), order: 1 };
         }
         let live: Vec<usize> = (0..readings.samples).filter(|&r| weights[r] > 0.0).collect();
