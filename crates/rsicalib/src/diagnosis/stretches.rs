@@ -17,18 +17,16 @@ use std::ops::Range;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::{Family, Scored};
 use crate::estimate::settle::Room;
-use crate::estimate::{Fit, Noise, Observations, Part};
+use crate::estimate::{Fit, Implicit, LONG, Noise, Observations, Part};
 use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::numerics::lanes::Lanes;
-use crate::numerics::symmetric::dot;
 use crate::readings::Readings;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
 
-/// A recording of more rows is searched by stretches, of so many at the most, evenly spread: the
-/// hundreds of columns of the candidates are then known to a part in a hundred, and all rows would
-/// take longer in proportion.
-pub(crate) const MOST: usize = 8192;
+/// A long recording is searched by so many stretches at the most, evenly spread: all of them would
+/// take longer in proportion, and what stands out of them alone is tiny.
+const MOST: usize = LONG;
 
 /// Rows of a stretch at the most. Twice as many would save little: motion ends most of them before.
 const ROWS: usize = 8;
@@ -61,7 +59,7 @@ impl Stretches {
     #[must_use]
     pub fn of(observations: &Observations, fit: &Fit, apart: &[usize]) -> Option<Self> {
         let Observations { readings, weights, .. } = observations;
-        if readings.held || readings.samples <= MOST {
+        if !observations.is_long() {
             return None;
         }
         let ends = Ends::new(observations, fit);
@@ -179,8 +177,7 @@ struct Ends<'a> {
     travel: Vec<f64>,
     /// How long a pause may be (s).
     pause: Vec<f64>,
-    /// Directions of motion, row by row, one per channel, and the group of each row.
-    approach: Vec<i8>,
+    /// The group of each row.
     group: Vec<usize>,
 }
 
@@ -197,19 +194,12 @@ impl<'a> Ends<'a> {
             rows[readings.session_of_pose[readings.pose[row]]] += 1.0;
         }
         let usual = readings.clock.iter().zip(&rows).map(|([first, last], n)| (last - first) / n);
-        let channels = readings.channels;
-        let mut approach = vec![0; readings.samples * channels];
         let mut group = vec![0; readings.samples];
-        for (block, meta) in readings.blocks().iter().enumerate() {
-            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                group[*row] = meta.group;
-                for (c, side) in readings.approach(block).iter().enumerate() {
-                    approach[row * channels + c] = side.0[lane] as i8;
-                }
-            }
+        for meta in readings.blocks() {
+            meta.rows[..meta.live].iter().for_each(|row| group[*row] = meta.group);
         }
         let pause = usual.map(|usual| PAUSE * usual).collect();
-        Self { observations, travel, pause, approach, group }
+        Self { observations, travel, pause, group }
     }
 
     /// True where a stretch from `first` to `before` ends before a row: at a session, a key, a
@@ -226,7 +216,7 @@ impl<'a> Ends<'a> {
         }
         let (from, to) = (readings.row(first), readings.row(row));
         let c = readings.channels;
-        let side = |row: usize| &self.approach[row * c..(row + 1) * c];
+        let side = |row: usize| &readings.sides()[row * c..(row + 1) * c];
         let far = from.iter().zip(to).zip(&self.travel).any(|((a, b), most)| (a - b).abs() > *most);
         far || side(before) != side(row)
     }
@@ -273,27 +263,46 @@ impl<'a> Settled<'a> {
 #[must_use]
 pub fn bad_rows(observations: &Observations, fit: &Fit, search: &SearchOptions) -> Vec<usize> {
     let Observations { readings, weights, .. } = observations;
-    let (k, c) = (fit.residuals.equations, readings.channels);
-    if readings.held || readings.samples <= MOST {
+    if !observations.is_long() {
         return Vec::new();
     }
     let rest = (fit.chi2 / fit.dof.max(1.0)).max(1.0);
-    let limit = distributions::two_sided_limit(search.alpha, readings.samples * c).powi(2);
-    let score = |row: usize| {
-        let r = &fit.residuals.whitened[row * k..(row + 1) * k];
-        let of_channel = |channel: usize| {
-            let by = |e: usize| fit.residuals.by_reading[(row * k + e) * c + channel];
-            let a: Vec<f64> = (0..k).map(by).collect();
-            dot(&a, r).powi(2) / dot(&a, &a).max(f64::MIN_POSITIVE)
-        };
-        (0..c).map(of_channel).fold(0.0, f64::max) / (fit.noise.slow * rest)
+    let tests = readings.samples * readings.channels;
+    let limit = distributions::two_sided_limit(search.alpha, tests).powi(2);
+    let least = limit * fit.noise.slow * rest;
+    let part = Part { model: &fit.model, readings, weights: Some(weights) };
+    let problem = Implicit::new(vec![(part, fit.assumed())], &[]);
+    let look = |found: &mut Vec<(f64, usize)>, block: usize, room: &mut Room| {
+        room.whiten_readings();
+        let best = most_by_one(&room.w, &room.ws.a);
+        let meta = &readings.blocks()[block];
+        for (&row, score) in meta.rows[..meta.live].iter().zip(best.0) {
+            if weights[row] > 0.0 && score > least {
+                found.push((score, row));
+            }
+        }
     };
-    let live = (0..readings.samples).filter(|&row| weights[row] > 0.0);
-    let mut found: Vec<(f64, usize)> =
-        live.map(|row| (score(row), row)).filter(|(score, _)| *score > limit).collect();
+    let mut found = problem.over_blocks(&fit.beta, |_| true, look, |all, part| all.extend(part));
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.truncate(MOST_APART);
     let mut rows: Vec<usize> = found.into_iter().map(|(_, row)| row).collect();
     rows.sort_unstable();
     rows
+}
+
+/// The largest decrease of χ² by an error of one channel, `(aᵀr)² / aᵀa`, of whitened residuals `r`
+/// and their derivatives by the readings, equation by equation.
+fn most_by_one(r: &[Lanes], by_reading: &[Lanes]) -> Lanes {
+    let channels = by_reading.len() / r.len().max(1);
+    let mut most = Lanes::ZERO;
+    for channel in 0..channels {
+        let (mut along, mut square) = (Lanes::ZERO, Lanes::splat(f64::MIN_POSITIVE));
+        for (r, row) in r.iter().zip(by_reading.chunks_exact(channels)) {
+            along = row[channel].mul_add(*r, along);
+            square = row[channel].mul_add(row[channel], square);
+        }
+        let score = along * along / square;
+        most = Lanes(std::array::from_fn(|lane| most.0[lane].max(score.0[lane])));
+    }
+    most
 }

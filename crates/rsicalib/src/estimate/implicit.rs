@@ -28,7 +28,8 @@ pub struct Residuals {
     pub whitened: Vec<f64>,
     /// Misclosure of the raw readings, in length units, sample by sample, equation by equation.
     pub lengths: Vec<f64>,
-    /// `L⁻¹ A`, sample by sample, equation by equation, one entry per channel.
+    /// `L⁻¹ A`, sample by sample, equation by equation, one entry per channel; a fit of a long
+    /// recording does not keep it.
     pub by_reading: Vec<f64>,
     /// `L⁻¹ X`, sample by sample, equation by equation, one entry per parameter; empty unless
     /// requested.
@@ -42,12 +43,8 @@ impl<'a> Implicit<'a> {
     /// the first part.
     #[must_use]
     pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
-        let raw = |part: &Part| {
-            (0..part.readings.blocks().len())
-                .flat_map(|b| part.readings.raw(b).to_vec())
-                .collect::<Vec<_>>()
-        };
-        let adjusted = Mutex::new(parts.iter().map(|(part, _)| raw(part)).collect());
+        let adjusted = parts.iter().map(|(part, _)| part.readings.all_raw().to_vec()).collect();
+        let adjusted = Mutex::new(adjusted);
         Self { parts, priors, adjusted }
     }
 
@@ -105,23 +102,6 @@ impl<'a> Implicit<'a> {
         }
         out
     }
-
-    /// Readings `â` of the last linearisation, row by row, one per channel.
-    #[must_use]
-    pub fn adjusted(&self) -> Vec<f64> {
-        let (part, _) = &self.parts[0];
-        let c = part.readings.channels;
-        let adjusted = lock(&self.adjusted);
-        let mut out = vec![0.0; part.readings.samples * c];
-        for (block, meta) in part.readings.blocks().iter().enumerate() {
-            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                for channel in 0..c {
-                    out[row * c + channel] = adjusted[0][block * c + channel].0[lane];
-                }
-            }
-        }
-        out
-    }
 }
 
 /// What some rows leave.
@@ -136,41 +116,56 @@ pub struct Misfit {
 }
 
 impl Implicit<'_> {
-    /// What the rows of the first part leave at `x` that count, block by block.
+    /// What the rows of the first part leave at `x` that count.
     #[must_use]
     pub fn misfit(&self, x: &[f64], counts: impl Fn(usize) -> bool + Sync) -> Misfit {
-        let (part, noise) = &self.parts[0];
-        let (model, readings, channels) = (part.model, part.readings, part.readings.channels);
+        let (part, _) = &self.parts[0];
+        let (model, readings) = (part.model, part.readings);
         let lengths = model.lengths();
-        let mut adjusted = lock(&self.adjusted);
-        let one = |first: usize, chunk: &mut [Lanes]| {
-            let mut room = Room::new(model, noise);
-            let mut sum = Misfit::default();
-            for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
-                let (block, meta) = (first + i, &readings.blocks()[first + i]);
-                let lanes: Vec<usize> =
-                    (0..meta.live).filter(|&lane| counts(meta.rows[lane])).collect();
-                if lanes.is_empty() {
-                    continue;
+        let look = |sum: &mut Misfit, block: usize, room: &mut Room| {
+            let meta = &readings.blocks()[block];
+            let lanes = (0..meta.live).filter(|&lane| counts(meta.rows[lane]));
+            let weight = part.weight(block);
+            let bare = Want { x: false, a: false };
+            model.evaluate(readings, block, readings.raw(block), x, bare, &mut room.ws);
+            for lane in lanes {
+                for ((w, f), length) in room.w.iter().zip(&room.ws.f).zip(&lengths) {
+                    sum.chi2 += (w.0[lane] * weight.0[lane]).powi(2);
+                    sum.square += (f.0[lane] * length).powi(2);
                 }
-                let bare = Want { x: false, a: false };
-                model.evaluate(readings, block, readings.raw(block), x, bare, &mut room.ws);
-                for (f, length) in room.ws.f.iter().zip(&lengths) {
-                    sum.square += lanes.iter().map(|&l| (f.0[l] * length).powi(2)).sum::<f64>();
-                }
-                room.settle(part, block, x, a_hat, false);
-                let weight = part.weight(block);
-                for w in &room.w {
-                    sum.chi2 += lanes.iter().map(|&l| (w.0[l] * weight.0[l]).powi(2)).sum::<f64>();
-                }
-                sum.equations += (lanes.len() * room.w.len()) as f64;
+                sum.equations += room.w.len() as f64;
             }
-            sum
         };
-        let merge = |sum: &mut Misfit, other: Misfit| {
+        self.over_blocks(x, &counts, look, |sum: &mut Misfit, other| {
             sum.chi2 += other.chi2;
             sum.square += other.square;
             sum.equations += other.equations;
+        })
+    }
+
+    /// Visits the blocks of the first part in which some rows count, settled at `x`, and merges what
+    /// was found in their order.
+    pub(crate) fn over_blocks<S: Send + Default>(
+        &self,
+        x: &[f64],
+        counts: impl Fn(usize) -> bool + Sync,
+        visit: impl Fn(&mut S, usize, &mut Room) + Sync,
+        merge: impl FnMut(&mut S, S),
+    ) -> S {
+        let (part, noise) = &self.parts[0];
+        let channels = part.readings.channels;
+        let mut adjusted = lock(&self.adjusted);
+        let one = |first: usize, chunk: &mut [Lanes]| {
+            let mut room = Room::new(part.model, noise);
+            let mut found = S::default();
+            for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(channels)) {
+                let meta = &part.readings.blocks()[block];
+                if meta.rows[..meta.live].iter().any(|&row| counts(row)) {
+                    room.settle(part, block, x, a_hat, false);
+                    visit(&mut found, block, &mut room);
+                }
+            }
+            found
         };
         over_chunks(&mut adjusted[0], channels, one, merge).unwrap_or_default()
     }

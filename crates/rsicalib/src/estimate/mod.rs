@@ -26,5 +26,5 @@ pub use fit::{Fit, carry_over, fit, free_parameters};
 pub use implicit::{Implicit, Misfit, Residuals};
 pub use note::Note;
 pub use objective::{Noise, Part};
-pub use observations::{Anchor, AnchorKind, Observations};
+pub use observations::{Anchor, AnchorKind, LONG, Observations};
 pub use options::{FitOptions, Method};
