@@ -280,6 +280,8 @@ impl Model {
         let gravity = mechanism
             .gravity
             .map_or(Vector3::zeros(), |g| Vector3::from(g).try_normalize(0.0).unwrap_or_default());
+        let mut needs = instances.iter().flat_map(|i| i.term.needs());
+        let moving = needs.any(|n| matches!(n, Needs::Approach | Needs::Motion));
         let mut model = Self {
             steps: Vec::new(),
             closures: Vec::new(),
@@ -291,7 +293,7 @@ impl Model {
             laws: Vec::new(),
             amounts: 0,
             torques: Vec::new(),
-            moving: false,
+            moving,
             parameters: term_parameters + 3 * unknown_names.len(),
             mechanism: mechanism.clone(),
             equations: mechanism.equations(),
@@ -309,8 +311,6 @@ impl Model {
         model.compile_chains()?;
         model.compile_closures(readings)?;
         model.torques = model.largest_torques(readings);
-        let needs = model.instances.iter().flat_map(|i| i.term.needs());
-        model.moving = needs.into_iter().any(|n| matches!(n, Needs::Approach | Needs::Motion));
         Ok(model)
     }
 
