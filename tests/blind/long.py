@@ -44,8 +44,8 @@ def make(kind: str, rows: int, seed: int) -> Recording:
     rng = np.random.default_rng([seed, KINDS.index(kind), rows])
     device = Device.random(rng)
     present = present_in(kind, rng)
-    # Rows after the last are the past of a noise that lasts.
-    made = simulator.recording(device, rng, seconds=rows / 200.0, effects=present)
+    sigma = 0.0 if kind == "correlated" else 1.0
+    made = simulator.recording(device, rng, rows / 200.0, sigma=sigma, effects=present)
     values, time_s = made["values"], made["time_s"]
     names = {f"{named(e)} {e.target}" for e in present}
     out: frozenset[int] = frozenset()
@@ -95,8 +95,7 @@ def said(traced: Any) -> tuple[frozenset[str], frozenset[int]]:
 
 
 def right(it: Recording, traced: Any) -> bool:
-    """Whether that is what there is, to a row either side where what happened at one time is hidden
-    by noise."""
+    """Whether that is what there is, and nothing else."""
     names, out = said(traced)
     return names == it.names and out == it.out
 
@@ -118,8 +117,11 @@ def main() -> None:
             count += fine
             if not fine:
                 there = sorted(it.names) + sorted(it.out)
-                print(f"  {kind} {options.seed + number}: {there}, said {traced.verdict}, "
-                      f"{[sorted(s) for s in said(traced)]}", flush=True)
+                print(
+                    f"  {kind} {options.seed + number}: {there}, said {traced.verdict}, "
+                    f"{[sorted(s) for s in said(traced)]}",
+                    flush=True,
+                )
         print(f"{kind}: {count} of {options.sessions} right", flush=True)
 
 

@@ -126,10 +126,12 @@ pub struct TraceReport {
     /// Noise, parameters, covariance and the rest, of the fit after.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub estimates: Estimates,
-    /// Residual of each pose in units of its noise, equation by equation, before.
-    pub before_residuals: Vec<Vec<f64>>,
+    /// Residual of each pose in units of its noise, pose by pose, equation by equation, before.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub before_residuals: Vec<f64>,
     /// The same after.
-    pub after_residuals: Vec<Vec<f64>>,
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub after_residuals: Vec<f64>,
 }
 
 /// Traces a session and reports.
@@ -349,20 +351,23 @@ fn step(
     })
 }
 
-/// Whitened residuals pose by pose, in the order of the poses. What was left out has the residual
-/// that it would have with the weight of the others.
-pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
+/// Whitened residuals pose by pose, in the order of the poses, equation by equation. What was left
+/// out has the residual that it would have with the weight of the others.
+pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<f64> {
     let k = fit.residuals.equations;
-    let out = |row: usize| observations.weights[row] <= 0.0;
+    let out = |row: &usize| observations.weights[*row] <= 0.0;
     let readings = &observations.readings;
-    let rows = readings.rows_of_poses();
+    let mut first = vec![usize::MAX; readings.poses()];
+    for (row, &pose) in readings.pose.iter().enumerate() {
+        first[pose] = first[pose].min(row);
+    }
     let part = Part { model: &fit.model, readings, weights: None };
-    let all = rows.iter().any(|r| out(r[0])).then(|| {
+    let all = first.iter().any(out).then(|| {
         Implicit::new(vec![(part, fit.assumed())], &[]).residuals(&fit.beta, false).whitened
     });
-    let of = |row: usize| match &all {
-        Some(all) if out(row) => all[row * k..(row + 1) * k].to_vec(),
-        _ => fit.residuals.whitened[row * k..(row + 1) * k].to_vec(),
+    let of = |row: &usize| match &all {
+        Some(all) if out(row) => &all[row * k..(row + 1) * k],
+        _ => &fit.residuals.whitened[row * k..(row + 1) * k],
     };
-    rows.iter().map(|r| of(r[0])).collect()
+    first.iter().flat_map(of).copied().collect()
 }
