@@ -16,6 +16,7 @@ import rsicalib
 from tests.blind import effects, simulator
 from tests.blind.effects import Effect
 from tests.blind.simulator import CHANNELS, Device
+from tests.oracle import Array
 
 KINDS = ("clean", "untimed", "correlated", "ripple", "sag", "slip", "bad", "two")
 STEP = 12
@@ -44,13 +45,13 @@ def make(kind: str, rows: int, seed: int) -> Recording:
     rng = np.random.default_rng([seed, KINDS.index(kind), rows])
     device = Device.random(rng)
     present = present_in(kind, rng)
-    sigma = 0.0 if kind == "correlated" else 1.0
-    made = simulator.recording(device, rng, rows / 200.0, sigma=sigma, effects=present)
+    made = simulator.recording(device, rng, rows / 200.0, effects=present)
     values, time_s = made["values"], made["time_s"]
     names = {f"{named(e)} {e.target}" for e in present}
     out: frozenset[int] = frozenset()
     if kind == "correlated":
-        values = values + resembling(rng, values.shape)
+        ideal = device.ideal(made["scene"])
+        values = np.rint(ideal + resembling(rng, ideal.shape)).astype(np.int64)
     if kind == "slip":
         channel, row = int(rng.integers(9)), int(rng.integers(rows // 4, 3 * rows // 4))
         values[row:, channel] += STEP
@@ -79,12 +80,12 @@ def named(effect: Effect) -> str:
     return "n_per_turn" if isinstance(effect, effects.Ripple) else effect.term
 
 
-def resembling(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
-    """Rounded noise of one count, of which neighbouring rows share the most: correlation 0.8."""
-    noise = rng.standard_normal(shape)
+def resembling(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Noise of one count of which a row shares half with the row before."""
+    noise: Array = rng.standard_normal(shape)
     for row in range(1, len(noise)):
-        noise[row] = 0.8 * noise[row - 1] + 0.6 * noise[row]
-    return np.rint(noise).astype(np.int64)
+        noise[row] = 0.5 * noise[row - 1] + 0.75**0.5 * noise[row]
+    return noise
 
 
 def said(traced: Any) -> tuple[frozenset[str], frozenset[int]]:

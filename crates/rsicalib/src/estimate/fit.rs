@@ -7,7 +7,7 @@ use faer::Mat;
 use crate::Error;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::doubts;
-use crate::estimate::implicit::{Implicit, Residuals};
+use crate::estimate::implicit::Implicit;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::source::{
     Declared, LEAST_DOF, NoiseEstimate, Source, check_declared, estimate_noise, first_noise,
@@ -16,6 +16,7 @@ use crate::estimate::noise::source::{
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
+use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Start, Try};
 use crate::estimate::{search, start};

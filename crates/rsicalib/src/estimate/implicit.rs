@@ -3,9 +3,10 @@
 use std::sync::Mutex;
 
 use crate::estimate::objective::{Noise, Part, add_priors};
+use crate::estimate::residuals::{Residuals, Sizes};
 use crate::estimate::settle::Room;
 use crate::model::{Prior, Want};
-use crate::numerics::lanes::{Lanes, dispatch};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::numerics::linearization::{Linearization, Problem};
 use crate::numerics::normal_equations::{NormalEquations, Total, over_chunks};
 use crate::numerics::workers::lock;
@@ -17,25 +18,6 @@ pub struct Implicit<'a> {
     priors: &'a [Prior],
     /// `â` of every part, the start of the next linearisation.
     adjusted: Mutex<Vec<Vec<Lanes>>>,
-}
-
-/// Residuals at a solution, sample by sample.
-#[derive(Debug, Clone, Default)]
-pub struct Residuals {
-    /// Number of equations of one sample.
-    pub equations: usize,
-    /// `L⁻¹ w`, sample by sample, equation by equation: standard normal for a correct model.
-    pub whitened: Vec<f64>,
-    /// Misclosure of the raw readings, in length units, sample by sample, equation by equation.
-    pub lengths: Vec<f64>,
-    /// `L⁻¹ A`, sample by sample, equation by equation, one entry per channel; a fit of a long
-    /// recording does not keep it.
-    pub by_reading: Vec<f64>,
-    /// `L⁻¹ X`, sample by sample, equation by equation, one entry per parameter; empty unless
-    /// requested.
-    pub by_parameter: Vec<f64>,
-    /// Largest number of repeats of (52) in any block; 20, the maximum, where (52) did not converge.
-    pub inner: usize,
 }
 
 impl<'a> Implicit<'a> {
@@ -53,56 +35,34 @@ impl<'a> Implicit<'a> {
     pub fn residuals(&self, x: &[f64], by_parameter: bool) -> Residuals {
         let (part, noise) = &self.parts[0];
         let (model, readings) = (part.model, part.readings);
-        let (k, c, p) = (model.equations(), readings.channels, model.parameters);
-        let lengths = model.lengths();
-        let mut out = Residuals {
-            equations: k,
-            whitened: vec![0.0; readings.samples * k],
-            lengths: vec![0.0; readings.samples * k],
-            by_reading: vec![0.0; readings.samples * k * c],
-            by_parameter: if by_parameter {
-                vec![0.0; readings.samples * k * p]
-            } else {
-                Vec::new()
-            },
-            inner: 0,
-        };
+        let channels = readings.channels;
+        let sizes = Sizes::of(model, channels, by_parameter);
+        let mut out = Residuals::zero(&sizes, readings.samples);
         let mut adjusted = lock(&self.adjusted);
-        let mut room = Room::new(model, noise);
-        for block in 0..readings.blocks().len() {
-            let a_hat = &mut adjusted[0][block * c..(block + 1) * c];
-            let raw = readings.raw(block);
-            let meta = &readings.blocks()[block];
-            let bare = Want { x: false, a: false };
-            model.evaluate(readings, block, raw, x, bare, &mut room.ws);
-            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                for (e, length) in lengths.iter().enumerate() {
-                    out.lengths[row * k + e] = room.ws.f[e].0[lane] * length;
+        // So many blocks at a time: their residuals stand beside those of all rows until they are
+        // put in their places.
+        for (wave, some) in adjusted[0].chunks_mut(WAVE * channels).enumerate() {
+            let one = |first: usize, chunk: &mut [Lanes]| {
+                let blocks = chunk.len() / channels;
+                let mut room = Room::new(model, noise);
+                let mut here = Residuals::zero(&sizes, blocks * WIDTH);
+                for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
+                    let block = wave * WAVE + first + i;
+                    here.take(part, &mut room, &sizes, i, block, x, a_hat);
                 }
-            }
-            out.inner = out.inner.max(room.settle(part, block, x, a_hat, by_parameter));
-            room.whiten_readings();
-            let weight = part.weight(block);
-            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                let weight = weight.0[lane];
-                for e in 0..k {
-                    out.whitened[row * k + e] = room.w[e].0[lane] * weight;
-                }
-                for (i, value) in room.ws.a.iter().enumerate() {
-                    out.by_reading[row * k * c + i] = value.0[lane] * weight;
-                }
-                if by_parameter {
-                    for (e, x) in room.ws.x.chunks_exact(model.width().max(1)).enumerate() {
-                        for (column, value) in model.columns()[meta.group].iter().zip(x) {
-                            out.by_parameter[(row * k + e) * p + column] = value.0[lane] * weight;
-                        }
-                    }
-                }
+                vec![(wave * WAVE + first, here)]
+            };
+            let parts = over_chunks(some, channels, one, Vec::extend).unwrap_or_default();
+            for (first, here) in parts {
+                out.place(&here, &sizes, &readings.blocks()[first..]);
             }
         }
         out
     }
 }
+
+/// Blocks whose residuals are found at a time.
+const WAVE: usize = 4096;
 
 /// What some rows leave.
 #[derive(Debug, Clone, Copy, Default)]

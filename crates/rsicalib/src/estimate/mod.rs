@@ -14,6 +14,7 @@ mod observations;
 mod options;
 pub mod paper;
 pub mod progress;
+mod residuals;
 pub mod search;
 pub(crate) mod settle;
 pub mod start;
@@ -23,8 +24,9 @@ mod wiring;
 
 pub use algebraic::Algebraic;
 pub use fit::{Fit, carry_over, fit, free_parameters};
-pub use implicit::{Implicit, Misfit, Residuals};
+pub use implicit::{Implicit, Misfit};
 pub use note::Note;
 pub use objective::{Noise, Part};
 pub use observations::{Anchor, AnchorKind, LONG, Observations};
 pub use options::{FitOptions, Method};
+pub use residuals::Residuals;

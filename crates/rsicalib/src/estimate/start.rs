@@ -74,8 +74,12 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
 /// True where poses give half as many equations again as there are parameters: from fewer,
 /// almost any mistake leads to a good fit. Repeats of a pose are no equations of their own.
 fn enough(observations: &Observations, model: &Model) -> bool {
-    let live = |rows: &Vec<usize>| rows.iter().any(|&r| observations.weights[r] > 0.0);
-    let poses = observations.readings.rows_of_poses().iter().filter(|rows| live(rows)).count();
+    let Observations { readings, weights, .. } = observations;
+    let mut live = vec![false; readings.poses()];
+    for (&pose, weight) in readings.pose.iter().zip(weights) {
+        live[pose] |= *weight > 0.0;
+    }
+    let poses = live.into_iter().filter(|live| *live).count();
     2 * poses * model.equations() >= 3 * model.parameters
 }
 

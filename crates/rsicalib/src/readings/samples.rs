@@ -441,6 +441,9 @@ impl Readings {
     /// recording rows may stand still: there only a whole session is compared with another.
     #[must_use]
     pub fn copies(&self) -> Vec<usize> {
+        if !self.held && self.sessions < 2 {
+            return Vec::new();
+        }
         let whole = if self.held { self.rows_of_poses() } else { self.rows_of_sessions() };
         let mut seen = std::collections::HashSet::new();
         let again = |rows: &&Vec<usize>| !rows.is_empty() && !seen.insert(self.content(rows));

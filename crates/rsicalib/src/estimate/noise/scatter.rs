@@ -14,9 +14,9 @@
 
 use std::f64::consts::PI;
 
-use crate::estimate::implicit::Residuals;
 use crate::estimate::noise::correlation::correlated;
 use crate::estimate::observations::Observations;
+use crate::estimate::residuals::Residuals;
 use crate::numerics::distributions;
 use crate::readings::Readings;
 
