@@ -19,7 +19,7 @@ from tests.blind.simulator import CHANNELS, Device
 from tests.oracle import Array
 
 KINDS = ("clean", "untimed", "correlated", "ripple", "sag", "slip", "bad", "two")
-STEP = 12
+STEP = 40
 """By how many counts a channel slips."""
 OFF = 60
 """By how many counts a bad reading is off."""
