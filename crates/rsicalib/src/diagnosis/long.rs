@@ -4,6 +4,7 @@
 use faer::Mat;
 
 use crate::Error;
+use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched};
@@ -15,15 +16,16 @@ use crate::numerics::symmetric::invert;
 /// Times that a search is repeated with rows that it did not see one by one, at the most.
 const LOOKS: usize = 2;
 
-/// A search by stretches, and the fit of all rows with what it found.
-pub struct Long<'a, T> {
-    /// The state of the search.
+/// A search of a session.
+pub struct Search<'a> {
+    /// Its state.
     pub stepwise: Stepwise<'a>,
     /// Where it ended.
     pub searched: Searched,
-    /// What else the search says.
-    pub beside: T,
-    /// The fit of all rows with what was found; none where nothing was.
+    /// What is at fault alone.
+    pub isolated: Option<Isolated>,
+    /// The fit of all rows of a long recording with what was found; none where nothing was, and of
+    /// another session.
     pub all: Option<Fit>,
 }
 
@@ -33,17 +35,18 @@ pub struct Long<'a, T> {
 /// # Errors
 ///
 /// As [`fit`].
-pub fn search_long<'a, T>(
+pub fn search_long<'a>(
     observations: &Observations,
     clean: &Fit,
     search: &'a SearchOptions,
-    one: impl Fn(&mut Stepwise<'a>) -> Result<(Searched, T), Error>,
-) -> Result<Option<Long<'a, T>>, Error> {
+    one: impl Fn(&mut Stepwise<'a>) -> Result<(Searched, Option<Isolated>), Error>,
+) -> Result<Option<Search<'a>>, Error> {
     let mut apart = bad_rows(observations, clean, search);
     for look in 0.. {
-        let Some(stretches) = Stretches::of(observations, clean, &apart) else { break };
+        let stretches = Stretches::of(observations, &clean.noise.sigma, &apart);
+        let Some(stretches) = stretches else { break };
         let mut stepwise = Stepwise::by_stretches(observations, stretches.clone(), clean, search);
-        let (mut searched, beside) = one(&mut stepwise)?;
+        let (mut searched, isolated) = one(&mut stepwise)?;
         let all = all_rows(observations, clean, &stretches, &searched)?;
         let mut more = stretches.closer(searched.found.iter().map(|step| &step.scored));
         if let Some(all) = &all {
@@ -57,7 +60,7 @@ pub fn search_long<'a, T>(
                 }
                 None => None,
             };
-            return Ok(Some(Long { stepwise, searched, beside, all }));
+            return Ok(Some(Search { stepwise, searched, isolated, all }));
         }
         apart.extend(more);
         apart.sort_unstable();

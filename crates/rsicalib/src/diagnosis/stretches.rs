@@ -31,8 +31,8 @@ const MOST: usize = LONG;
 /// Rows of a stretch at the most. Twice as many would save little: motion ends most of them before.
 const ROWS: usize = 8;
 
-/// The same for what the readings of a channel scatter by, in standard deviations: noise is no
-/// motion.
+/// Standard deviations of a reading that are no motion: the first and the last of a stretch differ by
+/// so many once in ten thousand times.
 const NOISE: f64 = 6.0;
 
 /// A pause of so many usual times between rows ends a stretch.
@@ -54,48 +54,34 @@ pub struct Stretches {
 }
 
 impl Stretches {
-    /// The stretches of a recording, with these rows, ascending, by themselves; none for held poses
-    /// and where there are few rows.
+    /// The stretches of a recording with this noise of one reading of each channel, and these rows,
+    /// ascending, by themselves; none for held poses and where there are few rows.
     #[must_use]
-    pub fn of(observations: &Observations, fit: &Fit, apart: &[usize]) -> Option<Self> {
-        let Observations { readings, weights, .. } = observations;
+    pub fn of(observations: &Observations, sigma: &[f64], apart: &[usize]) -> Option<Self> {
         if !observations.is_long() {
             return None;
         }
-        let ends = Ends::new(observations, fit);
-        let live: Vec<usize> = (0..readings.samples).filter(|&row| weights[row] > 0.0).collect();
+        let ends = Ends::new(observations, sigma);
+        let rows = 0..observations.readings.samples;
+        let live: Vec<usize> = rows.filter(|&row| observations.weights[row] > 0.0).collect();
         let alone = |row: usize| apart.binary_search(&row).is_ok();
         let mut rows: Vec<Range<usize>> = Vec::new();
-        let mut counted = 0;
-        for (order, &row) in live.iter().enumerate() {
-            let joins = rows.last().is_some_and(|stretch| {
-                let before = live[order - 1];
-                let full = counted == ROWS || alone(row) || alone(before);
-                !full && !ends.between(stretch.start, before, row)
-            });
-            match rows.last_mut().filter(|_| joins) {
+        let (mut counted, mut before) = (0, 0);
+        for &row in &live {
+            let goes_on = |stretch: &&mut Range<usize>| {
+                let single = alone(row) || alone(before);
+                counted < ROWS && !single && !ends.between(stretch.start, before, row)
+            };
+            match rows.last_mut().filter(goes_on) {
                 Some(stretch) => (stretch.end, counted) = (row + 1, counted + 1),
                 None => {
                     rows.push(row..row + 1);
                     counted = 1;
                 }
             }
+            before = row;
         }
-        let all = rows.len();
-        let mut number = 0..all;
-        rows.retain(|stretch| {
-            let k = number.next().unwrap_or_default();
-            // Evenly spread: those in which the count of those that are kept goes up.
-            let kept = all <= MOST || (k + 1) * MOST / all > k * MOST / all;
-            kept || alone(stretch.start)
-        });
-        Some(Self { rows, live: live.len() })
-    }
-
-    /// Number of stretches.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.rows.len()
+        Some(Self { rows: spread(rows, alone), live: live.len() })
     }
 
     /// The rows from the first of some stretches to the first one after them.
@@ -170,6 +156,18 @@ impl Stretches {
     }
 }
 
+/// [`MOST`] stretches, evenly spread, beside those of rows that stay alone.
+fn spread(mut rows: Vec<Range<usize>>, alone: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
+    let all = rows.len();
+    let mut number = 0;
+    rows.retain(|stretch| {
+        number += 1;
+        // Those at which the share of all that is kept reaches another whole number.
+        all <= MOST || number * MOST / all > (number - 1) * MOST / all || alone(stretch.start)
+    });
+    rows
+}
+
 /// Where stretches end.
 struct Ends<'a> {
     observations: &'a Observations,
@@ -182,12 +180,12 @@ struct Ends<'a> {
 }
 
 impl<'a> Ends<'a> {
-    fn new(observations: &'a Observations, fit: &Fit) -> Self {
+    fn new(observations: &'a Observations, sigma: &[f64]) -> Self {
         let Observations { readings, mechanism, .. } = observations;
         // Half of the shortest wave that the catalogue has: the mean over it keeps 2/π of that
         // wave, and more of any other.
         let waves = ORDER_STEP * *ORDERS.end() as f64;
-        let travel = mechanism.channels.iter().zip(&fit.noise.sigma);
+        let travel = mechanism.channels.iter().zip(sigma);
         let travel = travel.map(|(c, sigma)| (c.half_range() / waves).max(NOISE * sigma)).collect();
         let mut rows = vec![0.0; readings.sessions];
         for row in 0..readings.samples {
@@ -305,4 +303,71 @@ fn most_by_one(r: &[Lanes], by_reading: &[Lanes]) -> Lanes {
         most = Lanes(std::array::from_fn(|lane| most.0[lane].max(score.0[lane])));
     }
     most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MOST, ROWS, Stretches};
+    use crate::estimate::{FitOptions, Observations};
+    use crate::mechanism::Mechanism;
+    use crate::readings::Table;
+
+    /// A recording in which the first channel goes up and down by `step` counts a row, and turns back
+    /// every 500 rows; with a pause before row 3750, and another session from row 6250 on.
+    fn recording(rows: usize, step: usize) -> Observations {
+        let mechanism = Mechanism::rsi();
+        let value = |row: usize| (1000 + step * (row % 1000).abs_diff(500)) as f64;
+        let of_row = |row: usize| (0..9).map(move |c| if c == 0 { value(row) } else { 2000.0 });
+        let time = |row: usize| 0.005 * row as f64 + if row < 3750 { 0.0 } else { 10.0 };
+        let table = Table {
+            values: (0..rows).flat_map(of_row).collect(),
+            time: Some((0..rows).map(time).collect()),
+            session: Some((0..rows).map(|row| usize::from(row >= 6250)).collect()),
+            ..Table::default()
+        };
+        Observations::new(&mechanism, table, None, FitOptions::default()).expect("readings")
+    }
+
+    fn stretches(observations: &Observations, apart: &[usize]) -> Stretches {
+        Stretches::of(observations, &[1.0; 9], apart).expect("a long recording")
+    }
+
+    #[test]
+    fn a_stretch_goes_on_until_something_changes() {
+        let found = stretches(&recording(9000, 1), &[2501]);
+        // All rows, in order, in stretches of eight where nothing happens.
+        assert_eq!(found.rows.first().map(|r| r.start), Some(0));
+        assert!(found.rows.windows(2).all(|pair| pair[0].end == pair[1].start));
+        assert_eq!(found.rows.last().map(|r| r.end), Some(9000));
+        assert!(found.rows.iter().all(|r| r.len() <= ROWS));
+        assert!(found.rows.iter().filter(|r| r.len() == ROWS).count() > 1000);
+        // A row by itself; a pause and a session between two stretches.
+        assert!(found.rows.contains(&(2501..2502)));
+        for end in [3750, 6250] {
+            assert!(found.rows.iter().any(|r| r.start == end));
+        }
+        // A direction is known to a few rows: a stretch hardly goes beyond where a channel turns.
+        let beyond = |r: &std::ops::Range<usize>, turn| r.end.min(turn + ROWS) - turn;
+        for turn in (500..9000).step_by(500) {
+            let over = found.rows.iter().find(|r| r.contains(&turn)).expect("a stretch");
+            assert!(beyond(over, turn) <= 4, "{over:?}");
+        }
+    }
+
+    #[test]
+    fn a_stretch_ends_where_a_channel_has_moved_far() {
+        // Five counts a row: a two-hundredth of 4096 counts is passed in four.
+        let found = stretches(&recording(9000, 5), &[]);
+        assert!(found.rows.iter().all(|r| r.len() <= 5));
+    }
+
+    #[test]
+    fn of_many_stretches_evenly_spread_ones_are_looked_at_and_single_rows_always() {
+        let found = stretches(&recording(200_000, 1), &[100_003, 100_004]);
+        assert!(found.rows.len() >= MOST && found.rows.len() <= MOST + 2);
+        assert!(found.rows.contains(&(100_003..100_004)));
+        assert!(found.rows.contains(&(100_004..100_005)));
+        let usual = 200_000 / MOST;
+        assert!(found.rows.windows(2).all(|pair| pair[1].start - pair[0].start <= 2 * usual));
+    }
 }

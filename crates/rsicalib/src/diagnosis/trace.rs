@@ -11,7 +11,7 @@
 
 use crate::Error;
 use crate::diagnosis::isolation::Isolated;
-use crate::diagnosis::long::{Long, rise, search_long};
+use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::score::bodies::{Bodies, is_move};
 use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
@@ -223,16 +223,6 @@ pub fn looks_bad(observations: &Observations, full: &Fit) -> Result<bool, Error>
 /// what is found may take turns.
 const JUDGED_AGAIN: usize = 3;
 
-/// A search of a session.
-struct Search<'a> {
-    stepwise: Stepwise<'a>,
-    searched: Searched,
-    /// What is at fault alone.
-    isolated: Option<Isolated>,
-    /// The fit of all rows of a long recording with what was found.
-    all: Option<Fit>,
-}
-
 /// Searches a session from a fit of what was asked for.
 fn search_once<'a>(
     observations: &Observations,
@@ -251,8 +241,7 @@ fn search_once<'a>(
         }
     };
     if let Some(long) = search_long(observations, clean, search, one)? {
-        let Long { stepwise, searched, beside: isolated, all } = long;
-        return Ok(Search { stepwise, searched, isolated, all });
+        return Ok(long);
     }
     let mut stepwise = Stepwise::new(observations, clean, search)?;
     let (searched, isolated) = one(&mut stepwise)?;
