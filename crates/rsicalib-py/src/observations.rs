@@ -224,8 +224,12 @@ impl PyObservations {
             .detach(|| rsicalib::report::traced::traced(&session, &search, known.as_ref()))
             .map_err(PyError::from)?;
         self.heard()?;
+        let equations = traced.last.residuals.equations;
         let source = PyEvidenceSource(Found::Traced(Box::new(traced)));
-        with_source(pythonize(py, &report)?, source)
+        let found = with_source(pythonize(py, &report)?, source)?;
+        found.set_item("before_residuals", by_pose(py, report.before_residuals, equations)?)?;
+        found.set_item("after_residuals", by_pose(py, report.after_residuals, equations)?)?;
+        Ok(found)
     }
 
     /// Fits the terms that the options ask for, without readings that are wrong.
@@ -248,8 +252,10 @@ impl PyObservations {
         let (used, fit) = (Arc::new(calibrated.observations), Arc::new(calibrated.fit));
         let found = Found::Calibrated(Arc::clone(&used), Arc::clone(&fit), calibrated.excluded);
         let source = PyEvidenceSource(found);
-        let report = with_source(pythonize(py, &report)?, source)?;
-        Ok((report, PyFit { observations: used, fit }, with))
+        let found = with_source(pythonize(py, &report)?, source)?;
+        let equations = fit.residuals.equations;
+        found.set_item("after_residuals", by_pose(py, report.after_residuals, equations)?)?;
+        Ok((found, PyFit { observations: used, fit }, with))
     }
 
     /// Fits the terms that the options ask for.
@@ -269,6 +275,16 @@ fn with_source<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     report.set_item("source", Bound::new(report.py(), source)?)?;
     Ok(report)
+}
+
+/// Residuals of poses as an array: shape (poses, equations).
+fn by_pose<'py>(
+    py: Python<'py>,
+    residuals: Vec<f64>,
+    equations: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let poses = residuals.len() / equations.max(1);
+    PyArray1::from_vec(py, residuals).reshape([poses, equations])
 }
 
 /// What evidence is gathered from.

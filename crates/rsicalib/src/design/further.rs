@@ -641,7 +641,7 @@ impl<'a> Visits<'a> {
         let mut readings = self.readings(found)?;
         let time = 1.0 + (step + 1) as f64 * self.pace + waited;
         readings.set_times(&vec![time; found.len()], self.session.readings.poses());
-        readings.set_approach(&self.session.mechanism, &from);
+        readings.set_approach(&from);
         at.rows(&readings)
     }
 

@@ -1,9 +1,12 @@
 //! Cross-validation: the error on whole poses left out in blocks of time.
 
+use std::ops::Range;
+
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::stepwise::moves::Stepwise;
-use crate::estimate::{Fit, Implicit, Observations, Part, fit};
+use crate::diagnosis::stretches::Stretches;
+use crate::estimate::{Fit, Implicit, Misfit, Noise, Observations, Part, fit};
 
 /// Folds of the cross-validation.
 const FOLDS: usize = 6;
@@ -11,39 +14,66 @@ const FOLDS: usize = 6;
 /// Error on whole poses left out in blocks of time, everything refitted without them.
 #[must_use]
 pub fn held_out(observations: &Observations, full: &Fit) -> Option<HeldOut> {
-    let poses = observations.readings.poses();
-    let rows = observations.readings.rows_of_poses();
-    let (mut chi2, mut square, mut equations) = (0.0, 0.0, 0.0);
+    errors(observations, full, |trained, out| {
+        let model = &trained.model;
+        let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
+        let part = Part { model, readings, weights };
+        let problem = Implicit::at(part, full);
+        let left_out = |row: usize| out.contains(&readings.pose[row]);
+        problem.misfit(&trained.beta, |row| left_out(row) && observations.weights[row] > 0.0)
+    })
+}
+
+/// The same of a long recording: fitted by stretches, `small`, without some of them, and judged by
+/// all rows of these.
+#[must_use]
+pub fn held_out_rows(
+    stretches: &Stretches,
+    (small, full): (&Observations, &Fit),
+    (all, noise): (&Observations, &Noise),
+) -> Option<HeldOut> {
+    let instances = full.model.instances.iter().map(|i| stretches.in_all(i)).collect();
+    let model = all.model(instances).ok()?;
+    let (readings, weights) = (&all.readings, Some(&all.weights[..]));
+    errors(small, full, |trained, out| {
+        let part = Part { model: &model, readings, weights };
+        let problem = Implicit::new(vec![(part, noise.clone())], &[]);
+        let rows = stretches.rows(&out, readings.samples);
+        problem.misfit(&trained.beta, |row| rows.contains(&row) && all.weights[row] > 0.0)
+    })
+}
+
+/// Error on poses left out in blocks of time: `judge` says what a fit without them leaves there.
+fn errors(
+    observations: &Observations,
+    full: &Fit,
+    judge: impl Fn(&Fit, Range<usize>) -> Misfit,
+) -> Option<HeldOut> {
+    let readings = &observations.readings;
+    let poses = readings.poses();
+    let rows = readings.rows_of_poses();
+    let mut all = Misfit::default();
     for fold in 0..FOLDS.min(poses) {
         let out = poses * fold / FOLDS.min(poses)..poses * (fold + 1) / FOLDS.min(poses);
         let mut training = observations.clone();
         for row in out.clone().flat_map(|p| &rows[p]) {
             training.weights[*row] = 0.0;
         }
-        let trained = fit(&training, full.model.instances.clone(), Some(full)).ok()?;
-        let part = Part {
-            model: &trained.model,
-            readings: &observations.readings,
-            weights: Some(&observations.weights),
-        };
+        let mut trained = fit(&training, full.model.instances.clone(), Some(full)).ok()?;
         // A point that was left out whole is where the others' terms touch it.
-        let (mut beta, mut placed) = (trained.beta.clone(), trained.beta.clone());
-        trained.model.place_unknowns(&observations.readings, &mut placed);
-        for first in trained.model.untouched(&observations.readings, &training.weights) {
-            beta[first..first + 3].copy_from_slice(&placed[first..first + 3]);
+        let mut placed = trained.beta.clone();
+        trained.model.place_unknowns(readings, &mut placed);
+        for first in trained.model.untouched(readings, &training.weights) {
+            trained.beta[first..first + 3].copy_from_slice(&placed[first..first + 3]);
         }
-        let problem = Implicit::at(part, full);
-        let residuals = problem.residuals(&beta, false);
-        let k = residuals.equations;
-        for row in out.flat_map(|p| rows[p].clone()).filter(|&r| observations.weights[r] > 0.0) {
-            chi2 += residuals.whitened[row * k..(row + 1) * k].iter().map(|r| r * r).sum::<f64>();
-            square += residuals.lengths[row * k..(row + 1) * k].iter().map(|r| r * r).sum::<f64>();
-            equations += k as f64;
-        }
+        let there = judge(&trained, out);
+        all.chi2 += there.chi2;
+        all.square += there.square;
+        all.equations += there.equations;
     }
-    (equations > 0.0).then(|| HeldOut {
-        chi2_per_dof: chi2 / equations,
-        rms_misclosure: (square / equations).sqrt(),
+    (all.equations > 0.0).then(|| HeldOut {
+        chi2_per_dof: all.chi2 / all.equations,
+        rms_misclosure: (all.square / all.equations).sqrt(),
     })
 }
 

@@ -70,7 +70,7 @@ pub enum Share {
 /// rise without each effect found.
 #[must_use]
 pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
-    let p_value = traced.judge.lack_of_fit(&traced.last);
+    let p_value = traced.p_value;
     if p_value.is_some_and(|p| p <= RESIDUAL_LEVEL) {
         return match &traced.isolated {
             Some(isolated) => {

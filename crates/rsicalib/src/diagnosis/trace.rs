@@ -6,16 +6,18 @@
 //!
 //! until nothing scores; after each addition a look back, at what is no longer
 //! needed, and in the end at what another effect, or two others, explain better.
-//! Samples of a held pose are averaged for the search, whose noise is then known;
-//! the answer is fitted to all of them.
+//! Samples of a held pose are averaged for the search, whose noise is then known, and
+//! so are neighbouring rows of a long recording; the answer is fitted to all of them.
 
 use crate::Error;
 use crate::diagnosis::isolation::Isolated;
+use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::score::bodies::{Bodies, is_move};
 use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
+use crate::diagnosis::stretches::Stretches;
 use crate::diagnosis::verdict::determined;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
@@ -37,6 +39,8 @@ pub struct Found {
     pub instance: Instance,
     /// Probability of its score by chance, corrected for the places looked at.
     pub p_value: f64,
+    /// By how much χ² would rise without it.
+    pub rise: f64,
     /// What fits as well.
     pub also: Vec<Instance>,
     /// The search's fit without it.
@@ -45,6 +49,14 @@ pub struct Found {
     pub scores: Vec<Scored>,
     /// Laws of the same target that fit as well: the model with each, and its parameters.
     pub laws: Vec<(Instance, Model, Vec<f64>)>,
+}
+
+impl Found {
+    fn of(rise: f64, step: FoundEffect) -> Self {
+        let FoundEffect { scored, also, without, scores, laws, .. } = step;
+        let Scored { instance, corrected, .. } = scored;
+        Self { instance, p_value: corrected, rise, also, without, scores, laws }
+    }
 }
 
 /// What the search found.
@@ -56,8 +68,11 @@ pub struct Traced {
     pub after: Fit,
     /// The session, bad samples left out.
     pub observations: Observations,
-    /// The search's own session: one sample for each held pose.
+    /// The search's own session: one sample for each held pose, or stretch of a long recording.
     pub small: Observations,
+    /// The stretches, where it was searched by those: places in what the search found are numbers
+    /// of stretches then.
+    pub stretches: Option<Stretches>,
     /// The last fit of the search.
     pub last: Fit,
     /// Effects, in the order in which they were found.
@@ -74,6 +89,26 @@ pub struct Traced {
     pub isolated: Option<Isolated>,
     /// How scores were judged.
     pub judge: Judge,
+    /// Probability of the residual by chance; none where only the fit gives the noise.
+    pub p_value: Option<f64>,
+}
+
+impl Traced {
+    /// An instance of the search as one of the session.
+    #[must_use]
+    pub fn in_all(&self, instance: &Instance) -> Instance {
+        self.stretches.as_ref().map_or(*instance, |stretches| stretches.in_all(instance))
+    }
+
+    /// The session and the fit to judge and to draw by: where the search was by stretches, those of
+    /// all rows.
+    #[must_use]
+    pub fn answer(&self) -> (&Observations, &Fit) {
+        match self.stretches {
+            Some(_) => (&self.observations, &self.after),
+            None => (&self.small, &self.last),
+        }
+    }
 }
 
 /// Traces the residual of a session.
@@ -98,7 +133,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         searched = search_once(&observations, &clean, &base, search)?;
     }
     progress.enter(Stage::Refit);
-    let (stepwise, pursued, isolated) = searched;
+    let Search { stepwise, searched: pursued, isolated, all: of_all } = searched;
     let Searched { current, found, poses, wrong, left, scores, rivals, .. } = pursued;
     excluded.extend(poses.iter().map(|step| stepwise.excluded(step)));
     excluded.extend(wrong.into_iter().map(|(scored, blame)| {
@@ -107,16 +142,14 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
             None => stepwise.bad_reading(&scored.instance, blame),
         }
     }));
-    let mut steps = Vec::new();
+    let (mut steps, mut bad) = (Vec::new(), Vec::new());
     for step in found {
-        let FoundEffect { scored: Scored { instance, corrected, .. }, also, blame, .. } = step;
-        if scored::is_data(&instance) {
-            excluded.push(stepwise.bad_reading(&instance, blame));
-        } else {
-            let FoundEffect { without, scores, laws, .. } = step;
-            steps.push(Found { instance, p_value: corrected, also, without, scores, laws });
+        match scored::is_data(&step.scored.instance) {
+            true => bad.push(stepwise.bad_reading(&step.scored.instance, step.blame)),
+            false => steps.push(step),
         }
     }
+    excluded.extend(bad);
     for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
         for row in
             pose.pose.map(|p| observations.readings.rows_of_poses()[p].clone()).unwrap_or_default()
@@ -124,22 +157,33 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
             observations.weights[row] = 0.0;
         }
     }
-    let after =
-        if current.model.instances.len() == clean.model.instances.len() && excluded.is_empty() {
-            clean.clone()
-        } else {
+    let nothing = current.model.instances.len() == clean.model.instances.len();
+    let after = match of_all {
+        Some(of_all) => converter::seen_by(&before, of_all),
+        None if nothing && excluded.is_empty() => clean.clone(),
+        None => {
             let from = expand(&clean, &current);
             let instances = with_data(&observations, &current.model.instances);
             converter::seen_by(&before, fit(&observations, instances, Some(&from))?)
-        };
+        }
+    };
     let judge = stepwise.judge(&current);
-    let small = stepwise.small;
-    let found = steps;
+    let Stepwise { small, stretches, .. } = stepwise;
+    let of_all = |step: &FoundEffect| match &stretches {
+        Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),
+        None => cost(&step.without) - cost(&current),
+    };
+    let found = steps.into_iter().map(|step| Found::of(of_all(&step), step)).collect();
+    let p_value = match &stretches {
+        Some(_) => after.p_value,
+        None => judge.lack_of_fit(&current),
+    };
     Ok(Traced {
         before,
         after,
         observations,
         small,
+        stretches,
         last: current,
         found,
         excluded,
@@ -148,6 +192,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         rivals,
         isolated,
         judge,
+        p_value,
     })
 }
 
@@ -178,9 +223,6 @@ pub fn looks_bad(observations: &Observations, full: &Fit) -> Result<bool, Error>
 /// what is found may take turns.
 const JUDGED_AGAIN: usize = 3;
 
-/// A search: its state, where the search ended, and what is at fault alone.
-type Search<'a> = (Stepwise<'a>, Searched, Option<Isolated>);
-
 /// Searches a session from a fit of what was asked for.
 fn search_once<'a>(
     observations: &Observations,
@@ -188,15 +230,22 @@ fn search_once<'a>(
     base: &[Instance],
     search: &'a SearchOptions,
 ) -> Result<Search<'a>, Error> {
-    let mut stepwise = Stepwise::new(observations, clean, search)?;
-    let mut start = fit(&stepwise.small, base.to_vec(), Some(clean))?;
-    stepwise.rescale(&mut start)?;
     // On a base that data do not determine, nothing that is found would mean anything.
-    let (searched, isolated) = match determined(clean, &directions(observations, clean)) {
-        true => search_effects(&mut stepwise, &start)?,
-        false => (Searched::nothing(start), None),
+    let sure = determined(clean, &directions(observations, clean));
+    let one = |stepwise: &mut Stepwise<'a>| {
+        let mut start = fit(&stepwise.small, base.to_vec(), Some(clean))?;
+        stepwise.rescale(&mut start)?;
+        match sure {
+            true => search_effects(stepwise, &start),
+            false => Ok((Searched::nothing(start), None)),
+        }
     };
-    Ok((stepwise, searched, isolated))
+    if let Some(long) = search_long(observations, clean, search, one)? {
+        return Ok(long);
+    }
+    let mut stepwise = Stepwise::new(observations, clean, search)?;
+    let (searched, isolated) = one(&mut stepwise)?;
+    Ok(Search { stepwise, searched, isolated, all: None })
 }
 
 /// Where unknown points are touched: the session as it is judged beside the effects that were
@@ -207,9 +256,9 @@ fn judge_again(
     all: &Observations,
     judged: &Observations,
     base: &[Instance],
-    (stepwise, searched, _): &Search,
+    Search { stepwise, searched, .. }: &Search,
 ) -> Result<Option<(Observations, Fit, Vec<Excluded>)>, Error> {
-    let found = searched.found.iter().map(|step| step.scored.instance);
+    let found = searched.found.iter().map(|step| stepwise.in_all(&step.scored.instance));
     let effects: Vec<Instance> = found.filter(|i| !scored::is_data(i)).collect();
     if searched.current.model.unknown_names.is_empty() || effects.is_empty() {
         return Ok(None);

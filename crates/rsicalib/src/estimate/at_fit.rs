@@ -11,9 +11,10 @@
 use faer::{Mat, MatRef};
 
 use crate::estimate::fit::Fit;
-use crate::estimate::implicit::{Implicit, Residuals};
+use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
+use crate::estimate::residuals::Residuals;
 use crate::numerics::symmetric::{dot, inverse_root};
 
 /// A session at a fit.

@@ -1,11 +1,13 @@
 //! The fit: estimates, covariance, lack of fit, and the reason for the end.
 
+use std::sync::Arc;
+
 use faer::Mat;
 
 use crate::Error;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::doubts;
-use crate::estimate::implicit::{Implicit, Residuals};
+use crate::estimate::implicit::Implicit;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::source::{
     Declared, LEAST_DOF, NoiseEstimate, Source, check_declared, estimate_noise, first_noise,
@@ -14,6 +16,7 @@ use crate::estimate::noise::source::{
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
+use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Start, Try};
 use crate::estimate::{search, start};
@@ -61,10 +64,8 @@ pub struct Fit {
     pub iterations: usize,
     /// Starts that were tried.
     pub starts: Vec<Try>,
-    /// Whitened residuals and their derivatives.
-    pub residuals: Residuals,
-    /// Estimated readings without noise, row by row, one per channel.
-    pub adjusted: Vec<f64>,
+    /// Whitened residuals and their derivatives, shared by the copies of the fit.
+    pub residuals: Arc<Residuals>,
     /// True where no gain has collapsed, so that every joint moves.
     pub plausible: bool,
     /// Suspected mistakes in the wiring.
@@ -219,30 +220,19 @@ fn solve(
             estimate_noise(observations, &groups, &residuals, &noise, declared, beta.len());
         let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
         let scale = estimate.sigma[0] / noise.sigma[0];
-        let adjusted = problem.adjusted();
-        answer = Some((outcome, residuals, estimate.clone(), scale, adjusted));
+        answer = Some((outcome, residuals, estimate.clone(), scale));
         let sensitive = !priors.is_empty() || held.is_some();
         if (scale - 1.0).abs() < 1e-3 || !sensitive {
             break;
         }
         noise = Noise { sigma: estimate.sigma, play: estimate.play };
     }
-    let Some((outcome, residuals, noise, scale, adjusted)) = answer else {
+    let Some((outcome, residuals, noise, scale)) = answer else {
         return Err(Error::Empty("no fit".into()));
     };
     let start = Start { warnings, ..start };
-    let mut fit = conclude(
-        observations,
-        model,
-        priors,
-        outcome,
-        residuals,
-        noise,
-        scale,
-        adjusted,
-        start,
-        &groups,
-    );
+    let mut fit =
+        conclude(observations, model, priors, outcome, residuals, noise, scale, start, &groups);
     if !settled {
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
@@ -279,7 +269,6 @@ fn conclude(
     mut residuals: Residuals,
     noise: NoiseEstimate,
     scale: f64,
-    adjusted: Vec<f64>,
     start: Start,
     groups: &Groups,
 ) -> Fit {
@@ -320,6 +309,9 @@ fn conclude(
     let rms_misclosure =
         (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
     let plausible = !search::collapsed(&model, &outcome.x);
+    if observations.is_long() {
+        residuals.by_reading = Vec::new();
+    }
     Fit {
         model,
         beta: outcome.x,
@@ -338,8 +330,7 @@ fn conclude(
         termination: outcome.termination,
         iterations: outcome.iterations,
         starts: start.tries,
-        residuals,
-        adjusted,
+        residuals: residuals.into(),
         plausible,
         warnings: start.warnings,
     }

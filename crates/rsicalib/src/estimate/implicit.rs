@@ -4,9 +4,10 @@ use std::sync::Mutex;
 
 use crate::estimate::fit::Fit;
 use crate::estimate::objective::{Noise, Part, add_priors};
+use crate::estimate::residuals::{Residuals, Sizes};
 use crate::estimate::settle::Room;
 use crate::model::{Prior, Want};
-use crate::numerics::lanes::{Lanes, dispatch};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::numerics::linearization::{Linearization, Problem};
 use crate::numerics::normal_equations::{NormalEquations, Total, over_chunks};
 use crate::numerics::workers::lock;
@@ -20,24 +21,6 @@ pub struct Implicit<'a> {
     adjusted: Mutex<Vec<Vec<Lanes>>>,
 }
 
-/// Residuals at a solution, sample by sample.
-#[derive(Debug, Clone, Default)]
-pub struct Residuals {
-    /// Number of equations of one sample.
-    pub equations: usize,
-    /// `L⁻¹ w`, sample by sample, equation by equation: standard normal for a correct model.
-    pub whitened: Vec<f64>,
-    /// Misclosure of the raw readings, in length units, sample by sample, equation by equation.
-    pub lengths: Vec<f64>,
-    /// `L⁻¹ A`, sample by sample, equation by equation, one entry per channel.
-    pub by_reading: Vec<f64>,
-    /// `L⁻¹ X`, sample by sample, equation by equation, one entry per parameter; empty unless
-    /// requested.
-    pub by_parameter: Vec<f64>,
-    /// Largest number of repeats of (52) in any block; 20, the maximum, where (52) did not converge.
-    pub inner: usize,
-}
-
 impl<'a> Implicit<'a> {
     /// The objective of a part with the noise of a fit.
     #[must_use]
@@ -49,12 +32,8 @@ impl<'a> Implicit<'a> {
     /// the first part.
     #[must_use]
     pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
-        let raw = |part: &Part| {
-            (0..part.readings.blocks().len())
-                .flat_map(|b| part.readings.raw(b).to_vec())
-                .collect::<Vec<_>>()
-        };
-        let adjusted = Mutex::new(parts.iter().map(|(part, _)| raw(part)).collect());
+        let adjusted = parts.iter().map(|(part, _)| part.readings.all_raw().to_vec()).collect();
+        let adjusted = Mutex::new(adjusted);
         Self { parts, priors, adjusted }
     }
 
@@ -63,75 +42,101 @@ impl<'a> Implicit<'a> {
     pub fn residuals(&self, x: &[f64], by_parameter: bool) -> Residuals {
         let (part, noise) = &self.parts[0];
         let (model, readings) = (part.model, part.readings);
-        let (k, c, p) = (model.equations(), readings.channels, model.parameters);
-        let lengths = model.lengths();
-        let mut out = Residuals {
-            equations: k,
-            whitened: vec![0.0; readings.samples * k],
-            lengths: vec![0.0; readings.samples * k],
-            by_reading: vec![0.0; readings.samples * k * c],
-            by_parameter: if by_parameter {
-                vec![0.0; readings.samples * k * p]
-            } else {
-                Vec::new()
-            },
-            inner: 0,
-        };
+        let channels = readings.channels;
+        let sizes = Sizes::of(model, channels, by_parameter);
+        let mut out = Residuals::zero(&sizes, readings.samples);
         let mut adjusted = lock(&self.adjusted);
-        let mut room = Room::new(model, noise);
-        for block in 0..readings.blocks().len() {
-            let a_hat = &mut adjusted[0][block * c..(block + 1) * c];
-            let raw = readings.raw(block);
-            let meta = &readings.blocks()[block];
-            let bare = Want { x: false, a: false };
-            model.evaluate(readings, block, raw, x, bare, &mut room.ws);
-            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                for (e, length) in lengths.iter().enumerate() {
-                    out.lengths[row * k + e] = room.ws.f[e].0[lane] * length;
+        // So many blocks at a time: their residuals stand beside those of all rows until they are
+        // put in their places.
+        for (wave, some) in adjusted[0].chunks_mut(WAVE * channels).enumerate() {
+            let one = |first: usize, chunk: &mut [Lanes]| {
+                let blocks = chunk.len() / channels;
+                let mut room = Room::new(model, noise);
+                let mut here = Residuals::zero(&sizes, blocks * WIDTH);
+                for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
+                    let block = wave * WAVE + first + i;
+                    here.take(part, &mut room, &sizes, i, block, x, a_hat);
                 }
-            }
-            out.inner = out.inner.max(room.settle(part, block, x, a_hat, by_parameter));
-            room.whiten_readings();
-            let weight = part.weight(block);
-            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                let weight = weight.0[lane];
-                for e in 0..k {
-                    out.whitened[row * k + e] = room.w[e].0[lane] * weight;
-                }
-                for (i, value) in room.ws.a.iter().enumerate() {
-                    out.by_reading[row * k * c + i] = value.0[lane] * weight;
-                }
-                if by_parameter {
-                    for (e, x) in room.ws.x.chunks_exact(model.width().max(1)).enumerate() {
-                        for (column, value) in model.columns()[meta.group].iter().zip(x) {
-                            out.by_parameter[(row * k + e) * p + column] = value.0[lane] * weight;
-                        }
-                    }
-                }
-            }
-        }
-        out
-    }
-
-    /// Readings `â` of the last linearisation, row by row, one per channel.
-    #[must_use]
-    pub fn adjusted(&self) -> Vec<f64> {
-        let (part, _) = &self.parts[0];
-        let c = part.readings.channels;
-        let adjusted = lock(&self.adjusted);
-        let mut out = vec![0.0; part.readings.samples * c];
-        for (block, meta) in part.readings.blocks().iter().enumerate() {
-            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
-                for channel in 0..c {
-                    out[row * c + channel] = adjusted[0][block * c + channel].0[lane];
-                }
+                vec![(wave * WAVE + first, here)]
+            };
+            let parts = over_chunks(some, channels, one, Vec::extend).unwrap_or_default();
+            for (first, here) in parts {
+                out.place(&here, &sizes, &readings.blocks()[first..]);
             }
         }
         out
     }
 }
 
+/// Blocks whose residuals are found at a time.
+const WAVE: usize = 4096;
+
+/// What some rows leave.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Misfit {
+    /// χ².
+    pub chi2: f64,
+    /// Sum of the squares of the misclosures, length units.
+    pub square: f64,
+    /// Equations.
+    pub equations: f64,
+}
+
 impl Implicit<'_> {
+    /// What the rows of the first part leave at `x` that count.
+    #[must_use]
+    pub fn misfit(&self, x: &[f64], counts: impl Fn(usize) -> bool + Sync) -> Misfit {
+        let (part, _) = &self.parts[0];
+        let (model, readings) = (part.model, part.readings);
+        let lengths = model.lengths();
+        let look = |sum: &mut Misfit, block: usize, room: &mut Room| {
+            let meta = &readings.blocks()[block];
+            let lanes = (0..meta.live).filter(|&lane| counts(meta.rows[lane]));
+            let weight = part.weight(block);
+            let bare = Want { x: false, a: false };
+            model.evaluate(readings, block, readings.raw(block), x, bare, &mut room.ws);
+            for lane in lanes {
+                for ((w, f), length) in room.w.iter().zip(&room.ws.f).zip(&lengths) {
+                    sum.chi2 += (w.0[lane] * weight.0[lane]).powi(2);
+                    sum.square += (f.0[lane] * length).powi(2);
+                }
+                sum.equations += room.w.len() as f64;
+            }
+        };
+        self.over_blocks(x, &counts, look, |sum: &mut Misfit, other| {
+            sum.chi2 += other.chi2;
+            sum.square += other.square;
+            sum.equations += other.equations;
+        })
+    }
+
+    /// Visits the blocks of the first part in which some rows count, settled at `x`, and merges what
+    /// was found in their order.
+    pub(crate) fn over_blocks<S: Send + Default>(
+        &self,
+        x: &[f64],
+        counts: impl Fn(usize) -> bool + Sync,
+        visit: impl Fn(&mut S, usize, &mut Room) + Sync,
+        merge: impl FnMut(&mut S, S),
+    ) -> S {
+        let (part, noise) = &self.parts[0];
+        let channels = part.readings.channels;
+        let mut adjusted = lock(&self.adjusted);
+        let one = |first: usize, chunk: &mut [Lanes]| {
+            let mut room = Room::new(part.model, noise);
+            let mut found = S::default();
+            for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(channels)) {
+                let meta = &part.readings.blocks()[block];
+                if meta.rows[..meta.live].iter().any(|&row| counts(row)) {
+                    room.settle(part, block, x, a_hat, false);
+                    visit(&mut found, block, &mut room);
+                }
+            }
+            found
+        };
+        over_chunks(&mut adjusted[0], channels, one, merge).unwrap_or_default()
+    }
+
     /// Visits every block of the first part, in order, where a fit is: its own model settles the
     /// readings, and the model of the part, which has terms more that are zero in `x`, is linearised
     /// there. `visit` gets the block's group and the weighted `L⁻¹ w` and `L⁻¹ X`, equation by

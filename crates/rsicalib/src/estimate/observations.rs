@@ -58,7 +58,17 @@ pub struct Anchor {
     pub known: bool,
 }
 
+/// A recording of more rows is long.
+pub const LONG: usize = 8192;
+
 impl Observations {
+    /// True for a long recording: it is searched by stretches, and what is known of single rows is
+    /// not kept.
+    #[must_use]
+    pub fn is_long(&self) -> bool {
+        !self.readings.held && self.readings.merged.is_none() && self.readings.samples > LONG
+    }
+
     /// The model of these readings with these terms, offsets about the mean reading.
     ///
     /// # Errors

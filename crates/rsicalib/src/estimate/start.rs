@@ -74,10 +74,11 @@ fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> 
     if options.starts == 1 {
         return None;
     }
-    if search.knows() && enough(search, search.knowledge()) {
-        if let Some(suspicion) = rewired::suspect(search, best) {
-            return Some(Suspected { suspicion, end: None });
-        }
+    if search.knows()
+        && enough(search, search.knowledge())
+        && let Some(suspicion) = rewired::suspect(search, best)
+    {
+        return Some(Suspected { suspicion, end: None });
     }
     let score = best.map_or(f64::INFINITY, |end| end.score);
     let doubtful = score >= options.good_start && enough(search, 0);
@@ -89,8 +90,12 @@ fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> 
 /// equations of their own.
 fn enough(search: &StartSearch<'_>, known: usize) -> bool {
     let StartSearch { observations, model, .. } = search;
-    let live = |rows: &Vec<usize>| rows.iter().any(|&r| observations.weights[r] > 0.0);
-    let poses = observations.readings.rows_of_poses().iter().filter(|rows| live(rows)).count();
+    let Observations { readings, weights, .. } = observations;
+    let mut live = vec![false; readings.poses()];
+    for (&pose, weight) in readings.pose.iter().zip(weights) {
+        live[pose] |= *weight > 0.0;
+    }
+    let poses = live.into_iter().filter(|live| *live).count();
     2 * (poses * model.equations() + known) >= 3 * model.parameters
 }
 

@@ -14,7 +14,7 @@ use crate::model::specification::check_names;
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Block, Readings};
 use crate::terms::targets::provided;
-use crate::terms::term::{Acts, Electronics, Placed, Role, Scale, Sensor, Spot};
+use crate::terms::term::{Acts, Electronics, Needs, Placed, Role, Scale, Sensor, Spot};
 
 /// One end of a closure.
 #[derive(Debug, Clone, Copy)]
@@ -161,6 +161,8 @@ pub struct Model {
     /// Largest torque of each load in these readings, by the drawing.
     pub(crate) torques: Vec<f64>,
     pub(crate) gravity: Vec3,
+    /// True where a term asks for directions or velocities.
+    moving: bool,
 }
 
 impl std::fmt::Debug for Model {
@@ -278,6 +280,8 @@ impl Model {
         let gravity = mechanism
             .gravity
             .map_or(Vector3::zeros(), |g| Vector3::from(g).try_normalize(0.0).unwrap_or_default());
+        let mut needs = instances.iter().flat_map(|i| i.term.needs());
+        let moving = needs.any(|n| matches!(n, Needs::Approach | Needs::Motion));
         let mut model = Self {
             steps: Vec::new(),
             closures: Vec::new(),
@@ -289,6 +293,7 @@ impl Model {
             laws: Vec::new(),
             amounts: 0,
             torques: Vec::new(),
+            moving,
             parameters: term_parameters + 3 * unknown_names.len(),
             mechanism: mechanism.clone(),
             equations: mechanism.equations(),
@@ -307,6 +312,15 @@ impl Model {
         model.compile_closures(readings)?;
         model.torques = model.largest_torques(readings);
         Ok(model)
+    }
+
+    /// Directions of approach and velocities in a block; empty where no term asks for them.
+    #[inline(always)]
+    pub(crate) fn motion<'a>(&self, readings: &'a Readings, block: usize) -> [&'a [Lanes]; 2] {
+        match self.moving {
+            true => [readings.approach(block), readings.velocity(block)],
+            false => [&[], &[]],
+        }
     }
 
     fn compile_terms(&mut self, readings: &Readings) {

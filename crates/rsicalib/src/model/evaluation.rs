@@ -145,14 +145,15 @@ impl Model {
     ) {
         let channels = self.scales.len();
         let meta = &readings.blocks()[block];
+        let [approach, velocity] = self.motion(readings, block);
         let mut site = Site {
             readings: a,
             channel: 0,
             scales: &self.scales,
             time: meta.time,
             temperature: meta.temperature,
-            approach: readings.approach(block),
-            velocity: readings.velocity(block),
+            approach,
+            velocity,
             pose: meta.pose,
             place: 0,
         };

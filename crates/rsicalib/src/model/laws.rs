@@ -38,14 +38,15 @@ impl Model {
         room.by_joint.clear();
         room.by_reading.clear();
         let meta = &readings.blocks()[block];
+        let [approach, velocity] = self.motion(readings, block);
         let mut site = Site {
             readings: &ws.corrected,
             channel: 0,
             scales: &self.scales,
             time: meta.time,
             temperature: meta.temperature,
-            approach: readings.approach(block),
-            velocity: readings.velocity(block),
+            approach,
+            velocity,
             pose: meta.pose,
             place: 0,
         };

@@ -17,6 +17,7 @@ fn standstill(channel: &Channel) -> f64 {
 }
 
 /// [`STANDSTILL`] of every channel.
+#[must_use]
 pub(crate) fn standstills(channels: &[Channel]) -> Vec<f64> {
     channels.iter().map(standstill).collect()
 }
@@ -24,23 +25,13 @@ pub(crate) fn standstills(channels: &[Channel]) -> Vec<f64> {
 /// Rows to either side in the local fit of a velocity.
 const REACH: usize = 8;
 
-/// Direction and velocity, row by row, one per channel.
-#[derive(Debug, Clone)]
-pub struct Motion {
-    /// -1, 0 or 1, row by row, one per channel.
-    pub approach: Vec<f64>,
-    /// Readings per second, row by row, one per channel; readings per row without a time column.
-    pub velocity: Vec<f64>,
-}
-
-/// Computes the context of every row.
+/// Direction of approach of every row, one per channel: -1, 0 or 1. `still` is [`standstills`].
 #[must_use]
-pub fn motion(table: &Table, pose: &[usize], channels: &[Channel], held: bool) -> Motion {
-    let still = standstills(channels);
-    if held { held_poses(table, pose, &still) } else { recording(table, &still) }
+pub fn sides(table: &Table, pose: &[usize], still: &[f64], held: bool) -> Vec<i8> {
+    if held { of_poses(table, pose, still) } else { of_recording(table, still) }
 }
 
-fn held_poses(table: &Table, pose: &[usize], still: &[f64]) -> Motion {
+fn of_poses(table: &Table, pose: &[usize], still: &[f64]) -> Vec<i8> {
     let channels = still.len();
     let poses = pose.iter().max().map_or(0, |p| p + 1);
     let mut mean = vec![0.0; poses * channels];
@@ -54,53 +45,80 @@ fn held_poses(table: &Table, pose: &[usize], still: &[f64]) -> Motion {
     for (k, sum) in mean.iter_mut().enumerate() {
         *sum /= count[k / channels];
     }
-    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
-    let mut from = vec![0.0; poses * channels];
+    let mut from = vec![0; poses * channels];
     for row in 1..pose.len() {
         let (p, before) = (pose[row], pose[row - 1]);
-        if p == before || session(row) != session(row - 1) {
+        if p == before || table.session_of(row) != table.session_of(row - 1) {
             continue;
         }
         for c in 0..channels {
-            from[p * channels + c] =
-                direction(mean[p * channels + c] - mean[before * channels + c], still[c]);
+            let change = mean[p * channels + c] - mean[before * channels + c];
+            from[p * channels + c] = direction(change, still[c]) as i8;
         }
     }
-    let approach = pose.iter().flat_map(|&p| from[p * channels..(p + 1) * channels].to_vec());
-    Motion { approach: approach.collect(), velocity: vec![0.0; pose.len() * channels] }
+    pose.iter().flat_map(|&p| from[p * channels..(p + 1) * channels].to_vec()).collect()
 }
 
-fn recording(table: &Table, still: &[f64]) -> Motion {
+fn of_recording(table: &Table, still: &[f64]) -> Vec<i8> {
     let channels = still.len();
     let rows = table.values.len() / channels;
-    let session = |row: usize| table.session.as_ref().map_or(0, |s| s[row]);
-    let clock = |row: usize| table.time.as_ref().map_or(row as f64, |t| t[row]);
-    let mut velocity = vec![0.0; rows * channels];
-    let mut approach = vec![0.0; rows * channels];
-    let mut near: Vec<usize> = Vec::with_capacity(2 * REACH + 1);
+    let mut sides = vec![0; rows * channels];
+    let mut slopes = Slopes::of(table, channels);
     for row in 0..rows {
+        let reach = slopes.at(row);
+        for c in 0..channels {
+            // A change over the window that noise alone can make has no direction.
+            let side = direction(slopes.slope[c] * reach, still[c]) as i8;
+            // A channel that stands still keeps the direction of its last motion.
+            let lasts = side == 0 && row > 0 && table.session_of(row) == table.session_of(row - 1);
+            sides[row * channels + c] = if lasts { sides[(row - 1) * channels + c] } else { side };
+        }
+    }
+    sides
+}
+
+/// Velocity of some rows of a recording, one per channel: readings per second, per row without a
+/// time column.
+#[must_use]
+pub fn velocities(table: &Table, channels: usize, rows: impl Iterator<Item = usize>) -> Vec<f64> {
+    let mut slopes = Slopes::of(table, channels);
+    let mut found = Vec::new();
+    for row in rows {
+        slopes.at(row);
+        found.extend_from_slice(&slopes.slope);
+    }
+    found
+}
+
+/// Slopes of a recording, row by row.
+struct Slopes<'a> {
+    table: &'a Table,
+    /// The slope of each channel.
+    slope: Vec<f64>,
+    near: Vec<usize>,
+}
+
+impl<'a> Slopes<'a> {
+    fn of(table: &'a Table, channels: usize) -> Self {
+        Self { table, slope: vec![0.0; channels], near: Vec::with_capacity(2 * REACH + 1) }
+    }
+
+    /// Finds the slopes at a row; gives how long the window about it is.
+    fn at(&mut self, row: usize) -> f64 {
+        let Self { table, slope, near } = self;
+        let channels = slope.len();
+        let rows = table.values.len() / channels;
+        let clock = |row: usize| table.time.as_ref().map_or(row as f64, |t| t[row]);
         near.clear();
         let window = row.saturating_sub(REACH)..(row + REACH + 1).min(rows);
-        near.extend(window.filter(|&r| session(r) == session(row)));
-        let weights = slope_weights(&near, |r| clock(r) - clock(row));
-        for c in 0..channels {
+        near.extend(window.filter(|&r| table.session_of(r) == table.session_of(row)));
+        let weights = slope_weights(near, |r| clock(r) - clock(row));
+        for (c, slope) in slope.iter_mut().enumerate() {
             let value = |r: usize| table.values[r * channels + c];
-            let slope: f64 = near.iter().zip(&weights).map(|(&r, w)| w * value(r)).sum();
-            velocity[row * channels + c] = slope;
-            // A change over the window that noise alone can make has no direction.
-            let reach = near.last().map_or(0.0, |&l| clock(l) - clock(near[0]));
-            approach[row * channels + c] = direction(slope * reach, still[c]);
+            *slope = near.iter().zip(&weights).map(|(&r, w)| w * value(r)).sum();
         }
+        near.last().map_or(0.0, |&last| clock(last) - clock(near[0]))
     }
-    // A channel that stands still keeps the direction of its last motion.
-    for row in 1..rows {
-        for c in 0..channels {
-            if approach[row * channels + c] == 0.0 && session(row) == session(row - 1) {
-                approach[row * channels + c] = approach[(row - 1) * channels + c];
-            }
-        }
-    }
-    Motion { approach, velocity }
 }
 
 pub(crate) fn direction(change: f64, standstill: f64) -> f64 {

@@ -3,14 +3,17 @@
 //! A *sample* is one reading of all channels; a pose is a label on samples. Samples are kept in
 //! blocks of [`WIDTH`], channel by channel, and all samples of a block touch the same unknown
 //! points. The direction of approach and the velocity are the *context* of a sample: they are
-//! computed once from the raw readings and are then constant.
+//! computed once from the raw readings, when a model needs them, and are then constant.
+
+use std::sync::OnceLock;
 
 use crate::Error;
 use crate::mechanism::Mechanism;
 use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
-use crate::readings::table::Table;
+use crate::readings::context::{direction, sides, standstills, velocities};
+use crate::readings::table::{Table, rows_of};
 
 /// Checked readings of one mechanism.
 #[derive(Debug, Clone)]
@@ -46,11 +49,23 @@ pub struct Readings {
     /// First and last time of each session (s); numbers of the first and last pose without a time
     /// column.
     pub clock: Vec<[f64; 2]>,
+    /// Rows of the recording of whose stretches these samples are means; none for readings as they
+    /// were taken.
+    pub merged: Option<usize>,
     blocks: Vec<Block>,
     raw: Vec<Lanes>,
+    columns: Vec<Lanes>,
+    /// Below so much change a channel stands still.
+    still: Vec<f64>,
+    sides: OnceLock<Vec<i8>>,
+    motion: OnceLock<Motion>,
+}
+
+/// Direction of approach and velocity of each channel, block by block.
+#[derive(Debug, Clone)]
+struct Motion {
     approach: Vec<Lanes>,
     velocity: Vec<Lanes>,
-    columns: Vec<Lanes>,
 }
 
 impl Readings {
@@ -122,6 +137,56 @@ impl Readings {
         Ok((Self::build(mechanism, table, Some(self), true)?, live))
     }
 
+    /// One sample for each stretch of this recording: all that is known of its middle row, with these
+    /// readings, one per channel, in place of that row's. `stretches` holds the first row and the
+    /// middle row of each; `rows` is how many rows of the recording count.
+    ///
+    /// Means and spans are those of the recording, so that parameters are the same.
+    #[must_use]
+    pub(crate) fn merged(&self, stretches: &[[usize; 2]], values: Vec<f64>, rows: usize) -> Self {
+        let middles: Vec<usize> = stretches.iter().map(|[_, middle]| *middle).collect();
+        let lane_of = self.lane_of_rows();
+        let places: Vec<(usize, usize)> = middles.iter().map(|&row| lane_of[row]).collect();
+        let of_block = |f: &dyn Fn(&Block) -> Lanes| -> Vec<f64> {
+            places.iter().map(|&(block, lane)| f(&self.blocks[block]).0[lane]).collect()
+        };
+        let group: Vec<usize> = places.iter().map(|&(block, _)| self.blocks[block].group).collect();
+        let (time, temperature) = (of_block(&|b| b.time), of_block(&|b| b.temperature));
+        let own = |row: &usize| &self.sides()[row * self.channels..(row + 1) * self.channels];
+        let sides: Vec<i8> = middles.iter().flat_map(own).copied().collect();
+        let velocity = velocities(&self.table, self.channels, middles.iter().copied());
+        let table = Table { values, ..rows_of(&self.table, self.channels, &middles) };
+        let session_of_pose = middles.iter().map(|&row| self.table.session_of(row)).collect();
+        let mut merged = Self {
+            samples: middles.len(),
+            channels: self.channels,
+            labels: stretches.iter().map(|[first, _]| self.labels[self.pose[*first]]).collect(),
+            pose: (0..middles.len()).collect(),
+            held: false,
+            timed: self.timed,
+            tempered: self.tempered,
+            mean_temperature: self.mean_temperature,
+            mean: self.mean.clone(),
+            span: self.span.clone(),
+            sessions: self.sessions,
+            session_of_pose,
+            groups: self.groups.clone(),
+            table,
+            clock: self.clock.clone(),
+            merged: Some(rows),
+            blocks: Vec::new(),
+            raw: Vec::new(),
+            columns: Vec::new(),
+            still: self.still.clone(),
+            sides: sides.into(),
+            motion: OnceLock::new(),
+        };
+        let order: Vec<f64> = (0..middles.len()).map(|pose| pose as f64).collect();
+        merged.lay_out(&group, &time, &temperature, &order);
+        merged.motion = merged.laid_out(&velocity).into();
+        merged
+    }
+
     fn build(
         mechanism: &Mechanism,
         table: Table,
@@ -134,7 +199,7 @@ impl Readings {
         let held = table.pose.is_some();
         let mut session_of_pose = vec![0; labels.len()];
         for (row, &pose) in pose.iter().enumerate() {
-            session_of_pose[pose] = session_of(&table, row);
+            session_of_pose[pose] = table.session_of(row);
         }
         let (group, groups) = number_groups(&table, samples);
         let clock = match main {
@@ -157,7 +222,6 @@ impl Readings {
         let span = (0..channels)
             .map(|c| column(c).fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)]))
             .collect();
-        let motion = crate::readings::context::motion(&table, &pose, &mechanism.channels, held);
 
         let mut readings = Self {
             samples,
@@ -175,11 +239,13 @@ impl Readings {
             groups,
             table,
             clock,
+            merged: None,
             blocks: Vec::new(),
             raw: Vec::new(),
-            approach: Vec::new(),
-            velocity: Vec::new(),
             columns: Vec::new(),
+            still: standstills(&mechanism.channels),
+            sides: OnceLock::new(),
+            motion: OnceLock::new(),
         };
         let order: Vec<f64> = match main {
             Some(main) if !own_poses => {
@@ -187,18 +253,11 @@ impl Readings {
             }
             _ => readings.pose.iter().map(|&p| p as f64).collect(),
         };
-        readings.lay_out(&group, &time, &temperature, &order, &motion);
+        readings.lay_out(&group, &time, &temperature, &order);
         Ok(readings)
     }
 
-    fn lay_out(
-        &mut self,
-        group: &[usize],
-        time: &[f64],
-        temperature: &[f64],
-        pose: &[f64],
-        motion: &crate::readings::context::Motion,
-    ) {
+    fn lay_out(&mut self, group: &[usize], time: &[f64], temperature: &[f64], pose: &[f64]) {
         let mut order: Vec<usize> = (0..self.samples).collect();
         order.sort_by_key(|&row| group[row]);
         let mut first = 0;
@@ -215,8 +274,6 @@ impl Readings {
             let gather = |f: &dyn Fn(usize) -> f64| Lanes(rows.map(f));
             for c in 0..self.channels {
                 self.raw.push(gather(&|r| self.table.values[r * self.channels + c]));
-                self.approach.push(gather(&|r| motion.approach[r * self.channels + c]));
-                self.velocity.push(gather(&|r| motion.velocity[r * self.channels + c]));
             }
             for column in &self.table.columns {
                 self.columns.push(Lanes(rows.map(|r| column[r])));
@@ -228,7 +285,7 @@ impl Readings {
                 time: gather(&|r| time[r]),
                 temperature: gather(&|r| temperature[r]),
                 pose: gather(&|r| pose[r]),
-                session: gather(&|r| session_of(&self.table, r) as f64),
+                session: gather(&|r| self.table.session_of(r) as f64),
             });
             first = last;
         }
@@ -264,13 +321,13 @@ impl Readings {
     }
 
     /// Lets all samples be approached from one reading `from`, one per channel.
-    pub(crate) fn set_approach(&mut self, mechanism: &Mechanism, from: &[f64]) {
-        let still = crate::readings::context::standstills(&mechanism.channels);
-        for (k, approach) in self.approach.iter_mut().enumerate() {
+    pub(crate) fn set_approach(&mut self, from: &[f64]) {
+        let moved = |(k, raw): (usize, &Lanes)| {
             let c = k % self.channels;
-            let moved = self.raw[k] - Lanes::splat(from[c]);
-            *approach = moved.map(|change| crate::readings::context::direction(change, still[c]));
-        }
+            (*raw - Lanes::splat(from[c])).map(|change| direction(change, self.still[c]))
+        };
+        let approach = self.raw.iter().enumerate().map(moved).collect();
+        self.motion = Motion { approach, velocity: self.motion().velocity.clone() }.into();
     }
 
     /// Number of poses.
@@ -293,12 +350,45 @@ impl Readings {
         part(&self.raw, block, self.channels)
     }
 
+    /// Raw readings of all blocks, one after another.
+    #[must_use]
+    pub(crate) fn all_raw(&self) -> &[Lanes] {
+        &self.raw
+    }
+
+    /// Direction of approach of each row, one per channel: -1, 0 or 1. Found when first asked for.
+    #[must_use]
+    pub(crate) fn sides(&self) -> &[i8] {
+        self.sides.get_or_init(|| sides(&self.table, &self.pose, &self.still, self.held))
+    }
+
+    /// Directions and velocities in blocks. Few models need them, and of a long recording they are as
+    /// large as the readings: they are found when first asked for.
+    fn motion(&self) -> &Motion {
+        self.motion.get_or_init(|| match self.held {
+            true => self.laid_out(&vec![0.0; self.samples * self.channels]),
+            false => self.laid_out(&velocities(&self.table, self.channels, 0..self.samples)),
+        })
+    }
+
+    /// The directions and these velocities, row by row, one per channel, in blocks.
+    fn laid_out(&self, velocity: &[f64]) -> Motion {
+        let (sides, channels) = (self.sides(), self.channels);
+        let gather = |f: &dyn Fn(usize) -> f64| -> Vec<Lanes> {
+            let of_block =
+                |block: &Block, c: usize| Lanes(block.rows.map(|row| f(row * channels + c)));
+            let all = self.blocks.iter().flat_map(|block| (0..channels).map(move |c| (block, c)));
+            all.map(|(block, c)| of_block(block, c)).collect()
+        };
+        Motion { approach: gather(&|i| f64::from(sides[i])), velocity: gather(&|i| velocity[i]) }
+    }
+
     /// Direction of approach of each channel in a block: -1, 0 or 1. Empty for an index beyond the
     /// last block.
     #[must_use]
     #[inline(always)]
     pub fn approach(&self, block: usize) -> &[Lanes] {
-        part(&self.approach, block, self.channels)
+        part(&self.motion().approach, block, self.channels)
     }
 
     /// Velocity of each channel in a block, in readings per second. Empty for an index beyond the
@@ -306,7 +396,7 @@ impl Readings {
     #[must_use]
     #[inline(always)]
     pub fn velocity(&self, block: usize) -> &[Lanes] {
-        part(&self.velocity, block, self.channels)
+        part(&self.motion().velocity, block, self.channels)
     }
 
     /// Measured distances of a block in length units, one [`Lanes`] per value column. Empty for an
@@ -321,6 +411,18 @@ impl Readings {
     #[must_use]
     pub fn row(&self, row: usize) -> &[f64] {
         part(&self.table.values, row, self.channels)
+    }
+
+    /// Block and lane of each row.
+    #[must_use]
+    pub(crate) fn lane_of_rows(&self) -> Vec<(usize, usize)> {
+        let mut lane_of = vec![(0, 0); self.samples];
+        for (block, meta) in self.blocks.iter().enumerate() {
+            for (row, lane) in meta.rows.iter().zip(0..meta.live) {
+                lane_of[*row] = (block, lane);
+            }
+        }
+        lane_of
     }
 
     /// The rows of each pose, in order.
@@ -339,6 +441,9 @@ impl Readings {
     /// recording rows may stand still: there only a whole session is compared with another.
     #[must_use]
     pub fn copies(&self) -> Vec<usize> {
+        if !self.held && self.sessions < 2 {
+            return Vec::new();
+        }
         let whole = if self.held { self.rows_of_poses() } else { self.rows_of_sessions() };
         let mut seen = std::collections::HashSet::new();
         let again = |rows: &&Vec<usize>| !rows.is_empty() && !seen.insert(self.content(rows));
@@ -363,7 +468,7 @@ impl Readings {
     fn rows_of_sessions(&self) -> Vec<Vec<usize>> {
         let mut rows = vec![Vec::new(); self.sessions];
         for row in 0..self.samples {
-            rows[session_of(&self.table, row)].push(row);
+            rows[self.table.session_of(row)].push(row);
         }
         rows
     }
@@ -499,10 +604,6 @@ fn number_groups(table: &Table, samples: usize) -> (Vec<usize>, Vec<Vec<String>>
     (group, groups)
 }
 
-fn session_of(table: &Table, row: usize) -> usize {
-    table.session.as_ref().map_or(0, |s| s[row])
-}
-
 /// Time by the clock, else by the order of poses.
 fn clock_of(table: &Table, pose: &[usize], row: usize) -> f64 {
     table.time.as_ref().map_or(pose[row] as f64, |t| t[row])
@@ -512,7 +613,7 @@ fn clock_of(table: &Table, pose: &[usize], row: usize) -> f64 {
 fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]> {
     let mut ends: Vec<[f64; 2]> = Vec::new();
     for row in 0..samples {
-        let session = session_of(table, row);
+        let session = table.session_of(row);
         if ends.len() <= session {
             ends.resize(session + 1, [f64::MAX, f64::MIN]);
         }
@@ -527,7 +628,7 @@ fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]>
 fn session_time(table: &Table, pose: &[usize], clock: &[[f64; 2]], samples: usize) -> Vec<f64> {
     (0..samples)
         .map(|row| {
-            let [first, last] = clock[session_of(table, row).min(clock.len() - 1)];
+            let [first, last] = clock[table.session_of(row).min(clock.len() - 1)];
             let at = clock_of(table, pose, row);
             if last > first { ((at - first) / (last - first)).clamp(0.0, 1.0) } else { 0.5 }
         })

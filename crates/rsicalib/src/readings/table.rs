@@ -19,6 +19,14 @@ pub struct Table {
     pub columns: Vec<Vec<f64>>,
 }
 
+impl Table {
+    /// Session of a row, from 0.
+    #[must_use]
+    pub(crate) fn session_of(&self, row: usize) -> usize {
+        self.session.as_ref().map_or(0, |session| session[row])
+    }
+}
+
 /// One row for each run of rows with the same pose, the mean of those rows, and the rows of each run.
 #[must_use]
 pub(crate) fn average(table: &Table, channels: usize) -> (Table, Vec<Vec<usize>>) {

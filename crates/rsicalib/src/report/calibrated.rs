@@ -36,7 +36,8 @@ pub struct CalibrationReport {
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub estimates: Estimates,
     /// Residual of each pose in units of its noise, equation by equation.
-    pub after_residuals: Vec<Vec<f64>>,
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub after_residuals: Vec<f64>,
 }
 
 /// A calibration from more poses is not fitted again without some of them.
@@ -118,13 +119,16 @@ pub fn of(observations: &Observations, calibrated: &Calibrated) -> CalibrationRe
 }
 
 /// Residuals of poses from those of samples: their sum over the root of how many there are.
-fn by_pose(calibrated: &Calibrated) -> Vec<Vec<f64>> {
+fn by_pose(calibrated: &Calibrated) -> Vec<f64> {
     let (readings, residuals) = (&calibrated.observations.readings, &calibrated.fit.residuals);
-    let k = residuals.equations;
-    let of_pose = |rows: &Vec<usize>| {
-        let size = (rows.len() as f64).sqrt();
-        let sum = |e: usize| rows.iter().map(|r| residuals.whitened[r * k + e]).sum::<f64>();
-        (0..k).map(|e| sum(e) / size).collect()
-    };
-    readings.rows_of_poses().iter().map(of_pose).collect()
+    let k = residuals.equations.max(1);
+    let (mut sums, mut counts) = (vec![0.0; readings.poses() * k], vec![0.0; readings.poses()]);
+    for (&pose, of_row) in readings.pose.iter().zip(residuals.whitened.chunks_exact(k)) {
+        counts[pose] += 1.0;
+        sums[pose * k..(pose + 1) * k].iter_mut().zip(of_row).for_each(|(sum, r)| *sum += r);
+    }
+    for (sums, count) in sums.chunks_exact_mut(k).zip(counts) {
+        sums.iter_mut().for_each(|sum| *sum /= f64::sqrt(count));
+    }
+    sums
 }

@@ -6,12 +6,11 @@ use crate::apply::change::{PlatformRms, platform_difference};
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::curve_law::{CurveLaw, curve_law};
 use crate::diagnosis::detectability::{Detectability, could_hide};
-use crate::diagnosis::held_out::{HeldOut, held_out};
+use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
-use crate::diagnosis::stepwise::moves::cost;
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
 use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
@@ -127,10 +126,12 @@ pub struct TraceReport {
     /// Noise, parameters, covariance and the rest, of the fit after.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub estimates: Estimates,
-    /// Residual of each pose in units of its noise, equation by equation, before.
-    pub before_residuals: Vec<Vec<f64>>,
+    /// Residual of each pose in units of its noise, pose by pose, equation by equation, before.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub before_residuals: Vec<f64>,
     /// The same after.
-    pub after_residuals: Vec<Vec<f64>>,
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub after_residuals: Vec<f64>,
 }
 
 /// Traces a session and reports.
@@ -168,7 +169,7 @@ pub fn traced(
         known.judge(observations, &traced.before, &mut before)?;
         known.judge(&traced.observations, &traced.after, &mut after)?;
     }
-    before.held_out = held_out(&traced.small, &small_before);
+    before.held_out = left_out(&traced, &small_before, &traced.before);
     let steps = traced
         .found
         .iter()
@@ -177,14 +178,15 @@ pub fn traced(
         .collect::<Result<Vec<_>, _>>()?;
     after.held_out = match steps.last() {
         Some(last) => last.held_out,
-        None => held_out(&traced.small, &traced.last),
+        None if traced.last.model.instances == small_before.model.instances => before.held_out,
+        None => left_out(&traced, &traced.last, &traced.after),
     };
-    let rises: Vec<f64> = steps.iter().map(|step| step.chi2_rise).collect();
+    let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
     let residual = residual(&traced, &rises);
     let found: Vec<Instance> = traced.found.iter().map(|f| f.instance).collect();
     let absurd = absurdities(&traced.observations, &traced.after, &found);
     let directions = directions(&traced.observations, &traced.after);
-    let p_value = traced.judge.lack_of_fit(&traced.last);
+    let p_value = traced.p_value;
     let elsewhere = match traced.found.is_empty() {
         true => None,
         false => worse_elsewhere(&traced, &before, &after, known)?,
@@ -222,19 +224,33 @@ pub fn traced(
         with_excluded,
         before,
         steps,
-        rivals: traced.rivals.iter().map(|e| rival(observations, e)).collect(),
+        rivals: traced.rivals.iter().map(|e| rival(&traced.small, e)).collect(),
         after,
         unexplained: Unexplained { p_value, target, text },
         could_hide: hidden,
         estimates: estimates(&traced.observations, &traced.after, &directions),
-        before_residuals: by_pose(&traced.small, &small_before),
-        after_residuals: by_pose(&traced.small, &traced.last),
+        before_residuals: match &traced.stretches {
+            Some(_) => by_pose(&traced.observations, &traced.before),
+            None => by_pose(&traced.small, &small_before),
+        },
+        after_residuals: by_pose(traced.answer().0, traced.answer().1),
     };
     // Whoever listened has been told that the job is done.
     for session in [&mut traced.observations, &mut traced.small] {
         session.options.progress = Progress::default();
     }
     Ok((report, traced))
+}
+
+/// Error on poses left out in turn, by a fit of the search, with the noise of a fit of the session.
+fn left_out(traced: &Traced, fitted: &Fit, of_all: &Fit) -> Option<HeldOut> {
+    match &traced.stretches {
+        Some(stretches) => {
+            let small = (&traced.small, fitted);
+            held_out_rows(stretches, small, (&traced.observations, &of_all.assumed()))
+        }
+        None => held_out(&traced.small, fitted),
+    }
 }
 
 /// What poses that the fit has not seen say against what was found: known poses, or those left
@@ -258,7 +274,7 @@ fn worse_elsewhere(
         }
     }
     let held_out = before.held_out.zip(after.held_out).and_then(|(before, after)| {
-        let equations = traced.last.residuals.equations * traced.small.readings.poses();
+        let equations = traced.last.residuals.equations * traced.answer().0.readings.poses();
         let chi2 = [before.chi2_per_dof, after.chi2_per_dof];
         // χ² is a mean of squares, whose relative deviation is twice that of the root.
         worse(chi2[0], chi2[1], 0.25 * equations as f64).then_some(Elsewhere::HeldOut(chi2))
@@ -297,16 +313,13 @@ fn step(
     let after = &traced.after;
     let info = found.instance.term.info();
     let (values, covariance) = reported(after);
-    let first = after
-        .model
-        .instances
-        .iter()
-        .position(|i| *i == found.instance)
-        .map_or(0, |k| after.model.first[k]);
+    let own = traced.in_all(&found.instance);
+    let first =
+        after.model.instances.iter().position(|i| *i == own).map_or(0, |k| after.model.first[k]);
     let parameters = info.parameters.iter().enumerate().map(|(k, p)| ParameterReport {
         term: info.id.into(),
         target: found.instance.target.name(&observations.mechanism),
-        place: place(observations, &found.instance),
+        place: place(observations, &own),
         name: p.name.into(),
         value: values[first + k],
         sd: (!after.unknowable[first + k])
@@ -324,13 +337,13 @@ fn step(
     let instances: Vec<Instance> = base.chain(bad).chain(up_to).collect();
     let fitted = fit(&traced.small, instances, Some(&traced.last))?;
     Ok(StepReport {
-        effect: effect(observations, &found.instance),
+        effect: effect(observations, &own),
         p_value: found.p_value.min(1.0),
-        chi2_rise: cost(&found.without) - cost(&traced.last),
+        chi2_rise: found.rise,
         parameters: parameters.map(ParameterReport::noted).collect(),
-        also_fits: found.also.iter().map(|i| effect(observations, i)).collect(),
+        also_fits: found.also.iter().map(|i| effect(&traced.small, i)).collect(),
         platform_rms,
-        held_out: held_out(&traced.small, &fitted),
+        held_out: left_out(traced, &fitted, after),
         curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),
         curve_over: curve.as_ref().map(|c| c.over),
         curve_sd: curve.as_ref().map(|c| c.points.iter().map(|p| p[2]).collect()),
@@ -338,21 +351,22 @@ fn step(
     })
 }
 
-/// Whitened residuals pose by pose, in the order of the poses. What was left out has the residual
-/// that it would have with the weight of the others.
-pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
+/// Whitened residuals pose by pose, in the order of the poses, equation by equation. What was left
+/// out has the residual that it would have with the weight of the others.
+pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<f64> {
     let k = fit.residuals.equations;
-    let out = |row: usize| observations.weights[row] <= 0.0;
+    let out = |row: &usize| observations.weights[*row] <= 0.0;
     let readings = &observations.readings;
-    let rows = readings.rows_of_poses();
+    let mut first = vec![usize::MAX; readings.poses()];
+    for (row, &pose) in readings.pose.iter().enumerate() {
+        first[pose] = first[pose].min(row);
+    }
     let part = Part { model: &fit.model, readings, weights: None };
-    let all = rows
-        .iter()
-        .any(|r| out(r[0]))
-        .then(|| Implicit::at(part, fit).residuals(&fit.beta, false).whitened);
-    let of = |row: usize| match &all {
-        Some(all) if out(row) => all[row * k..(row + 1) * k].to_vec(),
-        _ => fit.residuals.whitened[row * k..(row + 1) * k].to_vec(),
+    let all =
+        first.iter().any(out).then(|| Implicit::at(part, fit).residuals(&fit.beta, false).whitened);
+    let of = |row: &usize| match &all {
+        Some(all) if out(row) => &all[row * k..(row + 1) * k],
+        _ => &fit.residuals.whitened[row * k..(row + 1) * k],
     };
-    rows.iter().map(|r| of(r[0])).collect()
+    first.iter().flat_map(of).copied().collect()
 }

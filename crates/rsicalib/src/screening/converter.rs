@@ -155,6 +155,9 @@ fn visits(at: &[bool], near: &[bool]) -> (usize, usize) {
 /// bits are counted into the noise of their channel, once for each pose.
 pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -> Vec<Excluded> {
     let mut excluded = Vec::new();
+    if faults.is_empty() {
+        return excluded;
+    }
     let rows = observations.readings.rows_of_poses();
     let mut sigma = fit.noise.sigma.clone();
     for fault in faults {

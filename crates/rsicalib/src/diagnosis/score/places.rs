@@ -154,9 +154,11 @@ impl<'a> Poses<'a> {
         }
     }
 
-    /// Number of tests for bad readings.
+    /// Number of tests for bad readings: of stretches, those of all rows of the recording, which
+    /// were looked through for rows that stand apart.
     fn tests_bad(&self) -> f64 {
-        (self.live.len() * (self.at.observations.readings.channels + 1)) as f64
+        let readings = &self.at.observations.readings;
+        (readings.merged.unwrap_or(self.live.len()) * (readings.channels + 1)) as f64
     }
 
     /// Scores of wrong readings of one channel. A recording has millions: of those that nobody

@@ -37,7 +37,8 @@ impl KnownFits {
             return Ok(known.clone());
         }
         let new = fit(small, instances, Some(from))?;
-        if new.residuals.by_reading.len() * (self.fits.len() + 1) <= MOST {
+        let numbers = small.readings.samples * new.residuals.equations * small.readings.channels;
+        if numbers * (self.fits.len() + 1) <= MOST {
             self.fits.push(new.clone());
         }
         Ok(new)

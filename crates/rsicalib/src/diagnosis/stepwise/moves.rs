@@ -11,6 +11,7 @@ use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose
 use crate::diagnosis::score::{candidates, scan};
 use crate::diagnosis::stepwise::known::KnownFits;
 use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
+use crate::diagnosis::stretches::Stretches;
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
 use crate::kinematics::elements::Weight;
@@ -18,6 +19,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::lm;
+use crate::readings::Readings;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::{Cause, Excluded};
 use crate::terms::term::Acts;
@@ -55,7 +57,7 @@ const ORDER_MOVES: usize = 3;
 
 /// The state of a search.
 pub struct Stepwise<'a> {
-    /// One sample for each held pose.
+    /// One sample for each held pose, or stretch of a long recording.
     pub small: Observations,
     /// The channel, closure or chain to which the search is confined.
     pub only: Option<Target>,
@@ -66,6 +68,8 @@ pub struct Stepwise<'a> {
     pub(crate) counts: Vec<f64>,
     /// Samples of each pose.
     samples: Vec<usize>,
+    /// The stretches of a long recording.
+    pub(crate) stretches: Option<Stretches>,
     source: Source,
     noise_dof: f64,
     /// Its noise is declared, and nothing bears it out.
@@ -75,21 +79,54 @@ pub struct Stepwise<'a> {
 }
 
 impl<'a> Stepwise<'a> {
+    /// A search of a session, in which the samples of held poses are averaged.
     pub fn new(
         observations: &Observations,
         fit: &Fit,
         search: &'a SearchOptions,
     ) -> Result<Self, Error> {
+        let readings = &observations.readings;
+        let averaged = match readings.held {
+            true => Some(readings.averaged(&observations.mechanism, &observations.weights)?),
+            false => None,
+        };
+        let samples = readings.rows_of_poses().iter().map(Vec::len).collect();
+        Ok(Self::of(observations, averaged, samples, fit.noise.inflation, fit, search))
+    }
+
+    /// A search of a long recording, by its stretches.
+    pub fn by_stretches(
+        observations: &Observations,
+        stretches: Stretches,
+        fit: &Fit,
+        search: &'a SearchOptions,
+    ) -> Self {
+        let (readings, counts) = stretches.merged(observations, fit);
+        let samples = counts.iter().map(|n| *n as usize).collect();
+        let slow = fit.noise.slow;
+        let averaged = Some((readings, counts));
+        let it = Self::of(observations, averaged, samples, slow, fit, search);
+        Self { stretches: Some(stretches), ..it }
+    }
+
+    /// A search of a session, or of means of its samples with the number of samples of each, whose
+    /// variance is `inflation` times that of means of independent samples.
+    fn of(
+        observations: &Observations,
+        averaged: Option<(Readings, Vec<f64>)>,
+        samples: Vec<usize>,
+        inflation: f64,
+        fit: &Fit,
+        search: &'a SearchOptions,
+    ) -> Self {
         let mut small = observations.clone();
         let (mut sigma, mut play) = (fit.noise.sigma.clone(), fit.noise.play);
-        if observations.readings.held {
-            let (readings, counts) =
-                observations.readings.averaged(&observations.mechanism, &observations.weights)?;
+        if let Some((readings, counts)) = averaged {
             let usual = counts.iter().copied().fold(1.0, f64::max);
             small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
             small.readings = readings.into();
             // Play is noise of one sample as well: a mean has its share of both.
-            let share = fit.noise.inflation / usual;
+            let share = inflation / usual;
             sigma.iter_mut().for_each(|s| *s *= share.sqrt());
             play *= share;
         }
@@ -98,20 +135,20 @@ impl<'a> Stepwise<'a> {
         let (noise, settled) = (Some(sigma), true);
         small.options = FitOptions { noise, play, settled, lm, ..observations.options.clone() };
         let counts = small.weights.clone();
-        let samples = observations.readings.rows_of_poses().iter().map(Vec::len).collect();
         let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
-        Ok(Self {
+        Self {
             small,
             only: None,
             divided: false,
             search,
             counts,
             samples,
+            stretches: None,
             source,
             noise_dof,
             unverified: fit.unverified(),
             known: RefCell::default(),
-        })
+        }
     }
 
     pub fn judge(&self, fit: &Fit) -> Judge {
@@ -343,12 +380,16 @@ impl<'a> Stepwise<'a> {
         }
     }
 
+    /// An instance of the search as one of the session.
+    pub fn in_all(&self, instance: &Instance) -> Instance {
+        self.stretches.as_ref().map_or(*instance, |stretches| stretches.in_all(instance))
+    }
+
     /// A bad reading, with the channel where it can be told, else the likeliest chain.
     pub fn bad_reading(&self, instance: &Instance, blame: Blame) -> Excluded {
-        let samples = self.samples[instance.place];
         let (channel, chain) = (blame.channel, blame.chain);
-        let pose = Some(instance.place);
-        Excluded { channel, chain, ..Excluded::of(pose, samples, Cause::Reading(blame)) }
+        let (pose, samples) = (self.in_all(instance).place, self.samples[instance.place]);
+        Excluded { channel, chain, ..Excluded::of(Some(pose), samples, Cause::Reading(blame)) }
     }
 
     pub fn excluded(&self, step: &Scored) -> Excluded {

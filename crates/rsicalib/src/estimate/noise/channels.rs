@@ -15,9 +15,9 @@
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
-use crate::estimate::implicit::Residuals;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::objective::Noise;
+use crate::estimate::residuals::Residuals;
 use crate::numerics::distributions;
 
 /// Probability of setting a channel apart where all are alike.

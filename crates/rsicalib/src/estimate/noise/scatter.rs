@@ -14,9 +14,9 @@
 
 use std::f64::consts::PI;
 
-use crate::estimate::implicit::Residuals;
 use crate::estimate::noise::correlation::correlated;
 use crate::estimate::observations::Observations;
+use crate::estimate::residuals::Residuals;
 use crate::numerics::distributions;
 use crate::readings::Readings;
 
@@ -67,7 +67,8 @@ impl Groups {
             }
             return Self { rows, order: 1 };
         }
-        if !readings.timed {
+        // Stretches of a recording are means already, and what is left of them is no noise.
+        if !readings.timed || readings.merged.is_some() {
             return Self { rows: Vec::new(), order: 1 };
         }
         let live: Vec<usize> = (0..readings.samples).filter(|&r| weights[r] > 0.0).collect();

@@ -1,10 +1,10 @@
 //! Where the noise is from, and how large it is.
 
-use crate::estimate::implicit::Residuals;
 use crate::estimate::noise::channels::{self, Alike};
 use crate::estimate::noise::scatter::{Groups, Scatter};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
+use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Witness;
 use crate::numerics::distributions;
 

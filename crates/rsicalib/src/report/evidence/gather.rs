@@ -24,7 +24,8 @@ use crate::screening::excluded::Excluded;
 ///
 /// As [`crate::fit`].
 pub fn of_trace(traced: &Traced) -> Result<Evidence, Error> {
-    let evidence = of_fit(&traced.small, &traced.last)?;
+    let (session, answer) = traced.answer();
+    let evidence = of_fit(session, answer)?;
     let effects = traced.found.iter().map(|found| effect(traced, found));
     let full = Full {
         small: &traced.small,
@@ -36,7 +37,8 @@ pub fn of_trace(traced: &Traced) -> Result<Evidence, Error> {
     Ok(Evidence {
         effects: effects.collect::<Result<_, _>>()?,
         left: scores(&traced.small, &traced.scores, &[]),
-        switchboard: switchboard(&full)?,
+        // A long recording is not fitted again.
+        switchboard: if traced.stretches.is_some() { None } else { switchboard(&full)? },
         ..evidence
     })
 }

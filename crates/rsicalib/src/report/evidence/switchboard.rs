@@ -123,6 +123,6 @@ fn summary(full: &Full, session: &Observations, one: &Fit) -> SwitchFit {
         rms_misclosure: one.rms_misclosure,
         values: columns.iter().map(|c| c.map(|c| values[c])).collect(),
         sd: columns.iter().map(|c| c.and_then(deviation)).collect(),
-        residuals: by_pose(session, one).concat(),
+        residuals: by_pose(session, one),
     }
 }

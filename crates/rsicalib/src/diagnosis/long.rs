@@ -1,0 +1,129 @@
+//! The search of a long recording: by stretches, row by row where something happened, and kept
+//! only as far as all rows confirm it.
+
+use faer::Mat;
+
+use crate::Error;
+use crate::diagnosis::isolation::Isolated;
+use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::stepwise::moves::Stepwise;
+use crate::diagnosis::stepwise::search::{FoundEffect, Searched};
+use crate::diagnosis::stretches::{Stretches, bad_rows};
+use crate::estimate::{Fit, Observations, fit};
+use crate::model::Instance;
+use crate::numerics::symmetric::invert;
+
+/// Times that a search is repeated with rows that it did not see one by one, at the most.
+const LOOKS: usize = 2;
+
+/// A search of a session.
+pub struct Search<'a> {
+    /// Its state.
+    pub stepwise: Stepwise<'a>,
+    /// Where it ended.
+    pub searched: Searched,
+    /// What is at fault alone.
+    pub isolated: Option<Isolated>,
+    /// The fit of all rows of a long recording with what was found; none where nothing was, and of
+    /// another session.
+    pub all: Option<Fit>,
+}
+
+/// Searches a recording of many rows by its stretches; none where there are few. `one` is the
+/// search of a session of one sample for each stretch.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn search_long<'a>(
+    observations: &Observations,
+    clean: &Fit,
+    search: &'a SearchOptions,
+    one: impl Fn(&mut Stepwise<'a>) -> Result<(Searched, Option<Isolated>), Error>,
+) -> Result<Option<Search<'a>>, Error> {
+    let mut apart = bad_rows(observations, clean, search);
+    for look in 0.. {
+        let stretches = Stretches::of(observations, &clean.noise.sigma, &apart);
+        let Some(stretches) = stretches else { break };
+        let mut stepwise = Stepwise::by_stretches(observations, stretches.clone(), clean, search);
+        let (mut searched, isolated) = one(&mut stepwise)?;
+        let all = all_rows(observations, clean, &stretches, &searched)?;
+        let mut more = stretches.closer(searched.found.iter().map(|step| &step.scored));
+        if let Some(all) = &all {
+            more.extend(bad_rows(observations, all, search));
+        }
+        more.retain(|row| apart.binary_search(row).is_err());
+        if more.is_empty() || look == LOOKS {
+            let all = match all {
+                Some(all) => {
+                    confirmed(observations, clean, &stepwise, &stretches, all, &mut searched)?
+                }
+                None => None,
+            };
+            return Ok(Some(Search { stepwise, searched, isolated, all }));
+        }
+        apart.extend(more);
+        apart.sort_unstable();
+        apart.dedup();
+    }
+    Ok(None)
+}
+
+/// The fit of all rows with what was found by stretches; none where nothing was.
+fn all_rows(
+    observations: &Observations,
+    clean: &Fit,
+    stretches: &Stretches,
+    searched: &Searched,
+) -> Result<Option<Fit>, Error> {
+    if searched.found.is_empty() {
+        return Ok(None);
+    }
+    let current = &searched.current;
+    let of_all = |i: &Instance| stretches.in_all(i);
+    let instances: Vec<Instance> = current.model.instances.iter().map(of_all).collect();
+    // The parameters of the search, the noise of all rows.
+    let model = observations.model(instances.clone())?;
+    let from = Fit { model, noise: clean.noise.clone(), ..current.clone() };
+    fit(observations, instances, Some(&from)).map(Some)
+}
+
+/// Drops what explains no more of all rows than is paid for it, worst first.
+fn confirmed(
+    observations: &Observations,
+    clean: &Fit,
+    stepwise: &Stepwise,
+    stretches: &Stretches,
+    mut all: Fit,
+    searched: &mut Searched,
+) -> Result<Option<Fit>, Error> {
+    loop {
+        let gain = |step: &FoundEffect| {
+            rise(&all, &stretches.in_all(&step.scored.instance)) - step.scored.paid()
+        };
+        let gains: Vec<f64> = searched.found.iter().map(gain).collect();
+        let worst = (0..gains.len()).min_by(|&a, &b| gains[a].total_cmp(&gains[b]));
+        let Some(worst) = worst.filter(|&k| gains[k].is_nan() || gains[k] <= 0.0) else {
+            return Ok(Some(all));
+        };
+        let gone = searched.found.remove(worst).scored.instance;
+        searched.current = stepwise.without(&searched.current, &[gone])?;
+        searched.rivals.clear();
+        match all_rows(observations, clean, stretches, searched)? {
+            Some(rest) => all = rest,
+            None => return Ok(None),
+        }
+    }
+}
+
+/// By how much χ² would rise without an effect, to second order: `pᵀ C⁻¹ p` with the covariance
+/// `C` of its parameters `p`, which knows how rows resemble their neighbours.
+#[must_use]
+pub fn rise(fit: &Fit, instance: &Instance) -> f64 {
+    let Some(k) = fit.model.instances.iter().position(|i| i == instance) else { return f64::NAN };
+    let (first, width) = (fit.model.first[k], instance.width());
+    let covariance = Mat::from_fn(width, width, |i, j| fit.covariance[(first + i, first + j)]);
+    let (inverse, ..) = invert(&covariance);
+    let p = Mat::from_fn(width, 1, |i, _| fit.beta[first + i]);
+    (p.transpose() * inverse * &p)[(0, 0)]
+}

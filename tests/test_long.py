@@ -1,0 +1,61 @@
+"""Long recordings, which are searched by stretches: all rows have the last word.
+
+Full size: `python -m tests.blind.long --rows 20000 --sessions 40`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from tests.blind import long
+
+ROWS = 9000
+"""Few more than those from which on a recording is long."""
+
+
+def traced(it: long.Recording) -> Any:
+    return rsicalib.trace(it.readings, rest=it.rest)
+
+
+@pytest.mark.parametrize("kind", long.KINDS)
+def test_what_a_long_recording_has_is_named_and_nothing_else(kind: str) -> None:
+    it = long.make(kind, ROWS, seed=5)
+    assert long.said(traced(it)) == (it.names, it.out)
+
+
+def test_the_same_is_named_by_stretches_as_by_rows() -> None:
+    it = long.make("two", ROWS, seed=1)
+    every = traced(it)
+    # So few are searched row by row.
+    few = rsicalib.trace(it.readings.select(np.arange(ROWS) < 4000), rest=it.rest)
+    assert long.said(every) == long.said(few)
+    assert every.verdict == few.verdict == "explained"
+    ours = {p.name: p for step in every.steps for p in step.parameters}
+    for other in (p for step in few.steps for p in step.parameters):
+        off = ours[other.name].value - other.value
+        assert abs(off) < 3.0 * np.hypot(ours[other.name].sd, other.sd)
+
+
+def test_parameters_and_the_test_of_fit_are_those_of_all_rows() -> None:
+    it = long.make("ripple", ROWS, seed=1)
+    found = traced(it)
+    (step,) = found.steps
+    name = f"{step.term}@{step.target}:{step.place}"
+    told = rsicalib.calibrate(it.readings, rest=it.rest, terms=["offset", "gain", name])
+    np.testing.assert_allclose(found.values, told.values, rtol=1e-6, atol=1e-9)
+    assert found.unexplained.p_value == pytest.approx(told.fit.p_value, rel=1e-3)
+    assert found.after_residuals is not None and len(found.after_residuals) == ROWS
+
+
+def test_poses_in_any_order_are_no_stretches() -> None:
+    """Rows that are no motion are searched one by one, though not all of them."""
+    it = long.make("ripple", ROWS, seed=2)
+    order = np.random.default_rng(2).permutation(ROWS)
+    shuffled = rsicalib.Readings.from_arrays(
+        rsicalib.load_mechanism("rsi"), np.asarray(it.readings.values)[order]
+    )
+    assert long.said(rsicalib.trace(shuffled, rest=it.rest))[0] == it.names
