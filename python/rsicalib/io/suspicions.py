@@ -147,7 +147,7 @@ def _resolution(values: FloatArray, mechanism: MechanismLike) -> FloatArray:
     """Scatter that rounding alone gives, shape (C,); a millionth of the span where unknown."""
     counts = [channel.unit == "count" for channel in mechanism.channels]
     rounding = np.array(_core.steps(values, counts)) / math.sqrt(12.0)
-    return np.maximum(rounding, 1e-6 * np.ptp(values, axis=0))
+    return np.asarray(np.maximum(rounding, 1e-6 * np.ptp(values, axis=0)))
 
 
 def _chi2(dof: IntArray, z: float) -> FloatArray:

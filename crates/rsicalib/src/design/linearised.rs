@@ -116,7 +116,7 @@ impl<'a> Linearised<'a> {
 
     fn whitened(&self, part: Part<'_>, columns: &[usize]) -> Whitened {
         let beta: Vec<f64> = columns.iter().map(|&c| self.beta[c]).collect();
-        let problem = Implicit::new(vec![(part, self.noise.clone())], &[]);
+        let problem = Implicit::of(part, self.noise.clone());
         let found = problem.residuals(&beta, true);
         let (own, width) = (columns.len(), self.model.parameters);
         let values = if columns.iter().copied().eq(0..width) {

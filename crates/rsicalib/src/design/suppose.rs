@@ -247,7 +247,7 @@ impl With {
         change.splice(self.first..self.first, values.iter().copied());
         let part =
             Part { model: &self.model, readings: &small.readings, weights: Some(&small.weights) };
-        let there = Implicit::at(part, last).residuals(&beta, true);
+        let there = Implicit::of(part, last.assumed()).residuals(&beta, true);
         let k = there.equations;
         let moved = |row: usize, e: usize| {
             let x = &there.by_parameter[(row * k + e) * change.len()..][..change.len()];

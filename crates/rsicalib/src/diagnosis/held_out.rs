@@ -18,7 +18,7 @@ pub fn held_out(observations: &Observations, full: &Fit) -> Option<HeldOut> {
         let model = &trained.model;
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
         let part = Part { model, readings, weights };
-        let problem = Implicit::at(part, full);
+        let problem = Implicit::of(part, full.assumed());
         let left_out = |row: usize| out.contains(&readings.pose[row]);
         problem.misfit(&trained.beta, |row| left_out(row) && observations.weights[row] > 0.0)
     })
@@ -37,7 +37,7 @@ pub fn held_out_rows(
     let (readings, weights) = (&all.readings, Some(&all.weights[..]));
     errors(small, full, |trained, out| {
         let part = Part { model: &model, readings, weights };
-        let problem = Implicit::new(vec![(part, noise.clone())], &[]);
+        let problem = Implicit::of(part, noise.clone());
         let rows = stretches.rows(&out, readings.samples);
         problem.misfit(&trained.beta, |row| rows.contains(&row) && all.weights[row] > 0.0)
     })

@@ -269,7 +269,7 @@ pub fn bad_rows(observations: &Observations, fit: &Fit, search: &SearchOptions) 
     let limit = distributions::two_sided_limit(search.alpha, tests).powi(2);
     let least = limit * fit.noise.slow * rest;
     let part = Part { model: &fit.model, readings, weights: Some(weights) };
-    let problem = Implicit::at(part, fit);
+    let problem = Implicit::of(part, fit.assumed());
     let look = |found: &mut Vec<(f64, usize)>, block: usize, room: &mut Room| {
         room.whiten_readings();
         let best = most_by_one(&room.w, &room.ws.a);

@@ -2,11 +2,10 @@
 
 use std::sync::Mutex;
 
-use crate::estimate::fit::Fit;
 use crate::estimate::objective::{Noise, Part, add_priors};
 use crate::estimate::residuals::{Residuals, Sizes};
 use crate::estimate::settle::Room;
-use crate::model::{Prior, Want};
+use crate::model::{Model, Prior, Want};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::numerics::linearization::{Linearization, Problem};
 use crate::numerics::normal_equations::{NormalEquations, Total, over_chunks};
@@ -22,10 +21,10 @@ pub struct Implicit<'a> {
 }
 
 impl<'a> Implicit<'a> {
-    /// The objective of a part with the noise of a fit.
+    /// The objective of one part, without priors.
     #[must_use]
-    pub(crate) fn at(part: Part<'a>, fit: &Fit) -> Self {
-        Self::new(vec![(part, fit.assumed())], &[])
+    pub(crate) fn of(part: Part<'a>, noise: Noise) -> Self {
+        Self::new(vec![(part, noise)], &[])
     }
 
     /// The objective of readings, their model and their noise. All parts share the parameters of
@@ -137,20 +136,20 @@ impl Implicit<'_> {
         over_chunks(&mut adjusted[0], channels, one, merge).unwrap_or_default()
     }
 
-    /// Visits every block of the first part, in order, where a fit is: its own model settles the
+    /// Visits every block of the first part, in order. A model at its parameters `beta` settles the
     /// readings, and the model of the part, which has terms more that are zero in `x`, is linearised
     /// there. `visit` gets the block's group and the weighted `L⁻¹ w` and `L⁻¹ X`, equation by
     /// equation.
     pub(crate) fn sweep<S: Send>(
         &self,
-        fit: &Fit,
+        (model, beta): (&Model, &[f64]),
         x: &[f64],
         zero: impl Fn() -> S + Sync,
         visit: impl Fn(&mut S, usize, &[Lanes], &[Lanes]) + Sync,
         merge: impl FnMut(&mut S, S),
     ) -> Option<S> {
         let (part, noise) = &self.parts[0];
-        let own = Part { model: &fit.model, ..*part };
+        let own = Part { model, ..*part };
         let readings = part.readings;
         let mut adjusted = lock(&self.adjusted);
         let one = |first: usize, chunk: &mut [Lanes]| {
@@ -161,7 +160,7 @@ impl Implicit<'_> {
                     let mut room = Room::new(part.model, noise);
                     let mut sums = zero();
                     for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(readings.channels)) {
-                        settling.settle(&own, block, &fit.beta, a_hat, false);
+                        settling.settle(&own, block, beta, a_hat, false);
                         room.linearise(part, block, readings.raw(block), x, a_hat);
                         let weight = part.weight(block);
                         for value in room.ws.x.iter_mut().chain(&mut room.w) {

@@ -227,7 +227,7 @@ impl<'a> StartSearch<'a> {
             f64::INFINITY
         } else {
             let live = weights.iter().filter(|w| **w > 0.0).count();
-            let implicit = Implicit::new(vec![(part, self.noise.clone())], &[]);
+            let implicit = Implicit::of(part, self.noise.clone());
             let chi2 = 2.0 * implicit.linearize(&outcome.x).cost;
             let score = chi2 / (self.model.equations() * live) as f64;
             if score.is_finite() { score } else { f64::INFINITY }

@@ -126,7 +126,7 @@ pub fn project_blocks(
         readings: &observations.readings,
         weights: Some(&observations.weights),
     };
-    let problem = Implicit::at(part, fit);
+    let problem = Implicit::of(part, fit.assumed());
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || ScoreSums {
         gradient: vec![Lanes::ZERO; extra],
@@ -136,7 +136,7 @@ pub fn project_blocks(
         own: Vec::new(),
     };
     let sums = problem.sweep(
-        fit,
+        (&fit.model, &fit.beta),
         &beta,
         zero,
         #[inline(always)]
