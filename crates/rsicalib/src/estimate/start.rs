@@ -74,10 +74,11 @@ fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> 
     if options.starts == 1 {
         return None;
     }
-    if search.knows() && enough(search, search.knowledge()) {
-        if let Some(suspicion) = rewired::suspect(search, best) {
-            return Some(Suspected { suspicion, end: None });
-        }
+    if search.knows()
+        && enough(search, search.knowledge())
+        && let Some(suspicion) = rewired::suspect(search, best)
+    {
+        return Some(Suspected { suspicion, end: None });
     }
     let score = best.map_or(f64::INFINITY, |end| end.score);
     let doubtful = score >= options.good_start && enough(search, 0);
