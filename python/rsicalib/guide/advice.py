@@ -292,7 +292,7 @@ def _with_gains(mechanism: Mechanism) -> Mechanism:
     drawing = mechanism.to_dict()
     model = drawing.setdefault("model", {})
     model["sd"] = {"gain": _gain_sd(mechanism), **model.get("sd", {})}
-    sides = [c["value"] for c in drawing["closure"] if isinstance(c.get("value"), float)]
+    sides = [c["value"] for c in drawing["closure"] if isinstance(c.get("value"), int | float)]
     if drawing.get("rest") and sides:
         drawing["rest"].setdefault("sd", REST_SD * max(sides))
     return _core.Mechanism.from_dict(plain(drawing))
