@@ -624,12 +624,13 @@ def test_steps_of_one_encoder_are_said_and_no_pose_moved(verb: Any) -> None:
     values[:, 1] = step * np.rint(values[:, 1] / step)
     found = verb(readings_of(mechanism, session.changed(values)), mechanism)
     assert found.verdict == "adequate"
-    name = mechanism.channels[1].name
-    said = [text for text in found.warnings if f"{name} reads in steps of {step:.3e} rad" in text]
-    assert len(said) == 1, found.warnings
+    (text,) = (text for text in found.warnings if "reads in steps of" in text)
+    told = re.match(r"(\w+) reads in steps of (\S+) rad: .* is (\d+) % of the variance", text)
+    assert told is not None, text
+    assert told[1] == mechanism.channels[1].name
+    assert float(told[2]) == pytest.approx(step, rel=1e-3)
     # Of rounding 9 / 12, of the sensor 1 or, where what it reads stays within a code, less.
-    share = float(re.search(r"is (\d+) % of the variance", said[0])[1])
-    assert 25 <= share <= 100
+    assert 25 <= float(told[3]) <= 100
     assert not any("scatters" in text for text in found.warnings)
 
 
