@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
+ATTEMPTS = 3
 CHROMIUM = next(filter(None, map(shutil.which, NAMES)), None)
 
 needs_chromium = pytest.mark.skipif(
@@ -54,7 +55,11 @@ def look(page: str, probe: str, folder: Path, width: int = 1280) -> Any:
     command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
     command += [f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900"]
     command += ["--dump-dom", file.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    # A browser that crashes says nothing of the page; one that crashes each time does.
+    for _ in range(ATTEMPTS):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        if done.returncode == 0:
+            break
     found = re.search(r'<pre id="answer">(.*?)</pre>', done.stdout, flags=re.S)
     assert found is not None, f"the page has no answer: {done.stderr[-500:]}"
     return tuple(json.loads(html.unescape(found.group(1))))
