@@ -10,6 +10,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO
+from rsicalib.report.terminal import summary
 from tests import oracle
 from tests.blind import simulator
 from tests.blind.simulator import CHANNELS, Device
@@ -54,6 +55,11 @@ def test_a_clamped_sensor_is_named_with_its_size_and_an_update_is_worth_it(tmp_p
     assert update.rms_after is not None
     assert update.rms_after < update.rms_before
     assert "a32" in update.text
+    # The terminal says so, whole, in a line or two.
+    lines = summary(later).splitlines()
+    start = next(k for k, line in enumerate(lines) if line.startswith("  earlier   "))
+    told = " ".join(line.strip() for line in lines[start : start + 2]).removeprefix("earlier")
+    assert told.strip() == update.text
     # Read back from its own JSON, it says the same.
     later.save(path)
     again_read = rsicalib.load_calibration(path)

@@ -46,6 +46,7 @@ def summary(result: ResultShape) -> str:
     data = result.readings
     head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
     head += [f"  {'noise':10}{noise_words(result)}"]
+    head += _earlier(result)
     head += _listed("warning", result.warnings, 1)
     middle = _errors(result)
     if isinstance(result, TraceShape):
@@ -66,6 +67,15 @@ def summary(result: ResultShape) -> str:
 
 def _cut(line: str) -> str:
     return line if len(line) <= WIDTH else f"{line[: WIDTH - 2].rstrip()} …"
+
+
+def _earlier(result: ResultShape) -> list[str]:
+    """What has changed since an earlier result, and whether it is worth an update: whole."""
+    if result.update is None:
+        return []
+    return textwrap.wrap(
+        result.update.text, WIDTH, initial_indent=f"  {'earlier':10}", subsequent_indent=" " * 12
+    )[:4]
 
 
 def _listed(label: str, texts: Sequence[str], most: int) -> list[str]:
