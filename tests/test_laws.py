@@ -163,6 +163,13 @@ def test_chains_that_differ_share_nothing() -> None:
     assert not said.shared, said
 
 
+def test_a_shared_curve_is_as_large_as_it_is_in_the_readings() -> None:
+    """Bases turn by a part of their range, over all of which the curve would be a radian."""
+    said = shared.run(("rps", True, 0), seed=0)
+    assert said.steps == (("curvature", "each.1"),)
+    assert said.verdict == "explained"
+
+
 def test_a_shared_parameter_is_asked_for_by_its_target() -> None:
     terms = ["offset", "gain", "link_length@each/2"]
     found = rsicalib.calibrate(READINGS, rest=REST, terms=terms)

@@ -101,8 +101,8 @@ fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Ab
     parameters.enumerate().find_map(|(parameter, (info, typical))| {
         let value = fit.beta[first + parameter];
         // A typical slope is declared for the counts of a converter.
-        let correction = match (info.unit, instance.target) {
-            ("rad/reading", Target::Channel(c)) => typical * COUNTS * travel(mechanism, c),
+        let correction = match (info.unit, sensor(mechanism, instance.target)) {
+            ("rad/reading", Some(c)) => typical * COUNTS * travel(mechanism, c),
             _ => typical,
         };
         let absurd = match largest {
@@ -123,11 +123,21 @@ fn travel(mechanism: &Mechanism, channel: usize) -> f64 {
     if mechanism.slides(channel) && half.is_finite() { half } else { 1.0 }
 }
 
+/// The channel that a sensor's law is of; of sensors of one make, which share it, the first.
+fn sensor(mechanism: &Mechanism, target: Target) -> Option<usize> {
+    match target {
+        Target::Channel(_) | Target::EachJoint(..) => {
+            mechanism.channels_at(target).first().copied()
+        }
+        _ => None,
+    }
+}
+
 /// The largest correction, in these readings, of an effect that is a curve over the reading,
 /// without what a fitted offset and gain take up of it: its parameters are those of the whole
 /// range, of which readings may span a part.
 fn largest_correction(fit: &Fit, instance: &Instance, first: usize) -> Option<f64> {
-    let Target::Channel(channel) = instance.target else { return None };
+    let channel = sensor(&fit.model.mechanism, instance.target)?;
     let curve = curve(fit, instance, first).filter(|curve| curve.over == Over::Reading)?;
     let fitted = |role: Role| {
         instance.term.role() == Role::Other && fit.model.column(role, channel).is_some()
