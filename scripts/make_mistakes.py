@@ -1,6 +1,6 @@
 """Write `docs/mistakes.md`: `python -m scripts.make_mistakes`, a minute of work.
 
-Every mistake of `scripts/mistakes.py` is made with the command as a user would; the page says what
+Every mistake of `scripts/mistakes` is made with the command as a user would; the page says what
 came. `tests/test_mistakes.py` makes the small ones again.
 """
 
@@ -10,7 +10,8 @@ import tempfile
 from pathlib import Path
 
 from rsicalib.io.files import write_text
-from scripts.mistakes import MISTAKES, Came, Mistake, prepared, run
+from scripts.mistakes.catalogue import MISTAKES, Mistake
+from scripts.mistakes.run import Came, prepared, run
 
 PAGE = Path(__file__).parents[1] / "docs" / "mistakes.md"
 WIDEST = 150
@@ -21,8 +22,8 @@ HEAD = """\
 
 Written by `python -m scripts.make_mistakes`: each mistake was made with the command, in a folder
 with a copy of the demo's files. Where the command can go on, the table shows the first line that it
-prints. The demo's session lacks two effects, so `calibrate` ends with exit code 4 where a mistake
-did no harm; [commands.md](commands.md) says what the exit codes mean.
+prints. The model lacks an effect of the demo's session, so `calibrate` ends with exit code 4 where
+a mistake did no harm; [commands.md](commands.md) says what the exit codes mean.
 
 | mistake | command | exit | first line |
 |---|---|---|---|

@@ -113,6 +113,7 @@ RETURNS = {
     "Fit.residuals": "Array",
     "Fit.to_dict": "dict[str, Any]",
     "Fit.warnings": "list[str]",
+    "Fit.wires": "str | None",
     "Mechanism.channels": "list[Channel]",
     "Mechanism.from_dict": "Mechanism",
     "Mechanism.from_toml": "Mechanism",

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from scripts.mistakes import MISTAKES, Mistake, prepared, run
+from scripts.mistakes.catalogue import MISTAKES, Mistake
+from scripts.mistakes.run import prepared, run
 
 SMALL = [mistake for mistake in MISTAKES if not mistake.large]
 

@@ -101,6 +101,10 @@ class Fit:
     def warnings(self) -> list[str]:
         """What looks wrong with the readings or what is declared of them."""
 
+    @property
+    def wires(self) -> str | None:
+        """Which wires are exchanged: of two channels, or the outer ones of one. None where nothing says so."""
+
 @final
 class Mechanism:
     """A mechanism: channels, chains, points, closures, platform, rest."""

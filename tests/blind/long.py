@@ -40,8 +40,8 @@ class Recording:
     """Rows that are wrong, counted from 1."""
 
 
-def make(kind: str, rows: int, seed: int) -> Recording:
-    """The same for the same seed."""
+def make(kind: str, rows: int, seed: int, alike: float = 0.5) -> Recording:
+    """The same for the same seed; `alike` is what a row of `correlated` shares with the last."""
     rng = np.random.default_rng([seed, KINDS.index(kind), rows])
     device = Device.random(rng)
     present = present_in(kind, rng)
@@ -51,7 +51,7 @@ def make(kind: str, rows: int, seed: int) -> Recording:
     out: frozenset[int] = frozenset()
     if kind == "correlated":
         ideal = device.ideal(made["scene"])
-        values = np.rint(ideal + resembling(rng, ideal.shape)).astype(np.int64)
+        values = np.rint(ideal + resembling(rng, ideal.shape, alike)).astype(np.int64)
     if kind == "slip":
         channel, row = int(rng.integers(9)), int(rng.integers(rows // 4, 3 * rows // 4))
         values[row:, channel] += STEP
@@ -80,11 +80,11 @@ def named(effect: Effect) -> str:
     return "n_per_turn" if isinstance(effect, effects.Ripple) else effect.term
 
 
-def resembling(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Noise of one count of which a row shares half with the row before."""
+def resembling(rng: np.random.Generator, shape: tuple[int, ...], alike: float) -> Array:
+    """Noise of one count of which a row shares so much with the row before."""
     noise: Array = rng.standard_normal(shape)
     for row in range(1, len(noise)):
-        noise[row] = 0.5 * noise[row - 1] + 0.75**0.5 * noise[row]
+        noise[row] = alike * noise[row - 1] + (1.0 - alike**2) ** 0.5 * noise[row]
     return noise
 
 
@@ -108,11 +108,12 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=40)
     parser.add_argument("--kind", choices=KINDS, action="append")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--alike", type=float, default=0.5, help="neighbours, of `correlated`")
     options = parser.parse_args()
     for kind in options.kind or KINDS:
         count = 0
         for number in range(options.sessions):
-            it = make(kind, options.rows, options.seed + number)
+            it = make(kind, options.rows, options.seed + number, options.alike)
             traced = rsicalib.trace(it.readings, rest=it.rest)
             fine = right(it, traced)
             count += fine

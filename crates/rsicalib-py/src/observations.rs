@@ -382,6 +382,12 @@ impl PyFit {
         result::warnings(&self.observations, &self.fit, &self.fit)
     }
 
+    /// Which wires are exchanged: of two channels, or the outer ones of one. None where nothing says so.
+    #[getter]
+    fn wires(&self) -> Option<String> {
+        result::wires(&self.observations, &self.fit)
+    }
+
     /// Error on known poses: `(poses, position rms, orientation rms)`.
     #[pyo3(signature = (table, poses, align=false))]
     fn check<'py>(

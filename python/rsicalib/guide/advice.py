@@ -144,10 +144,9 @@ class Adviser:
         mechanism = _with_gains(self.mechanism)
         table = as_table([self._readings(fitted)], mechanism)
         try:
-            warnings = _core.Session(mechanism, table, rest=self.rest.values).fit().warnings
+            return _core.Session(mechanism, table, rest=self.rest.values).fit().wires
         except RsicalibError:
             return None
-        return next((w for w in warnings if WIRES.search(w)), None)
 
     def _spare(self, fitted: Mapping[int, Sequence[Sample]]) -> int:
         """Equations beyond the parameters."""
@@ -351,7 +350,6 @@ def _repeats(result: Trace | None) -> tuple[Repeat, ...]:
     )
 
 
-WIRES = re.compile("look exchanged|the wrong way round")
 WIRING = re.compile(r"exchang|revers|wrap|never changes|does not change|stuck|clip|saturat", re.I)
 
 

@@ -82,9 +82,8 @@ fn all_rows(
     let current = &searched.current;
     let of_all = |i: &Instance| stretches.in_all(i);
     let instances: Vec<Instance> = current.model.instances.iter().map(of_all).collect();
-    // The parameters of the search, the noise of all rows.
     let model = observations.model(instances.clone())?;
-    let from = Fit { model, noise: clean.noise.clone(), ..current.clone() };
+    let from = Fit { model, ..current.with_noise_of(clean) };
     fit(observations, instances, Some(&from)).map(Some)
 }
 

@@ -104,6 +104,12 @@ impl Stretches {
         }
     }
 
+    /// The same where the search may have been by stretches.
+    #[must_use]
+    pub fn in_session(these: Option<&Self>, instance: &Instance) -> Instance {
+        these.map_or(*instance, |stretches| stretches.in_all(instance))
+    }
+
     /// One sample for each stretch by (76), and how many rows it is the mean of.
     #[must_use]
     pub fn merged(&self, observations: &Observations, fit: &Fit) -> (Readings, Vec<f64>) {

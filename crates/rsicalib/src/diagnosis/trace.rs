@@ -97,7 +97,7 @@ impl Traced {
     /// An instance of the search as one of the session.
     #[must_use]
     pub fn in_all(&self, instance: &Instance) -> Instance {
-        self.stretches.as_ref().map_or(*instance, |stretches| stretches.in_all(instance))
+        Stretches::in_session(self.stretches.as_ref(), instance)
     }
 
     /// The session and the fit to judge and to draw by: where the search was by stretches, those of
@@ -162,7 +162,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         Some(of_all) => converter::seen_by(&before, of_all),
         None if nothing && excluded.is_empty() => clean.clone(),
         None => {
-            let from = expand(&clean, &current);
+            let from = current.with_noise_of(&clean);
             let instances = with_data(&observations, &current.model.instances);
             converter::seen_by(&before, fit(&observations, instances, Some(&from))?)
         }
@@ -293,9 +293,4 @@ fn retimed(observations: &Observations, mut fitted: Fit, judge: &Judge) -> Resul
         }
     }
     Ok(fitted)
-}
-
-/// A fit to start from: the parameters of the search, the noise of all samples.
-fn expand(clean: &Fit, current: &Fit) -> Fit {
-    Fit { noise: clean.noise.clone(), ..current.clone() }
 }

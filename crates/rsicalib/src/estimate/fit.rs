@@ -346,6 +346,11 @@ impl Fit {
         Noise { sigma: self.noise.sigma.clone(), play: self.noise.play }
     }
 
+    /// A fit to start from: the parameters of a search, the noise of all samples.
+    pub(crate) fn with_noise_of(&self, all: &Self) -> Self {
+        Self { noise: all.noise.clone(), ..self.clone() }
+    }
+
     /// True where noise is declared, and no repeats bear it out.
     #[must_use]
     pub fn unverified(&self) -> bool {

@@ -161,11 +161,8 @@ impl Implicit<'_> {
                     let mut sums = zero();
                     for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(readings.channels)) {
                         settling.settle(&own, block, beta, a_hat, false);
-                        room.linearise(part, block, readings.raw(block), x, a_hat);
-                        let weight = part.weight(block);
-                        for value in room.ws.x.iter_mut().chain(&mut room.w) {
-                            *value = *value * weight;
-                        }
+                        room.linearise(part, block, readings.raw(block), x, a_hat, 0);
+                        room.weigh(part.weight(block));
                         visit(&mut sums, readings.blocks()[block].group, &room.w, &room.ws.x);
                     }
                     sums
@@ -195,10 +192,7 @@ impl Problem for Implicit<'_> {
                         for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                             let block = first + i;
                             room.settle(part, block, x, a_hat, true);
-                            let weight = part.weight(block);
-                            for value in room.ws.x.iter_mut().chain(&mut room.w) {
-                                *value = *value * weight;
-                            }
+                            room.weigh(part.weight(block));
                             let group = readings.blocks()[block].group;
                             sums.add(group, &room.w, &room.ws.x);
                         }

@@ -97,24 +97,8 @@ impl Room {
         repeats
     }
 
-    /// One repeat of (52) from the raw readings, then `L⁻¹ w` and `L⁻¹ X`: what is left out is of
-    /// third order in the noise.
-    pub(crate) fn settle_once(
-        &mut self,
-        part: &Part,
-        block: usize,
-        raw: &[Lanes],
-        x: &[f64],
-        a_hat: &mut [Lanes],
-    ) {
-        a_hat.copy_from_slice(raw);
-        let want = Want { x: false, a: true };
-        part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
-        self.step(raw, a_hat);
-        self.linearise(part, block, raw, x, a_hat);
-    }
-
-    /// `L⁻¹ w` and `L⁻¹ X` of settled readings.
+    /// So many repeats of (52), then `L⁻¹ w` and `L⁻¹ X`: none of settled readings. After one from the
+    /// raw readings what is left out is of third order in the noise.
     pub(crate) fn linearise(
         &mut self,
         part: &Part,
@@ -122,11 +106,22 @@ impl Room {
         raw: &[Lanes],
         x: &[f64],
         a_hat: &mut [Lanes],
+        repeats: usize,
     ) {
-        let want = Want { x: true, a: true };
-        part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
-        self.step(raw, a_hat);
+        for repeat in 0..=repeats {
+            let want = Want { x: repeat == repeats, a: true };
+            part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
+            self.step(raw, a_hat);
+        }
         self.whiten_parameters(part.model.width());
+    }
+
+    /// Multiplies `L⁻¹ w` and `L⁻¹ X` by the weights of the samples.
+    #[inline(always)]
+    pub(crate) fn weigh(&mut self, weight: Lanes) {
+        for value in self.ws.x.iter_mut().chain(&mut self.w) {
+            *value = *value * weight;
+        }
     }
 
     /// One repeat of (52); true where the readings have changed.

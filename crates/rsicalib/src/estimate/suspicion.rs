@@ -69,6 +69,12 @@ pub enum Suspicion {
 }
 
 impl Suspicion {
+    /// True where wires are exchanged: of two channels, or the outer ones of one.
+    #[must_use]
+    pub fn of_wires(&self) -> bool {
+        matches!(self, Self::Exchanged { .. } | Self::Reversed { .. })
+    }
+
     /// True where it is about the wiring, and so found at the start.
     #[must_use]
     pub fn of_wiring(&self) -> bool {

@@ -38,7 +38,8 @@ impl Rows {
         self.row = row;
         watched.put_in_row(&watched.at, row, &mut self.at);
         let part = Part { model: &under.model, readings: &under.readings, weights: None };
-        self.room.settle_once(&part, 0, &self.raw, &self.at, &mut self.adjusted);
+        self.adjusted.copy_from_slice(&self.raw);
+        self.room.linearise(&part, 0, &self.raw, &self.at, &mut self.adjusted, 1);
     }
 
     /// Gives `take` the place, `r` and `G` of one row after the other, which have these numbers and

@@ -472,12 +472,6 @@ impl Readings {
         }
         rows
     }
-
-    /// Mean reading of each channel over all rows.
-    #[must_use]
-    pub fn mean_row(&self) -> &[f64] {
-        &self.mean
-    }
 }
 
 /// Part `k` of `all` in parts of `width` entries; empty where there is no such part.

@@ -324,6 +324,13 @@ pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<S
     wiring.chain(rest).map(|s| words::suspicion(&observations.mechanism, s)).collect()
 }
 
+/// Which wires are exchanged, in words; none where nothing says so.
+#[must_use]
+pub fn wires(observations: &Observations, fit: &Fit) -> Option<String> {
+    let found = fit.warnings.iter().find(|s| s.of_wires());
+    found.map(|s| words::suspicion(&observations.mechanism, s))
+}
+
 /// Absurdities in words.
 #[must_use]
 pub fn implausible(observations: &Observations, absurd: &[Absurdity]) -> Vec<String> {

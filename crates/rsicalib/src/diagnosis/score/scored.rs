@@ -213,3 +213,26 @@ pub fn is_data(instance: &Instance) -> bool {
 pub fn excluded_pose(instance: &Instance) -> Option<usize> {
     (is_data(instance) && instance.target == Target::All).then_some(instance.place)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Judge;
+
+    #[test]
+    fn the_least_score_is_the_one_with_that_probability() {
+        let known = Judge { noise_dof: f64::INFINITY, residual_dof: None, left: None };
+        // Quantiles of χ² from tables: one degree of freedom at 0.001, three at 0.05.
+        assert!((known.least_score(1e-3, 1.0) - 10.8276).abs() < 1e-4);
+        assert!((known.least_score(0.05, 3.0) - 7.8147).abs() < 1e-4);
+        let estimated = Judge { noise_dof: 30.0, ..known };
+        let declared = Judge { left: Some([150.0, 100.0]), ..known };
+        let from_the_fit = Judge { residual_dof: Some(60.0), ..known };
+        for judge in [estimated, declared, from_the_fit] {
+            for (p_value, width) in [(1e-2, 1.0), (1e-5, 2.0), (1e-7, 4.0)] {
+                let score = judge.least_score(p_value, width);
+                let found = judge.p_value(score, width);
+                assert!((found / p_value - 1.0).abs() < 1e-6, "{found} for {p_value}");
+            }
+        }
+    }
+}

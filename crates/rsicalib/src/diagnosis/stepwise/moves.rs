@@ -382,7 +382,7 @@ impl<'a> Stepwise<'a> {
 
     /// An instance of the search as one of the session.
     pub fn in_all(&self, instance: &Instance) -> Instance {
-        self.stretches.as_ref().map_or(*instance, |stretches| stretches.in_all(instance))
+        Stretches::in_session(self.stretches.as_ref(), instance)
     }
 
     /// A bad reading, with the channel where it can be told, else the likeliest chain.

@@ -1,0 +1,246 @@
+"""The mistakes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from scripts.mistakes.damage import (
+    Damage,
+    cell,
+    comma_twice,
+    decimal_commas,
+    drop,
+    edit,
+    first,
+    fixed_rows,
+    foreign,
+    joints,
+    line,
+    no_covariance,
+    read_only,
+    recoded,
+    repeated,
+    result,
+    reversed_sensor,
+    write,
+)
+
+CALIBRATE = "calibrate readings.csv --rest rest.csv"
+FORWARD = "forward readings.csv --calibration result.json"
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A command in a folder with damaged files, the exit code and words that are expected."""
+
+    what: str
+    words: str
+    code: int
+    says: str
+    damage: Damage = lambda folder: None
+    shell: str = ""
+    """What a shell puts behind the command."""
+    environment: dict[str, str | None] = field(default_factory=dict)
+    """Variables that differ; None for one that is not there."""
+    large: bool = False
+    """Takes seconds, or much memory."""
+
+
+MISTAKES = [
+    # The table of readings.
+    Mistake("no such file", "calibrate reading.csv", 2, "reading.csv"),
+    Mistake("a folder for a file", "calibrate .", 2, "directory"),
+    Mistake("an empty file", CALIBRATE, 2, "readings.csv", write("readings.csv", "")),
+    Mistake(
+        "a header without rows",
+        CALIBRATE,
+        2,
+        "no readings",
+        edit("readings.csv", (r"\n(.|\n)*", "\n")),
+    ),
+    Mistake("a wrong column name", CALIBRATE, 2, "a22", edit("readings.csv", ("a22", "b22"))),
+    Mistake("a column twice", CALIBRATE, 2, "twice", edit("readings.csv", ("a22", "a21"))),
+    Mistake(
+        "two columns exchanged", CALIBRATE, 4, "a21", edit("readings.csv", ("a21,a22", "a22,a21"))
+    ),
+    Mistake(
+        "a sign reversed",
+        CALIBRATE,
+        4,
+        "a21",
+        reversed_sensor,
+    ),
+    Mistake("text in a number", CALIBRATE, 2, "line 5", cell(5, 6, "12x4")),
+    Mistake("a blank cell", CALIBRATE, 2, "line 9", cell(9, 4, "")),
+    Mistake("a NaN", CALIBRATE, 2, "line 9", cell(9, 4, "nan")),
+    Mistake("bad rows left out", f"{CALIBRATE} --skip-bad-rows", 4, "", cell(9, 4, "nan")),
+    Mistake("a reading beyond the converter's range", CALIBRATE, 2, "4095", cell(9, 4, "40950")),
+    Mistake(
+        "a row with a cell too few", CALIBRATE, 2, "line 7", line(7, lambda t: t[: t.rindex(",")])
+    ),
+    Mistake("decimal commas between semicolons", CALIBRATE, 4, "", decimal_commas),
+    Mistake("decimal commas between commas", CALIBRATE, 2, "line 2", comma_twice),
+    Mistake(
+        "radians for counts",
+        CALIBRATE,
+        3,
+        "check the wiring",
+        edit("readings.csv", (r"(?<=,)([12]\d\d\d)(?=,|$)", r"1.\1")),
+    ),
+    Mistake("UTF-16 of a spreadsheet", CALIBRATE, 2, "UTF-16", recoded("utf-16")),
+    Mistake("Latin-1", CALIBRATE, 2, "UTF-8", recoded("latin-1", words="Gerät")),
+    Mistake("a comment above the header", CALIBRATE, 4, "", recoded("utf-8-sig", words="Gerät 7")),
+    Mistake(
+        "a picture for a table",
+        CALIBRATE,
+        2,
+        "readings.csv",
+        write("readings.csv", b"\x89PNG\r\n\x1a\n\0\0"),
+    ),
+    Mistake("three poses", CALIBRATE, 3, "", edit("readings.csv", (r"^([4-9]|\d\d),.*\n", ""))),
+    Mistake(
+        "one pose again and again",
+        CALIBRATE,
+        3,
+        "",
+        edit("readings.csv", (r"^([2-9]|\d\d),.*\n", "")),
+    ),
+    Mistake(
+        "a session for the rest pose",
+        "calibrate readings.csv --rest readings.csv",
+        4,
+        "is it the right file?",
+    ),
+    Mistake(
+        "check poses without poses",
+        f"{CALIBRATE} --check readings.csv",
+        2,
+        "x y z rx ry rz",
+    ),
+    # A result.
+    Mistake(
+        "a wrong file for a result", "forward readings.csv --calibration rest.csv", 2, "rest.csv"
+    ),
+    Mistake(
+        "a result cut off",
+        FORWARD,
+        2,
+        "result.json",
+        edit("result.json", (r"(?s)(.{3000}).*", r"\1"), count=1),
+    ),
+    Mistake("parameters missing in a result", FORWARD, 2, "19 rows", result(drop)),
+    Mistake("a value of null", FORWARD, 2, "value", result(lambda d: first(d, value=None))),
+    Mistake(
+        "text for a value",
+        FORWARD,
+        2,
+        'found text "2,5", expected a number',
+        result(lambda d: first(d, value="2,5")),
+    ),
+    Mistake("another length unit", FORWARD, 2, "mm", result(lambda d: d.update(length_unit="mm"))),
+    Mistake(
+        "a later version of the format",
+        FORWARD,
+        2,
+        "calibration/9",
+        result(lambda d: d.update(format="rsicalib.calibration/9")),
+    ),
+    Mistake(
+        "a covariance of another size",
+        "watch check.csv --calibration result.json",
+        2,
+        "covariance",
+        result(no_covariance),
+    ),
+    Mistake("nesting of 100,000", FORWARD, 2, "result.json", write("result.json", "[" * 100_000)),
+    # A mechanism.
+    Mistake("a mechanism that is not built in", "calibrate readings.csv --mechanism rsj", 2, "rsj"),
+    Mistake(
+        "a misspelt key",
+        "mechanism rsi.toml",
+        2,
+        "legnth_unit",
+        edit("rsi.toml", ("length_unit", "legnth_unit")),
+    ),
+    Mistake(
+        "a point on no chain",
+        "mechanism rsi.toml",
+        2,
+        "arm9",
+        edit("rsi.toml", ('chain = "arm1"', 'chain = "arm9"')),
+    ),
+    Mistake(
+        "a length of 1e308",
+        "calibrate readings.csv --mechanism rsi.toml",
+        2,
+        "1e308",
+        edit("rsi.toml", (r"a = 3\.2", "a = 1e308")),
+    ),
+    Mistake(
+        "TOML that does not end",
+        "mechanism rsi.toml",
+        2,
+        "rsi.toml",
+        edit("rsi.toml", (r"\]\s*\Z", "")),
+    ),
+    # Options.
+    Mistake("an unknown option", "calibrate readings.csv --nosie 1", 2, "--nosie"),
+    Mistake("an unknown term", "calibrate readings.csv --terms ofset", 2, "offset"),
+    Mistake("no terms", "calibrate readings.csv --terms ,", 2, "term"),
+    Mistake("a channel that is not there", "calibrate readings.csv --noise a99=1", 2, "a99"),
+    Mistake("a negative noise", "calibrate readings.csv --noise -1", 2, "noise"),
+    Mistake("a noise of NaN", f"{CALIBRATE} --noise nan", 2, "noise"),
+    Mistake("a negative seed", "simulate sim --seed -1", 2, "seed"),
+    Mistake("a billion poses", "simulate sim --poses 1000000000", 2, "poses"),
+    Mistake(
+        "false alarms too many",
+        "watch check.csv --calibration result.json --false-alarms 0.5",
+        2,
+        "0.01",
+    ),
+    Mistake("a date that is none", f"{CALIBRATE} --date 2025-02-30", 2, "2025-02-30"),
+    # Files and terminals.
+    Mistake("an output folder that is a file", f"{CALIBRATE} --out out", 2, "out", read_only),
+    Mistake("measured readings in the way", "simulate out", 2, "readings.csv", foreign),
+    Mistake("a folder that cannot be made", f"{CALIBRATE} --out /proc/out", 2, "/proc/out"),
+    Mistake("a full disk", f"{CALIBRATE} --json", 2, "No space left", shell="> /dev/full"),
+    Mistake("a closed standard output", f"{CALIBRATE} --out out", 4, "", shell=">&-"),
+    Mistake("a reader that has gone", "terms", 0, "", shell="| true"),
+    Mistake("no HOME", CALIBRATE, 4, "", environment={"HOME": None}),
+    Mistake("a terminal of ASCII", CALIBRATE, 4, "", environment={"PYTHONIOENCODING": "ascii"}),
+    # Deep and large.
+    Mistake(
+        "50 MB in one line",
+        CALIBRATE,
+        2,
+        "readings.csv",
+        write("readings.csv", "1" * 50_000_000),
+        large=True,
+    ),
+    Mistake(
+        "50 MB in one line of a mechanism",
+        "mechanism rsi.toml",
+        2,
+        "rsi.toml",
+        write("rsi.toml", "a = '" + "1" * 50_000_000),
+        large=True,
+    ),
+    Mistake("3,000 joints", "mechanism rsi.toml", 0, "at most 2000", joints(3_000), large=True),
+    Mistake(
+        "200,000 rows of DH",
+        "mechanism rsi.toml",
+        0,
+        "at most 2000",
+        fixed_rows(200_000),
+        large=True,
+    ),
+    Mistake("a session of 192,000 rows", CALIBRATE, 4, "", repeated(500), large=True),
+    Mistake(
+        "a million rows at work",
+        "watch readings.csv --calibration result.json --quiet",
+        4,
+        "",
+        repeated(2_600),
+        large=True,
+    ),
+]
