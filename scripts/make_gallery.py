@@ -27,8 +27,8 @@ CHANNEL, CHAIN = "a22", "arm2"
 STRENGTH = 150.0
 """Noncentrality of every effect: three of four poses are within noise, and yet it is found."""
 
-OMITTED = ("offset", "gain", "bad_reading")
-"""What every model has, and what is wrong in one pose only."""
+OMITTED = ("offset", "gain", "bad_reading", "ratio")
+"""What every model has, what is wrong in one pose only, and what this mechanism does not have."""
 
 HEAD = f"""\
 # What each effect leaves in the residual

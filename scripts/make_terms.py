@@ -26,6 +26,24 @@ enlarged.
 """
 
 
+CAUSES = """\
+
+## Causes that have another name here
+
+| cause | what it is found as |
+|---|---|
+| a belt or a wire that stretches under its own tension | `gain`; with `curvature` if a spring pulls |
+| a belt, a wire or a gear that gives under the load | `joint_compliance`, `sag` |
+| teeth of a gear, poles of a motor, turns of a winding | `n_per_turn`, with its order |
+| bars or wheels that the mechanism does not declare | `crosstalk` of neighbouring channels |
+| a bent shaft, an encoder's disc off its centre | `once_per_turn` |
+| a chain that was knocked in the middle of a session | `base_slip` |
+| an instant of sampling that jitters | noise, which neighbouring rows of a recording show |
+| codes of a converter that are missing, stuck or repeated | a warning, before anything is fitted |
+
+"""
+
+
 def section(term: dict[str, Any]) -> str:
     """One term in full."""
     name = term["id"]
@@ -45,7 +63,7 @@ def text() -> str:
         first = " ".join(term["doc"].strip().split("\n\n")[0].split())
         names = ", ".join(f"`{p['name']}`" for p in term["parameters"])
         rows.append(f"| [{term['id']}](#{term['id']}) | {term['class']} | {names} | {first} |")
-    return HEAD + "\n".join(rows) + "\n\n" + "\n".join(section(term) for term in terms)
+    return HEAD + "\n".join(rows) + "\n" + CAUSES + "\n".join(section(term) for term in terms)
 
 
 def files() -> dict[Path, str]:

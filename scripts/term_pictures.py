@@ -204,6 +204,8 @@ def _arm(term: Mapping[str, Any]) -> str:
     for k in range(1, 4):  # a chain to each joint: that is where the places of joints are from
         own = [f"q{j + 1}to{k}" for j in range(k)]
         rows = [f'{{channel = "{c}", {limb}}}' for c, limb in zip(own, LIMBS, strict=False)]
+        if k == 3 and term["id"] == "ratio":  # bars turn the last link back as the second turns
+            rows[2] = f'{{channel = "{own[1]}", ratio = -1.0}}, {rows[2]}'
         chains.append(f'{{name = "to{k}", dh = [{", ".join(rows)}]}}')
         names += own
     joints = ", ".join(f'{{name = "{c}", unit = "rad", gain = 1.0, offset = 0.0}}' for c in names)
@@ -243,7 +245,9 @@ def _effect(
         if name == "link_frame":
             sizes = {"x": 0.5 * large, "y": -0.6 * large, "rz": 1.5 * large}
         return [((name, f"to{k}/2", None), p, v) for k in (2, 3) for p, v in sizes.items()]
-    if name in ("joint_compliance", "joint_sag", "counterbalance"):
+    if name == "ratio":
+        return [((name, "to3/3", None), parameter, 2.0 * large)]
+    if name in ("joint_compliance", "joint_sag", "counterbalance", "gear_play"):
         return [((name, f"q2to{k}", None), parameter, large) for k in (2, 3)]
     if name == "sag":
         return [((name, "all", None), parameter, 0.6 * large)]

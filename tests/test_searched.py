@@ -82,3 +82,29 @@ def test_a_counterbalance_of_all_arms_is_one_constant() -> None:
     assert (step["term"], step["target"]) == ("counterbalance", "each.1")
     (value,) = step["parameters"]
     assert abs(value["value"] - 0.002) < 4.0 * value["sd"]
+
+
+@dataclass(frozen=True)
+class Leaning(Effect):
+    """The gear of one joint has play, and the joint lies where the weight of the handle pulls."""
+
+    term: ClassVar[str] = "gear_play"
+
+    def shafts(self, angles: np.ndarray, scene: trials.Scene, rest: np.ndarray) -> np.ndarray:
+        """The joint stands where the handle has it; the motor holds `size` before that side."""
+        out = angles.copy()
+        arm, joint = divmod(self.channel, 3)
+        torque = -forward_arm(Geometry(), arm, angles.reshape(-1, 3, 3)[:, arm])[1][:, 2, joint]
+        out[:, self.channel] -= self.size * np.sign(torque)
+        return out
+
+
+@pytest.mark.parametrize("channel", ["a22", "a33", "a12"])
+def test_play_of_a_gear_lies_where_the_load_pulls(channel: str) -> None:
+    result = examine(staged([95, int(channel[1:])], Leaning(channel, 0.004)))
+    assert result["verdict"] == "explained"
+    (step,) = result["steps"]
+    assert (step["term"], step["target"]) == ("gear_play", channel)
+    (value,) = step["parameters"]
+    # Half a play of 4 mrad is no first-order change of the pull's side.
+    assert abs(value["value"] - 0.004) < 4.0 * value["sd"]

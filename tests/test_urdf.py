@@ -23,6 +23,7 @@ needs_mukca = pytest.mark.skipif(
 # Rounding of a dozen products of matrices with entries of some metres: 1e-15 each, and room.
 EXACT = 1e-12
 SEEDS = range(40)
+ENDS = ("parent", "child")
 
 
 # ------------------------------------------------------------------ a witness: plain matrices
@@ -60,6 +61,10 @@ def base_from_link(text: str, base: str, values: Mapping[str, float]) -> dict[st
         origin, axis = joint.find("origin"), numbers(joint.find("axis"), "xyz", "1 0 0")
         here = placed(numbers(origin, "xyz", "0 0 0"), numbers(origin, "rpy", "0 0 0"))
         value = values.get(joint.get("name", ""), 0.0)
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            other = values.get(mimic.get("joint", ""), 0.0)
+            value = float(mimic.get("multiplier", "1")) * other + float(mimic.get("offset", "0"))
         if joint.get("type") in ("revolute", "continuous"):
             here = here @ turn(axis, value)
         elif joint.get("type") == "prismatic":
@@ -80,7 +85,7 @@ def frames_of_rows(rows: Sequence[Mapping[str, Any]], values: Mapping[str, float
     for row in rows:
         here = here @ turn([0, 0, 1], row.get("theta", 0.0))
         if "channel" in row:
-            value = values[row["channel"]]
+            value = row.get("ratio", 1.0) * values[row["channel"]]
             slides = row["joint"] == "prismatic"
             here = here @ (shift([0, 0, value]) if slides else turn([0, 0, 1], value))
         out.append(here)
@@ -266,6 +271,87 @@ def test_a_mass_that_moves_beside_the_path_is_noted() -> None:
     assert "mass" not in chain.rows[1]
 
 
+# ------------------------------------------------------------------ joints that mimic others
+
+
+def mimicking(seed: int) -> tuple[str, str, str, dict[str, str], str, np.random.Generator]:
+    """A random robot, one joint of whose path mimics another one that moves alike."""
+    for own in range(seed, seed + 1000, 40):
+        text, base, tip, channels, rng = scene(own)
+        kinds = {j.get("name"): j.get("type") for j in ET.fromstring(text).findall("joint")}
+        pairs = [
+            (one, other)
+            for one in channels
+            for other in channels
+            if one != other and (kinds[one] == "prismatic") == (kinds[other] == "prismatic")
+        ]
+        if pairs:
+            break
+    one, other = pairs[rng.integers(len(pairs))]
+    element = f"<mimic joint='{other}' multiplier='{rng.normal()!r}' offset='{rng.normal()!r}'/>"
+    text = re.sub(rf'(<joint name="{one}" [^>]*>)', rf"\1{element}", text)
+    return text, base, tip, {n: c for n, c in channels.items() if n != one}, one, rng
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_mimic_moves_by_a_ratio_of_the_channel_of_the_other(seed: int) -> None:
+    text, base, tip, channels, mimic, rng = mimicking(seed)
+    chain = chain_from_urdf(text, base, tip, channels)
+    assert mimic not in chain.joints.values()
+    assert sum("ratio" in row for row in chain.rows) == 1
+    for _ in range(5):
+        values = {name: rng.uniform(-3, 3) for name in channels}
+        expected = base_from_link(text, base, values)[tip]
+        found = frames_of_rows(chain.rows, {channels[n]: v for n, v in values.items()})[-1]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=EXACT)
+    # One that has a sensor of its own is where that says.
+    sensed = chain_from_urdf(text, base, tip, {**channels, mimic: "own"})
+    assert "own" in sensed.joints
+    assert not any("ratio" in row for row in sensed.rows)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_export_says_how_a_mimic_moves_now(seed: int) -> None:
+    text, base, tip, channels, _mimic, rng = mimicking(seed)
+    drawn = chain_from_urdf(text, base, tip, channels).rows
+    assert write_urdf(text, base, tip, channels, drawn).text == text
+    rows = shaken(drawn, rng)
+    for row in rows:
+        if "ratio" in row:
+            row["ratio"] += 0.01
+    offsets = {channel: rng.normal() * 0.1 for channel in channels.values()}
+    export = write_urdf(text, base, tip, channels, rows, offsets=offsets)
+    for _ in range(5):
+        readings = {name: rng.uniform(-3, 3) for name in channels}
+        angles = {channels[n]: r + offsets[channels[n]] for n, r in readings.items()}
+        found = base_from_link(export.text, export.base, readings)[export.tip]
+        np.testing.assert_allclose(found, frames_of_rows(rows, angles)[-1], rtol=0, atol=EXACT)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_masses_beyond_a_mimic_are_where_its_link_is(seed: int) -> None:
+    text, base, tip, channels, _mimic, rng = mimicking(seed)
+    rows = chain_from_urdf(text, base, tip, channels).rows
+    values = {name: rng.uniform(-3, 3) for name in channels}
+    frames = frames_of_rows(rows, {channels[n]: v for n, v in values.items()})
+    links = base_from_link(text, base, values)
+    mine = {row["name"]: (row, frame) for row, frame in zip(rows, frames, strict=False)}
+    joints = ET.fromstring(text).findall("joint")
+    fixed = {j.find(t).get("link") for j in joints if j.get("type") == "fixed" for t in ENDS}
+    compared = 0
+    for link in ET.fromstring(text).findall("link"):
+        name, inertial = link.get("name", ""), link.find("inertial")
+        # Of a link that no fixed joint adds to another, the centre is that of the document.
+        if name in mine and "mass" in mine[name][0] and name not in fixed and inertial is not None:
+            row, frame = mine[name]
+            com = numbers(inertial.find("origin"), "xyz", "")
+            expected = (links[name] @ [*com, 1.0])[:3]
+            found = (frame @ [*row["com"], 1.0])[:3]
+            np.testing.assert_allclose(found, expected, rtol=0, atol=EXACT)
+            compared += 1
+    assert compared or len(rows) < 5
+
+
 # ------------------------------------------------------------------ export
 
 
@@ -391,6 +477,7 @@ def robot(*joints: str, **inside: str) -> str:
 
 
 HINGE = joint("q", "base", "arm")
+NO_MIMIC = '<mimic joint="p" multiplier="0"/>'
 REFUSED = {
     "no such base": (robot(HINGE), {"base": "bas"}, 'base: found link "bas".*links base, arm'),
     "no such tip": (robot(HINGE), {"tip": "hand"}, 'tip: found link "hand".*links base, arm'),
@@ -414,8 +501,20 @@ REFUSED = {
     ),
     "a mimic": (
         robot(joint("q", "base", "arm", extra='<mimic joint="x"/>')),
-        {},
-        'joint "q": found <mimic>',
+        {"channels": {}},
+        'joint "q": found <mimic> of "x" with multiplier 1, expected on the path a multiple of',
+    ),
+    "a mimic that never moves": (
+        robot(joint("p", "base", "arm"), joint("q", "arm", "hand", extra=NO_MIMIC)),
+        {"tip": "hand", "channels": {"p": "q1"}},
+        'joint "q": found <mimic> of "p" with multiplier 0',
+    ),
+    "a mimic by a text": (
+        robot(
+            joint("p", "base", "arm"), joint("q", "arm", "hand", extra=NO_MIMIC.replace("0", "x"))
+        ),
+        {"tip": "hand", "channels": {"p": "q1"}},
+        'joint "q", mimic: found .x., expected a finite number',
     ),
     **{
         kind: (

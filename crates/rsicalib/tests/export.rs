@@ -8,7 +8,7 @@ use rsicalib::mechanism::{Mechanism, Row, Target, Value};
 use rsicalib::model::Spec;
 use rsicalib::readings::Table;
 use rsicalib::terms::targets::{targets, typical};
-use rsicalib::terms::term::{Acts, Role, Term};
+use rsicalib::terms::term::{Class, Role, Term};
 use rsicalib::terms::{ALL, find};
 
 /// Chains of every kind: drawn as they come, with fixed first rows, with URDF rows.
@@ -95,6 +95,9 @@ fn same_points(terms: &[&'static dyn Term]) {
     let names: Vec<_> = terms.iter().map(|t| t.info().id).collect();
     for (mechanism, table) in mechanisms() {
         let applied = result(&mechanism, terms);
+        if applied.parameters.is_empty() {
+            continue; // no row moves by a ratio
+        }
         let longest = longest(&mechanism);
         let (error, effect) = apart(&mechanism, &table, &applied);
         let name = &mechanism.name;
@@ -104,7 +107,7 @@ fn same_points(terms: &[&'static dyn Term]) {
 }
 
 fn geometry() -> Vec<&'static dyn Term> {
-    ALL.iter().copied().filter(|t| matches!(t.acts(), Acts::Geometry(_))).collect()
+    ALL.iter().copied().filter(|t| t.info().class == Class::Geometry).collect()
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Mechanisms as data: what is refused, and the text they are written as.
 
 use rsicalib::Error;
-use rsicalib::mechanism::{ClosureKind, Mechanism, Point, Rest, Row, Value};
+use rsicalib::mechanism::{ClosureKind, Mechanism, Motion, Point, Rest, Row, Target, Value};
 
 /// The refusal of the hand controller with one thing changed.
 fn refusal(change: impl FnOnce(&mut Mechanism)) -> [String; 3] {
@@ -13,6 +13,7 @@ fn refusal(change: impl FnOnce(&mut Mechanism)) -> [String; 3] {
     }
 }
 
+const AGAIN: &str = "each channel at one joint, or a ratio here";
 const CHANNELS: &str = "a11, a12, a13, a21, a22, a23, a31, a32, a33";
 
 #[test]
@@ -62,11 +63,48 @@ fn each_channel_senses_one_joint() {
     );
     assert_eq!(
         refusal(|m| m.chains[1].rows[2].channel = Some("a21".into())),
-        [at(3), "channel \"a21\" again".into(), "each channel at one joint".into()]
+        [at(3), "channel \"a21\" again".into(), AGAIN.into()]
     );
     assert_eq!(
         refusal(|m| m.chains[1].rows[3].channel = None),
         ["channel \"a23\"", "no joint that it senses", "a row of a chain that names it"]
+    );
+}
+
+#[test]
+fn a_channel_drives_other_joints_of_its_chain_by_ratios() {
+    let driven = |chain: usize, row: Row| {
+        move |m: &mut Mechanism| {
+            m.chains[chain].rows.push(Row { channel: Some("a21".into()), ..row })
+        }
+    };
+    let back = || Row { ratio: Some(-1.0), ..Row::default() };
+    let mut bars = Mechanism::rsi();
+    driven(1, back())(&mut bars);
+    assert_eq!(bars.validate(), Ok(()));
+    assert_eq!(bars.channels_of(1), [3, 4, 5]);
+    assert_eq!(bars.chain_of(3), Some(1));
+    // Chains are alike where their joints are driven alike.
+    let alike = |m: &Mechanism| m.parts(Target::EachChain(0)).len();
+    assert_eq!([alike(&Mechanism::rsi()), alike(&bars)], [3, 2]);
+
+    let at = |chain: usize, row: usize| format!("chain \"arm{chain}\", row {row}");
+    let again = || "channel \"a21\" again".to_string();
+    assert_eq!(refusal(driven(1, Row::default())), [at(2, 5), again(), AGAIN.into()]);
+    let expected = "all rows of a channel in one chain".to_string();
+    assert_eq!(refusal(driven(2, back())), [at(3, 5), again(), expected]);
+    let slides = Row { joint: Motion::Prismatic, ..back() };
+    let expected = "joints of one channel that all turn, or all slide".to_string();
+    assert_eq!(refusal(driven(1, slides)), [at(2, 5), again(), expected]);
+    for (ratio, found) in [(0.0, "ratio 0.0"), (f64::NAN, "ratio NaN"), (1e300, "ratio 1e300")] {
+        let of = Row { ratio: Some(ratio), ..Row::default() };
+        let expected = "a number other than 0".to_string();
+        assert_eq!(refusal(driven(1, of)), [at(2, 5), found.into(), expected]);
+    }
+    let expected = "a channel of which it is the ratio".to_string();
+    assert_eq!(
+        refusal(|m| m.chains[0].rows[0].ratio = Some(2.0)),
+        [at(1, 1), "ratio 2.0".into(), expected]
     );
 }
 

@@ -8,7 +8,7 @@ use crate::differences::{EVERY_STAGE, check_parameters, check_readings, evaluate
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rsicalib::Error;
 use rsicalib::estimate::{Algebraic, Implicit, Noise, Part};
-use rsicalib::mechanism::{ClosureKind, Mechanism, Motion, Value, hand_controller};
+use rsicalib::mechanism::{ClosureKind, Mechanism, Motion, Row, Target, Value, hand_controller};
 use rsicalib::model::{self, Model, Want, Workspace};
 use rsicalib::numerics::lanes::{self, WIDTH};
 use rsicalib::numerics::linearization::{Linearization, Problem};
@@ -50,6 +50,7 @@ fn tip(mechanism: &Mechanism, chain: usize, reading: &[f64]) -> Isometry3<f64> {
         if let Some(name) = &row.channel {
             let c = mechanism.channel_index(name).expect("a channel");
             let q = mechanism.channels[c].gain * reading[c] + mechanism.channels[c].offset;
+            let q = row.ratio.unwrap_or(1.0) * q;
             pose *= match row.joint {
                 Motion::Revolute => turn(Vector3::z(), q),
                 Motion::Prismatic => slide(0.0, 0.0, q),
@@ -387,4 +388,48 @@ fn a_shared_parameter_moves_what_its_parts_move_together() {
             }
         }
     }
+}
+
+/// What a channel that drives several joints gives under a load is the work of all of them.
+#[test]
+fn a_channel_of_several_joints_gives_by_the_work_of_all() {
+    let device = random(3, How::Held, 4);
+    let mechanism = &device.mechanism;
+    let geared = mechanism.chains[0].rows.iter().position(|row| row.ratio.is_some());
+    let name = mechanism.chains[0].rows[geared.expect("a row")].channel.as_ref().expect("its own");
+    let channel = mechanism.channel_index(name).expect("a channel");
+    let readings = device.readings();
+    let (instances, values) = device.terms(&readings, &["joint_compliance"], 3);
+    let only: Vec<_> = instances.iter().filter(|i| i.target == Target::Channel(channel)).collect();
+    let instance = **only.first().expect("masses are declared");
+    let compliance = values[0].abs();
+    let (model, beta) = device.model(&readings, &[instance], &[compliance]);
+    let ws = evaluated(&model, &readings, 0, readings.raw(0), &beta);
+    let gravity = Vector3::from(mechanism.gravity.expect("declared")).normalize();
+    // Sum of mass times height, by products of matrices, for a reading of that channel.
+    let row = readings.row(readings.blocks()[0].rows[0]).to_vec();
+    let work = |more: f64| -> f64 {
+        let mut row = row.clone();
+        row[channel] += more / mechanism.channels[channel].gain;
+        let upto = |n: usize| {
+            let mut part = mechanism.clone();
+            part.chains[0].rows.truncate(n + 1);
+            let last = &mut part.chains[0].rows[n];
+            *last =
+                Row { d: 0.0, a: 0.0, alpha: 0.0, xyz: [0.0; 3], rpy: [0.0; 3], ..last.clone() };
+            tip(&part, 0, &row)
+        };
+        let rows = mechanism.chains[0].rows.iter().enumerate();
+        rows.filter_map(|(n, row)| {
+            let at = upto(n) * Point3::from(row.com);
+            row.mass.map(|mass| mass * at.coords.dot(&gravity))
+        })
+        .sum()
+    };
+    let torque = (work(1e-5) - work(-1e-5)) / 2e-5;
+    let (model, beta) = device.model(&readings, &[], &[]);
+    let bare = evaluated(&model, &readings, 0, readings.raw(0), &beta);
+    let given = (ws.angles[channel].0[0] - bare.angles[channel].0[0]) / compliance;
+    // Central differences of 1e-5 err by the third derivative over 6e10, and rounding by 1e-11.
+    assert!((given - torque).abs() < 1e-8 * torque.abs().max(1.0), "{given} for {torque}");
 }

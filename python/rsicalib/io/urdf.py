@@ -50,6 +50,7 @@ class Row(TypedDict, total=False):
     name: str
     channel: str
     joint: str
+    ratio: float
     theta: float
     d: float
     a: float
@@ -164,16 +165,22 @@ def chain_from_urdf(
     for i, move in enumerate(path.moves):
         xyz, rpy = _numbers(path, i + 1)
         row: Row = {"name": move.step.reached, "channel": move.channel, "joint": move.kind}
+        if move.ratio is not None:
+            row["ratio"] = move.ratio
+            row |= {"theta": move.offset} if move.kind == "revolute" else {"d": move.offset}
         row |= {"xyz": xyz, "rpy": rpy}
         mass, com = weights.carried(path, i)
         if mass > 0.0:
+            # `theta` stands before the joint, `d` after it.
+            com[2] += row.get("d", 0.0)
             row |= {"mass": mass, "com": com}
         rows.append(row)
-    limits = {m.channel: m.step.joint.limits() for m in path.moves}
+    sensed = [move for move in path.moves if move.ratio is None]
+    limits = {m.channel: m.step.joint.limits() for m in sensed}
     return UrdfChain(
         rows=rows,
         limits={channel: limit for channel, limit in limits.items() if limit is not None},
-        joints={m.channel: m.step.joint.name for m in path.moves},
+        joints={m.channel: m.step.joint.name for m in sensed},
         notes=tuple(weights.notes),
     )
 
@@ -300,7 +307,9 @@ def write_urdf(
                 found, expected = f'{value!r} for "{channel}"', f"numbers for {listed(known)}"
                 refuse(robot.file, what, found=found, expected=expected)
     edits = _Edits(robot)
-    calibrated = _calibrated(rows, path, offsets, robot.file)
+    calibrated, mimics = _calibrated(rows, path, offsets, robot.file)
+    for joint, ratio, offset in mimics:
+        edits.mimic(joint, ratio, offset)
     for i, (steps, here) in enumerate(zip(path.stretches, calibrated, strict=True)):
         wanted = inverse(path.before(i)) @ here @ inverse(path.after(i))
         if steps:
@@ -343,27 +352,37 @@ def _same(a: Matrix, b: Matrix) -> bool:
 
 def _calibrated(
     rows: Sequence[Mapping[str, Any]], path: JointPath, offsets: Mapping[str, float], file: str
-) -> list[Matrix]:
-    """What lies before, between and after the joints of calibrated rows, offsets included."""
+) -> tuple[list[Matrix], list[tuple[Joint, float, float]]]:
+    """What lies before, between and after the joints of calibrated rows, offsets included.
+
+    Joints that mimic others have their offsets in the document: their ratios and offsets.
+    """
     joints = [f"{r.get('joint', 'revolute')} {r['channel']}" for r in rows if r.get("channel")]
     own = [f"{move.kind} {move.channel}" for move in path.moves]
     if joints != own:
         refuse(file, "rows", found=listed(joints), expected=listed(own))
-    out = [np.eye(4)]
+    out, mimics = [np.eye(4)], []
     for i, row in enumerate(rows):
-        numbers = [row.get(key, 0.0) for key in ("theta", "d", "a", "alpha")]
+        numbers = [row.get(key, 0.0) for key in ("theta", "d", "a", "alpha", "ratio")]
         xyz, rpy = row.get("xyz", ORIGIN), row.get("rpy", ORIGIN)
         if not len(xyz) == len(rpy) == 3 or not all(map(_is_number, [*numbers, *xyz, *rpy])):
             found, expected = repr(dict(row)), "finite numbers, three for xyz and for rpy"
             refuse(file, f"rows, row {i + 1}", found=found, expected=expected)
-        theta, d, a, alpha = numbers
+        theta, d, a, alpha, ratio = numbers
         out[-1] = out[-1] @ rotation(2, theta)
         if row.get("channel"):
-            offset = offsets.get(row["channel"], 0.0)
-            out[-1] = out[-1] @ joint_motion(row.get("joint", "revolute"), offset)
-            out.append(np.eye(4))
+            move, offset = path.moves[len(out) - 1], offsets.get(row["channel"], 0.0)
+            before, after = joint_motion(move.kind, offset), np.eye(4)
+            if move.ratio is not None:
+                mimics.append((move.step.joint, ratio, move.offset + ratio * offset))
+                # The document's own offset stands in `theta` before the joint, or in `d` after it.
+                before, after = np.eye(4), joint_motion(move.kind, -move.offset)
+                if move.kind == "revolute":
+                    before, after = after, before
+            out[-1] = out[-1] @ before
+            out.append(after)
         out[-1] = out[-1] @ rigid((a, 0.0, d), (alpha, 0.0, 0.0)) @ rigid(xyz, rpy)
-    return out
+    return out, mimics
 
 
 class _Edits:
@@ -420,18 +439,32 @@ class _Edits:
         else:
             start, end = element.start, self._tag_end(element.start)
             tag = self.data[start:end]
-        for key, value in values.items():
-            new = f'{key}="{value}"'.encode()
-            pattern = rb"(?<=\s)" + key.encode() + rb"""\s*=\s*("[^"]*"|'[^']*')"""
-            tag, count = re.subn(pattern, new, tag, count=1)
-            if not count:
-                tag = re.sub(rb"\s*(/?>)$", rb" " + new + rb"\1", tag)
-        self.edits.append((start, end, tag))
+        self.edits.append((start, end, _with_attributes(tag, values)))
+
+    def mimic(self, joint: Joint, ratio: float, offset: float) -> None:
+        """Makes a joint mimic another by this ratio, from this offset on."""
+        found, element = joint.mimic(), joint.element.child("mimic")
+        if element is None or found is None or found[1:] == (ratio, offset):
+            return
+        start, end = element.start, self._tag_end(element.start)
+        values = {"multiplier": repr(float(ratio)), "offset": repr(float(offset))}
+        self.edits.append((start, end, _with_attributes(self.data[start:end], values)))
 
     def _tag_end(self, start: int) -> int:
         """Offset just after the start tag that begins at `start`."""
         tag = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""").match(self.data, start)
         return tag.end() if tag else start
+
+
+def _with_attributes(tag: bytes, values: Mapping[str, str]) -> bytes:
+    """A start tag with these attributes, in place of its own or beside them."""
+    for key, value in values.items():
+        new = f'{key}="{value}"'.encode()
+        pattern = rb"(?<=\s)" + key.encode() + rb"""\s*=\s*("[^"]*"|'[^']*')"""
+        tag, count = re.subn(pattern, new, tag, count=1)
+        if not count:
+            tag = re.sub(rb"\s*(/?>)$", rb" " + new + rb"\1", tag)
+    return tag
 
 
 def _attributes(matrix: Matrix) -> dict[str, str]:

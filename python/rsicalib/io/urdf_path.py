@@ -51,12 +51,17 @@ def stretch(steps: Sequence[Step]) -> Matrix:
 
 @dataclass(frozen=True)
 class Move:
-    """A moving joint of the path, the channel that senses it, and `R` of eq. (1)."""
+    """A moving joint of the path, its channel, and `R` of eq. (1).
+
+    The channel senses the joint, or the one that it mimics: it then moves by `ratio * q + offset`.
+    """
 
     step: Step
     channel: str
     kind: str
     axis_frame: Matrix
+    ratio: float | None = None
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -156,10 +161,15 @@ def _move(robot: Robot, step: Step, channels: Mapping[str, str]) -> Move:
     if joint.kind not in MOTIONS:
         known = listed(["fixed", *MOTIONS])
         robot.refuse(joint, found=f'type "{joint.kind}"', expected=f"on the path one of {known}")
-    if joint.element.child("mimic") is not None:
-        expected = "on the path a joint that moves on its own"
-        robot.refuse(joint, found="<mimic>", expected=expected)
-    if joint.name not in channels:
+    sensed, ratio, offset = joint.name, None, 0.0
+    # A joint that mimics another and has a sensor of its own is where that says.
+    if joint.name not in channels and (mimic := joint.mimic()) is not None:
+        sensed, ratio, offset = mimic
+        if sensed not in channels or ratio == 0.0:
+            found = f'<mimic> of "{sensed}" with multiplier {ratio:g}'
+            expected = f"on the path a multiple of a joint with a channel, {listed(channels)}"
+            robot.refuse(joint, found=found, expected=expected)
+    if sensed not in channels:
         hint = f'Add it to channels: {joint.name} = "..."'
         found = f"a {joint.kind} joint without a channel"
         robot.refuse(joint, found=found, expected="the channel that senses it", hint=hint)
@@ -167,7 +177,7 @@ def _move(robot: Robot, step: Step, channels: Mapping[str, str]) -> Move:
     if x == y == z == 0.0:
         robot.refuse(joint, found="axis 0 0 0", expected="a direction")
     frame = align_z((-x, -y, -z) if step.up else (x, y, z))
-    return Move(step, channels[joint.name], MOTIONS[joint.kind], frame)
+    return Move(step, channels[sensed], MOTIONS[joint.kind], frame, ratio, offset)
 
 
 def _origin(joint: Joint) -> Matrix:

@@ -166,6 +166,30 @@ class Joint:
         )
         return [lower, upper] if lower < upper else None
 
+    def mimic(self) -> tuple[str, float, float] | None:
+        """Read which joint this one mimics.
+
+        Returns
+        -------
+        tuple of str and 2 floats, or None
+            The other joint, and ratio and offset: it moves by `ratio * q + offset` [rad or m].
+            None for a joint that moves on its own.
+
+        Raises
+        ------
+        InputError
+            A ratio or an offset that is not a number.
+        """
+        mimic = self.element.child("mimic")
+        if mimic is None:
+            return None
+        place = f'joint "{self.name}", mimic'
+        ratio, offset = (
+            read_numbers(mimic.attributes.get(key, default), 1, self.file, place, mimic.line)[0]
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        return mimic.attributes.get("joint", ""), ratio, offset
+
 
 @dataclass(frozen=True)
 class Step:

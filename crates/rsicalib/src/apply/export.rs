@@ -20,6 +20,7 @@ use crate::apply::earlier::{Applied, outlasts, parameter_index};
 use crate::kinematics::elements::{Axis, Way};
 use crate::mechanism::{Chain, Mechanism, Row, Target, Value};
 use crate::model::{Spec, UNKNOWN_POINT};
+use crate::terms::Ratio;
 use crate::terms::term::{Acts, Freedom, Outlasts, Role, Spot, Term};
 
 /// A mechanism under which readings give the same points as under a result.
@@ -210,12 +211,35 @@ fn other(effect: &Effect, mechanism: &Mechanism, out: &mut Mechanism) -> Option<
             }
             None
         }
+        (Acts::Coupled(_), Target::Row(chain, row)) if effect.term.info().id == Ratio::INFO.id => {
+            with_ratio(mechanism, out, [chain, row], effect.values[0]);
+            None
+        }
         _ if effect.term.role() != Role::Other => None,
         _ if outlasts(mechanism, &effect.spec) == Ok(Outlasts::Nothing) => {
             Some(Note::OfItsSession(spec()))
         }
         _ => Some(Note::NoPlace(spec())),
     }
+}
+
+/// Puts the error `δ` of a ratio `ρ` into its row. With the nominal gain `k0` and middle `m` of the
+/// channel, and `q = k a + o` as it has been found,
+///
+/// ```text
+/// ρ q + δ k0 (a - m) = (ρ + δ k0/k) q - δ (k0/k) (k m + o)
+/// ```
+fn with_ratio(mechanism: &Mechanism, out: &mut Mechanism, [chain, row]: [usize; 2], error: f64) {
+    let name = mechanism.chains[chain].rows[row].channel.as_deref().unwrap_or_default();
+    let Ok(channel) = mechanism.channel_index(name) else { return };
+    let (nominal, found) = (&mechanism.channels[channel], &out.channels[channel]);
+    let error = error * nominal.gain / found.gain;
+    let turned = error * found.angle(nominal.middle());
+    // A chain may have got a first row that its drawing has not.
+    let new = out.chains[chain].rows.len() - mechanism.chains[chain].rows.len();
+    let row = &mut out.chains[chain].rows[row + new];
+    row.ratio = row.ratio.map(|ratio| ratio + error);
+    row.theta -= turned;
 }
 
 /// What geometry moves in one chain.

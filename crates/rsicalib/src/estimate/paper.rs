@@ -24,7 +24,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::kinematics::elements::{Axis, Element, Source, Way, push_rigid};
+use crate::kinematics::elements::{Element, Source, Way, push_rigid};
 use crate::kinematics::posture::Posture;
 use crate::mechanism::{Channel, ClosureKind, Mechanism, Motion, Value};
 use crate::numerics::bounds::LARGEST;
@@ -146,8 +146,8 @@ impl Layout {
                         Motion::Revolute => Way::Turn,
                         Motion::Prismatic => Way::Slide,
                     };
-                    let source = Source::Channel(mechanism.channel_index(name)?);
-                    steps.push(Element::Move(Axis::Z, way, source));
+                    let channel = mechanism.channel_index(name)?;
+                    steps.push(Element::joint(way, channel, row.ratio));
                 }
                 push_rigid(&mut steps, &row.body());
             }
@@ -577,7 +577,7 @@ impl Problem for Paper {
 /// The channels that move a chain.
 fn sources(steps: &[Element]) -> impl Iterator<Item = usize> {
     steps.iter().filter_map(|step| match step {
-        Element::Move(_, _, Source::Channel(c)) => Some(*c),
+        Element::Move(_, _, Source::Channel(c)) | Element::Geared(_, c, _) => Some(*c),
         _ => None,
     })
 }

@@ -51,8 +51,22 @@ pub enum Element {
     Rigid([f64; 9], [f64; 3]),
     /// A motion about or along one axis of the current frame.
     Move(Axis, Way, Source),
+    /// A motion about or along z by a ratio of the coordinate of a channel.
+    Geared(Way, usize, f64),
     /// A weight: its kind, its centre in the current frame, and its size.
     Mass(Weight, [f64; 3], f64),
+}
+
+impl Element {
+    /// The joint of a row, about or along z: it moves by the coordinate of its channel, or by a
+    /// ratio of it.
+    #[must_use]
+    pub fn joint(way: Way, channel: usize, ratio: Option<f64>) -> Self {
+        match ratio {
+            None => Self::Move(Axis::Z, way, Source::Channel(channel)),
+            Some(ratio) => Self::Geared(way, channel, ratio),
+        }
+    }
 }
 
 /// Appends a rigid transformation, merged with a rigid transformation before it.

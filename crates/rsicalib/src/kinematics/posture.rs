@@ -28,7 +28,8 @@ pub struct Lever {
     pub way: Way,
     /// Source of the motion's coordinate.
     pub source: Source,
-    /// Direction of the axis.
+    /// Direction of the axis; of a geared joint times its ratio, so that derivatives by the motion
+    /// are those by the coordinate of the channel.
     pub axis: Vec3,
     /// A point on the axis.
     pub origin: Vec3,
@@ -238,6 +239,19 @@ impl Posture {
                     match way {
                         Way::Turn => frame.turn(*axis, by),
                         Way::Slide => frame.slide(*axis, by),
+                    }
+                }
+                Element::Geared(way, channel, ratio) => {
+                    self.levers.push(Lever {
+                        way: *way,
+                        source: Source::Channel(*channel),
+                        axis: frame.axes[Axis::Z as usize].map(|z| z * *ratio),
+                        origin: frame.origin,
+                    });
+                    let by = angles[*channel] * *ratio;
+                    match way {
+                        Way::Turn => frame.turn(Axis::Z, by),
+                        Way::Slide => frame.slide(Axis::Z, by),
                     }
                 }
                 Element::Mass(whose, at, weight) => self.weights.push(Weight {

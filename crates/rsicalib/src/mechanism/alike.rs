@@ -112,6 +112,7 @@ fn same_row(a: &Row, b: &Row, turned: bool) -> bool {
     };
     a.channel.is_some() == b.channel.is_some()
         && a.joint == b.joint
+        && a.ratio == b.ratio
         && (!turned || close(a.theta, b.theta, SAME))
         && numbers(a).zip(numbers(b)).all(|(a, b)| close(a, b, SAME))
 }

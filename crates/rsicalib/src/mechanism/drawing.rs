@@ -187,6 +187,14 @@ pub struct Row {
     /// How the joint moves.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub joint: Motion,
+    /// How far the joint moves for one unit of the channel's coordinate, where it does not move as
+    /// that does; a channel may drive several rows of a chain with such ratios.
+    ///
+    /// A parallelogram that keeps a link's direction while the link before it turns: a row of that
+    /// link's channel with the ratio -1. A differential: the sum of two channels with the ratios
+    /// 1/2 and 1/2, and their difference with 1/2 and -1/2.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub ratio: Option<f64>,
     /// Fixed angle about z, before the joint (rad).
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
     pub theta: f64,

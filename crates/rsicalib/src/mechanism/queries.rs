@@ -109,12 +109,19 @@ impl Mechanism {
         Ok(some)
     }
 
-    /// The channels of one chain, base first; empty for an index beyond the last chain.
+    /// The channels of one chain, in the order of their first rows; empty for an index beyond the
+    /// last chain.
     #[must_use]
     pub fn channels_of(&self, chain: usize) -> Vec<usize> {
         let rows = self.chains.get(chain).into_iter().flat_map(|c| &c.rows);
         let names = rows.filter_map(|r| r.channel.as_ref());
-        names.filter_map(|n| self.channels.iter().position(|c| c.name == *n)).collect()
+        let mut channels = Vec::new();
+        for channel in names.filter_map(|n| self.channels.iter().position(|c| c.name == *n)) {
+            if !channels.contains(&channel) {
+                channels.push(channel);
+            }
+        }
+        channels
     }
 
     /// The channels that a target is of, or has: all of a chain; none of a row or a closure. Of a

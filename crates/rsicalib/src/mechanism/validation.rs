@@ -1,7 +1,7 @@
 //! Checks of a mechanism: names that are known and unique, numbers that can be used.
 
 use crate::Error;
-use crate::mechanism::drawing::{Channel, Closure, ClosureKind, Mechanism, Point, Value};
+use crate::mechanism::drawing::{Channel, Closure, ClosureKind, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
@@ -82,30 +82,32 @@ impl Mechanism {
     }
 
     fn check_chains(&self) -> Result<(), Error> {
-        let mut seen: Vec<&String> = Vec::new();
-        for chain in &self.chains {
+        let mut seen: Vec<(&String, usize, &Row)> = Vec::new();
+        for (number, chain) in self.chains.iter().enumerate() {
             for (i, row) in chain.rows.iter().enumerate() {
                 let place = || format!("chain {:?}, row {}", chain.name, i + 1);
-                let numbers = [row.theta, row.d, row.a, row.alpha];
-                let all = numbers.iter().chain(&row.xyz).chain(&row.rpy).chain(&row.com);
-                finite(all, place)?;
-                if let Some(mass) = row.mass.filter(|m| !(bounds::usable(*m) && *m >= 0.0)) {
-                    let expected = "a number of 0 or more".into();
-                    return Err(refuse(place(), format!("mass {mass}"), expected));
-                }
+                check_row(row, place)?;
                 let Some(name) = &row.channel else { continue };
                 if self.channels.iter().all(|c| c.name != *name) {
                     let known = list(self.channels.iter().map(|c| &c.name));
                     return Err(refuse(place(), format!("channel {name:?}"), known));
                 }
-                if seen.contains(&name) {
-                    let found = format!("channel {name:?} again");
-                    return Err(refuse(place(), found, "each channel at one joint".into()));
-                }
-                seen.push(name);
+                let expected = match seen.iter().find(|(of, ..)| *of == name) {
+                    Some(_) if row.ratio.is_none() => "each channel at one joint, or a ratio here",
+                    Some((_, chain, _)) if *chain != number => "all rows of a channel in one chain",
+                    Some((.., before)) if before.joint != row.joint => {
+                        "joints of one channel that all turn, or all slide"
+                    }
+                    _ => {
+                        seen.push((name, number, row));
+                        continue;
+                    }
+                };
+                let found = format!("channel {name:?} again");
+                return Err(refuse(place(), found, expected.into()));
             }
         }
-        match self.channels.iter().find(|c| !seen.contains(&&c.name)) {
+        match self.channels.iter().find(|c| seen.iter().all(|(name, ..)| **name != c.name)) {
             Some(channel) => Err(refuse(
                 format!("channel {:?}", channel.name),
                 "no joint that it senses".into(),
@@ -232,6 +234,21 @@ fn finite<'a>(
         Some(n) => Err(refuse(place(), format!("{n:?}"), bounds::expected(*n))),
         None => Ok(()),
     }
+}
+
+fn check_row(row: &Row, place: impl Fn() -> String) -> Result<(), Error> {
+    let numbers = [row.theta, row.d, row.a, row.alpha];
+    finite(numbers.iter().chain(&row.xyz).chain(&row.rpy).chain(&row.com), &place)?;
+    if let Some(mass) = row.mass.filter(|m| !(bounds::usable(*m) && *m >= 0.0)) {
+        return Err(refuse(place(), format!("mass {mass}"), "a number of 0 or more".into()));
+    }
+    let Some(ratio) = row.ratio else { return Ok(()) };
+    let expected = match (&row.channel, ratio != 0.0 && bounds::usable(ratio)) {
+        (Some(_), true) => return Ok(()),
+        (Some(_), false) => "a number other than 0",
+        (None, _) => "a channel of which it is the ratio",
+    };
+    Err(refuse(place(), format!("ratio {ratio:?}"), expected.into()))
 }
 
 fn check_channel(channel: &Channel) -> Result<(), Error> {

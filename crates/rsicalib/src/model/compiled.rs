@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::Error;
-use crate::kinematics::elements::{Axis, Element, Source, Way, Weight, push_rigid};
+use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
 use crate::model::instance::{Instance, bound_to_session};
@@ -406,7 +406,7 @@ impl Model {
                         crate::mechanism::Motion::Prismatic => Way::Slide,
                     };
                     let channel = self.mechanism.channel_index(name)?;
-                    steps.push(Element::Move(Axis::Z, way, Source::Channel(channel)));
+                    steps.push(Element::joint(way, channel, row.ratio));
                 }
                 if let Some(mass) = row.mass {
                     steps.push(Element::Mass(Weight::Links, row.com, mass));
@@ -445,6 +445,11 @@ impl Model {
         let is_here = |target: Target| {
             target == here || (target.is_shared() && self.mechanism.parts(target).contains(&here))
         };
+        for law in &self.laws {
+            if let Some((axis, way)) = law.moves(spot, here) {
+                steps.push(Element::Move(axis, way, Source::Law(law.to)));
+            }
+        }
         for (number, (instance, first)) in self.instances.iter().zip(&self.first).enumerate() {
             let Acts::Geometry(freedoms) = instance.term.acts() else { continue };
             if !is_here(instance.target) {
@@ -459,11 +464,6 @@ impl Model {
                     };
                     steps.push(Element::Move(*axis, *way, source));
                 }
-            }
-        }
-        for law in &self.laws {
-            if let Some((axis, way)) = law.moves(spot, here) {
-                steps.push(Element::Move(axis, way, Source::Law(law.to)));
             }
         }
     }

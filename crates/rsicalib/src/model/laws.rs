@@ -122,12 +122,15 @@ impl Model {
         }
     }
 
-    /// Torque of gravity about the joint of a law.
+    /// Torque of gravity about the joint of a law: that of its channel, which may drive several.
     #[inline(always)]
     fn torque(&self, law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> Lanes {
-        let Some(j) = own_lever(law, hung) else { return Lanes::ZERO };
         let carried = &carried[2 * law.chain + law.whose as usize];
-        dot(&carried[j].moved_by(&hung[law.chain].levers[j]), &self.gravity)
+        let mut torque = Lanes::ZERO;
+        for j in own_levers(law, hung) {
+            torque += dot(&carried[j].moved_by(&hung[law.chain].levers[j]), &self.gravity);
+        }
+        torque
     }
 
     /// Derivatives of a law through the torque or the reach of its joint.
@@ -144,7 +147,7 @@ impl Model {
         gates: &[Lanes],
         room: &mut LawRoom,
     ) {
-        let Some(j) = own_lever(law, hung) else { return };
+        let Some(own) = own_levers(law, hung).next() else { return };
         let levers = &hung[law.chain].levers;
         let (whose, arm) = match variable {
             Variable::Torque => (law.whose, None),
@@ -153,8 +156,14 @@ impl Model {
         let carried = &carried[2 * law.chain + whose as usize];
         for (s, by) in levers.iter().enumerate() {
             let change = match &arm {
-                None => self.torque_slope(levers, carried, j, s),
-                Some((point, along)) => reach_slope(levers, point, along, j, s),
+                None => {
+                    let mut change = Lanes::ZERO;
+                    for j in own_levers(law, hung) {
+                        change += self.torque_slope(levers, carried, j, s);
+                    }
+                    change
+                }
+                Some((point, along)) => reach_slope(levers, point, along, own, s),
             };
             match by.source {
                 Source::Channel(c) => room.by_joint.push((c, l, slope * change)),
@@ -214,11 +223,12 @@ impl Model {
     }
 }
 
-/// The lever of the joint of a law.
+/// The levers of the joint of a law.
 #[inline(always)]
-fn own_lever(law: &LawAt, hung: &[Posture]) -> Option<usize> {
-    let source = Source::Channel(law.channel?);
-    hung[law.chain].levers.iter().position(|lever| lever.source == source)
+fn own_levers<'a>(law: &LawAt, hung: &'a [Posture]) -> impl Iterator<Item = usize> + use<'a> {
+    let source = law.channel.map(Source::Channel);
+    let levers = hung[law.chain].levers.iter().enumerate();
+    levers.filter(move |(_, lever)| Some(lever.source) == source).map(|(j, _)| j)
 }
 
 /// The middle of the points that the chain of a law carries, and the direction to it from the
@@ -227,7 +237,7 @@ fn own_lever(law: &LawAt, hung: &[Posture]) -> Option<usize> {
 fn arm(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> (Vec3, Vec3) {
     let levers = &hung[law.chain].levers;
     let tip = &carried[2 * law.chain + Weight::Tip as usize];
-    let (Some(j), Some(last)) = (own_lever(law, hung), tip.last()) else {
+    let (Some(j), Some(last)) = (own_levers(law, hung).next(), tip.last()) else {
         return ([Lanes::ZERO; 3], [Lanes::ZERO; 3]);
     };
     let mut along = minus(&last.moment, &levers[j].origin);
@@ -240,7 +250,7 @@ fn arm(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> (Vec3, Vec3) 
 #[inline(always)]
 fn reach(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> Lanes {
     let (point, along) = arm(law, hung, carried);
-    let Some(j) = own_lever(law, hung) else { return Lanes::ZERO };
+    let Some(j) = own_levers(law, hung).next() else { return Lanes::ZERO };
     dot(&along, &minus(&point, &hung[law.chain].levers[j].origin))
 }
 

@@ -18,7 +18,7 @@ term! {
 }
 
 static LAW: LazyLock<Coupled> =
-    LazyLock::new(|| law::of_catalogue(&Counterbalance::INFO, "-compliance * torque"));
+    LazyLock::new(|| law::of_catalogue(&Counterbalance::INFO, None, "-compliance * torque"));
 
 impl Term for Counterbalance {
     fn info(&self) -> &'static Info {

@@ -36,15 +36,17 @@ pub fn term_of(law: &Law) -> Result<&'static dyn Term, Error> {
 /// # Panics
 ///
 /// For a formula that cannot be read: the tests of every term read its own.
-pub(crate) fn of_catalogue(info: &Info, correction: &str) -> Coupled {
+pub(crate) fn of_catalogue(info: &Info, moves: Option<Moves>, text: &str) -> Coupled {
+    let text = Some(text.to_string());
+    let (correction, amount) = if moves.is_none() { (text, None) } else { (None, text) };
     let law = Law {
         id: info.id.into(),
         class: info.class,
         per: info.per,
         parameters: info.parameters.iter().map(|p| (p.name.into(), p.typical)).collect(),
-        correction: Some(correction.into()),
-        moves: None,
-        amount: None,
+        correction,
+        moves,
+        amount,
         doc: String::new(),
     };
     match law.formula() {

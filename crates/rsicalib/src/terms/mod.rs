@@ -118,6 +118,7 @@ mod distance;
 mod drift;
 mod free_curve;
 mod gain;
+mod gear_play;
 mod hysteresis;
 mod joint_compliance;
 mod joint_sag;
@@ -130,6 +131,7 @@ mod n_per_turn;
 mod offset;
 mod once_per_turn;
 mod point_position;
+mod ratio;
 mod reference_drift;
 mod reference_temperature;
 mod reference_wander;
@@ -167,6 +169,7 @@ registry! {
     link_offset::LinkOffset,
     joint_tilt::JointTilt,
     link_frame::LinkFrame,
+    ratio::Ratio,
     base_position::BasePosition,
     base_tilt::BaseTilt,
     base_bearing::BaseBearing,
@@ -177,5 +180,6 @@ registry! {
     joint_sag::JointSag,
     joint_compliance::JointCompliance,
     counterbalance::Counterbalance,
+    gear_play::GearPlay,
     distance::Distance,
 }

@@ -80,21 +80,28 @@ impl Device {
     ///
     /// Velocities, directions and spans follow the readings, so this repeats
     /// until both stand still. A row between two directions of approach never
-    /// does: it is moved away. False where some pose cannot be assembled.
+    /// does, nor one at which a load changes its side: it is moved away. False
+    /// where some pose cannot be assembled.
     #[must_use]
     pub fn closes(&mut self, instances: &[Instance], terms: &[f64]) -> bool {
         let gains: Vec<f64> = self.mechanism.channels.iter().map(|c| c.gain).collect();
         for round in 1..=60 {
-            let readings = self.readings();
+            // A drawing may close beyond the range of a channel.
+            let Ok(readings) = Readings::new(&self.mechanism, self.table.clone()) else {
+                return false;
+            };
             let (model, beta) = self.model(&readings, instances, terms);
-            let Some(values) = assemble(&model, &readings, &beta) else { return false };
-            let rows = values.chunks_exact(gains.len());
+            let Some((values, open)) = assemble(&model, &readings, &beta) else { return false };
+            if open.contains(&true) && (instances.is_empty() || round == 20) {
+                return false;
+            }
+            let rows = values.chunks_exact(gains.len()).zip(&open);
             let mut settled = true;
-            for (old, new) in self.table.values.chunks_exact_mut(gains.len()).zip(rows) {
+            for (old, (new, open)) in self.table.values.chunks_exact_mut(gains.len()).zip(rows) {
                 let pairs = old.iter().zip(new).zip(&gains);
                 let step = pairs.fold(0.0, |m: f64, ((a, b), k)| ((a - b) * k).abs().max(m));
-                settled &= step < 1e-12;
-                let nudge = if round % 10 == 0 && step > 1e-5 { 0.02 } else { 0.0 };
+                settled &= step < 1e-12 && !open;
+                let nudge = if *open || (round % 10 == 0 && step > 1e-5) { 0.02 } else { 0.0 };
                 for (old, (new, k)) in old.iter_mut().zip(new.iter().zip(&gains)) {
                     *old = new + nudge / k;
                 }
@@ -107,18 +114,18 @@ impl Device {
     }
 }
 
-/// Readings nearest to those given that close the loops: Newton's method. None where a
-/// pose is out of reach, or stretched.
-fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<Vec<f64>> {
+/// Readings nearest to those given that close the loops, by Newton's method, and which rows still
+/// do not: out of reach, or between two sides. None where a pose is stretched.
+fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<(Vec<f64>, Vec<bool>)> {
     let (k, c) = (model.equations(), readings.channels);
     let mut values = readings.table.values.clone();
+    let mut open = vec![false; readings.samples];
     let mut ws = Workspace::default();
     for (block, meta) in readings.blocks().iter().enumerate() {
         let mut a: Vec<Lanes> = readings.raw(block).to_vec();
-        let mut longest = f64::INFINITY;
+        let mut longest = [f64::INFINITY; WIDTH];
         for _ in 0..60 {
             model.evaluate(readings, block, &a, beta, Want { x: false, a: true }, &mut ws);
-            longest = 0.0;
             for lane in 0..WIDTH {
                 // One radian of each joint, in readings, as its unit.
                 let unit = |j: usize| 1.0 / model.scales[j].gain;
@@ -127,25 +134,26 @@ fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<Vec<f64>
                 let lambda = (&g * g.transpose()).cholesky()?.solve(&f);
                 let step = g.transpose() * lambda;
                 let short = (0.2 / step.amax()).min(1.0);
-                longest = step.amax().max(longest);
+                longest[lane] = step.amax();
                 for j in 0..c {
                     a[j].0[lane] -= step[j] * unit(j) * short;
                 }
             }
-            if longest < 1e-14 {
+            if longest.iter().all(|step| *step < 1e-14) {
                 break;
             }
         }
-        if longest.is_nan() || longest >= 1e-11 {
+        if longest.iter().any(|step| step.is_nan()) {
             return None;
         }
         for (row, lane) in meta.rows.iter().zip(0..meta.live) {
             for j in 0..c {
                 values[row * c + j] = a[j].0[lane];
             }
+            open[*row] = longest[lane] >= 1e-11;
         }
     }
-    Some(values)
+    Some((values, open))
 }
 
 /// Rows of every device: not a whole number of blocks.
@@ -201,8 +209,8 @@ pub fn hand_controller(how: How, seed: u64) -> Device {
     Device { mechanism, table, points: Vec::new() }
 }
 
-/// A mechanism of 2 to 4 chains: turning and sliding joints, channels in counts
-/// and in radians, masses, distances known and measured, and two unknown points
+/// A mechanism of 2 to 4 chains: turning and sliding joints, one that another channel turns as
+/// well, channels in counts and in radians, masses, distances known and measured, and two unknown points
 /// that the last chain touches.
 pub fn random(chains: usize, how: How, seed: u64) -> Device {
     // Some drawings cannot be assembled in every pose: draw again.
@@ -322,7 +330,15 @@ fn random_chain(
             ..Row::default()
         });
     }
+    if k == 0 {
+        rows.push(geared(&rows[1]));
+    }
     Chain { name: format!("chain{}", k + 1), rows }
+}
+
+/// A row that bars turn back as another row of its chain turns.
+fn geared(other: &Row) -> Row {
+    Row { ratio: Some(-0.6), a: 0.7, alpha: 0.3, com: [0.2, -0.1, 0.0], ..other.clone() }
 }
 
 fn point(rng: &mut Rng, name: &str, chain: Option<usize>) -> Point {

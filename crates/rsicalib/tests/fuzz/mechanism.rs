@@ -22,8 +22,11 @@ fn a_damaged_mechanism_is_refused_with_a_reason_or_written_as_it_is_read() {
             Ok(read) => {
                 let again = Mechanism::from_toml(&read.to_toml());
                 assert_eq!(again.as_ref(), Ok(&read), "{text}");
-                // What a mechanism can be identified by has an answer, or is refused.
-                let _ = identifiable(&read, Counting::Complete, 0);
+                // What a mechanism can be identified by has an answer, or is refused: some of them,
+                // since the count takes longer than ten of these texts.
+                if drawn.ratio(1, 8)? {
+                    let _ = identifiable(&read, Counting::Complete, 0);
+                }
             }
         }
         Ok(())
