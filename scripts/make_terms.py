@@ -32,7 +32,7 @@ CAUSES = """\
 
 | cause | what it is found as |
 |---|---|
-| a belt or a wire that stretches under its own tension | `gain`; with `curvature` if a spring pulls |
+| a belt or wire that stretches under its own tension | `gain`; with `curvature` if a spring pulls |
 | a belt, a wire or a gear that gives under the load | `joint_compliance`, `sag` |
 | teeth of a gear, poles of a motor, turns of a winding | `n_per_turn`, with its order |
 | bars or wheels that the mechanism does not declare | `crosstalk` of neighbouring channels |

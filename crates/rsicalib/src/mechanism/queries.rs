@@ -170,6 +170,15 @@ impl Mechanism {
         (0..self.chains.len()).find(|&c| self.channels_of(c).contains(&channel))
     }
 
+    /// True where a channel drives a joint by a ratio in the chain of another channel.
+    #[must_use]
+    pub fn drives(&self, channel: usize, other: usize) -> bool {
+        let name = self.channels.get(channel).map(|c| &c.name);
+        let chain = self.chain_of(other).and_then(|c| self.chains.get(c));
+        let mut rows = chain.into_iter().flat_map(|c| &c.rows);
+        channel != other && rows.any(|r| r.channel.as_ref() == name && r.ratio.is_some())
+    }
+
     /// True for a channel that senses a revolute joint, where whole turns make no difference; false
     /// for an index beyond the last channel.
     #[must_use]

@@ -31,7 +31,9 @@ impl Term for Crosstalk {
         // An encoder does not share a converter with a potentiometer.
         let unit = |c: usize| mechanism.channels.get(c).map(|c| &c.unit);
         let beside = [channel.wrapping_sub(1), channel + 1].into_iter();
-        beside.filter(|&c| unit(c).is_some() && unit(c) == unit(channel)).collect()
+        // Where bars turn a joint with another one, an error of their ratio reads like crosstalk.
+        let apart = |c: usize| !mechanism.drives(c, channel) && !mechanism.drives(channel, c);
+        beside.filter(|&c| unit(c).is_some() && unit(c) == unit(channel) && apart(c)).collect()
     }
 }
 

@@ -126,7 +126,7 @@ fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<(Vec<f64
         let mut longest = [f64::INFINITY; WIDTH];
         for _ in 0..60 {
             model.evaluate(readings, block, &a, beta, Want { x: false, a: true }, &mut ws);
-            for lane in 0..WIDTH {
+            for (lane, longest) in longest.iter_mut().enumerate() {
                 // One radian of each joint, in readings, as its unit.
                 let unit = |j: usize| 1.0 / model.scales[j].gain;
                 let f = DVector::from_fn(k, |i, _| ws.f[i].0[lane]);
@@ -134,7 +134,7 @@ fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<(Vec<f64
                 let lambda = (&g * g.transpose()).cholesky()?.solve(&f);
                 let step = g.transpose() * lambda;
                 let short = (0.2 / step.amax()).min(1.0);
-                longest[lane] = step.amax();
+                *longest = step.amax();
                 for j in 0..c {
                     a[j].0[lane] -= step[j] * unit(j) * short;
                 }
