@@ -174,7 +174,7 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
                 let samples = observations.readings.samples as f64 / rows.len().max(1) as f64;
                 let lasting = fault.lasting();
                 // Lowest bits are a coarser step, which the noise may have counted already.
-                if !fit.noise.lasts(fault.channel) {
+                if !fit.noise.lasting[fault.channel] {
                     sigma[fault.channel] = sigma[fault.channel].hypot(lasting * samples.sqrt());
                 }
                 let cause = Cause::StuckBits { kind: fault.kind.clone(), error: lasting };

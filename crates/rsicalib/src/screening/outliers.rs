@@ -45,7 +45,7 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
         return excluded;
     }
     // That some samples of a pose read the next code is no fault of theirs.
-    let lasts = |c: usize| fit.noise.lasts(c);
+    let lasts = |c: usize| fit.noise.lasting[c];
     let sigma = &fit.noise.weighed;
     let residuals = steadied_alike(observations, &poses, &fit.residuals, sigma, lasts);
     let fit = &Fit { residuals: residuals.into(), ..fit.clone() };

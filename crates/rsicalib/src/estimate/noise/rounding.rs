@@ -179,7 +179,7 @@ fn substitute(l: MatRef<f64>, values: &mut [f64], stride: usize, from: usize) {
 
 /// Share of the variance of a steadied channel that is left to it: what no other channel moves would
 /// have none.
-const KEPT: f64 = 1e-3;
+const KEPT: f64 = 1e-6;
 
 /// Steps that three neighbouring codes are apart, and what a file's digits may add.
 const NEIGHBOURS: f64 = 2.1;

@@ -42,6 +42,8 @@ pub struct NoiseEstimate {
     /// Standard deviation by which a reading of each channel is weighed: more than that of one
     /// reading where its rounding lasts over a pose, (66).
     pub weighed: Vec<f64>,
+    /// Channels whose rounding lasts over a pose.
+    pub lasting: Vec<bool>,
     /// Multiplies the variance of declared play.
     pub play: f64,
     /// Degrees of freedom; infinite where it was declared.
@@ -57,12 +59,6 @@ pub struct NoiseEstimate {
 }
 
 impl NoiseEstimate {
-    /// True for a channel whose rounding lasts over a pose, and is weighed so.
-    #[must_use]
-    pub fn lasts(&self, channel: usize) -> bool {
-        self.weighed[channel] > self.sigma[channel]
-    }
-
     /// The same where a share of the variance does not average out: it is the same in all
     /// samples of a pose, of which the usual one has `n`.
     fn with_lasting(self, share: f64, n: f64) -> Self {
@@ -106,6 +102,8 @@ pub(crate) struct Rounded {
     pub one: Vec<f64>,
     /// As readings are weighed, (66).
     pub weighed: Noise,
+    /// Channels whose rounding lasts over a pose.
+    pub lasting: Vec<bool>,
     /// Channels whose noise was told from that of the others.
     pub apart: usize,
     /// Of the steadied residuals, where repeats gave it.
@@ -117,7 +115,8 @@ pub(crate) fn declared_rounded(observations: &Observations, rounding: &Rounding)
     let Noise { sigma: one, play } = first_noise(observations, None);
     let white = |c: usize| (one[c] * one[c] - rounding.lasting[c]).max(0.0);
     let sigma = (0..one.len()).map(|c| rounding.weighed(c, white(c), 1.0)).collect();
-    Rounded { weighed: Noise { sigma, play }, one, apart: 0, scatter: None }
+    let lasting = (0..one.len()).map(|c| rounding.lasts(c)).collect();
+    Rounded { weighed: Noise { sigma, play }, one, lasting, apart: 0, scatter: None }
 }
 
 /// The noise where channels read in steps that are unlike, as repeats show it: coarse channels stand
@@ -156,6 +155,7 @@ pub(crate) fn rounded(
     let play = found.play / scatter.shown;
     Some(Rounded {
         one: channels.clone().map(one).collect(),
+        lasting: channels.clone().map(|c| rounding.lasts(c)).collect(),
         weighed: Noise { sigma: channels.map(weighed).collect(), play },
         apart,
         scatter: Some(scatter),
@@ -303,10 +303,13 @@ pub(crate) fn estimate_noise(
     let Scatter { within, dof, correlation, inflation, slow, effective, shown } =
         steady.unwrap_or_else(|| groups.scatter(residuals, share));
     let one = rounded.map_or(&used.sigma, |rounded| &rounded.one);
+    let none = vec![false; one.len()];
+    let lasting = rounded.map_or(&none, |rounded| &rounded.lasting);
     let scaled = |s: f64, source, dof| NoiseEstimate {
         source,
         sigma: one.iter().map(|v| v * s).collect(),
         weighed: used.sigma.iter().map(|v| v * s).collect(),
+        lasting: lasting.clone(),
         play: used.play * s * s,
         dof,
         correlation,
