@@ -201,9 +201,7 @@ pub fn traced(
         absurd: &absurd,
         p_value,
         found: !traced.found.is_empty(),
-        doubtful: elsewhere.is_some()
-            || another.is_some()
-            || matches!(residual, Residual::Doubtful(_)),
+        doubtful: elsewhere.is_some() || matches!(residual, Residual::Doubtful(_)),
     });
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),

@@ -177,9 +177,9 @@ fn substitute(l: MatRef<f64>, values: &mut [f64], stride: usize, from: usize) {
     }
 }
 
-/// Share of the variance of a steadied channel that is left to it: what no other channel moves would
-/// have none.
-const KEPT: f64 = 1e-6;
+/// Share of its variance that a steadied channel keeps: over half of a step, a few thousandths of a
+/// turn, derivatives change by as much, and nothing else may move a pose.
+const KEPT: f64 = 1e-4;
 
 /// Steps that three neighbouring codes are apart, and what a file's digits may add.
 const NEIGHBOURS: f64 = 2.1;
