@@ -56,10 +56,12 @@ def clean(family: str, number: int, seed: int, steps: int) -> Said:
     mechanism = Mechanism.from_toml(toml(device))
     readings = readings_of(mechanism, session)
     found, traced = calibrate(readings, mechanism), trace(readings, mechanism)
+    chi2, dof = found.fit.chi2, found.fit.dof
+    assert chi2 is not None and dof is not None
     return Said(
         found.verdict == "adequate",
         any(entry.pose is not None for entry in found.excluded),
-        found.fit.chi2 / found.fit.dof,
+        chi2 / dof,
         bool(traced.steps) or any(entry.pose is not None for entry in traced.excluded),
     )
 
