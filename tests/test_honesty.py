@@ -30,6 +30,7 @@ from tests.families.device import Device, Effect, Scene, Session, observe, stage
 from tests.families.draw import Rng
 from tests.families.effects import CATALOGUE, bad
 from tests.families.power import Linear
+from tests.families.steps import coarse
 from tests.families.trials import readings_of, toml
 
 Array = NDArray[Any]
@@ -632,6 +633,30 @@ def test_steps_of_one_encoder_are_said_and_no_pose_moved(verb: Any) -> None:
     # Of rounding 9 / 12, of the sensor 1 or, where what it reads stays within a code, less.
     assert 25 <= float(told[3]) <= 100
     assert not any("scatters" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("steps", [8, 16])
+@pytest.mark.parametrize("family", ["fourbar", "fivebar", "gantry"])
+def test_one_encoder_in_large_steps_spoils_no_clean_session(family: str, steps: int) -> None:
+    """All samples of a pose fall on one code: repeats do not show what rounding does to it.
+
+    Where nobody declares it, the noise is that of the sensor and of rounding, `s²/12`, which 4
+    samples in 60 poses tell to about a tenth, and in 40 of two equations likewise.
+    """
+    for number in range(3):
+        device, scene, rng = machine(family, number)
+        mechanism = Mechanism.from_toml(toml(device))
+        session = coarse(device, observe(device, scene, rng), steps)
+        found = rsicalib.calibrate(readings_of(mechanism, session), mechanism)
+        assert found.verdict == "adequate"
+        assert not found.excluded
+        assert found.noise is not None and found.fit.chi2 is not None
+        # Chance: 4 standard deviations of a mean of so many squares.
+        assert abs(found.fit.chi2 / found.fit.dof - 1.0) < 4.0 * np.sqrt(2.0 / found.fit.dof)
+        if mechanism.channels[0].noise is None:
+            sigma = list(found.noise.sigma.values())
+            true = device.noise * np.sqrt(1.0 + (np.arange(len(sigma)) == 1) * steps**2 / 12.0)
+            assert sigma == pytest.approx(list(true), rel=0.25)
 
 
 # ------------------------------------------------------------------ l, m, n: loads

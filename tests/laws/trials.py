@@ -152,7 +152,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"{law:14s} named {sum(t.named for t in alone)}, among all "
             f"{sum(t.named for t in among)}; without it explained {verdicts.count('explained')}, "
             f"adequate {verdicts.count('adequate')}, error grew {sum(t.worse for t in without)} "
-            f"of {len(rows)}; seconds {np.mean([t.seconds for t in without]):.2f} "
+            f"of {len(rows)}, told of it {sum(t.worse for t in alone)}; "
+            f"seconds {np.mean([t.seconds for t in without]):.2f} "
             f"to {np.mean([t.seconds for t in among]):.2f}"
         )
         for told in alone:

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::apply::check::{Check, error_of};
-use crate::apply::poses::some_poses;
+use crate::apply::poses::{carried_points, some_poses};
 use crate::apply::slopes::{Slopes, platform_slopes};
 use crate::estimate::{Fit, Noise, Observations};
 use crate::model::Model;
@@ -82,6 +82,23 @@ pub fn platform_difference(observations: &Observations, a: &Fit, b: &Fit) -> Opt
     let pa = platform(observations, &a.model, &a.beta, &a.assumed())?;
     let pb = platform(observations, &b.model, &b.beta, &b.assumed())?;
     Some(difference(observations, &pa, &pb))
+}
+
+/// How far apart two fits of a session put the platform, or, without one, the points that chains
+/// carry after the best rigid motion: root mean square by component [length unit].
+#[must_use]
+pub fn apart(observations: &Observations, a: &Fit, b: &Fit) -> Option<f64> {
+    if let Some(difference) = platform_difference(observations, a, b) {
+        return Some(difference.position);
+    }
+    let points = |fit: &Fit| carried_points(observations, fit, observations.readings.table.clone());
+    let (a, b) = (points(a).ok()?, points(b).ok()?);
+    let counts = |row: &usize| observations.weights[*row] > 0.0;
+    let at = |p: [f64; 3]| [p[0], p[1], p[2], 0.0, 0.0, 0.0];
+    let rows = (0..observations.readings.samples).filter(counts);
+    let of_row = |row: usize| a.iter().zip(&b).map(move |(a, b)| (at(a[row]), at(b[row])));
+    let pairs: Vec<_> = rows.flat_map(of_row).collect();
+    Some(error_of(&pairs, true).position_rms)
 }
 
 /// Between two sets of poses with their rows; rows that are left out do not count.

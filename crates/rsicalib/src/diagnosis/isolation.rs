@@ -250,7 +250,7 @@ fn equations(observations: &Observations, start: &Fit, target: Target) -> (f64, 
 /// The session in which this says nothing.
 fn released(observations: &Observations, base: &Fit, target: Target) -> Observations {
     let mut released = observations.clone();
-    let mut sigma = base.noise.sigma.clone();
+    let mut sigma = base.assumed().sigma;
     for channel in channels_of(&observations.mechanism, target) {
         sigma[channel] *= UNBOUNDED;
     }

@@ -8,10 +8,11 @@ use crate::Error;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::doubts;
 use crate::estimate::implicit::Implicit;
+use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::source::{
-    Declared, LEAST_DOF, NoiseEstimate, Source, check_declared, estimate_noise, first_noise,
-    told_apart,
+    Declared, LEAST_DOF, NoiseEstimate, Rounded, Source, check_declared, declared_rounded,
+    estimate_noise, first_noise, presumed, rounded, told_apart,
 };
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
@@ -146,6 +147,11 @@ fn proportional(a: &Noise, b: &Noise) -> bool {
     a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y)) && same(a.play.sqrt(), b.play.sqrt())
 }
 
+/// True for two noises that are proportional and differ by no factor, to 1 %.
+fn as_large(a: &Noise, b: &Noise) -> bool {
+    (a.sigma[0] - b.sigma[0]).abs() <= 0.01 * a.sigma[0]
+}
+
 fn solve(
     observations: &Observations,
     model: Model,
@@ -177,6 +183,16 @@ fn solve(
         // Beside an earlier fit, whose noise may not be what is declared.
         noise = first_noise(observations, None);
     }
+    let rounding = match settled {
+        true => None,
+        false => Rounding::of(&groups, observations, &presumed(observations)),
+    };
+    let mut with_rounding = None;
+    if let (Some(rounding), Some(_)) = (&rounding, declared) {
+        let declared = declared_rounded(observations, rounding);
+        noise = declared.weighed.clone();
+        with_rounding = Some(declared);
+    }
     let mut apart = 0;
     let mut answer = None;
     for round in 0..ROUNDS {
@@ -198,7 +214,8 @@ fn solve(
         beta.clone_from(&outcome.x);
         let residuals = problem.residuals(&beta, false);
         if declared.is_some() && round == 0 && !settled {
-            match check_declared(observations, &groups, &residuals, &noise, beta.len()) {
+            let rounding = rounding.as_ref();
+            match check_declared(observations, &groups, &residuals, &noise, rounding, beta.len()) {
                 Declared::Right => {}
                 Declared::Lasting(share) => declared = Some(share),
                 Declared::Wrong(factor, by) => {
@@ -209,23 +226,43 @@ fn solve(
             }
         }
         if declared.is_none() && round + 1 < ROUNDS {
-            let (wanted, count) = told_apart(observations, &groups, &residuals, &noise);
+            let of_steps = |rounding| rounded(observations, &groups, &residuals, &noise, rounding);
+            with_rounding = rounding.as_ref().and_then(of_steps);
+            let (wanted, count, reached) = match &with_rounding {
+                Some(Rounded { weighed, apart, .. }) => {
+                    let reached = proportional(weighed, &noise) && as_large(weighed, &noise);
+                    (weighed.clone(), *apart, reached)
+                }
+                None => {
+                    let (wanted, count) = told_apart(observations, &groups, &residuals, &noise);
+                    let reached = proportional(&wanted, &noise);
+                    (wanted, count, reached)
+                }
+            };
             apart = count;
-            if !proportional(&wanted, &noise) {
+            if !reached {
                 noise = wanted;
                 continue;
             }
         }
-        let estimate =
-            estimate_noise(observations, &groups, &residuals, &noise, declared, beta.len());
+        let rounded = with_rounding.as_ref();
+        let estimate = estimate_noise(
+            observations,
+            &groups,
+            &residuals,
+            &noise,
+            rounded,
+            declared,
+            beta.len(),
+        );
         let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
-        let scale = estimate.sigma[0] / noise.sigma[0];
+        let scale = estimate.weighed[0] / noise.sigma[0];
         answer = Some((outcome, residuals, estimate.clone(), scale));
         let sensitive = !priors.is_empty() || held.is_some();
         if (scale - 1.0).abs() < 1e-3 || !sensitive {
             break;
         }
-        noise = Noise { sigma: estimate.sigma, play: estimate.play };
+        noise = Noise { sigma: estimate.weighed, play: estimate.play };
     }
     let Some((outcome, residuals, noise, scale)) = answer else {
         return Err(Error::Empty("no fit".into()));
@@ -343,7 +380,7 @@ impl Fit {
     /// The noise, as an assumption of a further fit.
     #[must_use]
     pub fn assumed(&self) -> Noise {
-        Noise { sigma: self.noise.sigma.clone(), play: self.noise.play }
+        Noise { sigma: self.noise.weighed.clone(), play: self.noise.play }
     }
 
     /// A fit to start from: the parameters of a search, the noise of all samples.

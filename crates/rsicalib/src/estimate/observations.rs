@@ -149,7 +149,8 @@ impl Observations {
     }
 
     /// True where channel `c` reads in steps of its own: of a counter, of more than a count.
-    fn coded(&self, c: usize) -> bool {
+    #[must_use]
+    pub fn coded(&self, c: usize) -> bool {
         let own = if self.mechanism.channels[c].unit == "count" { 1.0 } else { 0.0 };
         self.steps[c] > own
     }

@@ -11,6 +11,7 @@ use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
+use crate::diagnosis::stepwise::rivals;
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
 use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
@@ -191,6 +192,9 @@ pub fn traced(
         true => None,
         false => worse_elsewhere(&traced, &before, &after, known)?,
     };
+    let estimates = estimates(&traced.observations, &traced.after, &directions);
+    let sd = estimates.predicted.as_ref().map(|predicted| predicted.position_sd);
+    let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
     let verdict = verdict(&Evidence {
         fit: &traced.after,
         directions: &directions.beside(&traced.observations, &found),
@@ -214,6 +218,12 @@ pub fn traced(
         Some(worse) => format!("{}; {text}", words::elsewhere(&observations.mechanism, worse)),
         None => text,
     };
+    let text = match another {
+        Some(((rival, apart), sd)) => {
+            format!("{}; {text}", words::another(&traced.small.mechanism, rival, apart, sd))
+        }
+        None => text,
+    };
     progress.enter(Stage::Detectability);
     let hidden = could_hide(&traced, search)?;
     let report = TraceReport {
@@ -228,7 +238,7 @@ pub fn traced(
         after,
         unexplained: Unexplained { p_value, target, text },
         could_hide: hidden,
-        estimates: estimates(&traced.observations, &traced.after, &directions),
+        estimates,
         before_residuals: match &traced.stretches {
             Some(_) => by_pose(&traced.observations, &traced.before),
             None => by_pose(&traced.small, &small_before),

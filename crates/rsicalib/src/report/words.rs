@@ -4,6 +4,7 @@ use crate::diagnosis::doubt::{Doubt, Doubted};
 use crate::diagnosis::localisation::{Residual, Share, Structure};
 use crate::diagnosis::location::Location;
 use crate::diagnosis::plausibility::Absurdity;
+use crate::diagnosis::stepwise::rivals::Explanation;
 use crate::diagnosis::verdict::Elsewhere;
 use crate::estimate::directions::{Direction, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
@@ -11,6 +12,7 @@ use crate::estimate::suspicion::{Closes, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Observations};
 use crate::mechanism::{Mechanism, Target};
+use crate::model::Instance;
 use crate::numerics::lm::Termination;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::Cause;
@@ -366,6 +368,20 @@ pub fn elsewhere(mechanism: &Mechanism, elsewhere: &Elsewhere) -> String {
         ),
     };
     format!("what was found does not hold elsewhere: {what}")
+}
+
+/// An explanation that fits as well and puts the platform elsewhere: how far, and what is predicted.
+#[must_use]
+pub fn another(mechanism: &Mechanism, rival: &Explanation, apart: f64, predicted: f64) -> String {
+    let name = |i: &Instance| format!("{}@{}", i.term.info().id, i.target.name(mechanism));
+    let names: Vec<String> = rival.effects.iter().map(name).collect();
+    let what = if mechanism.platform.is_empty() { "carried points" } else { "the platform" };
+    let unit = &mechanism.length_unit;
+    format!(
+        "{} would fit as well and put {what} {apart:.2e} {unit} elsewhere, more than the \
+         {predicted:.2e} {unit} that are predicted",
+        names.join(" with ")
+    )
 }
 
 fn range_sentence(name: &str) -> String {

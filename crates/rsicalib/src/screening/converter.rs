@@ -159,7 +159,8 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
         return excluded;
     }
     let rows = observations.readings.rows_of_poses();
-    let mut sigma = fit.noise.sigma.clone();
+    let usual = fit.assumed().sigma;
+    let mut sigma = usual.clone();
     for fault in faults {
         let channel = Some(fault.channel);
         let chain = observations.mechanism.chain_of(fault.channel);
@@ -170,9 +171,12 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
         };
         match &fault.kind {
             FaultKind::StuckBits(_) => {
-                let usual = observations.readings.samples as f64 / rows.len().max(1) as f64;
+                let samples = observations.readings.samples as f64 / rows.len().max(1) as f64;
                 let lasting = fault.lasting();
-                sigma[fault.channel] = sigma[fault.channel].hypot(lasting * usual.sqrt());
+                // Lowest bits are a coarser step, which the noise may have counted already.
+                if !fit.noise.lasting[fault.channel] {
+                    sigma[fault.channel] = sigma[fault.channel].hypot(lasting * samples.sqrt());
+                }
                 let cause = Cause::StuckBits { kind: fault.kind.clone(), error: lasting };
                 excluded.push(entry(None, 0, cause));
             }
@@ -194,7 +198,7 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
             FaultKind::Clipped { .. } => {}
         }
     }
-    if sigma != fit.noise.sigma {
+    if sigma != usual {
         observations.options.noise = Some(sigma);
         observations.options.play = fit.noise.play;
         observations.options.settled = true;

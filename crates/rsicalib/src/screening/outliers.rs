@@ -17,6 +17,7 @@
 //!
 //! and fewer degrees of freedom where samples resemble their neighbours in the other poses.
 
+use crate::estimate::noise::rounding::steadied_alike;
 use crate::estimate::noise::scatter::{Groups, Scatter};
 use crate::estimate::noise::source::LEAST_DOF;
 use crate::estimate::{Fit, Observations};
@@ -43,6 +44,11 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     if !observations.readings.held {
         return excluded;
     }
+    // That some samples of a pose read the next code is no fault of theirs.
+    let lasts = |c: usize| fit.noise.lasting[c];
+    let sigma = &fit.noise.weighed;
+    let residuals = steadied_alike(observations, &poses, &fit.residuals, sigma, lasts);
+    let fit = &Fit { residuals: residuals.into(), ..fit.clone() };
     // A channel may be declared noisier than its repeats are, and the others are not then.
     let declared = f64::from(u8::from(observations.options.noise.is_some()));
     let siblings = |rows: &Vec<usize>, weights: &[f64]| -> Vec<usize> {

@@ -13,7 +13,7 @@ use crate::diagnosis::stepwise::known::KnownFits;
 use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
 use crate::diagnosis::stretches::Stretches;
 use crate::estimate::noise::source::Source;
-use crate::estimate::{Fit, FitOptions, Observations, fit};
+use crate::estimate::{Fit, FitOptions, Noise, Observations, fit};
 use crate::kinematics::elements::Weight;
 use crate::mechanism::Target;
 use crate::model::Instance;
@@ -120,7 +120,7 @@ impl<'a> Stepwise<'a> {
         search: &'a SearchOptions,
     ) -> Self {
         let mut small = observations.clone();
-        let (mut sigma, mut play) = (fit.noise.sigma.clone(), fit.noise.play);
+        let Noise { mut sigma, mut play } = fit.assumed();
         if let Some((readings, counts)) = averaged {
             let usual = counts.iter().copied().fold(1.0, f64::max);
             small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();

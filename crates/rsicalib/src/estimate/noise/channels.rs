@@ -10,7 +10,8 @@
 //! g = ½ Σ tr V⁻¹ V'_i V⁻¹ (W - ν V),    I = ½ Σ ν tr V⁻¹ V'_i V⁻¹ V'_j     (65)
 //! ```
 //!
-//! Channels are alike until `g² / I` says otherwise, then stand apart one by one.
+//! Channels are alike until `g² / I` says otherwise, then stand apart one by one; those in coarse
+//! steps of their own stand apart from the start.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
@@ -46,6 +47,8 @@ pub struct Alike {
     pub noise: Noise,
     /// Variance of the rounding of each channel.
     pub floor: Vec<f64>,
+    /// Channels that stand apart whatever they show.
+    pub apart: Vec<bool>,
 }
 
 /// Standard deviations channel by channel, and how many channels stand apart; none where
@@ -62,6 +65,9 @@ pub fn by_channel(
     let channels = alike.noise.sigma.len();
     let limit = distributions::two_sided_limit(ALPHA, channels);
     let mut variances = Variances::new(channels);
+    for c in (0..channels).filter(|&c| alike.apart[c]) {
+        variances.own[c] = Some(seen.unit(c));
+    }
     loop {
         variances.settle(&seen)?;
         let scores = seen.scores(&variances)?;
@@ -217,7 +223,8 @@ impl Seen {
         let step = useful.len().div_ceil(MOST).max(1);
         let looked: Vec<Group> = useful.into_iter().step_by(step).map(of_group).collect();
         let units: Vec<f64> = alike.noise.sigma.iter().map(|s| s * s).collect();
-        let least = alike.floor.iter().zip(&units).map(|(f, u)| f / u);
+        let common = (0..channels).filter(|&c| !alike.apart[c]);
+        let least = common.map(|c| alike.floor[c] / units[c]);
         Self {
             groups: without_gross(looked, k),
             common_floor: least.fold(1e-12, f64::max),

@@ -2,5 +2,6 @@
 
 pub mod channels;
 mod correlation;
+pub mod rounding;
 pub mod scatter;
 pub mod source;

@@ -139,28 +139,43 @@ impl Groups {
     /// for a reading at `x`, in units of a code.
     #[must_use]
     pub fn lasting_rounding(&self, observations: &Observations) -> f64 {
-        let Readings { channels, held, table, .. } = &*observations.readings;
-        let counts = observations.mechanism.channels.iter().map(|c| c.unit == "count");
-        let whole = counts.enumerate().all(|(c, count)| {
-            let mut column = table.values.iter().skip(c).step_by(*channels);
-            observations.steps[c] > 0.0 && !(count && column.any(|v| v.fract() != 0.0))
-        });
+        let Readings { channels, held, .. } = &*observations.readings;
+        let whole = (0..*channels).all(|c| rounds(observations, c));
         if !held || !whole {
             return 0.0;
         }
         let (mut within, mut dof) = (0.0, 0.0);
-        let mut left = Vec::new();
-        for rows in self.rows.iter().filter(|r| r.len() > 1) {
-            for channel in 0..*channels {
-                left.clear();
-                let step = observations.steps[channel];
-                left.extend(rows.iter().map(|r| table.values[r * channels + channel] / step));
-                detrend(&mut left, 1);
-                within += left.iter().map(|v| v * v).sum::<f64>();
-                dof += (rows.len() - 1) as f64;
-            }
+        for channel in 0..*channels {
+            let (own, free) = self.spread_in_steps(observations, channel);
+            within += own;
+            dof += free;
         }
         if dof == 0.0 { 0.0 } else { 12.0 * lasting(within / dof) }
+    }
+
+    /// Variance of the readings of a channel within poses, in units of its step squared; none where
+    /// it reads in no steps, or where repeats are means of codes.
+    #[must_use]
+    pub fn scatter_in_steps(&self, observations: &Observations, channel: usize) -> Option<f64> {
+        let (within, dof) = self.spread_in_steps(observations, channel);
+        (dof > 0.0 && rounds(observations, channel)).then(|| within / dof)
+    }
+
+    /// Sum of squares of the readings of a channel within poses, in units of its step squared, and
+    /// its degrees of freedom.
+    fn spread_in_steps(&self, observations: &Observations, channel: usize) -> (f64, f64) {
+        let Readings { channels, table, .. } = &*observations.readings;
+        let step = observations.steps[channel];
+        let (mut within, mut dof) = (0.0, 0.0);
+        let mut left = Vec::new();
+        for rows in self.rows.iter().filter(|r| r.len() > 1) {
+            left.clear();
+            left.extend(rows.iter().map(|r| table.values[r * channels + channel] / step));
+            detrend(&mut left, 1);
+            within += left.iter().map(|v| v * v).sum::<f64>();
+            dof += (rows.len() - 1) as f64;
+        }
+        (within, dof)
     }
 
     /// Eq. (61): the scatter of residuals within these groups, of which a variance of
@@ -215,6 +230,14 @@ impl Groups {
             ..alone
         }
     }
+}
+
+/// True for a channel that reads in steps, and whose readings are no means of counts.
+fn rounds(observations: &Observations, channel: usize) -> bool {
+    let Readings { channels, table, .. } = &*observations.readings;
+    let count = observations.mechanism.channels[channel].unit == "count";
+    let mut column = table.values.iter().skip(channel).step_by(*channels);
+    observations.steps[channel] > 0.0 && !(count && column.any(|v| v.fract() != 0.0))
 }
 
 /// Variance of the mean code's error where codes scatter by `seen` about it.

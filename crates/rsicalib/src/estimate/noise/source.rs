@@ -1,6 +1,7 @@
 //! Where the noise is from, and how large it is.
 
 use crate::estimate::noise::channels::{self, Alike};
+use crate::estimate::noise::rounding::{Rounding, steadied};
 use crate::estimate::noise::scatter::{Groups, Scatter};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
@@ -38,6 +39,11 @@ pub struct NoiseEstimate {
     pub source: Source,
     /// Standard deviation of one reading of each channel, quantisation included.
     pub sigma: Vec<f64>,
+    /// Standard deviation by which a reading of each channel is weighed: more than that of one
+    /// reading where its rounding lasts over a pose, (66).
+    pub weighed: Vec<f64>,
+    /// Channels whose rounding lasts over a pose.
+    pub lasting: Vec<bool>,
     /// Multiplies the variance of declared play.
     pub play: f64,
     /// Degrees of freedom; infinite where it was declared.
@@ -75,8 +81,9 @@ pub(crate) fn told_apart(
     residuals: &Residuals,
     used: &Noise,
 ) -> (Noise, usize) {
-    let alike =
-        Alike { noise: first_noise(observations, None), floor: observations.roundings().collect() };
+    let floor: Vec<f64> = observations.roundings().collect();
+    let apart = vec![false; floor.len()];
+    let alike = Alike { noise: first_noise(observations, None), floor, apart };
     let scatter = groups.scatter(residuals, 0.0);
     // What rounding gives within a pose is no scatter of a normal distribution.
     let coarse = groups.lasting_rounding(observations) > COARSE;
@@ -88,27 +95,100 @@ pub(crate) fn told_apart(
     found.unwrap_or((alike.noise, 0))
 }
 
-/// Noise to begin with, up to scale.
-pub(crate) fn first_noise(observations: &Observations, earlier: Option<Noise>) -> Noise {
-    let options = &observations.options;
-    if let (Some(sigma), true) = (&options.noise, options.settled) {
-        return Noise { sigma: sigma.clone(), play: options.play };
+/// The noise where channels read in steps that are unlike.
+#[derive(Debug, Clone)]
+pub(crate) struct Rounded {
+    /// Of one reading of each channel, quantisation included.
+    pub one: Vec<f64>,
+    /// As readings are weighed, (66).
+    pub weighed: Noise,
+    /// Channels whose rounding lasts over a pose.
+    pub lasting: Vec<bool>,
+    /// Channels whose noise was told from that of the others.
+    pub apart: usize,
+    /// Of the steadied residuals, where repeats gave it.
+    pub scatter: Option<Scatter>,
+}
+
+/// The noise where channels read in steps that are unlike, as it is declared.
+pub(crate) fn declared_rounded(observations: &Observations, rounding: &Rounding) -> Rounded {
+    let Noise { sigma: one, play } = first_noise(observations, None);
+    let white = |c: usize| (one[c] * one[c] - rounding.lasting[c]).max(0.0);
+    let sigma = (0..one.len()).map(|c| rounding.weighed(c, white(c), 1.0)).collect();
+    let lasting = (0..one.len()).map(|c| rounding.lasts(c)).collect();
+    Rounded { weighed: Noise { sigma, play }, one, lasting, apart: 0, scatter: None }
+}
+
+/// The noise where channels read in steps that are unlike, as repeats show it: coarse channels stand
+/// apart, and those whose rounding lasts have the noise of the others and what rounding adds to it.
+/// None where repeats are too few.
+pub(crate) fn rounded(
+    observations: &Observations,
+    groups: &Groups,
+    residuals: &Residuals,
+    used: &Noise,
+    rounding: &Rounding,
+) -> Option<Rounded> {
+    let steady = steadied(observations, &groups.rows, residuals, |c| rounding.lasts(c));
+    let scatter = groups.scatter(&steady, 0.0);
+    if scatter.dof < LEAST_DOF || scatter.within == 0.0 {
+        return None;
     }
-    let least = observations.least_noise();
-    let at_least = |sigma: Vec<f64>| -> Vec<f64> {
-        sigma.into_iter().zip(&least).map(|(sigma, least)| sigma.max(*least)).collect()
+    let mut noise = first_noise(observations, None);
+    let unit = presumed(observations).sigma;
+    let mut floor: Vec<f64> = observations.roundings().collect();
+    let channels = 0..unit.len();
+    for c in channels.clone().filter(|&c| rounding.lasts(c)) {
+        (noise.sigma[c], floor[c]) = (unit[c], 0.0);
+    }
+    let alike = Alike { noise, floor, apart: rounding.coarse.clone() };
+    let independent = (scatter.effective / scatter.dof).min(1.0);
+    let (found, apart) = channels::by_channel(groups, &steady, used, &alike, independent)?;
+    // The common scale, by any channel that has it, or by the play.
+    let scale = found.play / alike.noise.play;
+    let white = |c: usize| match rounding.lasts(c) {
+        true => rounding.white(c, unit[c] * unit[c] * scale / scatter.shown),
+        false => found.sigma[c] * found.sigma[c] / scatter.shown,
     };
+    let one = |c: usize| (white(c) + rounding.lasting[c]).sqrt();
+    let weighed = |c: usize| rounding.weighed(c, white(c), scatter.inflation);
+    let play = found.play / scatter.shown;
+    Some(Rounded {
+        one: channels.clone().map(one).collect(),
+        lasting: channels.clone().map(|c| rounding.lasts(c)).collect(),
+        weighed: Noise { sigma: channels.map(weighed).collect(), play },
+        apart,
+        scatter: Some(scatter),
+    })
+}
+
+/// What is declared of the noise, or guessed, rounding aside.
+pub(crate) fn presumed(observations: &Observations) -> Noise {
+    let options = &observations.options;
     if let Some(sigma) = &options.noise {
-        return Noise { sigma: at_least(sigma.clone()), play: options.play };
-    }
-    if let Some(noise) = earlier {
-        return noise;
+        return Noise { sigma: sigma.clone(), play: options.play };
     }
     let channels = &observations.mechanism.channels;
     let guess = |unit: &str, gain: f64| if unit == "count" { 1.0 } else { 1e-5 / gain.abs() };
     let sigma =
         channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(&c.unit, c.gain))).collect();
-    Noise { sigma: at_least(sigma), play: 1.0 }
+    Noise { sigma, play: 1.0 }
+}
+
+/// Noise to begin with, up to scale.
+pub(crate) fn first_noise(observations: &Observations, earlier: Option<Noise>) -> Noise {
+    let options = &observations.options;
+    if options.noise.is_none()
+        && let Some(noise) = earlier
+    {
+        return noise;
+    }
+    let mut noise = presumed(observations);
+    if options.noise.is_none() || !options.settled {
+        let least = observations.least_noise();
+        noise.sigma.iter_mut().zip(least).for_each(|(sigma, least)| *sigma = sigma.max(least));
+    }
+    noise
 }
 
 /// Variance of the rounding of each channel, in units of its noise.
@@ -172,15 +252,19 @@ pub(crate) fn check_declared(
     groups: &Groups,
     residuals: &Residuals,
     used: &Noise,
+    rounding: Option<&Rounding>,
     parameters: usize,
 ) -> Declared {
     let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
+    let lasts = |c: usize| rounding.is_some_and(|rounding| rounding.lasts(c));
+    let residuals = &steadied(observations, &groups.rows, residuals, lasts);
     let Scatter { within, dof, shown, effective, .. } = groups.scatter(residuals, share);
     if dof < LEAST_DOF || effective < LEAST_DOF {
         return Declared::Right;
     }
     // What all samples of a pose are rounded by alike is noise, and not seen here.
     let lasting = groups.lasting_rounding(observations) * share;
+    let shown = shown * rounding.map_or(1.0, |rounding| rounding.shown(residuals, used));
     let seen = within / dof / shown + lasting;
     let usual = groups.median_variance(residuals) / shown + lasting;
     let Some(factor) = misdeclared(seen, effective) else { return Declared::Right };
@@ -209,16 +293,23 @@ pub(crate) fn estimate_noise(
     groups: &Groups,
     residuals: &Residuals,
     used: &Noise,
+    rounded: Option<&Rounded>,
     declared: Option<f64>,
     parameters: usize,
 ) -> NoiseEstimate {
     let rounding = roundings(observations, used).fold(f64::INFINITY, f64::min).sqrt();
     let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
+    let steady = rounded.and_then(|rounded| rounded.scatter);
     let Scatter { within, dof, correlation, inflation, slow, effective, shown } =
-        groups.scatter(residuals, share);
+        steady.unwrap_or_else(|| groups.scatter(residuals, share));
+    let one = rounded.map_or(&used.sigma, |rounded| &rounded.one);
+    let none = vec![false; one.len()];
+    let lasting = rounded.map_or(&none, |rounded| &rounded.lasting);
     let scaled = |s: f64, source, dof| NoiseEstimate {
         source,
-        sigma: used.sigma.iter().map(|v| v * s).collect(),
+        sigma: one.iter().map(|v| v * s).collect(),
+        weighed: used.sigma.iter().map(|v| v * s).collect(),
+        lasting: lasting.clone(),
         play: used.play * s * s,
         dof,
         correlation,
@@ -229,6 +320,9 @@ pub(crate) fn estimate_noise(
     if let Some(lasting) = declared {
         let estimate = scaled(1.0, Source::Declared, f64::INFINITY);
         return estimate.with_lasting(lasting, groups.usual());
+    }
+    if steady.is_some() {
+        return scaled(1.0, Source::Repeats, effective.max(1.0));
     }
     if dof >= LEAST_DOF {
         let lasting = groups.lasting_rounding(observations) * share;
