@@ -5,6 +5,7 @@ use std::sync::Arc;
 use faer::Mat;
 
 use crate::Error;
+use crate::estimate::adjusted::Adjusted;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::doubts;
 use crate::estimate::implicit::Implicit;
@@ -22,9 +23,11 @@ use crate::estimate::tried::{Start, Try};
 use crate::estimate::{search, start};
 use crate::model::{Instance, Model, Prior};
 use crate::numerics::distributions;
+use crate::numerics::lanes::Lanes;
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm::{self, Termination};
 use crate::numerics::symmetric::{invert, nowhere};
+use crate::readings::Readings;
 
 /// A fitted model.
 #[derive(Debug, Clone)]
@@ -70,6 +73,8 @@ pub struct Fit {
     pub plausible: bool,
     /// Suspected mistakes in the wiring.
     pub warnings: Vec<Suspicion>,
+    /// Readings as a fit of a search has settled them.
+    pub(crate) adjusted: Option<Adjusted>,
 }
 
 /// Fits the parameters of `instances` by (50) to (52), or by (11) for
@@ -101,6 +106,7 @@ pub fn fit(
             beta: carry_over(fit, &model),
             tries: fit.starts.clone(),
             warnings: fit.warnings.clone(),
+            adjusted: fit.adjusted.clone(),
         },
         None => begin(observations, &model, &guess),
     };
@@ -139,6 +145,10 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
 /// Largest number of fits, each with the noise of the fit before.
 const ROUNDS: usize = 4;
 
+/// A step of a search that promises less than this of ½χ² is taken unseen: its decisions turn on
+/// units of χ².
+const UNSEEN: f64 = 1e-4;
+
 /// True for two noises that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
     let scale = a.sigma[0] / b.sigma[0];
@@ -165,6 +175,10 @@ fn solve(
     let mut beta = start.beta.clone();
     let groups = Groups::of(&observations.readings, &observations.weights);
     let settled = observations.options.settled;
+    let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
+    let mut adjusted = earlier.map(<[Lanes]>::to_vec);
+    let ptol = if settled { UNSEEN } else { observations.options.lm.ptol };
+    let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
     let mut declared = (observations.options.noise.is_some()
         || observations.mechanism.channels.iter().all(|c| c.noise.is_some()))
     .then_some(0.0);
@@ -185,18 +199,20 @@ fn solve(
         if let Some((model, readings)) = &held {
             parts.push((Part { model, readings, weights: None }, noise.clone()));
         }
-        let problem = Implicit::new(parts, &priors);
+        let problem = Implicit::new(parts, &priors).from(adjusted.as_deref());
+        let problem = if settled { problem.coarse() } else { problem };
         let outcome = match observations.options.method {
-            Method::ImplicitLoop => lm::minimize(&problem, &beta, &observations.options.lm),
+            Method::ImplicitLoop => lm::minimize(&problem, &beta, &lm),
             Method::Algebraic => {
                 let paper =
                     lm::minimize(&Algebraic::new(part, &priors), &beta, &observations.options.lm);
                 lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
             }
         };
-        let outcome = undrifted(&problem, outcome, &start.beta, &observations.options.lm);
+        let outcome = undrifted(&problem, outcome, &start.beta, &lm);
         beta.clone_from(&outcome.x);
         let residuals = problem.residuals(&beta, false);
+        adjusted = Some(problem.into_adjusted());
         if declared.is_some() && round == 0 && !settled {
             match check_declared(observations, &groups, &residuals, &noise, beta.len()) {
                 Declared::Right => {}
@@ -233,7 +249,9 @@ fn solve(
     let start = Start { warnings, ..start };
     let mut fit =
         conclude(observations, model, priors, outcome, residuals, noise, scale, start, &groups);
-    if !settled {
+    if settled {
+        fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
+    } else {
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
@@ -333,6 +351,7 @@ fn conclude(
         residuals: residuals.into(),
         plausible,
         warnings: start.warnings,
+        adjusted: None,
     }
 }
 
@@ -344,6 +363,11 @@ impl Fit {
     #[must_use]
     pub fn assumed(&self) -> Noise {
         Noise { sigma: self.noise.sigma.clone(), play: self.noise.play }
+    }
+
+    /// These readings as the fit has settled them; none where it is no fit of a search, or of others.
+    pub(crate) fn adjusted_of(&self, readings: &Readings) -> Option<&[Lanes]> {
+        self.adjusted.as_ref().and_then(|adjusted| adjusted.of(readings))
     }
 
     /// A fit to start from: the parameters of a search, the noise of all samples.

@@ -81,14 +81,17 @@ pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
 }
 
 /// True where a Cholesky factor proves that no eigenvalue of a matrix with a unit diagonal is
-/// below [`RANK`] of the largest: `λ_min ≥ 1/tr A⁻¹`, `λ_max ≤ tr A = n`. It takes a tenth of the
-/// time of the eigenvalues.
+/// below [`RANK`] of the largest: `λ_max ≤ tr A = n`.
 fn seen_everywhere(unit: &Mat<f64>) -> bool {
-    let n = unit.nrows();
-    let Ok(factor) = unit.llt(Side::Lower) else { return false };
-    let inverse = factor.inverse();
-    let trace: f64 = (0..n).map(|i| inverse[(i, i)]).sum();
-    trace > 0.0 && trace * n as f64 * RANK < 0.01
+    inverse_above(unit, unit.nrows() as f64 * RANK).is_some()
+}
+
+/// `A⁻¹` where a Cholesky factor proves that all eigenvalues are well above this one:
+/// `λ_min ≥ 1/tr A⁻¹`. It takes a tenth of the time of the eigenvalues.
+pub(crate) fn inverse_above(a: &Mat<f64>, least: f64) -> Option<Mat<f64>> {
+    let inverse = a.llt(Side::Lower).ok()?.inverse();
+    let trace: f64 = (0..a.nrows()).map(|i| inverse[(i, i)]).sum();
+    (trace > 0.0 && trace * least < 0.01).then_some(inverse)
 }
 
 /// Smallest share of a column that counts after the projection.

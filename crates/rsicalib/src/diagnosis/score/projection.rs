@@ -126,7 +126,8 @@ pub fn project_blocks(
         readings: &observations.readings,
         weights: Some(&observations.weights),
     };
-    let problem = Implicit::of(part, fit.assumed());
+    let settled = fit.adjusted_of(&observations.readings);
+    let problem = Implicit::of(part, fit.assumed()).from(settled);
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || ScoreSums {
         gradient: vec![Lanes::ZERO; extra],
