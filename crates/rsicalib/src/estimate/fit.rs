@@ -32,8 +32,8 @@ use crate::readings::Readings;
 /// A fitted model.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// The model, with the order of the parameters.
-    pub model: Model,
+    /// The model, with the order of the parameters, shared by the copies of the fit.
+    pub model: Arc<Model>,
     /// Estimates of the parameters, corrections to the mechanism as drawn;
     /// [`reported`](crate::estimate::directions::reported) gives absolute offsets and gains.
     pub beta: Vec<f64>,
@@ -331,7 +331,7 @@ fn conclude(
         residuals.by_reading = Vec::new();
     }
     Fit {
-        model,
+        model: model.into(),
         beta: outcome.x,
         priors,
         noise,

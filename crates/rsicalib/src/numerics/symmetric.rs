@@ -1,7 +1,7 @@
 //! Symmetric eigenproblems: rank, pseudo-inverse, roots and quadratic forms.
 
 use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, Side};
+use faer::{Mat, MatRef, Side};
 
 /// Eigenvalues below this fraction of the largest count as zero, in unit columns.
 const RANK: f64 = 1e-11;
@@ -50,6 +50,18 @@ pub fn inverse_root(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
         }
     });
     (root, unknowable, (largest / smallest).sqrt())
+}
+
+/// Eigenvalues of a symmetric matrix, ascending, and its eigenvectors; none where it holds what is no
+/// number. Most matrices of candidates are one number, its own eigenvalue.
+pub(crate) fn eigenvalues(square: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let n = square.nrows();
+    if n == 1 && square[(0, 0)].is_finite() {
+        return Some((vec![square[(0, 0)]], Mat::identity(1, 1)));
+    }
+    let eigen = square.self_adjoint_eigen(Side::Lower).ok()?;
+    let values = eigen.S().column_vector();
+    Some(((0..n).map(|k| values[k]).collect(), eigen.U().to_owned()))
 }
 
 /// The part of a step that lies in directions of which a Gram matrix tells nothing.

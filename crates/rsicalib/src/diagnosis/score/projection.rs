@@ -1,6 +1,6 @@
 //! Scores of named effects and free shapes: (71) and (72) from one sweep over the readings.
 
-use faer::{Mat, Side};
+use faer::Mat;
 
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
@@ -8,7 +8,7 @@ use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
-use crate::numerics::symmetric::VISIBLE;
+use crate::numerics::symmetric::{VISIBLE, eigenvalues};
 use crate::terms::targets;
 
 /// ScoreSums for (71) over all candidates.
@@ -233,8 +233,7 @@ fn judge_projected(
     let square = Mat::from_fn(d, d, |i, j| {
         candidate.square[(i, j)] / (norm[i] * norm[j]) + if i == j { held(i) } else { 0.0 }
     });
-    let Ok(eigen) = square.self_adjoint_eigen(Side::Lower) else { return (0.0, 0.0, 1.0) };
-    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return (0.0, 0.0, 1.0) };
     let (mut score, mut width, mut second) = (0.0, 0.0, 0.0);
     for k in 0..d {
         if values[k] < VISIBLE {
