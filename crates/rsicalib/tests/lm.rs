@@ -66,12 +66,7 @@ fn check_all(complaints: impl Fn(&Strd, &Outcome) -> Vec<String>) {
 }
 
 #[test]
-fn a_step_that_promises_less_than_is_looked_for_is_taken_unseen() {
-    let cost = |b: &[f64], problem: &Strd| {
-        let mut r = vec![0.0; problem.rows()];
-        problem.residuals(b, &mut r);
-        0.5 * r.iter().map(|r| r * r).sum::<f64>()
-    };
+fn a_step_that_promises_less_than_is_looked_for_ends_the_search_before_it() {
     let misra = nist::ALL.iter().find(|problem| problem.name == "Misra1a").expect("listed");
     for start in misra.starts {
         let exact = solve(misra, start);
@@ -85,8 +80,8 @@ fn a_step_that_promises_less_than_is_looked_for_is_taken_unseen() {
         let outcome = lm::minimize(&dense, start, &options);
         assert_eq!(outcome.termination, Termination::Cost);
         assert!(outcome.iterations < exact.iterations);
-        // The step is taken, and Gauss-Newton converges: less than the promise is left.
-        assert!(cost(&outcome.x, misra) < (1.0 + 1e-3) * exact.cost);
+        // Near the minimum the promise is what is left, to a part of it.
+        assert!(outcome.cost < (1.0 + 2e-3) * exact.cost);
     }
 }
 

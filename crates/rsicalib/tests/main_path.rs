@@ -94,7 +94,7 @@ fn a_fit_of_a_search_ends_within_a_thousandth_of_a_unit_of_the_minimum() {
     let coarse_more = fit(&observations, more, Some(&coarse)).expect("enough poses");
     let back = fit(&observations, base, Some(&coarse_more)).expect("enough poses");
     assert!(exact.total - exact_more.total > 20.0, "nothing to see");
-    // A promise of 1e-4 of the cost, half of χ², is not looked for; χ² within (52) is exact.
+    // A promise of 1e-5 of the cost, half of χ², is not looked for; (52) has converged in the end.
     for (coarse, exact) in [(&coarse, &exact), (&coarse_more, &exact_more), (&back, &exact)] {
         let off = coarse.total - exact.total;
         assert!(off.abs() < 1e-3, "{} for {}", coarse.total, exact.total);

@@ -145,9 +145,8 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
 /// Largest number of fits, each with the noise of the fit before.
 const ROUNDS: usize = 4;
 
-/// A step of a search that promises less than this of ½χ² is taken unseen: its decisions turn on
-/// units of χ².
-const UNSEEN: f64 = 1e-4;
+/// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
+const ENOUGH: f64 = 1e-5;
 
 /// True for two noises that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
@@ -177,7 +176,7 @@ fn solve(
     let settled = observations.options.settled;
     let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
-    let ptol = if settled { UNSEEN } else { observations.options.lm.ptol };
+    let ptol = if settled { ENOUGH } else { observations.options.lm.ptol };
     let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
     let mut declared = (observations.options.noise.is_some()
         || observations.mechanism.channels.iter().all(|c| c.noise.is_some()))
@@ -209,8 +208,13 @@ fn solve(
                 lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
             }
         };
-        let outcome = undrifted(&problem, outcome, &start.beta, &lm);
+        let mut outcome = undrifted(&problem, outcome, &start.beta, &lm);
         beta.clone_from(&outcome.x);
+        let problem = problem.precise();
+        if settled {
+            // Scores subtract what the fit absorbs: its Gram matrix is that of settled readings.
+            outcome.linearization = problem.linearize(&beta);
+        }
         let residuals = problem.residuals(&beta, false);
         adjusted = Some(problem.into_adjusted());
         if declared.is_some() && round == 0 && !settled {

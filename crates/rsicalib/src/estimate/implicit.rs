@@ -54,6 +54,12 @@ impl<'a> Implicit<'a> {
         Self { coarse: true, ..self }
     }
 
+    /// The same, at settled readings again.
+    #[must_use]
+    pub(crate) fn precise(self) -> Self {
+        Self { coarse: false, ..self }
+    }
+
     /// `â` of the first part.
     #[must_use]
     pub(crate) fn into_adjusted(self) -> Vec<Lanes> {
@@ -170,6 +176,7 @@ impl Implicit<'_> {
         x: &[f64],
         zero: impl Fn() -> S + Sync,
         visit: impl Fn(&mut S, usize, &[Lanes], &[Lanes]) + Sync,
+        finish: impl Fn(&mut S) + Sync,
         merge: impl FnMut(&mut S, S),
     ) -> Option<S> {
         let (part, noise) = &self.parts[0];
@@ -189,6 +196,7 @@ impl Implicit<'_> {
                         room.weigh(part.weight(block));
                         visit(&mut sums, readings.blocks()[block].group, &room.w, &room.ws.x);
                     }
+                    finish(&mut sums);
                     sums
                 },
             )

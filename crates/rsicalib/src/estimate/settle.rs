@@ -16,10 +16,10 @@ const CHEAP: usize = 40;
 /// which noise turns a column: [`VISIBLE`](crate::numerics::symmetric::VISIBLE) is far above.
 const STILL: f64 = 1e-6;
 
-/// [`STILL`] while a search looks for a minimum: a repeat that moves readings by less than their noise
-/// leaves the thousandth or so of it by which noise turns a column, and `½ wᵀ S⁻¹ w` has an error of
+/// [`STILL`] while a search looks for a minimum: a repeat that moves readings by less than this leaves
+/// the thousandth or so of it by which noise turns a column, and `½ wᵀ S⁻¹ w` has an error of
 /// second order in that. Every linearisation repeats (52) once more.
-const COARSE: f64 = 1.0;
+const COARSE: f64 = 0.1;
 
 /// Part of the variance of an equation that rounding may leave when those before take their
 /// share: in a pose where equations say the same, the factor is that of the others.

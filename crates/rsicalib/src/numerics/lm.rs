@@ -32,8 +32,8 @@ pub struct SolverOptions {
     pub xtol: f64,
     /// Stop when actual and predicted decrease are both below this fraction of the cost.
     pub ftol: f64,
-    /// Stop with a full step that promises to lower the cost by less than this, in units of the cost:
-    /// what it gains is not computed.
+    /// Stop where a full step promises to lower the cost by less than this, in units of the cost; it
+    /// is not taken.
     pub ptol: f64,
     /// Longest first step, in multiples of `‖D x‖`.
     pub reach: f64,
@@ -131,7 +131,7 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
         }
         let promised = promise(&here, &step, damping, &scale);
         if damping == NEGLIGIBLE && promised < options.ptol {
-            return end(trial, here, iteration, Termination::Cost);
+            return end(x, here, iteration, Termination::Cost);
         }
         if iteration == 1 {
             radius = radius.min(length);

@@ -103,7 +103,7 @@ struct Together {
     /// `Qᵀ M Q`.
     shared: Mat<f64>,
     /// `w`.
-    along: Mat<f64>,
+    along: Vec<f64>,
 }
 
 impl Together {
@@ -130,14 +130,14 @@ impl Together {
         // Each takes its own rows and columns only.
         let mut half = Mat::<f64>::zeros(n, next);
         let mut shared = Mat::<f64>::zeros(next, next);
-        let mut along = Mat::<f64>::zeros(next, 1);
+        let mut along = vec![0.0; next];
         for (unit, (first, root)) in units.iter_mut().zip(&roots) {
             let (start, count, width) = (unit.columns.start, root.ncols(), root.nrows());
             let own = square.subcols(*first, width);
             half.subcols_mut(start, count).copy_from(own * root);
             let w = root.transpose() * gradient.subrows(*first, width);
             unit.score = (0..count).map(|k| w[(k, 0)].powi(2)).sum();
-            along.subrows_mut(start, count).copy_from(w);
+            along[start..start + count].copy_from_slice(w.col_as_slice(0));
         }
         for (unit, (first, root)) in units.iter().zip(&roots) {
             let own = root.transpose() * half.subrows(*first, root.nrows());
@@ -153,19 +153,19 @@ impl Together {
         let (rows, columns) = (&wide.columns, &narrow.columns);
         if columns.len() == 1 {
             // Most pairs: nothing to factor.
-            let (mut left, mut v) = (1.0, along[(columns.start, 0)]);
+            let (mut left, mut v) = (1.0, along[columns.start]);
             // The column of the wide one: those of the other follow each other in it.
             for row in rows.clone() {
-                let c = shared[(columns.start, row)];
+                let c = shared.col_as_slice(row)[columns.start];
                 left -= c * c;
-                v -= c * along[(row, 0)];
+                v -= c * along[row];
             }
             return (left > APART).then(|| wide.score + v * v / left);
         }
         let c = shared.submatrix(rows.start, columns.start, rows.len(), columns.len());
         let left = Mat::<f64>::identity(columns.len(), columns.len()) - c.transpose() * c;
-        let v = along.subrows(columns.start, columns.len())
-            - c.transpose() * along.subrows(rows.start, rows.len());
+        let w = |of: &Range<usize>| Mat::from_fn(of.len(), 1, |k, _| along[of.start + k]);
+        let v = w(columns) - c.transpose() * w(rows);
         let factor = Llt::new(left.as_ref(), Side::Lower).ok()?;
         let apart = (0..columns.len()).all(|k| factor.L()[(k, k)].powi(2) > APART);
         apart.then(|| wide.score + (v.transpose() * factor.solve(&v))[(0, 0)])
