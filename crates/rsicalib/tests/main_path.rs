@@ -82,7 +82,7 @@ fn a_bent_sensor_is_unexplained_before_the_trace_and_explained_after_it() {
 
 #[test]
 fn a_fit_of_a_search_ends_within_a_thousandth_of_a_unit_of_the_minimum() {
-    let mut observations = observations(&simulated(0.004).0);
+    let mut observations = observations(&simulated(0.15).0);
     let base = observations.instances().expect("offset and gain");
     let exact = fit(&observations, base.clone(), None).expect("enough poses");
     let specs = ["offset", "gain", "curvature@a22"].map(String::from);
