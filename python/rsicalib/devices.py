@@ -144,12 +144,21 @@ class Device:
             Whole numbers where the channel counts.
         """
         shape = (len(exact), samples, exact.shape[1])
-        read = np.broadcast_to(exact[:, None], shape)
         if noise > 0:
-            read = read + noise * rng.standard_normal(shape)
-        counted = np.array([c.unit == "count" for c in self.mechanism.channels])
-        read = np.where(counted, np.round(read), read)
-        return np.clip(read, *_ranges(self.mechanism))
+            read = rng.standard_normal(shape)
+            read *= noise
+            read += exact[:, None]
+        else:
+            read = np.repeat(exact[:, None], samples, axis=1)
+        counted = [c.unit == "count" for c in self.mechanism.channels]
+        if all(counted):
+            np.round(read, out=read)
+        else:
+            read[..., counted] = np.round(read[..., counted])
+        low, high = _ranges(self.mechanism)
+        if read.size and not (read.min() >= low.max() and read.max() <= high.min()):
+            np.clip(read, low, high, out=read)
+        return read
 
     def truth(self) -> dict[str, Any]:
         """Offsets and gains by channel, as `truth.json` has them."""

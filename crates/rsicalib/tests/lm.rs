@@ -65,6 +65,26 @@ fn check_all(complaints: impl Fn(&Strd, &Outcome) -> Vec<String>) {
     assert!(all.is_empty(), "\n{}", all.join("\n"));
 }
 
+#[test]
+fn a_step_that_promises_less_than_is_looked_for_ends_the_search_before_it() {
+    let misra = nist::ALL.iter().find(|problem| problem.name == "Misra1a").expect("listed");
+    for start in misra.starts {
+        let exact = solve(misra, start);
+        let options = SolverOptions { ptol: 1e-3 * exact.cost, ..tight() };
+        let dense = Dense::new(
+            misra.rows(),
+            misra.parameters(),
+            |b: &[f64], r: &mut [f64]| misra.residuals(b, r),
+            |b: &[f64], j: &mut [f64]| misra.jacobian(b, j),
+        );
+        let outcome = lm::minimize(&dense, start, &options);
+        assert_eq!(outcome.termination, Termination::Cost);
+        assert!(outcome.iterations < exact.iterations);
+        // Near the minimum the promise is what is left, to a part of it.
+        assert!(outcome.cost < (1.0 + 2e-3) * exact.cost);
+    }
+}
+
 /// A complaint for each number that has fewer than `needed` of its certified digits.
 fn disagreements(what: &str, found: &[f64], certified: &[f64], needed: f64) -> Vec<String> {
     found

@@ -79,3 +79,24 @@ fn a_bent_sensor_is_unexplained_before_the_trace_and_explained_after_it() {
         assert!((found.value - curvature).abs() < 5.0 * sd, "{} ± {sd}", found.value);
     }
 }
+
+#[test]
+fn a_fit_of_a_search_ends_within_a_thousandth_of_a_unit_of_the_minimum() {
+    let mut observations = observations(&simulated(0.15).0);
+    let base = observations.instances().expect("offset and gain");
+    let exact = fit(&observations, base.clone(), None).expect("enough poses");
+    let specs = ["offset", "gain", "curvature@a22"].map(String::from);
+    let more = parse(&observations.mechanism, &observations.readings, &specs).expect("terms");
+    let exact_more = fit(&observations, more.clone(), Some(&exact)).expect("enough poses");
+    // As a search has it: the noise is judged, and each fit starts where another ended.
+    observations.options.settled = true;
+    let coarse = fit(&observations, base.clone(), Some(&exact)).expect("enough poses");
+    let coarse_more = fit(&observations, more, Some(&coarse)).expect("enough poses");
+    let back = fit(&observations, base, Some(&coarse_more)).expect("enough poses");
+    assert!(exact.total - exact_more.total > 20.0, "nothing to see");
+    // A promise of 1e-5 of the cost, half of χ², is not looked for; (52) has converged in the end.
+    for (coarse, exact) in [(&coarse, &exact), (&coarse_more, &exact_more), (&back, &exact)] {
+        let off = coarse.total - exact.total;
+        assert!(off.abs() < 1e-3, "{} for {}", coarse.total, exact.total);
+    }
+}

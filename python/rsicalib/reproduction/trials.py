@@ -19,7 +19,7 @@ from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.records import Record
 
-__all__ = ["ITERATIONS", "Estimate", "Progress", "rms", "run"]
+__all__ = ["ITERATIONS", "Estimate", "Progress", "rms", "rms_of_rows", "run"]
 
 Progress = Callable[[int, int], None]
 """Called with the trials that are done, and all of them."""
@@ -123,4 +123,9 @@ def run(
 
 def rms(values: FloatArray) -> float:
     """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
+    return float(rms_of_rows(np.ravel(values)))
+
+
+def rms_of_rows(values: FloatArray) -> FloatArray:
+    """Root mean square along the last axis."""
+    return np.asarray(np.sqrt(np.mean(np.square(values), axis=-1)))

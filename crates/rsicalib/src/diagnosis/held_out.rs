@@ -18,7 +18,7 @@ pub fn held_out(observations: &Observations, full: &Fit) -> Option<HeldOut> {
         let model = &trained.model;
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
         let part = Part { model, readings, weights };
-        let problem = Implicit::of(part, full.assumed());
+        let problem = Implicit::of(part, full.assumed()).from(trained.adjusted_of(readings));
         let left_out = |row: usize| out.contains(&readings.pose[row]);
         problem.misfit(&trained.beta, |row| left_out(row) && observations.weights[row] > 0.0)
     })
@@ -52,10 +52,10 @@ fn errors(
     let readings = &observations.readings;
     let poses = readings.poses();
     let rows = readings.rows_of_poses();
-    let mut all = Misfit::default();
+    let (mut all, mut training) = (Misfit::default(), observations.clone());
     for fold in 0..FOLDS.min(poses) {
         let out = poses * fold / FOLDS.min(poses)..poses * (fold + 1) / FOLDS.min(poses);
-        let mut training = observations.clone();
+        training.weights.clone_from(&observations.weights);
         for row in out.clone().flat_map(|p| &rows[p]) {
             training.weights[*row] = 0.0;
         }

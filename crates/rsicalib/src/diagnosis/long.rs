@@ -83,7 +83,7 @@ fn all_rows(
     let of_all = |i: &Instance| stretches.in_all(i);
     let instances: Vec<Instance> = current.model.instances.iter().map(of_all).collect();
     let model = observations.model(instances.clone())?;
-    let from = Fit { model, ..current.with_noise_of(clean) };
+    let from = Fit { model: model.into(), ..current.with_noise_of(clean) };
     fit(observations, instances, Some(&from)).map(Some)
 }
 

@@ -9,6 +9,8 @@
 //! Samples of a held pose are averaged for the search, whose noise is then known, and
 //! so are neighbouring rows of a long recording; the answer is fitted to all of them.
 
+use std::sync::Arc;
+
 use crate::Error;
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
@@ -48,7 +50,7 @@ pub struct Found {
     /// Scores of everything without it, of each at its best place, best first.
     pub scores: Vec<Scored>,
     /// Laws of the same target that fit as well: the model with each, and its parameters.
-    pub laws: Vec<(Instance, Model, Vec<f64>)>,
+    pub laws: Vec<(Instance, Arc<Model>, Vec<f64>)>,
 }
 
 impl Found {

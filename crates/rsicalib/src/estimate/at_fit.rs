@@ -35,7 +35,9 @@ impl<'a> AtFit<'a> {
     pub fn new(observations: &'a Observations, fit: &'a Fit) -> Self {
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
         let part = Part { model: &fit.model, readings, weights };
-        let mut residuals = Implicit::of(part, fit.assumed()).residuals(&fit.beta, true);
+        let settled = fit.adjusted_of(readings);
+        let problem = Implicit::of(part, fit.assumed()).from(settled);
+        let mut residuals = problem.residuals(&fit.beta, true);
         let n = fit.model.parameters;
         let (root, ..) = inverse_root(&fit.gram);
         let count = residuals.whitened.len();

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use faer::Mat;
 
 use crate::Error;
+use crate::estimate::adjusted::Adjusted;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::doubts;
 use crate::estimate::implicit::Implicit;
@@ -23,15 +24,17 @@ use crate::estimate::tried::{Start, Try};
 use crate::estimate::{search, start};
 use crate::model::{Instance, Model, Prior};
 use crate::numerics::distributions;
+use crate::numerics::lanes::Lanes;
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm::{self, Termination};
 use crate::numerics::symmetric::{invert, nowhere};
+use crate::readings::Readings;
 
 /// A fitted model.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// The model, with the order of the parameters.
-    pub model: Model,
+    /// The model, with the order of the parameters, shared by the copies of the fit.
+    pub model: Arc<Model>,
     /// Estimates of the parameters, corrections to the mechanism as drawn;
     /// [`reported`](crate::estimate::directions::reported) gives absolute offsets and gains.
     pub beta: Vec<f64>,
@@ -71,6 +74,8 @@ pub struct Fit {
     pub plausible: bool,
     /// Suspected mistakes in the wiring.
     pub warnings: Vec<Suspicion>,
+    /// Readings as a fit of a search has settled them.
+    pub(crate) adjusted: Option<Adjusted>,
 }
 
 /// Fits the parameters of `instances` by (50) to (52), or by (11) for
@@ -102,6 +107,7 @@ pub fn fit(
             beta: carry_over(fit, &model),
             tries: fit.starts.clone(),
             warnings: fit.warnings.clone(),
+            adjusted: fit.adjusted.clone(),
         },
         None => begin(observations, &model, &guess),
     };
@@ -140,6 +146,9 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
 /// Largest number of fits, each with the noise of the fit before.
 const ROUNDS: usize = 4;
 
+/// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
+const ENOUGH: f64 = 1e-5;
+
 /// True for two noises that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
     let scale = a.sigma[0] / b.sigma[0];
@@ -171,6 +180,10 @@ fn solve(
     let mut beta = start.beta.clone();
     let groups = Groups::of(&observations.readings, &observations.weights);
     let settled = observations.options.settled;
+    let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
+    let mut adjusted = earlier.map(<[Lanes]>::to_vec);
+    let ptol = if settled { ENOUGH } else { observations.options.lm.ptol };
+    let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
     let mut declared = (observations.options.noise.is_some()
         || observations.mechanism.channels.iter().all(|c| c.noise.is_some()))
     .then_some(0.0);
@@ -201,18 +214,25 @@ fn solve(
         if let Some((model, readings)) = &held {
             parts.push((Part { model, readings, weights: None }, noise.clone()));
         }
-        let problem = Implicit::new(parts, &priors);
+        let problem = Implicit::new(parts, &priors).from(adjusted.as_deref());
+        let problem = if settled { problem.coarse() } else { problem };
         let outcome = match observations.options.method {
-            Method::ImplicitLoop => lm::minimize(&problem, &beta, &observations.options.lm),
+            Method::ImplicitLoop => lm::minimize(&problem, &beta, &lm),
             Method::Algebraic => {
                 let paper =
                     lm::minimize(&Algebraic::new(part, &priors), &beta, &observations.options.lm);
                 lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
             }
         };
-        let outcome = undrifted(&problem, outcome, &start.beta, &observations.options.lm);
+        let mut outcome = undrifted(&problem, outcome, &start.beta, &lm);
         beta.clone_from(&outcome.x);
+        let problem = problem.precise();
+        if settled {
+            // Scores subtract what the fit absorbs: its Gram matrix is that of settled readings.
+            outcome.linearization = problem.linearize(&beta);
+        }
         let residuals = problem.residuals(&beta, false);
+        adjusted = Some(problem.into_adjusted());
         if declared.is_some() && round == 0 && !settled {
             let rounding = rounding.as_ref();
             match check_declared(observations, &groups, &residuals, &noise, rounding, beta.len()) {
@@ -270,7 +290,9 @@ fn solve(
     let start = Start { warnings, ..start };
     let mut fit =
         conclude(observations, model, priors, outcome, residuals, noise, scale, start, &groups);
-    if !settled {
+    if settled {
+        fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
+    } else {
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
@@ -350,7 +372,7 @@ fn conclude(
         residuals.by_reading = Vec::new();
     }
     Fit {
-        model,
+        model: model.into(),
         beta: outcome.x,
         priors,
         noise,
@@ -370,6 +392,7 @@ fn conclude(
         residuals: residuals.into(),
         plausible,
         warnings: start.warnings,
+        adjusted: None,
     }
 }
 
@@ -381,6 +404,11 @@ impl Fit {
     #[must_use]
     pub fn assumed(&self) -> Noise {
         Noise { sigma: self.noise.weighed.clone(), play: self.noise.play }
+    }
+
+    /// These readings as the fit has settled them; none where it is no fit of a search, or of others.
+    pub(crate) fn adjusted_of(&self, readings: &Readings) -> Option<&[Lanes]> {
+        self.adjusted.as_ref().and_then(|adjusted| adjusted.of(readings))
     }
 
     /// A fit to start from: the parameters of a search, the noise of all samples.

@@ -1,6 +1,6 @@
 //! The maximum-likelihood objective (51), with priors.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use crate::estimate::objective::{Noise, Part, add_priors};
 use crate::estimate::residuals::{Residuals, Sizes};
@@ -18,6 +18,8 @@ pub struct Implicit<'a> {
     priors: &'a [Prior],
     /// `â` of every part, the start of the next linearisation.
     adjusted: Mutex<Vec<Vec<Lanes>>>,
+    /// True for linearisations at readings that have not quite settled.
+    coarse: bool,
 }
 
 impl<'a> Implicit<'a> {
@@ -33,7 +35,35 @@ impl<'a> Implicit<'a> {
     pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
         let adjusted = parts.iter().map(|(part, _)| part.readings.all_raw().to_vec()).collect();
         let adjusted = Mutex::new(adjusted);
-        Self { parts, priors, adjusted }
+        Self { parts, priors, adjusted, coarse: false }
+    }
+
+    /// The same, with `â` of the first part from earlier to start at.
+    #[must_use]
+    pub(crate) fn from(mut self, adjusted: Option<&[Lanes]>) -> Self {
+        if let Some(earlier) = adjusted {
+            let all = self.adjusted.get_mut().unwrap_or_else(PoisonError::into_inner);
+            all[0].copy_from_slice(earlier);
+        }
+        self
+    }
+
+    /// The same, for a search: a minimum is looked for with readings that have not quite settled.
+    #[must_use]
+    pub(crate) fn coarse(self) -> Self {
+        Self { coarse: true, ..self }
+    }
+
+    /// The same, at settled readings again.
+    #[must_use]
+    pub(crate) fn precise(self) -> Self {
+        Self { coarse: false, ..self }
+    }
+
+    /// `â` of the first part.
+    #[must_use]
+    pub(crate) fn into_adjusted(self) -> Vec<Lanes> {
+        self.adjusted.into_inner().unwrap_or_else(PoisonError::into_inner).swap_remove(0)
     }
 
     /// Residuals of the first part at `x`, with [`Residuals::by_parameter`] on request.
@@ -146,6 +176,7 @@ impl Implicit<'_> {
         x: &[f64],
         zero: impl Fn() -> S + Sync,
         visit: impl Fn(&mut S, usize, &[Lanes], &[Lanes]) + Sync,
+        finish: impl Fn(&mut S) + Sync,
         merge: impl FnMut(&mut S, S),
     ) -> Option<S> {
         let (part, noise) = &self.parts[0];
@@ -165,6 +196,7 @@ impl Implicit<'_> {
                         room.weigh(part.weight(block));
                         visit(&mut sums, readings.blocks()[block].group, &room.w, &room.ws.x);
                     }
+                    finish(&mut sums);
                     sums
                 },
             )
@@ -187,7 +219,10 @@ impl Problem for Implicit<'_> {
                 dispatch(
                     #[inline(always)]
                     || {
-                        let mut room = Room::new(model, noise);
+                        let mut room = match self.coarse {
+                            true => Room::coarse(model, noise),
+                            false => Room::new(model, noise),
+                        };
                         let mut sums = NormalEquations::new(model.term_parameters, model.width());
                         for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                             let block = first + i;

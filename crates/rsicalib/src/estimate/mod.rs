@@ -1,5 +1,6 @@
 //! Estimation: a session of readings, its objective, starts, noise and fit.
 
+pub(crate) mod adjusted;
 mod algebraic;
 pub(crate) mod angles;
 pub(crate) mod at_fit;

@@ -16,6 +16,11 @@ const CHEAP: usize = 40;
 /// which noise turns a column: [`VISIBLE`](crate::numerics::symmetric::VISIBLE) is far above.
 const STILL: f64 = 1e-6;
 
+/// [`STILL`] while a search looks for a minimum: a repeat that moves readings by less than this leaves
+/// the thousandth or so of it by which noise turns a column, and `½ wᵀ S⁻¹ w` has an error of
+/// second order in that. Every linearisation repeats (52) once more.
+const COARSE: f64 = 0.1;
+
 /// Part of the variance of an equation that rounding may leave when those before take their
 /// share: in a pose where equations say the same, the factor is that of the others.
 const ROUNDED: f64 = 1e-15;
@@ -41,16 +46,17 @@ pub(crate) struct Room {
     still: Vec<f64>,
 }
 
-/// [`STILL`] in the unit of a channel, but not below the rounding of a reading: otherwise the
+/// A change in the unit of a channel, but not below the rounding of a reading: otherwise the
 /// readings of an encoder with little noise would never converge.
-fn still((sigma, scale): (&f64, &Scale)) -> f64 {
+fn still(change: f64, scale: &Scale) -> f64 {
     let largest = scale.span.iter().fold(1.0 / scale.gain.abs(), |m, a| m.max(a.abs()));
-    (STILL * sigma).max(64.0 * f64::EPSILON * largest)
+    change.max(64.0 * f64::EPSILON * largest)
 }
 
 impl Room {
     pub(crate) fn new(model: &Model, noise: &Noise) -> Self {
         let k = model.equations();
+        let limit = |(sigma, scale): (&f64, &Scale)| still(STILL * sigma, scale);
         Self {
             ws: Workspace::default(),
             w: vec![Lanes::ZERO; k],
@@ -58,8 +64,19 @@ impl Room {
             lambda: vec![Lanes::ZERO; k],
             variance: noise.sigma.iter().map(|s| s * s).collect(),
             play: model.play().iter().map(|p| p * noise.play).collect(),
-            still: noise.sigma.iter().zip(&model.scales).map(still).collect(),
+            still: noise.sigma.iter().zip(&model.scales).map(limit).collect(),
         }
+    }
+
+    /// Room in which (52) converges to [`COARSE`] of the least noise: what a channel says may have
+    /// been given up, and its noise is then no small change.
+    pub(crate) fn coarse(model: &Model, noise: &Noise) -> Self {
+        let angle = |(sigma, scale): (&f64, &Scale)| sigma * scale.gain.abs();
+        let angles = noise.sigma.iter().zip(&model.scales).map(angle);
+        let least = COARSE * angles.fold(f64::INFINITY, f64::min);
+        let limit = |scale: &Scale| still(least / scale.gain.abs(), scale);
+        let limits = model.scales.iter().map(limit).collect();
+        Self { still: limits, ..Self::new(model, noise) }
     }
 
     /// Repeats (52) until the readings converge, then whitens `w` and, on request, `X`. Returns the

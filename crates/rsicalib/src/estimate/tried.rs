@@ -1,5 +1,6 @@
 //! Starts that were tried, and the best of them.
 
+use crate::estimate::adjusted::Adjusted;
 use crate::estimate::observations::AnchorKind;
 use crate::estimate::suspicion::Suspicion;
 
@@ -41,4 +42,6 @@ pub struct Start {
     pub tries: Vec<Try>,
     /// What looks wrong with the wiring.
     pub warnings: Vec<Suspicion>,
+    /// Readings as an earlier fit has settled them.
+    pub(crate) adjusted: Option<Adjusted>,
 }

@@ -53,6 +53,18 @@ impl Mechanism {
         }
     }
 
+    /// True where a target stands for another among its [`Mechanism::parts`].
+    pub(crate) fn has_part(&self, target: Target, part: Target) -> bool {
+        match (target, part) {
+            (Target::EachChain(first), Target::Chain(c)) => self.group_of(first).contains(&c),
+            (Target::EachRow(first, row), Target::Row(c, own)) => {
+                row == own && self.group_of(first).contains(&c)
+            }
+            (Target::EachJoint(..), Target::Channel(_)) => self.parts(target).contains(&part),
+            _ => target == part,
+        }
+    }
+
     /// Targets of all chains of a group: the chains, their rows, and their joints.
     ///
     /// A row before the first joint is one where it differs in nothing but the angle at which
@@ -136,6 +148,22 @@ mod tests {
         assert_eq!(names, expected);
         assert_eq!(mechanism.channels_at(Target::EachJoint(0, 1)), [1, 4, 7]);
         assert!(mechanism.one_make(Target::EachJoint(0, 1)));
+    }
+
+    #[test]
+    fn a_part_is_what_is_among_the_parts() {
+        let mut mechanism = Mechanism::rsi();
+        mechanism.chains[1].rows[1].a += 0.01;
+        let channels = (0..9).map(Target::Channel);
+        let rows = (0..3).flat_map(|c| (0..4).map(move |row| Target::Row(c, row)));
+        let single: Vec<Target> =
+            channels.chain(rows).chain((0..3).map(Target::Chain)).chain([Target::All]).collect();
+        for target in mechanism.shared_targets().into_iter().chain(single.clone()) {
+            let parts = mechanism.parts(target);
+            for &one in &single {
+                assert_eq!(mechanism.has_part(target, one), parts.contains(&one));
+            }
+        }
     }
 
     #[test]

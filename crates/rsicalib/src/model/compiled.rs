@@ -442,9 +442,7 @@ impl Model {
     /// Appends the motions that geometry terms add at one spot of a chain.
     fn free(&self, steps: &mut Vec<Element>, spot: Spot, chain: usize, row: Option<usize>) {
         let here = row.map_or(Target::Chain(chain), |row| Target::Row(chain, row));
-        let is_here = |target: Target| {
-            target == here || (target.is_shared() && self.mechanism.parts(target).contains(&here))
-        };
+        let is_here = |target: Target| self.mechanism.has_part(target, here);
         for law in &self.laws {
             if let Some((axis, way)) = law.moves(spot, here) {
                 steps.push(Element::Move(axis, way, Source::Law(law.to)));

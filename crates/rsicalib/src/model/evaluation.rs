@@ -19,7 +19,7 @@
 //! All terms of one stage see the state that enters the stage, and their corrections add up, so
 //! their order does not matter. Eight samples are computed at a time.
 
-use crate::kinematics::elements::{Source, Way};
+use crate::kinematics::elements::{Element, Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::{ClosureKind, MOST_PARAMETERS};
 use crate::model::compiled::{CompiledClosure, End, Model};
@@ -51,6 +51,13 @@ pub struct Workspace {
     pub(crate) unloaded: Vec<Posture>,
     pub(crate) carried: Vec<Vec<Carried>>,
     pub(crate) laws: LawRoom,
+}
+
+/// True for the parameters of a term that changes nothing: a law that every term keeps. Most terms
+/// of a model that looks for what is missing are so, and cost their derivatives only.
+#[inline(always)]
+fn absent(parameters: &[f64]) -> bool {
+    parameters.iter().all(|p| *p == 0.0)
 }
 
 /// The derivatives to compute.
@@ -172,14 +179,14 @@ impl Model {
             let channel = e.channel;
             site.channel = channel;
             let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
-            let correction = e.term.correction(p, &site);
             match e.session.map(|s| meta.within(s)) {
+                _ if absent(p) => {}
                 None => {
-                    ws.corrected[channel] += correction;
+                    ws.corrected[channel] += e.term.correction(p, &site);
                     e.term.slopes(p, &site, row);
                 }
                 Some(within) => {
-                    ws.corrected[channel] += correction * within;
+                    ws.corrected[channel] += e.term.correction(p, &site) * within;
                     let mut slopes = vec![Lanes::ZERO; channels];
                     e.term.slopes(p, &site, &mut slopes);
                     row.iter_mut().zip(slopes).for_each(|(r, s)| *r += s * within);
@@ -197,9 +204,7 @@ impl Model {
         ws.angles.clear();
         ws.slopes.clear();
         for (scale, reading) in self.scales.iter().zip(&ws.corrected) {
-            ws.angles.push(
-                (*reading - Lanes::splat(scale.centre)) * scale.gain + Lanes::splat(scale.angle),
-            );
+            ws.angles.push(scale.nominal(*reading));
             ws.slopes.push(Lanes::splat(scale.gain));
         }
         ws.partials.clear();
@@ -209,9 +214,11 @@ impl Model {
             site.channel = s.channel;
             site.place = s.place;
             let within = s.session.map_or(Lanes::ONE, |s| meta.within(s));
-            ws.angles[s.channel] += s.term.correction(p, &site) * within;
-            if want.x || want.a {
-                ws.slopes[s.channel] += s.term.slope(p, &site) * within;
+            if !absent(p) {
+                ws.angles[s.channel] += s.term.correction(p, &site) * within;
+                if want.x || want.a {
+                    ws.slopes[s.channel] += s.term.slope(p, &site) * within;
+                }
             }
             if want.x {
                 s.term.partials(p, &site, &mut out[..s.width]);
@@ -237,7 +244,7 @@ impl Model {
                 ws.unloaded[load.chain].carried(load.whose, carried);
             }
         }
-        for load in &self.loads {
+        for load in self.loads.iter().filter(|load| beta[load.parameter] != 0.0) {
             let (posture, carried) = (&ws.unloaded[load.chain], &ws.carried[load.slot()]);
             for (j, lever) in posture.levers.iter().enumerate() {
                 if let Some(channel) = load.gives(lever) {
@@ -254,13 +261,31 @@ impl Model {
         if largest.is_empty() {
             return largest;
         }
-        let (nominal, mut ws) = (self.nominal(), Workspace::default());
+        // As drawn, nothing but the joints moves.
+        let moves = |step: &&Element| match step {
+            Element::Move(_, _, source) => matches!(source, Source::Channel(_)),
+            _ => true,
+        };
+        let drawn = self.steps.iter().map(|steps| steps.iter().filter(moves).cloned().collect());
+        let drawn: Vec<Vec<Element>> = drawn.collect();
+        let mut postures = vec![Posture::new(); drawn.len()];
+        let mut carried = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
-            let want = Want { x: false, a: false };
-            self.evaluate(readings, block, readings.raw(block), &nominal, want, &mut ws);
-            for (load, largest) in self.loads.iter().zip(&mut largest) {
-                let (posture, carried) = (&ws.unloaded[load.chain], &ws.carried[load.slot()]);
-                for (lever, carried) in posture.levers.iter().zip(carried) {
+            let angles: Vec<Lanes> = (self.scales.iter().zip(readings.raw(block)))
+                .map(|(scale, reading)| scale.nominal(*reading))
+                .collect();
+            for (posture, steps) in postures.iter_mut().zip(&drawn) {
+                dispatch(
+                    #[inline(always)]
+                    || posture.take(steps, &angles, &[], &[]),
+                );
+            }
+            for (k, (load, largest)) in self.loads.iter().zip(&mut largest).enumerate() {
+                let posture = &postures[load.chain];
+                if k == 0 || self.loads[k - 1].slot() != load.slot() {
+                    posture.carried(load.whose, &mut carried);
+                }
+                for (lever, carried) in posture.levers.iter().zip(&carried) {
                     if load.gives(lever).is_some() {
                         let torque = dot(&carried.moved_by(lever), &self.gravity);
                         let live = &torque.0[..meta.live];
@@ -521,6 +546,9 @@ impl Model {
                         ws.x[k * width + load.parameter] +=
                             ws.turned[k * channels + channel] * torque;
                     }
+                }
+                if beta[load.parameter] == 0.0 {
+                    continue;
                 }
                 for (s, by) in posture.levers.iter().enumerate() {
                     let slope = self.torque_slope(&posture.levers, carried, j, s);

@@ -32,6 +32,9 @@ pub struct SolverOptions {
     pub xtol: f64,
     /// Stop when actual and predicted decrease are both below this fraction of the cost.
     pub ftol: f64,
+    /// Stop where a full step promises to lower the cost by less than this, in units of the cost; it
+    /// is not taken.
+    pub ptol: f64,
     /// Longest first step, in multiples of `‖D x‖`.
     pub reach: f64,
     /// Largest number of linearisations.
@@ -40,7 +43,7 @@ pub struct SolverOptions {
 
 impl Default for SolverOptions {
     fn default() -> Self {
-        Self { gtol: 1e-12, xtol: 1e-12, ftol: 1e-15, reach: 100.0, max_iterations: 200 }
+        Self { gtol: 1e-12, xtol: 1e-12, ftol: 1e-15, ptol: 0.0, reach: 100.0, max_iterations: 200 }
     }
 }
 
@@ -126,11 +129,14 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
             // So short a step changes neither cost nor derivatives: they are not computed again.
             return end(trial, here, iteration, Termination::Step);
         }
+        let promised = promise(&here, &step, damping, &scale);
+        if damping == NEGLIGIBLE && promised < options.ptol {
+            return end(x, here, iteration, Termination::Cost);
+        }
         if iteration == 1 {
             radius = radius.min(length);
         }
         let there = problem.linearize_in(&trial, spare.take());
-        let promised = promise(&here, &step, damping, &scale);
         let gained = here.cost - there.cost;
         // Near the minimum the decrease of the cost is below its rounding; the gradient is not.
         let near = damping == NEGLIGIBLE && promised.max(gained.abs()) <= NEAR * here.cost;

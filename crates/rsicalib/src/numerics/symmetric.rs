@@ -1,7 +1,7 @@
 //! Symmetric eigenproblems: rank, pseudo-inverse, roots and quadratic forms.
 
 use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, Side};
+use faer::{Mat, MatRef, Side};
 
 /// Eigenvalues below this fraction of the largest count as zero, in unit columns.
 const RANK: f64 = 1e-11;
@@ -52,6 +52,18 @@ pub fn inverse_root(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     (root, unknowable, (largest / smallest).sqrt())
 }
 
+/// Eigenvalues of a symmetric matrix, ascending, and its eigenvectors; none where it holds what is no
+/// number. Most matrices of candidates are one number, its own eigenvalue.
+pub(crate) fn eigenvalues(square: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let n = square.nrows();
+    if n == 1 && square[(0, 0)].is_finite() {
+        return Some((vec![square[(0, 0)]], Mat::identity(1, 1)));
+    }
+    let eigen = square.self_adjoint_eigen(Side::Lower).ok()?;
+    let values = eigen.S().column_vector();
+    Some(((0..n).map(|k| values[k]).collect(), eigen.U().to_owned()))
+}
+
 /// The part of a step that lies in directions of which a Gram matrix tells nothing.
 #[must_use]
 pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
@@ -81,14 +93,17 @@ pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
 }
 
 /// True where a Cholesky factor proves that no eigenvalue of a matrix with a unit diagonal is
-/// below [`RANK`] of the largest: `λ_min ≥ 1/tr A⁻¹`, `λ_max ≤ tr A = n`. It takes a tenth of the
-/// time of the eigenvalues.
+/// below [`RANK`] of the largest: `λ_max ≤ tr A = n`.
 fn seen_everywhere(unit: &Mat<f64>) -> bool {
-    let n = unit.nrows();
-    let Ok(factor) = unit.llt(Side::Lower) else { return false };
-    let inverse = factor.inverse();
-    let trace: f64 = (0..n).map(|i| inverse[(i, i)]).sum();
-    trace > 0.0 && trace * n as f64 * RANK < 0.01
+    inverse_above(unit, unit.nrows() as f64 * RANK).is_some()
+}
+
+/// `A⁻¹` where a Cholesky factor proves that all eigenvalues are well above this one:
+/// `λ_min ≥ 1/tr A⁻¹`. It takes a tenth of the time of the eigenvalues.
+pub(crate) fn inverse_above(a: &Mat<f64>, least: f64) -> Option<Mat<f64>> {
+    let inverse = a.llt(Side::Lower).ok()?.inverse();
+    let trace: f64 = (0..a.nrows()).map(|i| inverse[(i, i)]).sum();
+    (trace > 0.0 && trace * least < 0.01).then_some(inverse)
 }
 
 /// Smallest share of a column that counts after the projection.

@@ -3,7 +3,7 @@
 use faer::{Mat, Side};
 
 use crate::estimate::at_fit::add_scaled;
-use crate::numerics::symmetric::{VISIBLE, dot};
+use crate::numerics::symmetric::{VISIBLE, dot, inverse_above};
 
 /// Rows on either side of a move: fewer are single samples.
 pub const SIDE: usize = 4;
@@ -62,6 +62,14 @@ impl StepSums {
         let square = Mat::from_fn(columns, columns, |i, j| {
             (self.zz[(i, j)] - absorbed[(i, j)]) * unit(i) * unit(j)
         });
+        if let Some(inverse) = inverse_above(&square, VISIBLE) {
+            // Most often: all directions.
+            let u: Vec<f64> = u.iter().enumerate().map(|(i, u)| u * unit(i)).collect();
+            let moved: Vec<f64> = (0..columns).map(|i| dot(inverse.col_as_slice(i), &u)).collect();
+            let own = moved.iter().enumerate().map(|(i, m)| (m * unit(i)).powi(2));
+            let by = own.sum::<f64>().sqrt();
+            return Some(StepScore { score: dot(&u, &moved), rank: columns, by });
+        }
         let eigen = square.self_adjoint_eigen(Side::Lower).ok()?;
         let (values, vectors) = (eigen.S().column_vector(), eigen.U());
         let (mut score, mut rank, mut moved) = (0.0, 0, vec![0.0; columns]);

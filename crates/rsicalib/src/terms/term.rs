@@ -125,6 +125,12 @@ impl Scale {
             span,
         }
     }
+
+    /// Joint coordinates of readings, as drawn.
+    #[inline(always)]
+    pub(crate) fn nominal(&self, reading: Lanes) -> Lanes {
+        (reading - Lanes::splat(self.centre)) * self.gain + Lanes::splat(self.angle)
+    }
 }
 
 /// State and context of eight samples, the input of a term.

@@ -17,7 +17,7 @@ use crate::diagnosis::score::projection::{self, Projected};
 use crate::diagnosis::score::scored::{self, Family, Judge, Scored, room};
 use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
-use crate::numerics::symmetric::VISIBLE;
+use crate::numerics::symmetric::{VISIBLE, eigenvalues};
 
 /// Two effects, and by how much χ² would fall with both.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,7 +103,7 @@ struct Together {
     /// `Qᵀ M Q`.
     shared: Mat<f64>,
     /// `w`.
-    along: Mat<f64>,
+    along: Vec<f64>,
 }
 
 impl Together {
@@ -113,23 +113,35 @@ impl Together {
         let n = norm.len();
         let square = Mat::from_fn(n, n, |i, j| all.square[(i, j)] / (norm[i] * norm[j]));
         let gradient = Mat::from_fn(n, 1, |i, _| all.gradient[i] / norm[i]);
-        let mut roots = Mat::<f64>::zeros(n, n);
         let mut units: Vec<Unit> = Vec::with_capacity(widths.len());
+        // `Q` of each, and the first row that it takes of `M`.
+        let mut roots: Vec<(usize, Mat<f64>)> = Vec::with_capacity(widths.len());
         let (mut first, mut next) = (0, 0);
         for (candidate, &width) in widths.iter().enumerate() {
             let root = root(square.submatrix(first, first, width, width));
             let columns = next..next + root.ncols();
-            roots.submatrix_mut(first, next, width, root.ncols()).copy_from(&root);
-            (first, next) = (first + width, columns.end);
+            next = columns.end;
             if !columns.is_empty() {
                 units.push(Unit { candidate, columns, score: 0.0 });
+                roots.push((first, root));
             }
+            first += width;
         }
-        let roots = roots.subcols(0, next);
-        let shared = roots.transpose() * square * roots;
-        let along = roots.transpose() * gradient;
-        for unit in &mut units {
-            unit.score = unit.columns.clone().map(|k| along[(k, 0)].powi(2)).sum();
+        // Each takes its own rows and columns only.
+        let mut half = Mat::<f64>::zeros(n, next);
+        let mut shared = Mat::<f64>::zeros(next, next);
+        let mut along = vec![0.0; next];
+        for (unit, (first, root)) in units.iter_mut().zip(&roots) {
+            let (start, count, width) = (unit.columns.start, root.ncols(), root.nrows());
+            let own = square.subcols(*first, width);
+            half.subcols_mut(start, count).copy_from(own * root);
+            let w = root.transpose() * gradient.subrows(*first, width);
+            unit.score = (0..count).map(|k| w[(k, 0)].powi(2)).sum();
+            along[start..start + count].copy_from_slice(w.col_as_slice(0));
+        }
+        for (unit, (first, root)) in units.iter().zip(&roots) {
+            let own = root.transpose() * half.subrows(*first, root.nrows());
+            shared.subrows_mut(unit.columns.start, root.ncols()).copy_from(own);
         }
         Self { units, shared, along }
     }
@@ -141,18 +153,19 @@ impl Together {
         let (rows, columns) = (&wide.columns, &narrow.columns);
         if columns.len() == 1 {
             // Most pairs: nothing to factor.
-            let (mut left, mut v) = (1.0, along[(columns.start, 0)]);
+            let (mut left, mut v) = (1.0, along[columns.start]);
+            // The column of the wide one: those of the other follow each other in it.
             for row in rows.clone() {
-                let c = shared[(row, columns.start)];
+                let c = shared.col_as_slice(row)[columns.start];
                 left -= c * c;
-                v -= c * along[(row, 0)];
+                v -= c * along[row];
             }
             return (left > APART).then(|| wide.score + v * v / left);
         }
         let c = shared.submatrix(rows.start, columns.start, rows.len(), columns.len());
         let left = Mat::<f64>::identity(columns.len(), columns.len()) - c.transpose() * c;
-        let v = along.subrows(columns.start, columns.len())
-            - c.transpose() * along.subrows(rows.start, rows.len());
+        let w = |of: &Range<usize>| Mat::from_fn(of.len(), 1, |k, _| along[of.start + k]);
+        let v = w(columns) - c.transpose() * w(rows);
         let factor = Llt::new(left.as_ref(), Side::Lower).ok()?;
         let apart = (0..columns.len()).all(|k| factor.L()[(k, k)].powi(2) > APART);
         apart.then(|| wide.score + (v.transpose() * factor.solve(&v))[(0, 0)])
@@ -161,10 +174,9 @@ impl Together {
 
 /// `Q`, of as many columns as are to be seen.
 fn root(square: MatRef<'_, f64>) -> Mat<f64> {
-    let Ok(eigen) = square.self_adjoint_eigen(Side::Lower) else {
+    let Some((values, vectors)) = eigenvalues(square) else {
         return Mat::zeros(square.nrows(), 0);
     };
-    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
     let seen: Vec<usize> = (0..square.nrows()).filter(|&k| values[k] > VISIBLE).collect();
     Mat::from_fn(square.nrows(), seen.len(), |i, k| vectors[(i, seen[k])] / values[seen[k]].sqrt())
 }

@@ -1,6 +1,6 @@
 //! Scores of named effects and free shapes: (71) and (72) from one sweep over the readings.
 
-use faer::{Mat, Side};
+use faer::Mat;
 
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
@@ -8,7 +8,7 @@ use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
-use crate::numerics::symmetric::VISIBLE;
+use crate::numerics::symmetric::{VISIBLE, eigenvalues};
 use crate::terms::targets;
 
 /// ScoreSums for (71) over all candidates.
@@ -19,6 +19,8 @@ struct ScoreSums {
     cross: Vec<Lanes>,
     /// `ZᵀZ` of each block of candidates, full square, of which the upper half is filled.
     square: Vec<Lanes>,
+    /// Rows of `Z` of which `ZᵀZ` has no products yet.
+    waiting: Vec<Lanes>,
     /// `Xᵀr` of the terms.
     base: Vec<Lanes>,
     /// `Xᵀr` of the unknown points of each group, and `XᵀX`, `XᵀZ` column by column.
@@ -47,27 +49,82 @@ impl ScoreSums {
             }
         }
         for row in x.chunks_exact(columns) {
-            let (mut at, mut first) = (0, base);
-            for &width in blocks {
-                let columns = &row[first..first + width];
-                for (i, column) in columns.iter().enumerate() {
-                    let line = &mut self.square[at + i * width + i..at + (i + 1) * width];
-                    for (sum, other) in line.iter_mut().zip(&columns[i..]) {
-                        *sum = column.mul_add(*other, *sum);
-                    }
-                }
-                at += width * width;
-                first += width;
-            }
+            self.waiting.extend_from_slice(&row[base..base + extra]);
+        }
+        if self.waiting.len() >= WAITING * extra {
+            self.multiply(blocks);
         }
     }
 
+    /// Adds the products of the rows that wait to `ZᵀZ`: each sum is in the cache once for all of them.
+    #[inline(always)]
+    fn multiply(&mut self, blocks: &[usize]) {
+        let extra = self.gradient.len();
+        let (mut at, mut first) = (0, 0);
+        for &width in blocks {
+            let square = &mut self.square[at..at + width * width];
+            let whole = width / TILE * TILE;
+            for i in (0..whole).step_by(TILE) {
+                for j in (i..whole).step_by(TILE) {
+                    add_tile(square, width, &self.waiting, extra, first, i, j);
+                }
+            }
+            for j in whole..width {
+                for i in 0..=j {
+                    let mut sum = square[i * width + j];
+                    for row in self.waiting.chunks_exact(extra) {
+                        sum = row[first + i].mul_add(row[first + j], sum);
+                    }
+                    square[i * width + j] = sum;
+                }
+            }
+            at += width * width;
+            first += width;
+        }
+        self.waiting.clear();
+    }
+
+    /// Adds other sums, of which no row waits.
     fn merge(&mut self, other: &Self) {
         add_all(&mut self.gradient, &other.gradient);
         add_all(&mut self.cross, &other.cross);
         add_all(&mut self.square, &other.square);
         add_all(&mut self.base, &other.base);
         Own::merge(&mut self.own, &other.own);
+    }
+}
+
+/// Rows of `Z` that wait for their products: of a thousand candidates they fill a cache of 2 MB.
+const WAITING: usize = 24;
+
+/// Sums that are worked on at once, along each side: they stay in registers.
+const TILE: usize = 4;
+
+/// Adds the products of some columns from `i` on with some from `j` on.
+#[inline(always)]
+fn add_tile(
+    square: &mut [Lanes],
+    width: usize,
+    rows: &[Lanes],
+    extra: usize,
+    first: usize,
+    i: usize,
+    j: usize,
+) {
+    let mut sums = [[Lanes::ZERO; TILE]; TILE];
+    for (k, sums) in sums.iter_mut().enumerate() {
+        sums.copy_from_slice(&square[(i + k) * width + j..][..TILE]);
+    }
+    for row in rows.chunks_exact(extra) {
+        let (left, right) = (&row[first + i..][..TILE], &row[first + j..][..TILE]);
+        for (sums, left) in sums.iter_mut().zip(left) {
+            for (sum, right) in sums.iter_mut().zip(right) {
+                *sum = left.mul_add(*right, *sum);
+            }
+        }
+    }
+    for (k, sums) in sums.iter().enumerate() {
+        square[(i + k) * width + j..][..TILE].copy_from_slice(sums);
     }
 }
 
@@ -126,12 +183,14 @@ pub fn project_blocks(
         readings: &observations.readings,
         weights: Some(&observations.weights),
     };
-    let problem = Implicit::of(part, fit.assumed());
+    let settled = fit.adjusted_of(&observations.readings);
+    let problem = Implicit::of(part, fit.assumed()).from(settled);
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || ScoreSums {
         gradient: vec![Lanes::ZERO; extra],
         cross: vec![Lanes::ZERO; extra * base],
         square: vec![Lanes::ZERO; squares],
+        waiting: Vec::new(),
         base: vec![Lanes::ZERO; base],
         own: Vec::new(),
     };
@@ -141,6 +200,8 @@ pub fn project_blocks(
         zero,
         #[inline(always)]
         |sums: &mut ScoreSums, group, w, x| sums.add(group, blocks, w, x),
+        #[inline(always)]
+        |sums: &mut ScoreSums| sums.multiply(blocks),
         |a, b| a.merge(&b),
     );
     let sums = sums.unwrap_or_else(zero);
@@ -175,8 +236,13 @@ pub fn project_blocks(
     for &width in blocks {
         let cross = cross.subcols(first, width);
         let absorbed = all_absorbed.subcols(first, width).to_owned();
-        let raw =
-            Mat::from_fn(width, width, |i, j| sums.square[at + i.min(j) * width + i.max(j)].sum());
+        let mut raw = Mat::zeros(width, width);
+        for i in 0..width {
+            for j in i..width {
+                raw[(i, j)] = sums.square[at + i * width + j].sum();
+                raw[(j, i)] = raw[(i, j)];
+            }
+        }
         let square = &raw - cross.transpose() * &absorbed;
         let gradient = (0..width)
             .map(|i| {
@@ -232,8 +298,7 @@ fn judge_projected(
     let square = Mat::from_fn(d, d, |i, j| {
         candidate.square[(i, j)] / (norm[i] * norm[j]) + if i == j { held(i) } else { 0.0 }
     });
-    let Ok(eigen) = square.self_adjoint_eigen(Side::Lower) else { return (0.0, 0.0, 1.0) };
-    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return (0.0, 0.0, 1.0) };
     let (mut score, mut width, mut second) = (0.0, 0.0, 0.0);
     for k in 0..d {
         if values[k] < VISIBLE {

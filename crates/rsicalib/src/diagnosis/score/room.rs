@@ -7,6 +7,7 @@ use faer::Mat;
 
 use crate::estimate::angles::Angles;
 use crate::estimate::at_fit::{AtFit, Column};
+use crate::numerics::lanes::dispatch;
 use crate::numerics::symmetric::{VISIBLE, dot, invert};
 
 /// A column of which less than this part is left beside the fit is absorbed.
@@ -107,6 +108,15 @@ impl Room {
     /// [`Room::score`] of two columns, given at each place; none where they cannot be told apart
     /// from what the fit absorbs, or from each other.
     pub fn score_two(&self, columns: &[[f64; 2]]) -> Option<f64> {
+        dispatch(
+            #[inline(always)]
+            || self.score_two_as_compiled(columns),
+        )
+    }
+
+    /// [`Room::score_two`] with the instructions that the caller is compiled for.
+    #[inline(always)]
+    fn score_two_as_compiled(&self, columns: &[[f64; 2]]) -> Option<f64> {
         let (mut u, mut square) = ([0.0; 2], [0.0; 3]);
         let mut cross = [vec![0.0; self.pull.len()], vec![0.0; self.pull.len()]];
         let [first, second] = &mut cross;

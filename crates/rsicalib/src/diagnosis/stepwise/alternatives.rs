@@ -1,5 +1,7 @@
 //! What fits as well as an effect, and what fits better.
 
+use std::sync::Arc;
+
 use crate::Error;
 use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose, room};
 use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical};
@@ -26,7 +28,7 @@ pub struct Alternatives {
     /// Scores of everything without the effect, of each at its best place, best first.
     pub scores: Vec<Scored>,
     /// Laws of the same target that fit as well: the model with each, and its parameters.
-    pub laws: Vec<(Instance, Model, Vec<f64>)>,
+    pub laws: Vec<(Instance, Arc<Model>, Vec<f64>)>,
 }
 
 impl Stepwise<'_> {

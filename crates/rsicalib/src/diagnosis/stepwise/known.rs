@@ -1,17 +1,26 @@
-//! Fits that a search has made: looking back and looking for rivals ask for the same again.
+//! Fits and scans that a search has made: looking back and looking for rivals ask for the same again.
 
 use crate::Error;
+use crate::diagnosis::score::scored::Scored;
 use crate::estimate::{Fit, Noise, Observations, fit};
 use crate::model::Instance;
 
 /// Residuals that are kept, in numbers: 32 MB.
 const MOST: usize = 1 << 22;
 
+/// The noise and the weights of a session.
+type State = (Noise, Vec<f64>);
+
+fn state_of(small: &Observations) -> State {
+    let sigma = small.options.noise.clone().unwrap_or_default();
+    (Noise { sigma, play: small.options.play }, small.weights.clone())
+}
+
 /// Fits of one session with one noise.
 #[derive(Default)]
 pub(crate) struct KnownFits {
     /// The noise and the weights of the fits.
-    of: Option<(Noise, Vec<f64>)>,
+    of: Option<State>,
     fits: Vec<Fit>,
 }
 
@@ -28,10 +37,8 @@ impl KnownFits {
         instances: Vec<Instance>,
         from: &Fit,
     ) -> Result<Fit, Error> {
-        let sigma = small.options.noise.clone().unwrap_or_default();
-        let of = Some((Noise { sigma, play: small.options.play }, small.weights.clone()));
-        if self.of != of {
-            (self.of, self.fits) = (of, Vec::new());
+        if self.of != Some(state_of(small)) {
+            (self.of, self.fits) = (Some(state_of(small)), Vec::new());
         }
         if let Some(known) = self.fits.iter().find(|fit| fit.model.instances == instances) {
             return Ok(known.clone());
@@ -42,5 +49,48 @@ impl KnownFits {
             self.fits.push(new.clone());
         }
         Ok(new)
+    }
+}
+
+/// Scores that are kept, in numbers: of about 100 bytes each.
+const MOST_SCORES: usize = 1 << 18;
+
+/// A scan, and the fit at which it was made.
+struct Scan {
+    of: State,
+    instances: Vec<Instance>,
+    beta: Vec<f64>,
+    scored: Vec<Scored>,
+}
+
+/// Scans of one session.
+#[derive(Default)]
+pub(crate) struct KnownScans(Vec<Scan>);
+
+impl KnownScans {
+    /// The scan of a session at a fit, one that is known or else a new one.
+    ///
+    /// # Errors
+    ///
+    /// As of the new one.
+    pub fn scan(
+        &mut self,
+        small: &Observations,
+        fit: &Fit,
+        new: impl FnOnce() -> Result<Vec<Scored>, Error>,
+    ) -> Result<Vec<Scored>, Error> {
+        let of = state_of(small);
+        let same =
+            |it: &&Scan| it.of == of && it.beta == fit.beta && it.instances == fit.model.instances;
+        if let Some(known) = self.0.iter().find(same) {
+            return Ok(known.scored.clone());
+        }
+        let scored = new()?;
+        let kept: usize = self.0.iter().map(|it| it.scored.len()).sum();
+        if kept + scored.len() <= MOST_SCORES {
+            let (instances, beta) = (fit.model.instances.clone(), fit.beta.clone());
+            self.0.push(Scan { of, instances, beta, scored: scored.clone() });
+        }
+        Ok(scored)
     }
 }

@@ -9,7 +9,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::pairs::{self, Pair};
 use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose, one_place_each};
 use crate::diagnosis::score::{candidates, scan};
-use crate::diagnosis::stepwise::known::KnownFits;
+use crate::diagnosis::stepwise::known::{KnownFits, KnownScans};
 use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
 use crate::diagnosis::stretches::Stretches;
 use crate::estimate::noise::source::Source;
@@ -76,6 +76,7 @@ pub struct Stepwise<'a> {
     unverified: bool,
     /// Fits of the search: the same are asked for again and again.
     known: RefCell<KnownFits>,
+    scans: RefCell<KnownScans>,
 }
 
 impl<'a> Stepwise<'a> {
@@ -148,6 +149,7 @@ impl<'a> Stepwise<'a> {
             noise_dof,
             unverified: fit.unverified(),
             known: RefCell::default(),
+            scans: RefCell::default(),
         }
     }
 
@@ -160,7 +162,8 @@ impl<'a> Stepwise<'a> {
     /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,
     /// and crests of an unknown law look like jumps.
     pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
-        let mut scored = scan::scan(&self.small, fit, &self.judge(fit), &self.search.without)?;
+        let new = || scan::scan(&self.small, fit, &self.judge(fit), &self.search.without);
+        let mut scored = self.scans.borrow_mut().scan(&self.small, fit, new)?;
         scored.retain(|Scored { instance, family, .. }| {
             let sudden = scored::is_data(instance) || family.happened_once();
             self.open_to(instance) && !(sudden && self.only.is_some())

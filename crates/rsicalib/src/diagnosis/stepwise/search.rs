@@ -1,6 +1,8 @@
 //! A search: effects are added until nothing scores, exchanged for better ones, and looked back
 //! at; and once more where one thing is at fault alone.
 
+use std::sync::Arc;
+
 use crate::Error;
 use crate::diagnosis::doubt::doubt;
 use crate::diagnosis::isolation::{Isolated, isolate, leave_out};
@@ -28,7 +30,7 @@ pub struct FoundEffect {
     /// Scores of everything without it, best first.
     pub scores: Vec<Scored>,
     /// Laws of the same target that fit as well: the model with each, and its parameters.
-    pub laws: Vec<(Instance, Model, Vec<f64>)>,
+    pub laws: Vec<(Instance, Arc<Model>, Vec<f64>)>,
 }
 
 /// Where a search ended.
