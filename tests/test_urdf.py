@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rsicalib.errors import InputError
-from rsicalib.io.urdf import chain_from_urdf, masses_from_toml, write_urdf
+from rsicalib.io.urdf import UrdfExport, chain_from_urdf, masses_from_toml, write_urdf
 
 MUKCA = Path(__file__).parents[2] / "shared" / "data" / "mukca"
 needs_mukca = pytest.mark.skipif(
@@ -321,11 +321,7 @@ def test_an_export_says_how_a_mimic_moves_now(seed: int) -> None:
             row["ratio"] += 0.01
     offsets = {channel: rng.normal() * 0.1 for channel in channels.values()}
     export = write_urdf(text, base, tip, channels, rows, offsets=offsets)
-    for _ in range(5):
-        readings = {name: rng.uniform(-3, 3) for name in channels}
-        angles = {channels[n]: r + offsets[channels[n]] for n, r in readings.items()}
-        found = base_from_link(export.text, export.base, readings)[export.tip]
-        np.testing.assert_allclose(found, frames_of_rows(rows, angles)[-1], rtol=0, atol=EXACT)
+    ends_where_rows_end(export, rows, channels, offsets, rng)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -364,6 +360,21 @@ def test_an_export_without_changes_is_the_document(seed: int) -> None:
     assert (export.base, export.tip, export.notes) == (base, tip, ())
 
 
+def ends_where_rows_end(
+    export: UrdfExport,
+    rows: Sequence[Mapping[str, Any]],
+    channels: Mapping[str, str],
+    offsets: Mapping[str, float],
+    rng: np.random.Generator,
+) -> None:
+    """The exported tip is where the rows put it, with readings as joint values."""
+    for _ in range(5):
+        readings = {name: rng.uniform(-3, 3) for name in channels}
+        angles = {channels[n]: r + offsets[channels[n]] for n, r in readings.items()}
+        found = base_from_link(export.text, export.base, readings)[export.tip]
+        np.testing.assert_allclose(found, frames_of_rows(rows, angles)[-1], rtol=0, atol=EXACT)
+
+
 def shaken(rows: Sequence[Mapping[str, Any]], rng: np.random.Generator) -> list[dict[str, Any]]:
     """Rows with every number changed, in both ways that a row can say it."""
     out = []
@@ -380,11 +391,7 @@ def test_an_export_puts_the_tip_where_the_rows_put_it(seed: int) -> None:
     rows = shaken(chain_from_urdf(text, base, tip, channels).rows, rng)
     offsets = {channel: rng.normal() * 0.1 for channel in channels.values()}
     export = write_urdf(text, base, tip, channels, rows, offsets=offsets)
-    for _ in range(5):
-        readings = {name: rng.uniform(-3, 3) for name in channels}
-        angles = {channels[n]: r + offsets[channels[n]] for n, r in readings.items()}
-        found = base_from_link(export.text, export.base, readings)[export.tip]
-        np.testing.assert_allclose(found, frames_of_rows(rows, angles)[-1], rtol=0, atol=EXACT)
+    ends_where_rows_end(export, rows, channels, offsets, rng)
     # Read back, it is the same chain again, now with nothing to add.
     again = chain_from_urdf(export.text, export.base, export.tip, channels).rows
     angles = {c: 0.4 for c in channels.values()}
