@@ -29,6 +29,7 @@ PYTHON = (
     "arrays",
     "tabular",
     "labels",
+    "units",
     "plots",
     "cores",
     "records",

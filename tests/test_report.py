@@ -26,7 +26,11 @@ from rsicalib.report.residuals import residual_figure
 from rsicalib.report.words import noise_words, number, plus_minus, sentence
 from rsicalib.results import Result
 from rsicalib.shapes import Excluded, Noise, Unexplained
+from rsicalib.units import with_unit
 from rsicalib.work.arguments import Bare
+from tests.families.device import Effect, Scene, observe
+from tests.families.trials import readings_of
+from tests.oracle import Array
 from tests.test_families import clean
 
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
@@ -471,3 +475,36 @@ def test_json_has_null_for_what_is_not_known() -> None:
     values = {"a": float("nan"), "b": np.float64("inf"), "c": np.array([1.0, np.nan]), "d": (1,)}
     assert plain(values) == {"a": None, "b": None, "c": [1.0, None], "d": [1]}
     assert to_json(values) == '{"a": null, "b": null, "c": [1.0, null], "d": [1]}\n'
+
+
+def test_the_curve_of_a_joint_that_slides_is_in_the_unit_of_length() -> None:
+    """A slide of a gantry is bent by 0.6 mm in its middle, as no term but a free curve is."""
+    device, scene, mechanism, _ = clean("gantry")
+    slide = device.names.index("z1")
+    low, high = scene.q[:, slide].min(), scene.q[:, slide].max()
+
+    def bends(size: float, q: Array, scene: Scene) -> Array:
+        out = np.zeros(q.shape)
+        out[:, slide] = size * np.exp(
+            -((8.0 * (q[:, slide] - 0.5 * (low + high)) / (high - low)) ** 2)
+        )
+        return out
+
+    bump = Effect("bump", "sensor", "z1", 0.6, bends=bends, size=0.6)
+    session = observe(device, scene, np.random.default_rng(3), (bump,))
+    result = rsicalib.trace(readings_of(mechanism, session), mechanism)
+    (step,) = result.steps
+    assert (step.term, step.target, step.curve_unit) == ("free_curve", "z1", "mm")
+    largest = max(abs(row[1]) for row in step.curve)
+    assert 0.3 < largest < 0.9
+    assert f"a curve of up to {number(largest, 2)} mm" in result.report()
+    assert "mrad" not in "".join(
+        line for line in result.report().split("<") if "correction" in line
+    )
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"), [("rad", "0.01 rad"), ("1", "0.01"), ("", "0.01"), (None, "0.01")]
+)
+def test_a_pure_number_stands_without_a_unit(unit: str | None, words: str) -> None:
+    assert with_unit("0.01", unit) == words

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from rsicalib import _core
 from rsicalib.plots import curve as draw_curve
 from rsicalib.plots import on_axes
+from rsicalib.units import axis_words, in_thousandths, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +20,7 @@ def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
     """`0.0529 ± 0.011 rad`, with the half width of 95 %; a dash where it is not known."""
     known = "–" if value is None else f"{value:.6g}"
     half = "" if sd is None else f" ± {1.96 * sd:.2g}"
-    return f"{known}{half}{'' if unit == '1' else f' {unit}'}"
+    return with_unit(f"{known}{half}", unit)
 
 
 def parameter_key(spec: str, term: str, name: str) -> str:
@@ -120,6 +121,7 @@ class Effect:
     curve: tuple[tuple[float, ...], ...]
     curve_sd: tuple[float, ...]
     curve_over: str | None
+    curve_unit: str | None
 
     if TYPE_CHECKING:
 
@@ -143,7 +145,8 @@ class Effect:
         Returns
         -------
         Axes
-            Corrections in mrad; of a converter's reference in thousandths of the reading.
+            Corrections in mrad, or in the unit of length of a joint that slides; of a converter's
+            reference in thousandths of the reading.
 
         Raises
         ------
@@ -153,14 +156,15 @@ class Effect:
         if not self.curve:
             raise ValueError(f"{self.spec} is no curve; its parameters are {self.parameters}")
         over = "time, 0 to 1 over the session"
-        unit = "‰" if self.klass == "electronics" else "mrad"
+        times, unit = in_thousandths(self.curve_unit)
         return draw_curve(
             on_axes(ax),
             self.curve,
             self.curve_sd,
+            scale=times,
             name=self.spec,
             x_words=over if self.curve_over == "time" else f"reading of {self.target}",
-            y_words=f"correction [{unit}]",
+            y_words=axis_words("correction", unit),
         )
 
     def __repr__(self) -> str:
@@ -179,8 +183,8 @@ class Absent:
     unit: str
 
     def __repr__(self) -> str:
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        size = "never" if self.detectable is None else f"from {self.detectable:.2g}{unit}"
+        from_size = self.detectable
+        size = "never" if from_size is None else f"from {with_unit(f'{from_size:.2g}', self.unit)}"
         return f"<{self.term}@{self.target}: seen {size}>"
 
 

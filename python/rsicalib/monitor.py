@@ -17,6 +17,7 @@ from rsicalib.io.stream import Rows, rows_of
 from rsicalib.records import Record
 from rsicalib.shapes import Rms
 from rsicalib.tabular import Told
+from rsicalib.units import with_unit
 from rsicalib.work.applying import as_applied, covariance_of
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -100,10 +101,11 @@ class Alarm(Told, Record):
         """The alarm as a sentence."""
         when = f"row {self.since_row}" if self.time_s is None else f"{self.since:.6g} s"
         what = "has changed" if self.rate is None else "drifts"
-        words = f"{self.target} {what} since {when}: {self.term} by {self.size:.3g} "
-        words += f"± {self.sd:.1g} {self.unit}"
+        size = with_unit(f"{self.size:.3g} ± {self.sd:.1g}", self.unit)
+        words = f"{self.target} {what} since {when}: {self.term} by {size}"
         if self.rate is not None:
-            words += f", now {self.rate.value:.3g} ± {self.rate.sd:.1g} {self.rate.unit}"
+            rate = f"{self.rate.value:.3g} ± {self.rate.sd:.1g}"
+            words += f", now {with_unit(rate, self.rate.unit)}"
         if self.platform_rms is not None and self.platform_rms.position is not None:
             words += f", the platform by {self.platform_rms.position:.2g}"
         if self.also_fits:
@@ -113,7 +115,7 @@ class Alarm(Told, Record):
         return words
 
     def __repr__(self) -> str:
-        size = f"{self.size:.3g} ± {1.96 * self.sd:.2g} {self.unit}"
+        size = with_unit(f"{self.size:.3g} ± {1.96 * self.sd:.2g}", self.unit)
         return f"<Alarm in row {self.row}: {self.term}@{self.target} by {size}>"
 
 

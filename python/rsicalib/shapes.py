@@ -482,12 +482,14 @@ class Step(Effect, Record):
     """What the term did to the platform pose, the other parameters having absorbed what they
     can."""
     curve: tuple[tuple[float, ...], ...] = field(default=(), metadata=OMIT)
-    """Rows of reading and correction (rad); see `curve_over`."""
+    """Rows of reading and correction, in `curve_unit`; see `curve_over`."""
     curve_sd: tuple[float, ...] = field(default=(), metadata=OMIT)
     """Standard deviation of each correction."""
     curve_over: str | None = field(default=None, metadata=IF_KNOWN)
-    """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction (rad); for
-    the converter's reference the correction is the fraction by which all readings change."""
+    """`reading`, or `time`: rows are then time, 0 to 1 over the session, and correction."""
+    curve_unit: str | None = field(default=None, metadata=IF_KNOWN)
+    """Unit of the corrections: `rad`, the unit of length for a joint that slides, or `1` for a
+    fraction of all readings."""
     curve_law: CurveLaw | None = field(default=None, metadata=IF_KNOWN)
     """The closed form behind a free curve, for the readings or times that occur."""
     held_out: HeldOut | None = None

@@ -22,6 +22,7 @@ from rsicalib.report.residuals import MOST_DOTS, Dots, draw_residuals
 from rsicalib.report.words import name_of
 from rsicalib.shapes import Rms
 from rsicalib.tabular import Told
+from rsicalib.units import with_unit
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import about
@@ -77,7 +78,9 @@ class SupposedEffect(Record):
     @property
     def words(self) -> str:
         """The effect and its sizes."""
-        sizes = [f"{p.name} = {p.value:g} {p.unit}" for p in self.parameters if p.value]
+        sizes = [
+            f"{p.name} = {with_unit(f'{p.value:g}', p.unit)}" for p in self.parameters if p.value
+        ]
         return f"{name_of(self.term)} of {self.target}: {', '.join(sizes) or 'nothing'}"
 
 

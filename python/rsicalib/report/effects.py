@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
-from rsicalib.report.words import curve_unit, name_of, number, subject
+from rsicalib.report.words import name_of, number, subject
 from rsicalib.shapes import Against, EffectEvidence, Law, Score, Step
+from rsicalib.units import axis_words, in_thousandths
 
 __all__ = ["effect_figures", "scores_figure"]
 
@@ -35,15 +36,6 @@ def _per_dot(count: int, what: str) -> str:
     return f"one {what}" if count == 1 else f"the mean of {count} neighbouring {what}s"
 
 
-def _thousandths(law: Law) -> tuple[float, str]:
-    """Factor and unit in which a correction is drawn."""
-    if law.correction_unit == "rad":
-        return 1e3, "mrad"
-    if law.correction_unit == "1":
-        return 1e3, "‰ of all readings"
-    return 1.0, law.correction_unit
-
-
 def _band(step: Step, times: float) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
     """The curve of a result with its 95 % band: both edges."""
     if len(step.curve_sd) != len(step.curve):
@@ -57,14 +49,15 @@ def _band(step: Step, times: float) -> tuple[list[tuple[float, float]], list[tup
 def _curve_figure(step: Step, name: str) -> Figure:
     """The correction with its band, without the readings behind it."""
     over = "time, 0 to 1 over the session" if step.curve_over == "time" else ""
-    points = [(row[0], 1e3 * row[1]) for row in step.curve]
-    upper, lower = _band(step, 1e3)
+    times, unit = in_thousandths(step.curve_unit)
+    points = [(row[0], times * row[1]) for row in step.curve]
+    upper, lower = _band(step, times)
 
     def draw(width: float) -> str:
         canvas = Canvas(width, HEIGHT)
         x = min(p[0] for p in points), max(p[0] for p in points)
         y = bounds([0.0, *(p[1] for p in [*points, *upper, *lower])])
-        words = over or f"reading of {step.target}", f"correction [{curve_unit(step)}]"
+        words = over or f"reading of {step.target}", axis_words("correction", unit)
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         canvas.path([chart.at(p) for p in [*upper, *lower[::-1]]], "band", closed=True)
         chart.curve(points, "law")
@@ -75,7 +68,8 @@ def _curve_figure(step: Step, name: str) -> Figure:
 
 
 def _law_figure(step: Step, law: Law, name: str) -> Figure:
-    times, unit = _thousandths(law)
+    times, unit = in_thousandths(law.correction_unit)
+    what = "correction of all readings" if law.correction_unit == "1" else "correction"
     dots = [(x, times * y, times * sd) for x, y, sd in law.dots]
     lines = [[(x, times * y) for x, y in line] for line in _lines(law)]
     on_reading = step.curve_over != "time"
@@ -90,7 +84,7 @@ def _law_figure(step: Step, law: Law, name: str) -> Figure:
         usual = sorted(d[2] for d in dots)[len(dots) // 2] if dots else 0.0
         shown = [d for d in dots if d[2] <= 3.0 * usual]
         y = bounds([0.0, *(d[1] for d in shown), *(p[1] for line in lines for p in line)])
-        words = (f"{law.over} [{law.unit}]" if law.unit else law.over, f"correction [{unit}]")
+        words = axis_words(law.over, law.unit), axis_words(what, unit)
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         if upper:
             edge = [(u, min(max(v, y[0]), y[1])) for u, v in [*upper, *lower[::-1]]]
@@ -136,8 +130,7 @@ def _against_figure(against: Against, name: str) -> Figure:
         canvas = Canvas(width, HEIGHT)
         x = bounds(d[0] for d in against.dots)
         y = bounds(v for d in against.dots for v in d[1:])
-        unit = f" [{against.unit}]" if against.unit else ""
-        words = (against.over + unit, "residual / noise")
+        words = axis_words(against.over, against.unit), "residual / noise"
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         chart.band(-2.0, 2.0)
         for at, residual, _ in against.dots:

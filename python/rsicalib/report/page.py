@@ -29,6 +29,7 @@ from rsicalib.report.words import (
     subject,
 )
 from rsicalib.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
+from rsicalib.units import with_unit
 from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["document", "figures", "html", "listed", "pictures", "section", "table"]
@@ -369,7 +370,7 @@ def _hidden(result: TraceShape) -> str:
     for h in shown:
         rms = h.platform_rms
         cost = ("–", "–") if rms is None else (number(rms.position, 2), number(rms.orientation, 2))
-        size = f"{number(h.detectable, 2)}{'' if h.unit == '1' else f' {h.unit}'}"
+        size = with_unit(number(h.detectable, 2), h.unit)
         target = h.target if h.place is None else f"{h.target} at {h.place}"
         rows.append((name_of(h.term), target, size, *cost[: 2 * placed]))
     heads = ["effect", "target", "seen from"]

@@ -17,6 +17,7 @@ from rsicalib.report.page import document, pictures, section, table
 from rsicalib.report.svg import Canvas, Chart, bounds
 from rsicalib.report.words import number, p_is, plus_minus
 from rsicalib.tabular import Tabular, Told
+from rsicalib.units import axis_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -176,7 +177,7 @@ class History(Told, Tabular, Record):
         days = [datetime.datetime.fromisoformat(date) for date in one.valid_from]
         half = [1.96 * sd for sd in one.sd]
         axes = on_axes(ax, figsize=(7, 3))
-        intervals(axes, days, one.values, half, f"{parameter} [{one.unit}]")
+        intervals(axes, days, one.values, half, axis_words(parameter, one.unit))
         axes.tick_params(axis="x", rotation=30)
         return axes
 
@@ -301,7 +302,7 @@ def _figure(one: Series) -> Figure:
     def draw(width: float) -> str:
         canvas = Canvas(width, HEIGHT)
         ends = [v + s * h for v, h in zip(one.values, half, strict=True) for s in (-1.0, 1.0)]
-        words = (f"days since {one.valid_from[0]}", one.unit)
+        words = f"days since {one.valid_from[0]}", axis_words("estimate", one.unit)
         chart = Chart.on(canvas, bounds(since), bounds(ends), words, height=HEIGHT)
         for day, value, h, date in zip(since, one.values, half, one.valid_from, strict=True):
             (x, low), (_, high) = chart.at((day, value - h)), chart.at((day, value + h))

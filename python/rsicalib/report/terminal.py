@@ -19,6 +19,7 @@ from rsicalib.report.words import (
     size_words,
 )
 from rsicalib.shapes import Parameter, ResultShape, TraceShape
+from rsicalib.units import with_unit
 
 __all__ = ["summary"]
 
@@ -149,7 +150,7 @@ def _left(result: TraceShape) -> list[str]:
             if rms is None
             else f", {number(rms.position, 2)} {result.length_unit} at the platform"
         )
-        size = number(hidden.detectable, 2) + (f" {hidden.unit}" if hidden.unit != "1" else "")
+        size = with_unit(number(hidden.detectable, 2), hidden.unit)
         name = f"{name_of(hidden.term)} of {hidden.target}"
         lines.append(_cut(f"  may hide  {name} up to {size}{cost}"))
     return ["", *lines] if lines else []
@@ -174,7 +175,7 @@ def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
         lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>28}")
     for p in others:
         name = parameter_name(p.term, p.name)
-        lines.append(_cut(f"  {p.target:9} {name} = {_estimate(p)} {p.unit}"))
+        lines.append(_cut(f"  {p.target:9} {name} = {with_unit(_estimate(p), p.unit)}"))
     if len(lines) > room:
         lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
     return lines

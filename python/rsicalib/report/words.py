@@ -16,6 +16,7 @@ from rsicalib.shapes import (
     Step,
     TraceShape,
 )
+from rsicalib.units import in_thousandths, with_unit
 from rsicalib.verdicts import RESIDUAL_LEVEL, WORSE
 
 __all__ = [
@@ -271,20 +272,16 @@ def _touched(result: ResultShape) -> list[tuple[str, str, str]]:
     ]
 
 
-def curve_unit(step: Step) -> str:
-    """Unit of a thousandth of a correction: of an angle, or of all readings."""
-    return "‰" if step.klass == "electronics" else "mrad"
-
-
 def size_words(step: Step) -> str:
     """How large an effect is, with 95 %."""
     if len(step.parameters) > 3 and step.curve:
-        largest = max(abs(row[1]) for row in step.curve)
-        return f"a curve of up to {number(1e3 * largest, 2)} {curve_unit(step)}"
+        times, unit = in_thousandths(step.curve_unit)
+        largest = times * max(abs(row[1]) for row in step.curve)
+        return f"a curve of up to {with_unit(number(largest, 2), unit)}"
     parts = []
     for p in step.parameters:
         value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
-        parts.append(f"{p.name} = {value} ± {half} {p.unit}")
+        parts.append(f"{p.name} = {with_unit(f'{value} ± {half}', p.unit)}")
     return ", ".join(parts)
 
 
@@ -294,7 +291,7 @@ def law_words(law: CurveLaw) -> str:
         return law.text
     within = [" to ".join(map(number, p.interval)) for p in law.parameters]
     numbers = ", ".join(
-        f"{p.name} = {number(p.value)} ({ends}) {p.unit}"
+        f"{p.name} = {with_unit(f'{number(p.value)} ({ends})', p.unit)}"
         for p, ends in zip(law.parameters, within, strict=True)
     )
     others = f"; {', '.join(map(name_of, law.also_fits))} would do as well" if law.also_fits else ""

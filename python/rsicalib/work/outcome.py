@@ -19,6 +19,7 @@ from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Result
 from rsicalib.shapes import Before, Data, Moved, Parameter, Skipped
+from rsicalib.units import with_unit
 
 __all__ = [
     "NOTHING",
@@ -121,8 +122,8 @@ def update_of(
         text = "nothing has changed beyond both uncertainties: the earlier result holds"
     else:
         text = "changed: " + ", ".join(
-            f"{one['term']} of {one['target']} by {one['size']:.3g} ± {1.96 * one['sd']:.2g} "
-            f"{one['unit']}"
+            f"{one['term']} of {one['target']} by "
+            + with_unit(f"{one['size']:.3g} ± {1.96 * one['sd']:.2g}", one["unit"])
             for one in named
         )
         if sure and better:

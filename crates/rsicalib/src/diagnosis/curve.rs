@@ -11,6 +11,8 @@ use crate::terms::term::{Acts, Over, Scale, Site};
 pub struct Curve {
     /// What it runs over.
     pub over: Over,
+    /// Unit of the corrections: of the joint's coordinate, or 1 for a fraction of all readings.
+    pub unit: String,
     /// Where, correction, standard deviation.
     pub points: Vec<[f64; 3]>,
 }
@@ -76,7 +78,11 @@ pub fn curve(fit: &Fit, instance: &Instance, first: usize) -> Option<Curve> {
         Some([x, correction.0[0], deviation(fit, first, &slopes)])
     };
     let points = (0..POINTS).map(|i| at(i as f64 / (POINTS - 1) as f64));
-    Some(Curve { over, points: points.collect::<Option<_>>()? })
+    let unit = match instance.term.acts() {
+        Acts::Sensor(_) => mechanism.coordinate_unit(instance.target).into(),
+        _ => "1".into(),
+    };
+    Some(Curve { over, unit, points: points.collect::<Option<_>>()? })
 }
 
 /// Standard deviation of what has these derivatives by the parameters from `first` on.

@@ -300,8 +300,7 @@ pub fn unit(observations: &Observations, instance: &Instance, unit: &str) -> Str
         crate::Target::Channel(c) => mechanism.channels[c].unit.as_str(),
         _ => "reading",
     };
-    let slides = mechanism.slides_at(instance.target);
-    let unit = if slides { unit.replace("rad", "length") } else { unit.into() };
+    let unit = unit.replace("rad", mechanism.coordinate_unit(instance.target));
     unit.replace("reading", reading).replace("length", &observations.mechanism.length_unit)
 }
 

@@ -164,6 +164,12 @@ impl Mechanism {
             && self.channels_at(target).into_iter().all(|c| self.slides(c))
     }
 
+    /// The unit of the coordinates of a target's joints: the unit of length where they slide.
+    #[must_use]
+    pub fn coordinate_unit(&self, target: Target) -> &str {
+        if self.slides_at(target) { &self.length_unit } else { "rad" }
+    }
+
     /// The chain that a channel belongs to; `None` for an index beyond the last channel.
     #[must_use]
     pub fn chain_of(&self, channel: usize) -> Option<usize> {

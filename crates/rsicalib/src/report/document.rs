@@ -492,16 +492,19 @@ pub struct Step {
     /// What the term did to the platform pose, the other parameters having absorbed what they can.
     #[serde(default)]
     pub platform_rms: Option<Rms>,
-    /// Rows of reading and correction (rad); see `curve_over`.
+    /// Rows of reading and correction, in `curve_unit`; see `curve_over`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curve: Vec<Vec<f64>>,
     /// Standard deviation of each correction.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curve_sd: Vec<f64>,
-    /// `reading`, or `time`: rows are then time, 0 to 1 over the session, and correction (rad); for
-    /// the converter's reference the correction is the fraction by which all readings change.
+    /// `reading`, or `time`: rows are then time, 0 to 1 over the session, and correction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve_over: Option<Over>,
+    /// Unit of the corrections: `rad`, the unit of length for a joint that slides, or `1` for a
+    /// fraction of all readings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve_unit: Option<String>,
     /// The closed form behind a free curve, for the readings or times that occur.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve_law: Option<CurveLaw>,

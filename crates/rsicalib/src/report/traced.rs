@@ -62,6 +62,9 @@ pub struct StepReport {
     /// What the curve runs over.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub curve_over: Option<Over>,
+    /// Unit of the corrections of the curve.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub curve_unit: Option<String>,
     /// Standard deviation of each correction of the curve.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub curve_sd: Option<Vec<f64>>,
@@ -356,6 +359,7 @@ fn step(
         held_out: left_out(traced, &fitted, after),
         curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),
         curve_over: curve.as_ref().map(|c| c.over),
+        curve_unit: curve.as_ref().map(|c| c.unit.clone()),
         curve_sd: curve.as_ref().map(|c| c.points.iter().map(|p| p[2]).collect()),
         curve: curve.map(|c| c.points.into_iter().map(|p| [p[0], p[1]]).collect()),
     })

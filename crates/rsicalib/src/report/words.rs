@@ -241,7 +241,10 @@ pub fn direction(direction: &Direction) -> String {
                 0.01..1e4 => format!("{:+.3}", m.by),
                 _ => format!("{:+.2e}", m.by),
             };
-            format!("{by} {} {}", m.label.unit, m.label.name)
+            match m.label.unit.as_str() {
+                "1" => format!("{by} {}", m.label.name),
+                unit => format!("{by} {unit} {}", m.label.name),
+            }
         };
         moves.iter().map(one).collect::<Vec<_>>().join(", ")
     };

@@ -164,10 +164,7 @@ impl Correction {
 
     fn unit(&self, observations: &Observations) -> String {
         match self.channel {
-            Some(c) if observations.mechanism.slides(c) => {
-                observations.mechanism.length_unit.clone()
-            }
-            Some(_) => "rad".into(),
+            Some(c) => observations.mechanism.coordinate_unit(Target::Channel(c)).into(),
             None => "1".into(),
         }
     }
