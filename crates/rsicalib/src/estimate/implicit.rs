@@ -20,6 +20,8 @@ pub struct Implicit<'a> {
     adjusted: Mutex<Vec<Vec<Lanes>>>,
     /// True for linearisations at readings that have not quite settled.
     coarse: bool,
+    /// Variance of each equation beside that of the noise, while a start is looked for.
+    slack: &'a [f64],
 }
 
 impl<'a> Implicit<'a> {
@@ -35,7 +37,7 @@ impl<'a> Implicit<'a> {
     pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
         let adjusted = parts.iter().map(|(part, _)| part.readings.all_raw().to_vec()).collect();
         let adjusted = Mutex::new(adjusted);
-        Self { parts, priors, adjusted, coarse: false }
+        Self { parts, priors, adjusted, coarse: false, slack: &[] }
     }
 
     /// The same, with `â` of the first part from earlier to start at.
@@ -58,6 +60,12 @@ impl<'a> Implicit<'a> {
     #[must_use]
     pub(crate) fn precise(self) -> Self {
         Self { coarse: false, ..self }
+    }
+
+    /// The same with so much more variance of each equation, in its own unit.
+    #[must_use]
+    pub(crate) fn eased(self, slack: &'a [f64]) -> Self {
+        Self { slack, ..self }
     }
 
     /// `â` of the first part.
@@ -223,6 +231,7 @@ impl Problem for Implicit<'_> {
                             true => Room::coarse(model, noise),
                             false => Room::new(model, noise),
                         };
+                        room.ease(self.slack);
                         let mut sums = NormalEquations::new(model.term_parameters, model.width());
                         for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                             let block = first + i;

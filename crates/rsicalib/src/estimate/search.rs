@@ -20,7 +20,8 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::{Anchor, Observations};
 use crate::mechanism::Mechanism;
-use crate::model::{Model, Prior};
+use crate::model::{Model, Prior, Want, Workspace};
+use crate::numerics::lanes::WIDTH;
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::readings::{Readings, rows_of};
@@ -237,6 +238,25 @@ impl<'a> StartSearch<'a> {
         End { cost: 2.0 * outcome.cost, beta, score, elsewhere }
     }
 
+    /// The maximum-likelihood fit from the parameters `start`, by way of fits (55) whose equations may
+    /// err by as much as they do there, and then by a tenth of that, and so on.
+    ///
+    /// Equations that say almost the same, such as the six distances between four points of one
+    /// plane, leave a combination that noise hardly moves: its weight is large, and its misclosure
+    /// is of second order in the parameters. From a start that is not near, the fit ends anywhere.
+    pub(crate) fn eased(&self, start: &[f64]) -> End {
+        let part =
+            Part { model: self.model, readings: &self.readings, weights: Some(&self.weights) };
+        let mut slack = mean_squares(&part, start);
+        let mut beta = start.to_vec();
+        for _ in 0..EASED {
+            let problem = Implicit::new(vec![(part, self.noise.clone())], &self.priors);
+            beta = lm::minimize(&problem.eased(&slack), &beta, &self.options).x;
+            slack.iter_mut().for_each(|s| *s *= EASIER);
+        }
+        self.end_knowing(&self.readings, &self.weights, None, &beta)
+    }
+
     /// True where gains are unknown and all of them have priors: then knowledge can judge few poses.
     pub(crate) fn knows(&self) -> bool {
         let held = |column: usize| {
@@ -316,6 +336,31 @@ impl<'a> StartSearch<'a> {
         let reversed = ratios(self.model, &end.beta).any(|ratio| ratio < 0.0);
         End { score: if reversed { f64::INFINITY } else { end.score }, ..end }
     }
+}
+
+/// Fits on the way to a start by which equations become stricter.
+const EASED: usize = 4;
+
+/// Factor on the variance that equations are allowed, from one of these fits to the next.
+const EASIER: f64 = 0.01;
+
+/// Mean square of each equation at `beta`, in its own unit.
+fn mean_squares(part: &Part, beta: &[f64]) -> Vec<f64> {
+    let mut ws = Workspace::default();
+    let mut sums = vec![0.0; part.model.equations()];
+    let mut live = 0.0;
+    for block in 0..part.readings.blocks().len() {
+        let weight = part.weight(block);
+        let bare = Want { x: false, a: false };
+        part.model.evaluate(part.readings, block, part.readings.raw(block), beta, bare, &mut ws);
+        for lane in (0..WIDTH).filter(|&lane| weight.0[lane] > 0.0) {
+            live += 1.0;
+            for (sum, f) in sums.iter_mut().zip(&ws.f) {
+                *sum += f.0[lane].powi(2);
+            }
+        }
+    }
+    sums.iter().map(|sum| sum / live).collect()
 }
 
 /// About `most` rows, spread evenly over the poses.

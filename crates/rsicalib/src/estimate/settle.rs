@@ -79,6 +79,13 @@ impl Room {
         Self { still: limits, ..Self::new(model, noise) }
     }
 
+    /// Adds a variance of its own to each equation, as play does.
+    pub(crate) fn ease(&mut self, slack: &[f64]) {
+        for (play, slack) in self.play.iter_mut().zip(slack) {
+            *play += slack;
+        }
+    }
+
     /// Repeats (52) until the readings converge, then whitens `w` and, on request, `X`. Returns the
     /// number of repeats.
     pub(crate) fn settle(

@@ -55,6 +55,12 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
             break;
         }
     }
+    if let Some(strict) = best.as_ref().filter(|b| !b.good(options.good_start)) {
+        let eased = search.eased(&strict.beta);
+        if eased.score < strict.score && !eased.elsewhere {
+            best = Some(eased);
+        }
+    }
     let mut warnings = Vec::new();
     if let Some(found) = suspected(&search, best.as_ref()) {
         warnings.push(found.suspicion);

@@ -108,8 +108,10 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
     let mut norms = Vec::new();
     here.column_norms_in(&mut norms);
     grow(&mut scale, &norms);
-    let mut radius = options.reach * weighted_norm(&x, &scale);
-    if radius == 0.0 {
+    // Parameters that are rounding beside the residual say nothing of how far to step.
+    let size = weighted_norm(&x, &scale);
+    let mut radius = options.reach * size;
+    if size <= f64::EPSILON * (2.0 * here.cost).sqrt() {
         radius = options.reach;
     }
 
