@@ -1,4 +1,4 @@
-"""A robot on four feet that sways: the distances between its feet stay, though nobody has measured them.
+"""A robot on four feet that sways: distances between its feet stay, though nobody knows them well.
 
 On a floor the six distances between four feet say almost the same: a fit that starts with distances
 that are 2 mm off must find its way. Witness: the inverse kinematics of a leg in closed form.
@@ -116,7 +116,7 @@ def session(seed: int, built: Built, n: int = 60) -> tuple[Array, Mechanism]:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_legs_on_a_floor_are_calibrated(seed: int) -> None:
-    """Before, one in six of these ended in a residual of a million times its noise."""
+    """Without (55) none of 40 did: χ² was up to a million times what noise leaves."""
     readings, mechanism = session(seed, Built())
     assert rsicalib.calibrate(readings, mechanism).verdict == "adequate"
 

@@ -85,6 +85,23 @@ fn a_step_that_promises_less_than_is_looked_for_ends_the_search_before_it() {
     }
 }
 
+/// As an earlier fit may leave parameters that nothing has moved.
+#[test]
+fn a_start_of_nearly_nothing_is_as_good_as_zero() {
+    let line = Dense::new(
+        5,
+        2,
+        |b: &[f64], r: &mut [f64]| {
+            r.iter_mut().zip(0..).for_each(|(r, i)| *r = b[0] + b[1] * f64::from(i) - 7.0);
+        },
+        |_: &[f64], j: &mut [f64]| {
+            j.copy_from_slice(&[1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 2.0, 3.0, 4.0]);
+        },
+    );
+    let outcome = lm::minimize(&line, &[1e-57, -1e-57], &tight());
+    assert!((outcome.x[0] - 7.0).abs() < 1e-12 && outcome.x[1].abs() < 1e-12, "{:?}", outcome.x);
+}
+
 /// A complaint for each number that has fewer than `needed` of its certified digits.
 fn disagreements(what: &str, found: &[f64], certified: &[f64], needed: f64) -> Vec<String> {
     found
