@@ -142,8 +142,8 @@ pub fn arm(joints: usize, poses: usize) -> Observations {
     };
     let mut random = Uniform(7);
     let values = (0..joints * poses).map(|_| random.next()).collect();
-    let mut options = rsicalib::FitOptions::default();
-    options.terms = Some(vec!["offset".into(), "gain".into()]);
+    let terms = Some(vec!["offset".into(), "gain".into()]);
+    let options = rsicalib::FitOptions { terms, ..rsicalib::FitOptions::default() };
     Observations::new(&mechanism, Table { values, ..Table::default() }, None, options)
         .expect("readings")
 }

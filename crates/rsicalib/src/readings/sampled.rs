@@ -38,7 +38,7 @@ pub fn means_of_samples(
     seed: u64,
 ) -> Result<Vec<f64>, Error> {
     let channels: Vec<Electronics> = mechanism.channels.iter().map(Electronics::of).collect();
-    if exact.len() % channels.len().max(1) != 0 {
+    if !exact.len().is_multiple_of(channels.len().max(1)) {
         let (found, whole) = (exact.len(), exact.len().div_ceil(channels.len()));
         return Err(Error::Shape { what: "exact".into(), found, expected: whole * channels.len() });
     }
@@ -71,11 +71,10 @@ fn sums(
     for first in (0..samples).step_by(2) {
         for z in normals.pair().into_iter().take(samples - first) {
             let noisy = exact + z * sigma;
-            for lane in 0..WIDTH {
-                let Electronics { counts, range: [low, high] } = of[lane];
-                let read = noisy.0[lane];
-                let read = if counts { read.round_ties_even() } else { read };
-                sum.0[lane] += read.max(low).min(high);
+            for ((sum, noisy), of) in sum.0.iter_mut().zip(noisy.0).zip(of) {
+                let [low, high] = of.range;
+                let read = if of.counts { noisy.round_ties_even() } else { noisy };
+                *sum += read.max(low).min(high);
             }
         }
     }
