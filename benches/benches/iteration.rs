@@ -3,10 +3,10 @@
 #![expect(clippy::unwrap_used, reason = "a bench stops at a mistake")]
 
 use divan::{Bencher, black_box};
-use rsicalib::Observations;
 use rsicalib::estimate::{Algebraic, Implicit, Noise, Part};
 use rsicalib::model::{Model, Want, Workspace};
 use rsicalib::numerics::linearization::Problem;
+use rsicalib::{Observations, fit};
 use rsicalib_benches::{arm, hand_controller};
 
 fn main() {
@@ -15,14 +15,13 @@ fn main() {
 
 const POSES: [usize; 3] = [24, 96, 512];
 
-/// The model of a session, and the parameters of two iterations of a fit by turns: about a standard
-/// deviation apart.
-fn prepared(session: &Observations) -> (Model, [Vec<f64>; 2]) {
-    let instances = session.instances().unwrap();
-    let model = Model::new(&session.mechanism, &session.readings, instances).unwrap();
-    let one = vec![0.0; model.parameters];
-    let other = vec![1e-3; model.parameters];
-    (model, [one, other])
+/// The model of a session, and two parameters a tenth of a standard deviation apart: those of two
+/// iterations of a fit.
+fn fitted(session: &Observations) -> (Model, [Vec<f64>; 2]) {
+    let found = fit(session, session.instances().unwrap(), None).unwrap();
+    let sd = |k: usize| found.covariance[(k, k)].sqrt();
+    let other = found.beta.iter().enumerate().map(|(k, beta)| beta + 0.1 * sd(k)).collect();
+    (Model::clone(&found.model), [found.beta, other])
 }
 
 fn linearize(bencher: Bencher, problem: &impl Problem, betas: &[Vec<f64>; 2]) {
@@ -37,7 +36,7 @@ fn linearize(bencher: Bencher, problem: &impl Problem, betas: &[Vec<f64>; 2]) {
 #[divan::bench(args = POSES)]
 fn implicit_loop(bencher: Bencher, poses: usize) {
     let session = hand_controller(poses).session();
-    let (model, betas) = prepared(&session);
+    let (model, betas) = fitted(&session);
     let part = Part { model: &model, readings: &session.readings, weights: None };
     let noise = Noise { sigma: vec![1.0; 9], play: 1.0 };
     linearize(bencher, &Implicit::new(vec![(part, noise)], &[]), &betas);
@@ -47,14 +46,16 @@ fn implicit_loop(bencher: Bencher, poses: usize) {
 #[divan::bench(args = POSES)]
 fn algebraic(bencher: Bencher, poses: usize) {
     let session = hand_controller(poses).session();
-    let (model, betas) = prepared(&session);
+    let (model, betas) = fitted(&session);
     let part = Part { model: &model, readings: &session.readings, weights: None };
     linearize(bencher, &Algebraic::new(part, &[]), &betas);
 }
 
 /// One evaluation, with derivatives by parameters and readings.
 fn evaluate(bencher: Bencher, session: &Observations) {
-    let (model, [beta, _]) = prepared(session);
+    let instances = session.instances().unwrap();
+    let model = Model::new(&session.mechanism, &session.readings, instances).unwrap();
+    let beta = vec![1e-3; model.parameters];
     let mut ws = Workspace::default();
     bencher.bench_local(|| {
         for block in 0..session.readings.blocks().len() {
