@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.stats import ks_2samp
 
 import rsicalib
 from benches.speed import Rival
@@ -24,7 +25,12 @@ from rsicalib.reproduction.convergence import (
     edge,
     start_success,
 )
-from rsicalib.reproduction.noise import closed_loop_noise, fixture_lines, open_loop_noise
+from rsicalib.reproduction.noise import (
+    averaged,
+    closed_loop_noise,
+    fixture_lines,
+    open_loop_noise,
+)
 from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.printed import printed_numbers
 from rsicalib.reproduction.trials import run
@@ -247,9 +253,8 @@ def test_a_cell_of_table_ix_is_what_scipy_finds_on_the_same_readings() -> None:
     )
     rng = np.random.default_rng(np.random.SeedSequence(7).spawn(1)[0])
     exact = placed(device, PRINTED.closed_loop, (0.25, 0.25), rng, 12)
-    read = device.sample(exact.reshape(-1, 9), rng, noise=1.0, samples=2).mean(axis=1)
     errors = []
-    for counts in np.round(read).reshape(exact.shape):
+    for counts in averaged(device, exact, rng, 1.0, 2, True):
         rival = Rival(counts)
         start = np.concatenate([device.offsets, device.gains])
         found = least_squares(
@@ -260,6 +265,22 @@ def test_a_cell_of_table_ix_is_what_scipy_finds_on_the_same_readings() -> None:
     # Errors of 0.02 rad, minima agreeing to 1e-8.
     assert cell.offset.value == pytest.approx(np.mean(errors), rel=1e-5)
     assert cell.offset.sd == pytest.approx(np.std(errors, ddof=1) / np.sqrt(12), rel=1e-4)
+
+
+@pytest.mark.parametrize(("noise", "average"), [(0.0, 7), (0.3, 2), (2.0, 5)])
+def test_averages_are_distributed_as_means_of_samples(noise: float, average: int) -> None:
+    device = nominal_device(RSI)
+    exact = np.full((4000, 1, 9), 1000.3)
+    exact[..., 1], exact[..., 2] = 0.4, 2047.5
+    found = averaged(device, exact, np.random.default_rng(3), noise, average, False)[:, 0]
+    rng = np.random.default_rng(4)
+    drawn = device.sample(exact[:, 0], rng, noise=noise, samples=average).mean(axis=1)
+    for channel in range(9):
+        # Of 27 pairs of the same law, one in 300 has a lower probability.
+        assert ks_2samp(found[:, channel], drawn[:, channel]).pvalue > 1e-4
+    if noise > 0:
+        off = np.corrcoef(found.T) - np.eye(9)
+        assert np.max(np.abs(off)) < 5 / np.sqrt(4000)
 
 
 def test_open_loop_errors_are_those_of_ordinary_least_squares() -> None:

@@ -1,8 +1,12 @@
 //! What every bench starts from: the hand controller in poses by hand.
 
+use std::collections::BTreeMap;
+
 use rsicalib::apply::earlier::{Applied, Reference, Reported};
 use rsicalib::estimate::Observations;
-use rsicalib::mechanism::{Mechanism, hand_controller};
+use rsicalib::mechanism::{
+    Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Point, Row, hand_controller,
+};
 use rsicalib::model::Spec;
 use rsicalib::monitor::{Monitor, MonitorOptions};
 use rsicalib::readings::Table;
@@ -78,6 +82,70 @@ pub fn hand_controller(poses: usize) -> Device {
         }
     }
     Device { mechanism, counts, offsets, gains }
+}
+
+/// A session of an arm of so many joints, no two axes parallel, whose tip touches a socket: readings
+/// between -1 and 1 rad, which do not close.
+///
+/// # Panics
+///
+/// If the readings do not fit the mechanism: a mistake in this file.
+#[must_use]
+#[expect(clippy::expect_used, reason = "a bench stops at a mistake")]
+pub fn arm(joints: usize, poses: usize) -> Observations {
+    let names: Vec<String> = (1..=joints).map(|k| format!("q{k}")).collect();
+    let row = |(k, name): (usize, &String)| Row {
+        channel: Some(name.clone()),
+        a: 0.3 + 0.01 * k as f64,
+        d: 0.1 * (k % 3) as f64,
+        alpha: [1.57, -1.2, 0.7][k % 3],
+        ..Row::default()
+    };
+    let channel = |name: &String| Channel {
+        name: name.clone(),
+        unit: "rad".into(),
+        range: Some([-2.0, 2.0]),
+        gain: 1.0,
+        offset: 0.0,
+        limits: None,
+        noise: Some(1e-4),
+    };
+    let point = |name: &str, chain: Option<&str>| Point {
+        name: name.into(),
+        chain: chain.map(Into::into),
+        at: Some([0.1, 0.2, 0.3]),
+        ..Point::default()
+    };
+    let mechanism = Mechanism {
+        name: "arm".into(),
+        length_unit: "m".into(),
+        channels: names.iter().map(channel).collect(),
+        chains: vec![Chain {
+            name: "arm".into(),
+            rows: names.iter().enumerate().map(row).collect(),
+        }],
+        points: vec![point("tip", Some("arm")), point("socket", None)],
+        closures: vec![Closure {
+            name: "tip-socket".into(),
+            kind: ClosureKind::Touch,
+            between: ["tip".into(), "socket".into()],
+            value: None,
+            noise: None,
+            sd: None,
+        }],
+        gravity: None,
+        platform: BTreeMap::new(),
+        rest: None,
+        workspace: None,
+        model: ModelSection::default(),
+        laws: Vec::new(),
+    };
+    let mut random = Uniform(7);
+    let values = (0..joints * poses).map(|_| random.next()).collect();
+    let terms = Some(vec!["offset".into(), "gain".into()]);
+    let options = rsicalib::FitOptions { terms, ..rsicalib::FitOptions::default() };
+    Observations::new(&mechanism, Table { values, ..Table::default() }, None, options)
+        .expect("readings")
 }
 
 /// Standard deviations of an offset (rad) and of a gain (a share of it) in a calibration.

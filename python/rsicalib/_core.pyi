@@ -385,6 +385,13 @@ def jacobian(
 def lasting(mechanism: Mechanism, specs: Sequence[Spec]) -> list[str]:
     """The terms of a result that a later session is identified with: `curvature@a22`, each once."""
 
+def means_of_samples(
+    mechanism: Mechanism, exact: Array, sigma: float, samples: int, seed: int
+) -> Array:
+    """Means of samples of exact readings of shape (n, channels), with noise `sigma` [readings], rounded to
+    counts and clipped to their ranges one by one.
+    """
+
 def mechanism_schema() -> str:
     """JSON Schema of a mechanism file, as text."""
 

@@ -89,7 +89,7 @@ def calibrate(
         Relative step below which the solver has converged.
     progress : callable, optional
         Called with the stage in words and the share that is done, 0 to 1: an estimate that
-        never falls. What it raises is raised when the job is done.
+        never falls. What it raises ends the job, and is raised.
 
     Returns
     -------

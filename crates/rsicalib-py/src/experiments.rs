@@ -226,6 +226,32 @@ pub fn bound<'py>(
     Ok(pythonize(py, &poses.bound(&all))?)
 }
 
+/// Means of samples of exact readings of shape (n, channels), with noise `sigma` [readings], rounded to
+/// counts and clipped to their ranges one by one.
+#[pyfunction]
+pub fn means_of_samples<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    exact: PyReadonlyArray2<'py, f64>,
+    sigma: f64,
+    samples: usize,
+    seed: u64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (shape, exact) = (exact.as_array().dim(), flat(&exact));
+    let means = py
+        .detach(|| {
+            rsicalib::readings::sampled::means_of_samples(
+                &mechanism.0,
+                &exact,
+                sigma,
+                samples,
+                seed,
+            )
+        })
+        .map_err(PyError::from)?;
+    PyArray1::from_vec(py, means).reshape([shape.0, shape.1])
+}
+
 /// Joint angles of the hand controller for poses of shape (n, 6): (n, 9), NaN out of reach [rad].
 #[pyfunction]
 pub fn rsi_angles<'py>(

@@ -56,6 +56,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(experiments::observability, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::readings_at, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::within_limits, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::means_of_samples, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::bound, module)?)?;
     module.add_function(wrap_pyfunction!(design::identifiable, module)?)?;
     module.add_function(wrap_pyfunction!(devices::calibrate_devices, module)?)?;

@@ -1,6 +1,7 @@
 //! Sessions and fits.
 
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
@@ -52,11 +53,14 @@ impl Listener {
             Python::attach(|py| {
                 // Not locked while Python runs: it may let another thread of the core in.
                 let first = || raised.lock().unwrap_or_else(PoisonError::into_inner);
-                let quiet = first().is_none();
-                if quiet && let Err(error) = function.call1(py, (stage.words(), share)) {
-                    first().get_or_insert(error);
+                match function.call1(py, (stage.words(), share)) {
+                    Ok(_) => ControlFlow::Continue(()),
+                    Err(error) => {
+                        first().get_or_insert(error);
+                        ControlFlow::Break(())
+                    }
                 }
-            });
+            })
         })
     }
 }
@@ -220,10 +224,10 @@ impl PyObservations {
             ..default
         };
         let session = Arc::clone(&self.observations);
-        let (report, traced) = py
-            .detach(|| rsicalib::report::traced::traced(&session, &search, known.as_ref()))
-            .map_err(PyError::from)?;
+        let found =
+            py.detach(|| rsicalib::report::traced::traced(&session, &search, known.as_ref()));
         self.heard()?;
+        let (report, traced) = found.map_err(PyError::from)?;
         let equations = traced.last.residuals.equations;
         let source = PyEvidenceSource(Found::Traced(Box::new(traced)));
         let found = with_source(pythonize(py, &report)?, source)?;
@@ -244,10 +248,9 @@ impl PyObservations {
     ) -> PyResult<Calibration<'py>> {
         let observations = Arc::clone(&self.observations);
         let known = known(check, align);
-        let (report, calibrated) = py
-            .detach(|| calibrated::report(&observations, known.as_ref()))
-            .map_err(PyError::from)?;
+        let found = py.detach(|| calibrated::report(&observations, known.as_ref()));
         self.heard()?;
+        let (report, calibrated) = found.map_err(PyError::from)?;
         let with = calibrated.with.map(|fit| PyFit { observations, fit: Arc::new(fit) });
         let (used, fit) = (Arc::new(calibrated.observations), Arc::new(calibrated.fit));
         let found = Found::Calibrated(Arc::clone(&used), Arc::clone(&fit), calibrated.excluded);

@@ -55,6 +55,9 @@ pub enum Error {
         /// Upper end of the channel's range.
         high: f64,
     },
+    /// Who was told of the progress has ended the job.
+    #[error("the job was ended by its listener")]
+    Ended,
     /// No reading is left to work on.
     #[error("no readings: {0}")]
     Empty(String),

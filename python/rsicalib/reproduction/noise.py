@@ -15,11 +15,7 @@ from rsicalib.records import Record
 from rsicalib.reproduction.placing import exact_readings, placed
 from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, rms, rms_of_rows, run
 
-__all__ = ["NoiseCell", "closed_loop_noise", "fixture_lines", "open_loop_noise"]
-
-
-CACHED = 1 << 16
-"""Numbers that are worked on at a time: half a megabyte."""
+__all__ = ["NoiseCell", "averaged", "closed_loop_noise", "fixture_lines", "open_loop_noise"]
 
 
 @dataclass(frozen=True)
@@ -99,7 +95,7 @@ def closed_loop_noise(
 
     def job(rng: np.random.Generator, size: int) -> FloatArray:
         exact = placed(device, aim, placement, rng, size)
-        read = _averaged(device, exact, rng, noise, average, round_average)
+        read = averaged(device, exact, rng, noise, average, round_average)
         start = (device.offsets, device.gains)
         found = np.empty((size, *np.shape(start)))
         for k in range(size):
@@ -151,7 +147,7 @@ def open_loop_noise(
 
     def job(rng: np.random.Generator, size: int) -> FloatArray:
         every = np.broadcast_to(exact, (size, *exact.shape))
-        read = _averaged(device, every, rng, noise, average, True)
+        read = averaged(device, every, rng, noise, average, True)
         scatter = angle_noise / (np.sqrt(average) if average_angles else 1.0)
         presumed = angles + scatter * rng.standard_normal(read.shape)
         errors = np.empty((size, 2))
@@ -183,7 +179,7 @@ def fixture_lines(readings: FloatArray, angles: FloatArray) -> tuple[FloatArray,
     return offsets, gains
 
 
-def _averaged(
+def averaged(
     device: Device,
     exact: FloatArray,
     rng: np.random.Generator,
@@ -191,15 +187,27 @@ def _averaged(
     average: int,
     round_average: bool,
 ) -> FloatArray:
-    """Averages of samples of many sets of poses: shape (trials, n, C)."""
-    every = exact.reshape(-1, exact.shape[-1])
+    """Averages of samples of many sets of poses.
+
+    Parameters
+    ----------
+    device : Device
+        Its mechanism says which channels count, and their ranges.
+    exact : ndarray, shape (trials, n, C)
+        Exact readings.
+    rng : numpy.random.Generator
+        Gives the seed of the noise.
+    noise, average, round_average
+        As in `closed_loop_noise`.
+
+    Returns
+    -------
+    ndarray, shape (trials, n, C)
+        Readings.
+    """
     samples = average if noise > 0 else 1
-    read = np.empty(every.shape)
-    # So many poses at a time: their samples stay in the cache.
-    some = max(1, CACHED // (samples * every.shape[1]))
-    for first in range(0, len(every), some):
-        here = slice(first, first + some)
-        read[here] = device.sample(every[here], rng, noise=noise, samples=samples).mean(axis=1)
+    rows, seed = exact.reshape(-1, exact.shape[-1]), int(rng.integers(1 << 63))
+    read: FloatArray = _core.means_of_samples(device.mechanism, rows, noise, samples, seed)
     if round_average:
         np.round(read, out=read)
     return read.reshape(exact.shape)

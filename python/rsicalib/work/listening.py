@@ -16,7 +16,7 @@ ProgressArg: TypeAlias = Callable[[str, float], object]
 """Called with the stage in words and the share of the job that is done, 0 to 1.
 
 How much there is to do depends on what is found, so the share is an estimate; it never falls. An
-exception of the callback is raised when the job is done.
+exception of the callback ends the job, and is raised.
 """
 
 log = logging.getLogger("rsicalib")
@@ -28,8 +28,8 @@ AnyResult = TypeVar("AnyResult", bound=Result)
 def listener(progress: ProgressArg | None) -> ProgressArg | None:
     """Return what the core calls: the callback, with stages logged; None where nobody listens.
 
-    In the main thread somebody always does: between two lines of Python Ctrl-C is heard, and raised
-    when the job is done.
+    In the main thread somebody always does: between two lines of Python Ctrl-C is heard, and ends
+    the job.
     """
     if not log.isEnabledFor(logging.DEBUG):
         alone = threading.current_thread() is threading.main_thread()

@@ -129,6 +129,8 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let full = fit(observations, base.clone(), None)?;
     let small = Stepwise::new(observations, &full, &search)?.small;
     let last = fit(&small, base, Some(&full))?;
+    // Refuses what needs data that the readings do not have.
+    small.model([&last.model.instances[..], &effects].concat())?;
     let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
     let width = values.len();
     let projected = project_blocks(&small, &last, &inverse, &effects, &[width])?;

@@ -1,11 +1,13 @@
 //! What could be there unseen: how large each absent effect would have to be to be seen,
 //! and what it would do to the platform meanwhile.
 
+use rayon::prelude::*;
+
 use crate::Error;
 use crate::apply::change::{Movable, PlatformRms};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates;
-use crate::diagnosis::score::projection::project;
+use crate::diagnosis::score::projection::{Projected, project};
 use crate::diagnosis::trace::Traced;
 use crate::estimate::carry_over;
 use crate::estimate::directions::{place, unit};
@@ -50,13 +52,12 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
     let projected = project(observations, last, &inverse, &named)?;
     let base = last.model.term_parameters;
-    let model = observations.model([&last.model.instances[..], &named].concat())?;
+    let model = observations.model_beside(&last.model, &named)?;
     let first = &model.first[last.model.instances.len()..];
     let extra = model.term_parameters - base;
     let beta = carry_over(last, &model);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
-    let mut hidden = Vec::with_capacity(named.len());
-    for ((instance, candidate), first) in named.iter().zip(projected).zip(first) {
+    let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {
         let info = instance.term.info();
         let d = info.parameters.len();
         // Noncentrality that is seen in four sessions of five, at the corrected level.
@@ -67,7 +68,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
             crate::terms::targets::typical(&observations.mechanism, instance.term, instance.target);
         let square =
             faer::Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
-        let Ok(eigen) = square.self_adjoint_eigen(faer::Side::Lower) else { continue };
+        let eigen = square.self_adjoint_eigen(faer::Side::Lower).ok()?;
         let raw: f64 = (0..d).map(|i| candidate.raw[i] * typical[i] * typical[i]).sum();
         let value = eigen.S().column_vector()[0];
         let visible = value > (VISIBLE * raw).max(NOTHING);
@@ -83,15 +84,17 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
             let own = direction.iter().enumerate().map(|(k, by)| (first + k, *by));
             platform.by(&own.chain(absorbed).collect::<Vec<_>>())
         });
-        hidden.push(Detectability {
+        Some(Detectability {
             term: info.id.into(),
             target: instance.target.name(&observations.mechanism),
             place: place(observations, instance),
             detectable: visible.then_some(largest),
             unit: unit(observations, instance, info.parameters[0].unit),
             platform_rms,
-        });
-    }
+        })
+    };
+    let all = named.par_iter().zip(projected).zip(first);
+    let mut hidden: Vec<Detectability> = all.filter_map(of_one).collect();
     hidden.sort_by(|a, b| {
         let of = |h: &Detectability| h.platform_rms.map_or(0.0, |p| p.position);
         of(b).total_cmp(&of(a))

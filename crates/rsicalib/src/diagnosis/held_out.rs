@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::stepwise::moves::Stepwise;
@@ -52,10 +54,10 @@ fn errors(
     let readings = &observations.readings;
     let poses = readings.poses();
     let rows = readings.rows_of_poses();
-    let (mut all, mut training) = (Misfit::default(), observations.clone());
-    for fold in 0..FOLDS.min(poses) {
-        let out = poses * fold / FOLDS.min(poses)..poses * (fold + 1) / FOLDS.min(poses);
-        training.weights.clone_from(&observations.weights);
+    let folds = FOLDS.min(poses);
+    let without = |fold: usize| {
+        let out = poses * fold / folds..poses * (fold + 1) / folds;
+        let mut training = observations.clone();
         for row in out.clone().flat_map(|p| &rows[p]) {
             training.weights[*row] = 0.0;
         }
@@ -66,6 +68,11 @@ fn errors(
         for first in trained.model.untouched(readings, &training.weights) {
             trained.beta[first..first + 3].copy_from_slice(&placed[first..first + 3]);
         }
+        Some((trained, out))
+    };
+    let trained: Option<Vec<_>> = (0..folds).into_par_iter().map(without).collect();
+    let mut all = Misfit::default();
+    for (trained, out) in trained? {
         let there = judge(&trained, out);
         all.chi2 += there.chi2;
         all.square += there.square;

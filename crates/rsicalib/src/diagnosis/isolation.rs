@@ -10,6 +10,8 @@
 //! with `n_c` the parameters that only `c` has. Where the rest closes within its noise,
 //! and nothing in it stands out, `c` is all that is wrong.
 
+use rayon::prelude::*;
+
 use crate::Error;
 use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
@@ -59,9 +61,9 @@ pub struct Isolated {
 /// # Errors
 ///
 /// As [`fit`].
-pub fn isolate(
+pub fn isolate<'a>(
     observations: &Observations,
-    start: &Fit,
+    start: &'a Fit,
     judge: &Judge,
     found: &[Instance],
     search: &SearchOptions,
@@ -77,18 +79,18 @@ pub fn isolate(
     let chains = (0..mechanism.chains.len()).filter(others_close).map(Target::Chain).collect();
     let kinds: [Vec<Target>; 2] = [single, chains];
     for kind in kinds {
-        let mut able: Vec<Released> = Vec::new();
-        for target in kind {
-            able.extend(Released::of(observations, start, target)?);
-            able.sort_by(|a, b| a.left().total_cmp(&b.left()));
-            able.truncate(LIKELY);
-        }
-        let mut isolated = Vec::new();
-        for mut it in able {
-            if it.closes(judge, search)? && !it.needs_more(judge, found, search)? {
-                isolated.push(it);
-            }
-        }
+        let released = kind.into_par_iter().map(|target| Released::of(observations, start, target));
+        let released: Vec<Option<Released>> = released.collect::<Result<_, _>>()?;
+        let mut able: Vec<Released> = released.into_iter().flatten().collect();
+        able.sort_by(|a, b| a.left().total_cmp(&b.left()));
+        able.truncate(LIKELY);
+        let alone = |mut it: Released<'a>| -> Result<_, Error> {
+            let alone = it.closes(judge, search)? && !it.needs_more(judge, found, search)?;
+            Ok(alone.then_some(it))
+        };
+        let isolated: Vec<Option<Released>> =
+            able.into_par_iter().map(alone).collect::<Result<_, _>>()?;
+        let isolated: Vec<Released> = isolated.into_iter().flatten().collect();
         let scores: Vec<(f64, Target)> =
             isolated.iter().map(|it| (-it.left(), it.target)).collect();
         if let Some(&(target, sure)) = probabilities(&scores).first()

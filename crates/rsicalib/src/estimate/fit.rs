@@ -18,6 +18,7 @@ use crate::estimate::noise::source::{
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
+use crate::estimate::progress::Heard;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Start, Try};
@@ -206,10 +207,11 @@ fn solve(
         noise = declared.weighed.clone();
         with_rounding = Some(declared);
     }
+    let progress = &observations.options.progress;
     let mut apart = 0;
     let mut answer = None;
     for round in 0..ROUNDS {
-        observations.options.progress.step();
+        progress.step()?;
         let mut parts = vec![(part, noise.clone())];
         if let Some((model, readings)) = &held {
             parts.push((Part { model, readings, weights: None }, noise.clone()));
@@ -217,6 +219,9 @@ fn solve(
         let problem = Implicit::new(parts, &priors).from(adjusted.as_deref());
         let problem = if settled { problem.coarse() } else { problem };
         let outcome = match observations.options.method {
+            Method::ImplicitLoop if observations.is_long() => {
+                lm::minimize(&Heard { problem: &problem, progress }, &beta, &lm)
+            }
             Method::ImplicitLoop => lm::minimize(&problem, &beta, &lm),
             Method::Algebraic => {
                 let paper =
@@ -224,6 +229,7 @@ fn solve(
                 lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
             }
         };
+        progress.goes_on()?;
         let mut outcome = undrifted(&problem, outcome, &start.beta, &lm);
         beta.clone_from(&outcome.x);
         let problem = problem.precise();

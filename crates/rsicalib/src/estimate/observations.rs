@@ -78,6 +78,16 @@ impl Observations {
         Model::about(&self.mechanism, &self.readings, instances, &self.centre)
     }
 
+    /// The model of a fit of these readings with candidates beside its terms.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::about`].
+    pub(crate) fn model_beside(&self, model: &Model, more: &[Instance]) -> Result<Model, Error> {
+        let instances = [&model.instances, more].concat();
+        Model::with_candidates(&self.mechanism, &self.readings, instances, &self.centre)
+    }
+
     /// Checks a mechanism and its readings, and computes the rest pose and the anchors.
     ///
     /// `rest` holds readings of the rest pose, row by row, one per channel.

@@ -2,11 +2,15 @@
 //!
 //! How much there is to do is not known beforehand: it depends on what is found. So the share that
 //! is done is an estimate, from the usual share of each stage and the steps in it. It never falls.
-//! The core knows no clock: whoever listens has one.
+//! The core knows no clock: whoever listens has one. Whoever listens may end the job.
 
 use std::fmt;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
+use crate::Error;
+use crate::numerics::linearization::{Linearization, Problem};
 use crate::numerics::workers::lock;
 
 /// A stage of a calibration or a trace, in their order.
@@ -83,8 +87,9 @@ struct Place {
 pub struct Progress(Option<Arc<Teller>>);
 
 struct Teller {
-    listener: Box<dyn Fn(Stage, f64) + Send + Sync>,
+    listener: Box<dyn Fn(Stage, f64) -> ControlFlow<()> + Send + Sync>,
     place: Mutex<Option<Place>>,
+    ended: AtomicBool,
 }
 
 impl fmt::Debug for Progress {
@@ -94,11 +99,14 @@ impl fmt::Debug for Progress {
 }
 
 impl Progress {
-    /// Progress that is heard; the default is not. The listener may be called from any thread.
+    /// Progress that is heard; the default is not. The listener may be called from any thread, from
+    /// one at a time. Where it breaks the job ends with [`Error::Ended`].
     #[must_use]
-    pub fn heard_by(listener: impl Fn(Stage, f64) + Send + Sync + 'static) -> Self {
-        let listener = Box::new(listener);
-        Self(Some(Arc::new(Teller { listener, place: Mutex::new(None) })))
+    pub fn heard_by(
+        listener: impl Fn(Stage, f64) -> ControlFlow<()> + Send + Sync + 'static,
+    ) -> Self {
+        let (listener, place) = (Box::new(listener), Mutex::new(None));
+        Self(Some(Arc::new(Teller { listener, place, ended: AtomicBool::new(false) })))
     }
 
     /// Begins a job; within another one nothing changes.
@@ -118,12 +126,30 @@ impl Progress {
     }
 
     /// One more step of the stage.
-    pub(crate) fn step(&self) {
+    ///
+    /// # Errors
+    ///
+    /// As [`Progress::goes_on`].
+    pub(crate) fn step(&self) -> Result<(), Error> {
         self.tell(|place| {
             if let Some(place) = place {
                 place.steps += 1.0;
             }
         });
+        self.goes_on()
+    }
+
+    /// Whether the job goes on.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Ended`] where the listener has ended it.
+    pub(crate) fn goes_on(&self) -> Result<(), Error> {
+        if self.ended() { Err(Error::Ended) } else { Ok(()) }
+    }
+
+    fn ended(&self) -> bool {
+        self.0.as_ref().is_some_and(|teller| teller.ended.load(Ordering::Relaxed))
     }
 
     /// Changes the place in the job, and tells of it where a job has begun.
@@ -135,8 +161,83 @@ impl Progress {
         let (from, to, half) = place.stage.span(place.job);
         let within = 1.0 - 0.5_f64.powf(place.steps / half);
         place.share = (from + (to - from) * within).max(place.share);
-        let (stage, share) = (place.stage, place.share);
-        drop(guard);
-        (teller.listener)(stage, share);
+        // Told under the lock, so that shares are heard in their order.
+        if (teller.listener)(place.stage, place.share).is_break() {
+            teller.ended.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// A problem whose listener is asked before each linearisation, which may take long, whether the job
+/// goes on.
+pub(crate) struct Heard<'a, P> {
+    pub problem: &'a P,
+    pub progress: &'a Progress,
+}
+
+impl<P: Problem> Problem for Heard<'_, P> {
+    fn parameters(&self) -> usize {
+        self.problem.parameters()
+    }
+
+    fn linearize(&self, x: &[f64]) -> Linearization {
+        if !self.progress.ended() {
+            self.progress.tell(|_| {});
+        }
+        if self.progress.ended() {
+            return Linearization::undefined(x.len());
+        }
+        self.problem.linearize(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::{Heard, Job, Progress};
+    use crate::Error;
+    use crate::numerics::linearization::{Curvature, Linearization, Problem};
+    use crate::numerics::lm::{self, Termination};
+
+    /// `½ (x² - 2)²`, whose linearisations are counted.
+    struct Root(AtomicUsize);
+
+    impl Problem for Root {
+        fn parameters(&self) -> usize {
+            1
+        }
+
+        fn linearize(&self, x: &[f64]) -> Linearization {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            let (r, slope) = (x[0] * x[0] - 2.0, 2.0 * x[0]);
+            let curvature = Curvature::Gram(faer::Mat::from_fn(1, 1, |_, _| slope * slope));
+            let (cost, gradient) = (0.5 * r * r, vec![slope * r]);
+            Linearization { cost, gradient, curvature, islands: Vec::new() }
+        }
+    }
+
+    #[test]
+    fn a_listener_ends_a_job_within_a_linearisation() {
+        let heard = AtomicUsize::new(0);
+        let progress =
+            Progress::heard_by(move |_, _| match heard.fetch_add(1, Ordering::Relaxed) {
+                4.. => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            });
+        let root = Root(AtomicUsize::new(0));
+        let problem = Heard { problem: &root, progress: &progress };
+        // Nobody is told before a job begins.
+        let found = lm::minimize(&problem, &[9.0], &lm::SolverOptions::default());
+        assert!((found.x[0] - f64::sqrt(2.0)).abs() < 1e-8);
+        progress.begin(Job::Calibrate);
+        root.0.store(0, Ordering::Relaxed);
+        lm::minimize(&problem, &[9.0], &lm::SolverOptions::default());
+        // One was told of the beginning, and the fifth breaks.
+        assert_eq!(root.0.load(Ordering::Relaxed), 3);
+        assert!(matches!(progress.step(), Err(Error::Ended)));
+        let again = lm::minimize(&problem, &[9.0], &lm::SolverOptions::default());
+        assert_eq!(again.termination, Termination::NotFinite);
     }
 }

@@ -231,6 +231,19 @@ impl Model {
         Ok(model)
     }
 
+    /// As [`Model::about`], of a mechanism of which a model was made before, with instances that were
+    /// made for it: they are not checked again.
+    pub(crate) fn with_candidates(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+        centre: &[f64],
+    ) -> Result<Self, Error> {
+        let mut model = Self::compile_checked(mechanism, readings, instances, centre)?;
+        model.leave_out_null_equations(readings);
+        Ok(model)
+    }
+
     /// As [`Model::new`], with the equations that nothing can violate.
     ///
     /// # Errors
@@ -253,6 +266,15 @@ impl Model {
         mechanism.validate()?;
         check_names(mechanism)?;
         fits(mechanism, readings, centre)?;
+        Self::compile_checked(mechanism, readings, instances, centre)
+    }
+
+    fn compile_checked(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+        centre: &[f64],
+    ) -> Result<Self, Error> {
         let mut first = Vec::with_capacity(instances.len());
         let mut term_parameters = 0;
         for instance in &instances {

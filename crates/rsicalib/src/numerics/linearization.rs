@@ -50,6 +50,13 @@ pub enum Curvature {
 }
 
 impl Linearization {
+    /// One of so many parameters where the residual is not defined.
+    pub(crate) fn undefined(parameters: usize) -> Self {
+        let curvature = Curvature::Gram(Mat::zeros(parameters, parameters));
+        let gradient = vec![0.0; parameters];
+        Self { cost: f64::NAN, gradient, curvature, islands: Vec::new() }
+    }
+
     /// Norm of each column of `J`.
     #[must_use]
     pub fn column_norms(&self) -> Vec<f64> {

@@ -10,6 +10,7 @@ pub mod lanes;
 pub mod linearization;
 pub mod lm;
 pub(crate) mod normal_equations;
+pub(crate) mod normals;
 pub mod random;
 pub mod rank;
 pub(crate) mod schur;

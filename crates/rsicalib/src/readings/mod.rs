@@ -4,6 +4,7 @@ mod block;
 pub mod codes;
 pub(crate) mod context;
 pub mod plain;
+pub mod sampled;
 mod samples;
 mod table;
 

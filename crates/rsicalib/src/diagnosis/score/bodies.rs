@@ -84,8 +84,7 @@ impl<'a> Bodies<'a> {
             return Ok(Self { at, bodies, z: Vec::new(), first: Vec::new(), columns: 0 });
         }
         let (fit, base) = (at.fit, at.fit.model.term_parameters);
-        let instances = fit.model.instances.iter().chain(&bodies).copied().collect();
-        let model = at.observations.model(instances)?;
+        let model = at.observations.model_beside(&fit.model, &bodies)?;
         let extra = model.term_parameters - base;
         let beta = carry_over(fit, &model);
         let part = Part { model: &model, readings, weights: Some(weights) };

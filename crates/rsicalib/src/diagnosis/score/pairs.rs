@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, MatRef, Side};
+use rayon::prelude::*;
 
 use crate::Error;
 use crate::diagnosis::score::projection::{self, Projected};
@@ -64,27 +65,28 @@ pub fn pairs(
     let widest = widths.iter().copied().max().unwrap_or(0);
     let level = alpha / scored::named_places(tests);
     let least: Vec<f64> = (0..=widest).map(|w| judge.least_score(level, w as f64)).collect();
-    let mut pairs = Vec::new();
-    for (k, a) in together.units.iter().enumerate() {
-        for b in &together.units[k + 1..] {
-            let Some(score) = together.score(a, b) else { continue };
-            let added = [(a, score - b.score), (b, score - a.score)];
-            if added.iter().any(|(unit, added)| *added < least[unit.columns.len()]) {
-                continue;
-            }
-            let pair = Pair {
-                both: added.map(|(unit, added)| {
-                    let (instance, width) = (named[unit.candidate], unit.columns.len() as f64);
-                    Scored::of(instance, Family::Named, added, width, level, tests)
-                }),
-                score,
-            };
-            if pair.charged() + room(score) > needed {
-                pairs.push(Pair { both: pair.both.map(|one| one.judged(judge)), ..pair });
-            }
+    let worth = |(a, b): (&Unit, &Unit)| {
+        let score = together.score(a, b)?;
+        let added = [(a, score - b.score), (b, score - a.score)];
+        if added.iter().any(|(unit, added)| *added < least[unit.columns.len()]) {
+            return None;
         }
-    }
-    Ok(pairs)
+        let pair = Pair {
+            both: added.map(|(unit, added)| {
+                let (instance, width) = (named[unit.candidate], unit.columns.len() as f64);
+                Scored::of(instance, Family::Named, added, width, level, tests)
+            }),
+            score,
+        };
+        (pair.charged() + room(score) > needed)
+            .then(|| Pair { both: pair.both.map(|one| one.judged(judge)), ..pair })
+    };
+    let units = &together.units;
+    let with_later = |k: usize| -> Vec<Pair> {
+        units[k + 1..].iter().filter_map(|b| worth((&units[k], b))).collect()
+    };
+    let pairs: Vec<Vec<Pair>> = (0..units.len()).into_par_iter().map(with_later).collect();
+    Ok(pairs.concat())
 }
 
 /// One candidate in the coordinates in which its `M` is 1.
@@ -109,10 +111,15 @@ struct Together {
 impl Together {
     fn new(all: &Projected, widths: &[usize]) -> Self {
         // In units of the columns before the projection, so that rank is told apart.
-        let norm: Vec<f64> = all.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect();
-        let n = norm.len();
-        let square = Mat::from_fn(n, n, |i, j| all.square[(i, j)] / (norm[i] * norm[j]));
-        let gradient = Mat::from_fn(n, 1, |i, _| all.gradient[i] / norm[i]);
+        let scale = |r: &f64| r.max(f64::MIN_POSITIVE).sqrt().recip();
+        let scales: Vec<f64> = all.raw.iter().map(scale).collect();
+        let (n, mut square) = (scales.len(), all.square.clone());
+        for (j, column) in scales.iter().enumerate() {
+            for (value, row) in square.col_as_slice_mut(j).iter_mut().zip(&scales) {
+                *value *= row * column;
+            }
+        }
+        let gradient = Mat::from_fn(n, 1, |i, _| all.gradient[i] * scales[i]);
         let mut units: Vec<Unit> = Vec::with_capacity(widths.len());
         // `Q` of each, and the first row that it takes of `M`.
         let mut roots: Vec<(usize, Mat<f64>)> = Vec::with_capacity(widths.len());

@@ -139,12 +139,20 @@ impl<'a> Poses<'a> {
         Self { at, judge, live, rows, samples }
     }
 
+    /// A candidate that is not [judged](Self::judged) yet; none where it is fitted.
     fn scored(&self, instance: Instance, family: Family, tests: f64, score: f64) -> Option<Scored> {
         let new = !self.at.fit.model.instances.contains(&instance);
-        new.then(|| {
-            let p_value = self.judge.p_value(score, 1.0);
-            Scored::of(instance, family, score, 1.0, p_value, tests)
-        })
+        new.then(|| Scored::of(instance, family, score, 1.0, 1.0, tests))
+    }
+
+    /// The same with the probabilities of what could be named, and of the best: that of any other is
+    /// not looked at, and takes longer than its score.
+    fn judged(&self, mut scored: Vec<Scored>) -> Vec<Scored> {
+        let best = scored.iter().map(|s| s.score).fold(f64::NEG_INFINITY, f64::max);
+        for one in scored.iter_mut().filter(|s| s.score > SURPRISE || s.score == best) {
+            *one = one.judged(self.judge);
+        }
+        scored
     }
 
     /// Adds the entries of a channel's column in one pose.
@@ -181,7 +189,7 @@ impl<'a> Poses<'a> {
         }
         let best = dull.and_then(|(score, i)| self.scored(i, Family::Bad, tests, score));
         scored.extend(best);
-        scored
+        self.judged(scored)
     }
 
     /// Scores of poses that are wrong as a whole.
@@ -253,13 +261,11 @@ impl<'a> Poses<'a> {
             false => most,
         };
         let channels = self.at.observations.readings.channels as f64;
-        times
-            .iter()
-            .filter_map(|time| {
-                let instance = Instance { place: self.live[time.order], ..of };
-                let score = score(time)?;
-                self.scored(instance, Family::Slip, channels * tests(score), score)
-            })
-            .collect()
+        let scored = |time: &Time| {
+            let instance = Instance { place: self.live[time.order], ..of };
+            let score = score(time)?;
+            self.scored(instance, Family::Slip, channels * tests(score), score)
+        };
+        self.judged(times.iter().filter_map(scored).collect())
     }
 }

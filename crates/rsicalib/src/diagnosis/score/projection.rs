@@ -169,10 +169,8 @@ pub fn project_blocks(
     named: &[Instance],
     blocks: &[usize],
 ) -> Result<Vec<Projected>, Error> {
-    let mut instances = fit.model.instances.clone();
     let base = fit.model.term_parameters;
-    instances.extend_from_slice(named);
-    let model = observations.model(instances)?;
+    let model = observations.model_beside(&fit.model, named)?;
     let extra: usize = blocks.iter().sum();
     let nuisance = model.parameters - model.term_parameters;
     let n = base + nuisance;

@@ -34,12 +34,17 @@ pub fn scan(
     judge: &Judge,
     without: &[String],
 ) -> Result<Vec<Scored>, Error> {
-    observations.options.progress.step();
+    observations.options.progress.step()?;
     let at = AtFit::new(observations, fit);
     let named = candidates(observations, fit, without);
-    let mut scored = projection::score(observations, fit, judge, &at.inverse, &named)?;
-    scored.extend(places::score(&at, judge, without)?);
-    scored.extend(periodic::score(&at, judge, without));
-    scored.extend(Bodies::new(&at, without)?.score(judge));
-    Ok(scored)
+    let by_terms = || projection::score(observations, fit, judge, &at.inverse, &named);
+    let by_columns = || -> Result<_, Error> {
+        let mut scored = places::score(&at, judge, without)?;
+        scored.extend(periodic::score(&at, judge, without));
+        scored.extend(Bodies::new(&at, without)?.score(judge));
+        Ok(scored)
+    };
+    // The two halves take about as long as each other.
+    let (scored, more) = rayon::join(by_terms, by_columns);
+    Ok([scored?, more?].concat())
 }

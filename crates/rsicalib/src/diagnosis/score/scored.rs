@@ -1,5 +1,7 @@
 //! A candidate with its score, and how scores are judged.
 
+use std::collections::HashMap;
+
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
@@ -96,10 +98,17 @@ pub const MOST_TIMES: usize = 256;
 /// The best place of each term at each target, best first.
 #[must_use]
 pub fn best_places(scored: &[Scored]) -> Vec<Scored> {
-    let mut best = scored.to_vec();
-    best.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-    one_place_each(&mut best, |_| true);
-    best
+    let mut best: HashMap<_, (f64, usize)> = HashMap::new();
+    for (k, one) in scored.iter().enumerate() {
+        let here = (one.charged(), k);
+        let there = best.entry((one.instance.term.info().id, one.instance.target)).or_insert(here);
+        if here.0 > there.0 {
+            *there = here;
+        }
+    }
+    let mut best: Vec<(f64, usize)> = best.into_values().collect();
+    best.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    best.into_iter().map(|(_, k)| scored[k]).collect()
 }
 
 /// Of candidates in their order, keeps the first place of each of these terms at each target.

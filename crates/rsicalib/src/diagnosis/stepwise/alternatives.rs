@@ -1,5 +1,6 @@
 //! What fits as well as an effect, and what fits better.
 
+use std::slice;
 use std::sync::Arc;
 
 use crate::Error;
@@ -65,7 +66,9 @@ impl Stepwise<'_> {
         let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
         let my_value =
             if physical(current, &own) { value(current, &mine) } else { f64::NEG_INFINITY };
-        for candidate in scored.into_iter().take(RIVALS * self.search.refits) {
+        scored.truncate(RIVALS * self.search.refits);
+        self.prepare_with(&without, scored.iter().map(|s| slice::from_ref(&s.instance)));
+        for candidate in scored {
             let (candidate, refit) = self.tuned(&without, candidate)?;
             let sensible = refit.plausible && physical(&refit, &candidate.instance);
             if sensible && refit.termination.converged() {
@@ -77,7 +80,7 @@ impl Stepwise<'_> {
         let mut also: Vec<(f64, Instance)> = vec![(my_value, own)];
         if let Some((value, candidate, refit)) = rivals.first()
             && *value > my_value + BETTER
-            && self.gain(&without, refit, std::slice::from_ref(candidate)) > 0.0
+            && self.gain(&without, refit, slice::from_ref(candidate)) > 0.0
             && candidate.corrected <= self.search.alpha
         {
             found[index] = *candidate;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::Error;
 use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
+use crate::diagnosis::score::pairs::Pair;
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost};
 use crate::estimate::Fit;
@@ -13,6 +14,11 @@ use crate::numerics::credible_set::AS_WELL;
 /// So many poses at an end of the session may each be read wrong, and look like a slip; of more
 /// a slip is by far the likelier story.
 const FEW_POSES: usize = 6;
+
+/// Every two of them, those of the first ones first.
+fn pairs_of(found: &[Scored]) -> impl Iterator<Item = [Scored; 2]> {
+    (0..found.len()).flat_map(move |b| (0..b).map(move |a| [found[a], found[b]]))
+}
 
 impl Stepwise<'_> {
     /// One effect for two, and two for one or two, where that explains more; true where it
@@ -90,6 +96,9 @@ impl Stepwise<'_> {
     /// the first of two may have been half of the truth.
     fn merge_pairs(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
         let (mut a, mut b, mut merged) = (0, 1, false);
+        let pairs = pairs_of(found).map(|pair| pair.map(|s| s.instance));
+        let pairs: Vec<[Instance; 2]> = pairs.collect();
+        self.prepare_without(current, pairs.iter().map(<[_; 2]>::as_slice));
         while b < found.len() {
             if let Some((one, fit)) =
                 self.one_for_two(current, [found[a].instance, found[b].instance])?
@@ -138,6 +147,9 @@ impl Stepwise<'_> {
         needed: f64,
         candidates: impl Iterator<Item = [Scored; N]>,
     ) -> Result<Option<([Scored; N], Fit)>, Error> {
+        let candidates: Vec<[Scored; N]> = candidates.collect();
+        let instances: Vec<_> = candidates.iter().map(|them| them.map(|s| s.instance)).collect();
+        self.prepare_with(without, instances.iter().map(<[_; N]>::as_slice));
         let mut best: Option<(f64, [Scored; N], Fit)> = None;
         for added in candidates {
             let refit = match self.with(without, &added.map(|s| s.instance)) {
@@ -180,9 +192,21 @@ impl Stepwise<'_> {
         let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > RESIDUAL_LEVEL);
         let none = (!quiet && found.len() < FEW_EFFECTS).then_some(Vec::new());
         let one = found.iter().filter(|_| found.len() <= FEW_EFFECTS).map(|s| vec![*s]);
-        let two = (0..found.len()).flat_map(|b| (0..b).map(move |a| vec![found[a], found[b]]));
-        for gone in two.chain(one).chain(none) {
-            let better = self.two_for(current, &gone)?;
+        let two = pairs_of(found).map(Vec::from);
+        let all: Vec<Vec<Scored>> = two.chain(one).chain(none).collect();
+        let instances = |gone: &Vec<Scored>| gone.iter().map(|s| s.instance).collect();
+        let those: Vec<Vec<Instance>> = all.iter().map(instances).collect();
+        self.prepare_without(current, those.iter().map(Vec::as_slice));
+        let mut without = Vec::with_capacity(all.len());
+        for (gone, those) in all.iter().zip(&those) {
+            let fit = self.without(current, those)?;
+            let needed = self.gain(&fit, current, gone) + BETTER;
+            without.push((fit, needed));
+        }
+        for ((those, (without, needed)), pairs) in
+            those.iter().zip(&without).zip(self.pairs(&without))
+        {
+            let better = self.two_for(those, without, *needed, pairs?)?;
             if better.is_some() {
                 return Ok(better);
             }
@@ -190,14 +214,16 @@ impl Stepwise<'_> {
         Ok(None)
     }
 
-    /// The two effects that do more than these do, and their fit.
-    fn two_for(&self, current: &Fit, gone: &[Scored]) -> Result<Option<([Scored; 2], Fit)>, Error> {
-        let those: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
-        let without = self.without(current, &those)?;
-        let needed = self.gain(&without, current, gone) + BETTER;
-        let mut pairs = self.pairs(&without, needed)?;
+    /// The two effects that gain more than is needed without these, and their fit.
+    fn two_for(
+        &self,
+        those: &[Instance],
+        without: &Fit,
+        needed: f64,
+        mut pairs: Vec<Pair>,
+    ) -> Result<Option<([Scored; 2], Fit)>, Error> {
         pairs.retain(|p| !p.both.iter().all(|s| those.contains(&s.instance)));
         pairs.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-        self.best(&without, needed, pairs.iter().take(self.search.refits / 2).map(|p| p.both))
+        self.best(without, needed, pairs.iter().take(self.search.refits / 2).map(|p| p.both))
     }
 }

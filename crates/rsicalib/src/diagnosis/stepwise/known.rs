@@ -1,5 +1,7 @@
 //! Fits and scans that a search has made: looking back and looking for rivals ask for the same again.
 
+use rayon::prelude::*;
+
 use crate::Error;
 use crate::diagnosis::score::scored::Scored;
 use crate::estimate::{Fit, Noise, Observations, fit};
@@ -37,18 +39,51 @@ impl KnownFits {
         instances: Vec<Instance>,
         from: &Fit,
     ) -> Result<Fit, Error> {
-        if self.of != Some(state_of(small)) {
-            (self.of, self.fits) = (Some(state_of(small)), Vec::new());
-        }
-        if let Some(known) = self.fits.iter().find(|fit| fit.model.instances == instances) {
+        self.are_of(small);
+        if let Some(known) = self.known(&instances) {
             return Ok(known.clone());
         }
         let new = fit(small, instances, Some(from))?;
-        let numbers = small.readings.samples * new.residuals.equations * small.readings.channels;
-        if numbers * (self.fits.len() + 1) <= MOST {
+        if self.have_room(&new, 1) {
             self.fits.push(new.clone());
         }
         Ok(new)
+    }
+
+    /// Makes fits that will be asked for, all from one other fit, on all cores. What cannot be fitted
+    /// says so when it is asked for.
+    pub fn prepare(
+        &mut self,
+        small: &Observations,
+        wanted: impl Iterator<Item = Vec<Instance>>,
+        from: &Fit,
+    ) {
+        self.are_of(small);
+        let new: Vec<Vec<Instance>> =
+            wanted.filter(|wanted| self.known(wanted).is_none()).collect();
+        if new.len() < 2 || !self.have_room(from, new.len()) {
+            return;
+        }
+        let fits: Vec<Option<Fit>> =
+            new.into_par_iter().map(|instances| fit(small, instances, Some(from)).ok()).collect();
+        self.fits.extend(fits.into_iter().flatten());
+    }
+
+    /// Fits of another session or with another noise are forgotten.
+    fn are_of(&mut self, small: &Observations) {
+        if self.of != Some(state_of(small)) {
+            (self.of, self.fits) = (Some(state_of(small)), Vec::new());
+        }
+    }
+
+    fn known(&self, instances: &[Instance]) -> Option<&Fit> {
+        self.fits.iter().find(|fit| fit.model.instances == instances)
+    }
+
+    /// Whether so many more fits like this one can be kept.
+    fn have_room(&self, like: &Fit, more: usize) -> bool {
+        let numbers = like.residuals.whitened.len() * like.model.scales.len();
+        numbers * (self.fits.len() + more) <= MOST
     }
 }
 

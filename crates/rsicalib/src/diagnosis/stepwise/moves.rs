@@ -2,6 +2,9 @@
 //! some for others, and say what fits as well.
 
 use std::cell::RefCell;
+use std::slice;
+
+use rayon::prelude::*;
 
 use crate::Error;
 use crate::diagnosis::isolation::belongs;
@@ -50,6 +53,11 @@ pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
     !instance.term.is_load()
         || instance.term.info().law
         || estimate_of(fit, instance).is_none_or(|sure| sure > 0.0)
+}
+
+/// True where a candidate does not catch up with what another has gained: scores are first order.
+fn left_behind(candidate: &Scored, gain: f64) -> bool {
+    gain > candidate.charged() + 4.0 + 0.25 * candidate.score
 }
 
 /// After so many moves an order has settled, or never will.
@@ -171,11 +179,19 @@ impl<'a> Stepwise<'a> {
         Ok(scored)
     }
 
-    /// Scores of two effects at once that may be worth more than is needed.
-    pub(crate) fn pairs(&self, fit: &Fit, needed: f64) -> Result<Vec<Pair>, Error> {
-        let mut named = candidates::candidates(&self.small, fit, &self.search.without);
-        named.retain(|i| !i.term.info().penalised && self.open_to(i));
-        pairs::pairs(&self.small, fit, &self.judge(fit), &named, self.search.alpha, needed)
+    /// Scores of two effects at once that may be worth more than is needed, at each of some fits.
+    pub(crate) fn pairs(&self, fits: &[(Fit, f64)]) -> Vec<Result<Vec<Pair>, Error>> {
+        let named_at = |(fit, _): &(Fit, f64)| {
+            let mut named = candidates::candidates(&self.small, fit, &self.search.without);
+            named.retain(|i| !i.term.info().penalised && self.open_to(i));
+            (named, self.judge(fit))
+        };
+        let named: Vec<_> = fits.iter().map(named_at).collect();
+        let (small, alpha) = (&self.small, self.search.alpha);
+        let score = |((fit, needed), (named, judge)): (&(Fit, f64), &(Vec<Instance>, Judge))| {
+            pairs::pairs(small, fit, judge, named, alpha, *needed)
+        };
+        fits.par_iter().zip(&named).map(score).collect()
     }
 
     /// Whether this may be wrong. Where a chain is at fault alone, no one channel is to blame.
@@ -232,6 +248,10 @@ impl<'a> Stepwise<'a> {
         scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         // Neighbouring orders are one candidate.
         one_place_each(&mut scored, has_order);
+        let likely = scored.iter().take(self.search.refits);
+        let likely = likely.filter(|s| excluded_pose(&s.instance).is_none());
+        let likely = likely.filter(|s| !left_behind(s, scored[0].charged()));
+        self.prepare_with(current, likely.map(|s| slice::from_ref(&s.instance)));
         let mut best: Option<(f64, Scored, Fit)> = None;
         let mut sensible = 0;
         for &candidate in scored.iter().take(HOPELESS * self.search.refits) {
@@ -246,9 +266,7 @@ impl<'a> Stepwise<'a> {
                 }
                 continue;
             }
-            // Scores are first order; what is this far behind does not catch up.
-            let room = 4.0 + 0.25 * candidate.score;
-            if best.as_ref().is_some_and(|(gain, ..)| *gain > candidate.charged() + room) {
+            if best.as_ref().is_some_and(|(gain, ..)| left_behind(&candidate, *gain)) {
                 continue;
             }
             let (candidate, refit) = self.tuned(current, candidate)?;
@@ -351,6 +369,27 @@ impl<'a> Stepwise<'a> {
         self.known.borrow_mut().fit(&self.small, instances, current)
     }
 
+    /// Makes fits [`with`](Self::with) these effects, which will be asked for, on all cores.
+    pub(crate) fn prepare_with<'b>(
+        &self,
+        current: &Fit,
+        more: impl Iterator<Item = &'b [Instance]>,
+    ) {
+        let instances = &current.model.instances;
+        let wanted = more.map(|more| [instances, more].concat());
+        self.known.borrow_mut().prepare(&self.small, wanted, current);
+    }
+
+    /// Makes fits [`without`](Self::without) these effects, which will be asked for, on all cores.
+    pub(crate) fn prepare_without<'b>(
+        &self,
+        current: &Fit,
+        gone: impl Iterator<Item = &'b [Instance]>,
+    ) {
+        let wanted = gone.map(|gone| others(current, gone));
+        self.known.borrow_mut().prepare(&self.small, wanted, current);
+    }
+
     /// The fit with one more effect. An order is moved to the place that is nearest to where the
     /// fit has tuned it.
     pub(crate) fn tuned(
@@ -369,8 +408,7 @@ impl<'a> Stepwise<'a> {
 
     /// The fit without some of its effects.
     pub fn without(&self, current: &Fit, gone: &[Instance]) -> Result<Fit, Error> {
-        let kept = current.model.instances.iter().copied().filter(|i| !gone.contains(i));
-        self.known.borrow_mut().fit(&self.small, kept.collect(), current)
+        self.known.borrow_mut().fit(&self.small, others(current, gone), current)
     }
 
     /// By how much χ² fell, the parameters and places of what was added paid for.
@@ -400,6 +438,11 @@ impl<'a> Stepwise<'a> {
         let cause = Cause::Pose { p_value: step.p_value };
         Excluded::of(Some(pose), self.samples[pose], cause)
     }
+}
+
+/// The instances of a fit but for some.
+fn others(fit: &Fit, gone: &[Instance]) -> Vec<Instance> {
+    fit.model.instances.iter().copied().filter(|i| !gone.contains(i)).collect()
 }
 
 /// χ² with what priors add to it.

@@ -1,5 +1,7 @@
 //! The look back: what is no longer needed, or does not stand out after all.
 
+use std::slice;
+
 use crate::Error;
 use crate::diagnosis::options::RESIDUAL_LEVEL;
 use crate::diagnosis::score::candidates;
@@ -11,6 +13,9 @@ use crate::model::Instance;
 impl Stepwise<'_> {
     /// Drops what is no longer needed, or is part of a free shape that was added.
     pub fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
+        // Most are kept: all but the last, which was added, are looked at beside the others.
+        let looked_at = found.split_last().map_or(&found[..], |(_, before)| before);
+        self.prepare_without(&current, looked_at.iter().map(|s| slice::from_ref(&s.instance)));
         let mut current = current;
         let mut index = 0;
         while index + 1 < found.len() {
@@ -36,10 +41,11 @@ impl Stepwise<'_> {
     /// exchanged for another may leave an effect with nothing to explain, or a load that lifts.
     pub fn keep_gains(&self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
         loop {
+            self.prepare_without(current, found.iter().map(|s| slice::from_ref(&s.instance)));
             let mut worst: Option<(f64, usize, Fit)> = None;
             for (index, step) in found.iter().enumerate() {
                 let without = self.without(current, &[step.instance])?;
-                let gain = self.gain(&without, current, std::slice::from_ref(step));
+                let gain = self.gain(&without, current, slice::from_ref(step));
                 if gain <= worst.as_ref().map_or(0.0, |(gain, ..)| *gain) {
                     worst = Some((gain, index, without));
                 }
@@ -69,6 +75,7 @@ impl Stepwise<'_> {
         let stands_out = |score: f64, step: &Scored| {
             judge.too_large(score / rest, step.width) * step.places <= self.search.alpha
         };
+        self.prepare_without(current, found.iter().map(|s| slice::from_ref(&s.instance)));
         let mut kept = Vec::new();
         for step in found.iter() {
             let without = self.without(current, &[step.instance])?;

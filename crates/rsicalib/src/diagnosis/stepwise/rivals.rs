@@ -1,5 +1,9 @@
 //! Explanations of a session that are nearly as good as the best.
 
+use std::slice;
+
+use rayon::prelude::*;
+
 use crate::Error;
 use crate::apply::change::apart;
 use crate::diagnosis::score::scored::{self, Scored};
@@ -54,26 +58,26 @@ impl Stepwise<'_> {
                 continue;
             }
             let without = self.without(current, &[found[index].instance])?;
-            for other in alternatives.iter().take(MOST) {
-                if found.iter().any(|s| s.instance == other.instance) {
-                    continue;
-                }
-                let mut others = found.to_vec();
-                others[index] = *other;
+            let new = |s: &&Scored| !found.iter().any(|found| found.instance == s.instance);
+            let others: Vec<&Scored> = alternatives.iter().take(MOST).filter(new).collect();
+            self.prepare_with(&without, others.iter().map(|s| slice::from_ref(&s.instance)));
+            for other in others {
+                let mut all = found.to_vec();
+                all[index] = *other;
                 let refit = self.with(&without, &[other.instance])?;
                 let sensible = refit.plausible && physical(&refit, &other.instance);
                 if sensible && refit.termination.converged() {
-                    let chi2 = cost(&refit) + charges(&others);
-                    explanations.push((of(effects(&others), chi2), refit));
+                    let chi2 = cost(&refit) + charges(&all);
+                    explanations.push((of(effects(&all), chi2), refit));
                 }
             }
         }
-        let near = nearest(explanations);
+        let (near, small) = (nearest(explanations), &self.small);
         let beside = |(mut explanation, refit): (Explanation, Fit)| {
-            explanation.apart = apart(&self.small, current, &refit);
+            explanation.apart = apart(small, current, &refit);
             explanation
         };
-        Ok(near.into_iter().map(beside).collect())
+        Ok(near.into_par_iter().map(beside).collect())
     }
 }
 
