@@ -65,12 +65,26 @@ def sensor(
     )
 
 
+def span(device: Device, channel: str) -> tuple[float, float]:
+    """Middle and half of what a sensor reads: of its range, or of the joint's where it has none.
+
+    A sensor does not know how far its joint goes: a track that bends alike at both its ends does
+    so about its own middle.
+    """
+    i = device.names.index(channel)
+    ends = device.drawing.mechanism["channel"][i].get("range")
+    if ends is None:
+        mid, half = middle(device)
+        return float(mid[i]), float(half[i])
+    low, high = sorted(float(device.offsets[i] + device.gains[i] * end) for end in ends)
+    return (low + high) / 2, (high - low) / 2
+
+
 def shape(term: str, typical: float, law: Callable[[Array], Array]) -> Make:
-    """A curve over the range, from -1 to 1."""
+    """A curve over what the sensor reads, from -1 to 1."""
 
     def make(device: Device, rng: Rng, target: str) -> Effect:
-        i = device.names.index(target)
-        mid, half = (float(x[i]) for x in middle(device))
+        mid, half = span(device, target)
         return sensor(device, term, target, typical, lambda q, _: law((q - mid) / half))
 
     return make
