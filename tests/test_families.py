@@ -237,11 +237,8 @@ def test_the_truth_makes_an_error_grow_by_chance_alone() -> None:
 def test_a_track_bends_about_its_own_middle() -> None:
     """Not about that of the joint, which goes through a part of what the sensor reads."""
     device = clean("rps")[0]
-    mid, half = effects.span(device, "leg1")
-    first, last = device.offsets[1], device.offsets[1] + 8191 * device.gains[1]
-    assert mid == pytest.approx((first + last) / 2)
-    assert half == pytest.approx((last - first) / 2)
-    assert effects.span(clean("gantry")[0], "z1") == (0.0, 60.0)
+    assert effects.centre(device, "leg1") == device.offsets[1] + 4095.5 * device.gains[1]
+    assert effects.centre(clean("gantry")[0], "x2") == 300.0
 
 
 def test_words_on_noise_are_heard() -> None:

@@ -65,8 +65,8 @@ def sensor(
     )
 
 
-def span(device: Device, channel: str) -> tuple[float, float]:
-    """Middle and half of what a sensor reads: of its range, or of the joint's where it has none.
+def centre(device: Device, channel: str) -> float:
+    """Middle of what a sensor reads: of its range, or of the joint's where it has none.
 
     A sensor does not know how far its joint goes: a track that bends alike at both its ends does
     so about its own middle.
@@ -74,17 +74,15 @@ def span(device: Device, channel: str) -> tuple[float, float]:
     i = device.names.index(channel)
     ends = device.drawing.mechanism["channel"][i].get("range")
     if ends is None:
-        mid, half = middle(device)
-        return float(mid[i]), float(half[i])
-    low, high = sorted(float(device.offsets[i] + device.gains[i] * end) for end in ends)
-    return (low + high) / 2, (high - low) / 2
+        return float(middle(device)[0][i])
+    return float(device.offsets[i] + device.gains[i] * np.mean(ends))
 
 
 def shape(term: str, typical: float, law: Callable[[Array], Array]) -> Make:
-    """A curve over what the sensor reads, from -1 to 1."""
+    """A curve about the middle of what the sensor reads, in halves of the joint's range."""
 
     def make(device: Device, rng: Rng, target: str) -> Effect:
-        mid, half = span(device, target)
+        mid, half = centre(device, target), float(middle(device)[1][device.names.index(target)])
         return sensor(device, term, target, typical, lambda q, _: law((q - mid) / half))
 
     return make
