@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose, room};
-use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, sensible};
 use crate::diagnosis::stepwise::orders::one_order;
 use crate::estimate::Fit;
 use crate::model::{Instance, Model};
@@ -67,8 +67,7 @@ impl Stepwise<'_> {
             if physical(current, &own) { value(current, &mine) } else { f64::NEG_INFINITY };
         for candidate in scored.into_iter().take(RIVALS * self.search.refits) {
             let (candidate, refit) = self.tuned(&without, candidate)?;
-            let sensible = refit.plausible && physical(&refit, &candidate.instance);
-            if sensible && refit.termination.converged() {
+            if sensible(&without, &refit) && physical(&refit, &candidate.instance) {
                 rivals.push((value(&refit, &candidate), candidate, refit));
             }
         }

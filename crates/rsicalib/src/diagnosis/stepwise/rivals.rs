@@ -4,7 +4,7 @@ use crate::Error;
 use crate::apply::change::apart;
 use crate::diagnosis::score::scored::{self, Scored};
 use crate::diagnosis::stepwise::alternatives::charge;
-use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical};
+use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical, sensible};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
@@ -61,8 +61,7 @@ impl Stepwise<'_> {
                 let mut others = found.to_vec();
                 others[index] = *other;
                 let refit = self.with(&without, &[other.instance])?;
-                let sensible = refit.plausible && physical(&refit, &other.instance);
-                if sensible && refit.termination.converged() {
+                if sensible(&without, &refit) && physical(&refit, &other.instance) {
                     let chi2 = cost(&refit) + charges(&others);
                     explanations.push((of(effects(&others), chi2), refit));
                 }
