@@ -14,7 +14,15 @@ import rsicalib
 from tests.families import effects, linkage, run, tables
 from tests.families.device import Device, observe, stage
 from tests.families.draw import FAMILIES
-from tests.families.grade import Errors, Truth, grade, is_found, is_worse, speaks_of_noise
+from tests.families.grade import (
+    Errors,
+    Truth,
+    grade,
+    grew_by_chance,
+    is_found,
+    is_worse,
+    speaks_of_noise,
+)
 from tests.families.power import Linear
 from tests.families.trials import drawn, make, readings_of, toml
 
@@ -218,6 +226,19 @@ def test_the_error_grew_where_it_is_beyond_both() -> None:
     assert is_worse(Errors(1.0, 1.2, 1.15)) is False
     assert is_worse(Errors(1.0, 0.9, 0.1)) is False
     assert is_worse(Errors(None, 0.9, 0.1)) is None
+
+
+def test_the_truth_makes_an_error_grow_by_chance_alone() -> None:
+    assert grew_by_chance(Errors(1.0, 5.0, 1.2)) is True
+    assert grew_by_chance(Errors(1.0, 5.0, 1.05)) is False
+    assert grew_by_chance(Errors(1.0, 5.0, None)) is None
+
+
+def test_a_track_bends_about_its_own_middle() -> None:
+    """Not about that of the joint, which goes through a part of what the sensor reads."""
+    device = clean("rps")[0]
+    assert effects.centre(device, "leg1") == device.offsets[1] + 4095.5 * device.gains[1]
+    assert effects.centre(clean("gantry")[0], "x2") == 300.0
 
 
 def test_words_on_noise_are_heard() -> None:

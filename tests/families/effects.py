@@ -65,12 +65,24 @@ def sensor(
     )
 
 
+def centre(device: Device, channel: str) -> float:
+    """Middle of what a sensor reads: of its range, or of the joint's where it has none.
+
+    A sensor does not know how far its joint goes: a track that bends alike at both its ends does
+    so about its own middle.
+    """
+    i = device.names.index(channel)
+    ends = device.drawing.mechanism["channel"][i].get("range")
+    if ends is None:
+        return float(middle(device)[0][i])
+    return float(device.offsets[i] + device.gains[i] * np.mean(ends))
+
+
 def shape(term: str, typical: float, law: Callable[[Array], Array]) -> Make:
-    """A curve over the range, from -1 to 1."""
+    """A curve about the middle of what the sensor reads, in halves of the joint's range."""
 
     def make(device: Device, rng: Rng, target: str) -> Effect:
-        i = device.names.index(target)
-        mid, half = (float(x[i]) for x in middle(device))
+        mid, half = centre(device, target), float(middle(device)[1][device.names.index(target)])
         return sensor(device, term, target, typical, lambda q, _: law((q - mid) / half))
 
     return make

@@ -19,6 +19,9 @@ TIE = 2
 ROUNDING = 1e-6
 """What two fits of the same readings may differ by."""
 
+GREW = 1.1
+"""Errors that are so many times others are larger by more than a trifle."""
+
 COARSE = " reads in steps of "
 """What a warning says of a channel whose steps rule its noise."""
 
@@ -144,7 +147,14 @@ def is_worse(errors: Errors) -> bool | None:
     if errors.after is None or errors.before is None:
         return None
     told = errors.before if errors.told is None else errors.told
-    return errors.after > 1.1 * told and errors.after > (1 + ROUNDING) * errors.before
+    return errors.after > GREW * told and errors.after > (1 + ROUNDING) * errors.before
+
+
+def grew_by_chance(errors: Errors) -> bool | None:
+    """Whether the calibration that is told the truth has errors beyond 1.1 times those before."""
+    if errors.told is None or errors.before is None:
+        return None
+    return errors.told > GREW * errors.before
 
 
 def grade(

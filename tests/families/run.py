@@ -22,7 +22,7 @@ from pathlib import Path
 from time import perf_counter
 
 from tests.families.draw import FAMILIES
-from tests.families.grade import USABLE, Grade
+from tests.families.grade import USABLE, Grade, grew_by_chance
 from tests.families.tables import cell, page
 from tests.families.trials import SUITES, Row, run
 
@@ -62,6 +62,9 @@ def rates(suite: str, rows: Sequence[Row]) -> list[tuple[str, list[bool]]]:
         out.append(("refused", [row.error is not None and not row.crashed for row in rows]))
     if suite in ("single", "pair", "wrong_readings", "outside"):
         out.append(("error grew", [g.worse for g in grades if g.worse is not None]))
+    if suite in ("single", "pair"):
+        grew = [grew_by_chance(row.errors) for row in graded]
+        out.append(("error grew, told the truth", [g for g in grew if g is not None]))
     codes = [row.calibrated for row in rows if row.calibrated is not None]
     if codes and suite != "wrong_noise":
         out.append(("calibrate: exit code 0", [code == USABLE for code in codes]))

@@ -23,6 +23,8 @@ shared with the core. Effects are as large as makes their noncentrality, the mea
   explanation: with one equation a pose, and few channels, chance makes such ones.
 - *error grew*: points at check poses are worse than before, and 1.1 times worse than those of a
   calibration that is told the truth. Points are compared after a rigid motion.
+- *error grew, told the truth*: the calibration that is told its effects is 1.1 times worse than the
+  one before. It is right, and noise did that.
 - *outside*: laws that no term has; the target is right where that sensor is named, or blamed, or
   its steps are said to be coarse.
 - *garbage*: random readings in range, those of machines of other families, columns in another

@@ -51,7 +51,7 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
     let info = term.info();
     let once = term.placed() == Placed::Once && term.role() == Role::Other;
     let needs_order = term.needs().contains(&Needs::Order);
-    if !once || needs_order || info.penalised || info.broad {
+    if !once || needs_order || info.penalised || term.on_request_only() {
         return Vec::new();
     }
     let single = targets(term, mechanism);

@@ -87,7 +87,7 @@ pub struct Info {
     /// parameter.
     pub penalised: bool,
     /// True for a term that contains many others. Such a term is identified on request, and is no
-    /// candidate of a trace.
+    /// candidate of a trace, unless it moves nothing but the tool.
     pub broad: bool,
     /// True for a law that users write. The typical sizes of its parameters are those of one
     /// mechanism, in its units.
@@ -378,6 +378,19 @@ impl dyn Term + '_ {
     pub fn moves_only(&self, spots: &[Spot]) -> bool {
         matches!(self.acts(), Acts::Geometry(freedoms)
             if freedoms.iter().all(|(spot, ..)| spots.contains(spot)))
+    }
+
+    /// True for a term that moves nothing but the tool.
+    #[must_use]
+    pub fn moves_tool(&self) -> bool {
+        self.moves_only(&[Spot::Tip])
+    }
+
+    /// True for a term that is too broad for a candidate. A tool sits where it does, whatever else
+    /// that may stand for.
+    #[must_use]
+    pub fn on_request_only(&self) -> bool {
+        self.info().broad && !self.moves_tool()
     }
 
     /// The variable of the term's curve; `None` for a term that is no curve.

@@ -31,7 +31,7 @@ fn moves_once(term: &dyn Term) -> bool {
 /// False where a move changes no reading, or would pass for another: a point that closes a loop is
 /// no tool in a clamp, and a chain that nothing ties to its base has none.
 fn meaningful(mechanism: &Mechanism, fit: &Fit, term: &dyn Term) -> bool {
-    if term.moves_only(&[Spot::Tip]) {
+    if term.moves_tool() {
         return !fit.model.unknown_names.is_empty();
     }
     !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats())

@@ -17,7 +17,7 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     for term in terms::all(mechanism) {
         let info = term.info();
         if matches!(term.placed(), Placed::AtPose | Placed::AtOrder)
-            || (info.broad && !tip(term))
+            || term.on_request_only()
             || info.parameters.len() > room
             || without.iter().any(|w| w == info.id)
             || provided(term, mechanism, readings).is_err()
@@ -48,11 +48,6 @@ fn carries_body(mechanism: &Mechanism, chain: usize) -> bool {
     let mut places = mechanism.points.iter().filter(|p| p.chain.as_ref() == name).map(|p| p.at);
     let first = places.next();
     places.any(|at| Some(at) != first)
-}
-
-/// True for a term that moves nothing but the tool.
-fn tip(term: &dyn Term) -> bool {
-    term.moves_only(&[Spot::Tip])
 }
 
 /// False where a term would repeat another: a body that carries no joint has no axis
@@ -91,7 +86,7 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
                     || (row >= first && row < last)
                     || (row == last && carries_body(mechanism, chain)))
         }
-        Target::Chain(chain) if tip(term) => {
+        Target::Chain(chain) if term.moves_tool() => {
             let last = mechanism.chains[chain].rows.len().saturating_sub(1);
             let mut free = fit.model.instances.iter().filter(|i| i.term.info().broad);
             !free.any(|i| i.target == Target::Row(chain, last))

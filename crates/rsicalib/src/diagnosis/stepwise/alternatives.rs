@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose, room};
-use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, sensible};
 use crate::diagnosis::stepwise::orders::one_order;
 use crate::estimate::Fit;
 use crate::model::{Instance, Model};
@@ -70,8 +70,7 @@ impl Stepwise<'_> {
         self.prepare_with(&without, scored.iter().map(|s| slice::from_ref(&s.instance)));
         for candidate in scored {
             let (candidate, refit) = self.tuned(&without, candidate)?;
-            let sensible = refit.plausible && physical(&refit, &candidate.instance);
-            if sensible && refit.termination.converged() {
+            if sensible(&without, &refit) && physical(&refit, &candidate.instance) {
                 rivals.push((value(&refit, &candidate), candidate, refit));
             }
         }

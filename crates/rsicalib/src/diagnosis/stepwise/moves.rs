@@ -16,6 +16,7 @@ use crate::diagnosis::stepwise::known::{KnownFits, KnownScans};
 use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
 use crate::diagnosis::stretches::Stretches;
 use crate::estimate::noise::source::Source;
+use crate::estimate::search::ratios;
 use crate::estimate::{Fit, FitOptions, Noise, Observations, fit};
 use crate::kinematics::elements::Weight;
 use crate::mechanism::Target;
@@ -58,6 +59,22 @@ pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
 /// True where a candidate does not catch up with what another has gained: scores are first order.
 fn left_behind(candidate: &Scored, gain: f64) -> bool {
     gain > candidate.charged() + 4.0 + 0.25 * candidate.score
+}
+
+/// An effect changes the gain that a fit gives a channel by less than this factor.
+const SWUNG: f64 = 2.0;
+
+/// True where a channel's gain is far from what it was without an effect, or has turned round: a
+/// large effect and a gain that undoes it follow any curve.
+fn swung(before: &Fit, after: &Fit) -> bool {
+    let (was, is) = (ratios(&before.model, &before.beta), ratios(&after.model, &after.beta));
+    was.zip(is).any(|(was, is)| !(1.0 / SWUNG..SWUNG).contains(&(is / was)))
+}
+
+/// True for a fit with more effects than another, in which every joint still moves, and about as
+/// much for its readings.
+pub(crate) fn sensible(before: &Fit, after: &Fit) -> bool {
+    after.plausible && after.termination.converged() && !swung(before, after)
 }
 
 /// After so many moves an order has settled, or never will.
@@ -413,8 +430,7 @@ impl<'a> Stepwise<'a> {
 
     /// By how much χ² fell, the parameters and places of what was added paid for.
     pub(crate) fn gain(&self, before: &Fit, after: &Fit, added: &[Scored]) -> f64 {
-        let sensible = after.plausible && added.iter().all(|s| physical(after, &s.instance));
-        if sensible && after.termination.converged() {
+        if sensible(before, after) && added.iter().all(|s| physical(after, &s.instance)) {
             cost(before) - cost(after) - added.iter().map(Scored::paid).sum::<f64>()
         } else {
             f64::NEG_INFINITY

@@ -8,7 +8,7 @@ use crate::Error;
 use crate::apply::change::apart;
 use crate::diagnosis::score::scored::{self, Scored};
 use crate::diagnosis::stepwise::alternatives::charge;
-use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical};
+use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical, sensible};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
@@ -65,8 +65,7 @@ impl Stepwise<'_> {
                 let mut all = found.to_vec();
                 all[index] = *other;
                 let refit = self.with(&without, &[other.instance])?;
-                let sensible = refit.plausible && physical(&refit, &other.instance);
-                if sensible && refit.termination.converged() {
+                if sensible(&without, &refit) && physical(&refit, &other.instance) {
                     let chi2 = cost(&refit) + charges(&all);
                     explanations.push((of(effects(&all), chi2), refit));
                 }

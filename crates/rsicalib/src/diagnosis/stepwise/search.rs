@@ -144,17 +144,17 @@ pub fn search_effects(
 /// One more of those costs about 14; one constant that all chains have costs two more.
 const DIVIDED: f64 = 20.0;
 
-/// The search; where chains seem to share an effect and differ in another of its class, also
-/// without shared effects: those may be the mean of chains that differ.
+/// The search; where chains seem to share an effect and differ in another, also without shared
+/// effects: those may be the mean of chains that differ, and the other effect what is left of one.
+/// What happened once is no difference of chains.
 fn search_chains(stepwise: &mut Stepwise, start: &Fit, most: usize) -> Result<Searched, Error> {
     let open = search_once(stepwise, start.clone(), most)?;
     let mixed = open.effects().any(|step| {
         let own = step.scored.instance;
         own.target.is_shared()
-            && open.effects().any(|other| {
-                let other = other.scored.instance;
-                other != own && other.term.info().class == own.term.info().class
-            })
+            && open
+                .effects()
+                .any(|other| other.scored.instance != own && !other.scored.family.happened_once())
     });
     if !mixed {
         return Ok(open);
