@@ -79,16 +79,20 @@ pub fn switchboard(full: &Full) -> Result<Option<Switchboard>, Error> {
     }))
 }
 
-/// Effects, then readings that were left out.
+/// Effects, then readings that were left out, in the order of the result.
 fn suspects(full: &Full) -> Vec<Suspect> {
     let last = &full.last.model.instances;
-    let effects = full.found.iter().copied().filter(|i| last.contains(i));
-    let readings = last.iter().copied().filter(is_data);
+    let effects = full.found.iter().copied().filter(|i| last.contains(i)).map(Suspect::Instance);
+    let readings = last.iter().filter(|i| is_data(i)).map(|i| (i.place, Suspect::Instance(*i)));
     let poses = full.excluded.iter().filter_map(|e| match (e.pose, e.row, e.channel) {
-        (Some(pose), None, None) if full.small.weights[pose] == 0.0 => Some(Suspect::Pose(pose)),
+        (Some(pose), None, None) if full.small.weights[pose] == 0.0 => {
+            Some((pose, Suspect::Pose(pose)))
+        }
         _ => None,
     });
-    effects.chain(readings).map(Suspect::Instance).chain(poses).collect()
+    let mut left_out: Vec<(usize, Suspect)> = readings.chain(poses).collect();
+    left_out.sort_by_key(|(pose, _)| full.excluded.iter().position(|e| e.pose == Some(*pose)));
+    effects.chain(left_out.into_iter().map(|(_, suspect)| suspect)).collect()
 }
 
 fn switch(small: &Observations, suspect: &Suspect) -> Switch {
