@@ -399,13 +399,14 @@ def test_parameters_stand_beside_those_of_an_earlier_result(tmp_path: Path) -> N
 
 
 def test_channels_of_other_units_are_not_compared() -> None:
-    noise = Noise("declared", {"q1": 2e-5, "q2": 1e-5, "x": 0.005}, None, None)
-    figure = noise_figure(noise, ("rad", "rad", "mm"))
+    sigma = {"q1": 2e-5, "q2": 1e-5, "x": 0.005}
+    noise = Noise("declared", sigma, None, None, {"q1": "rad", "q2": "rad", "x": "mm"})
+    figure = noise_figure(noise)
     bars = [e for e in ET.fromstring(figure.draw(svg.WIDE)).iter() if e.tag.endswith("rect")]
     q1, q2, x = (float(bar.get("width", "nan")) for bar in bars)
     assert q1 == x == pytest.approx(2 * q2, abs=0.1)
     assert "as declared" in figure.caption and "of its unit" in figure.caption
-    assert "of its unit" not in noise_figure(noise).caption
+    assert "of its unit" not in noise_figure(dataclasses.replace(noise, unit={})).caption
 
 
 def test_names_from_a_file_cannot_break_the_page(traced: Trace) -> None:
@@ -445,11 +446,13 @@ def test_a_value_has_as_many_digits_as_its_uncertainty_allows() -> None:
 
 def test_a_noisy_channel_is_named_beside_what_is_usual(traced: Trace) -> None:
     sigma = {"a11": 1.04, "a12": 1.04, "a13": 4.1}
-    noise = Noise("misclosure of repeats, by channel", sigma, 100.0, 0.0)
+    unit = dict.fromkeys(sigma, "count")
+    noise = Noise("misclosure of repeats, by channel", sigma, 100.0, 0.0, unit)
     words = noise_words(dataclasses.replace(traced, noise=noise))
-    assert words.startswith("1.04 count per sample, a13 4.10 (misclosure of repeats, by channel")
-    apart = Noise("declared", {"a11": 1.0, "a12": 2.0}, None, None)
-    assert noise_words(dataclasses.replace(traced, noise=apart)).startswith("1.00 … 2.00 count")
+    assert words.startswith("1.04 count, but 4.10 in a13, per sample (misclosure of repeats, by")
+    apart = Noise("declared", {"a11": 1.0, "a12": 2.0, "x": 0.5}, None, None, unit | {"x": "mm"})
+    words = noise_words(dataclasses.replace(traced, noise=apart))
+    assert words == "1.00 … 2.00 count and 0.500 mm per sample (declared)"
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,8 @@ class Noise(Record):
     """Degrees of freedom; null where the noise was declared."""
     correlation: float | None
     """Correlation of neighbouring samples."""
+    unit: Mapping[str, str] = field(default_factory=dict)
+    """Unit of the readings, by channel."""
 
 
 @dataclass(frozen=True)
@@ -771,8 +773,6 @@ class Evidence(Record):
     """Closure of each equation; a touch has several."""
     poses: tuple[int, ...]
     """Label of each pose; empty for a recording, whose poses are its rows."""
-    units: tuple[str, ...]
-    """Unit of the readings of each channel."""
     effects: tuple[EffectEvidence, ...]
     """One for each effect that was found, in the order of `steps`."""
     left: tuple[Score, ...]

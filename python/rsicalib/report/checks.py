@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas
 from rsicalib.report.words import listed_words, number
 from rsicalib.shapes import Noise, Reliability, ResultShape
+from rsicalib.units import with_unit
 
 __all__ = ["noise_figure", "reliability_figure", "reliability_rows"]
 
 
-def noise_figure(noise: Noise, units: Sequence[str] = ()) -> Figure:
-    """Draw the standard deviation of a sample of each channel as a bar.
-
-    Bars of one unit have one scale; without `units` all are taken to have the same.
-    """
+def noise_figure(noise: Noise) -> Figure:
+    """Draw the standard deviation of a sample of each channel as a bar; one scale for each unit."""
     names = list(noise.sigma)
-    own = dict(zip(names, units, strict=True)) if len(units) == len(names) else {}
     largest: dict[str, float] = {}
     for name, sigma in noise.sigma.items():
-        unit = own.get(name, "")
+        unit = noise.unit.get(name, "")
         largest[unit] = max(sigma, largest.get(unit, 0.0))
 
     def draw(width: float) -> str:
@@ -29,11 +24,11 @@ def noise_figure(noise: Noise, units: Sequence[str] = ()) -> Figure:
         room = width - left - 110.0
         canvas = Canvas(width, 20.0 * len(names) + 8.0)
         for k, name in enumerate(names):
-            y, sigma, unit = 4.0 + 20.0 * k, noise.sigma[name], own.get(name, "")
+            y, sigma, unit = 4.0 + 20.0 * k, noise.sigma[name], noise.unit.get(name, "")
             canvas.text(left - 6.0, y + 12.0, name[:12], anchor="end")
             long = room * sigma / (largest[unit] or 1.0)
             canvas.rect(left, y, long, 15.0, "bar", f"{name}: {sigma}")
-            canvas.text(left + long + 4.0, y + 12.0, f"{number(sigma)} {unit}".strip())
+            canvas.text(left + long + 4.0, y + 12.0, with_unit(number(sigma), unit))
         return canvas.svg("noise of each channel")
 
     known = "as declared" if noise.source == "declared" else f"from the {noise.source}"
@@ -65,15 +60,13 @@ def reliability_rows(result: ResultShape, found: Reliability) -> list[tuple[str,
     return rows
 
 
-def reliability_figure(
-    result: ResultShape, found: Reliability, units: Sequence[str] = ()
-) -> Figure | None:
+def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None:
     """Draw the minimum detectable error of every channel in every pose as a map.
 
     Colours are beside what is usual for channels of the same unit.
     """
     names = list(result.noise.sigma) if result.noise else []
-    own = list(units) if len(units) == len(names) else [""] * len(names)
+    own = [result.noise.unit.get(name, "") for name in names] if result.noise else []
     known: dict[str, list[float]] = {}
     for unit, errors in zip(own, found.detectable, strict=False):
         known.setdefault(unit, []).extend(e for e in errors if e is not None)
@@ -92,7 +85,7 @@ def reliability_figure(
                 zip(found.detectable[c], found.external[c], strict=True)
             ):
                 said = f"{name}, pose {p + 1} in order: "
-                said += f"{number(error)} {own[c]}".strip()
+                said += "none" if error is None else with_unit(number(error), own[c])
                 said += f", external reliability {number(harm)}"
                 kind = f"level{_level(error, middle.get(own[c], 1.0))}"
                 canvas.rect(left + size * p, 18.0 * c, size + 0.3, 17.0, kind, said)
@@ -105,7 +98,7 @@ def reliability_figure(
             canvas.text(left + step * k + 14.0, y + 18.0, label)
         return canvas.svg("minimum detectable error by channel and pose")
 
-    usual = listed_words([f"{number(size)} {unit}".strip() for unit, size in middle.items()])
+    usual = listed_words([with_unit(number(size), unit) for unit, size in middle.items()])
     caption = (
         f"Minimum detectable error of each channel in each pose; {usual} is usual, and “none” is "
         "checked by no other reading. Strong colours are readings that few others check: an error "

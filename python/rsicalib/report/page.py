@@ -93,9 +93,9 @@ def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, 
         found.append(mechanism_figure(result, evidence, dots_of(result, evidence)))
         found.append(workspace_figure(result, evidence))
         if evidence.reliability is not None:
-            found.append(reliability_figure(result, evidence.reliability, evidence.units))
+            found.append(reliability_figure(result, evidence.reliability))
     if result.noise is not None and result.noise.sigma:
-        found.append(noise_figure(result.noise, evidence.units if evidence else ()))
+        found.append(noise_figure(result.noise))
     return {figure.name: figure.svg() for figure in found if figure is not None}
 
 
@@ -343,14 +343,13 @@ def _earlier(p: Parameter) -> tuple[str, str]:
 
 def _readings(result: ResultShape, evidence: Evidence | None) -> str:
     drawn: list[Figure | None] = []
-    units = evidence.units if evidence else ()
     if result.noise is not None and result.noise.sigma:
-        drawn.append(noise_figure(result.noise, units))
+        drawn.append(noise_figure(result.noise))
     drawn.append(normal_figure(result))
     rows = ""
     found = evidence.reliability if evidence else None
     if found is not None:
-        drawn.append(reliability_figure(result, found, units))
+        drawn.append(reliability_figure(result, found))
         heads = ("channel", "usual", "largest", "external, largest", "unchecked poses")
         rows = table(heads, reliability_rows(result, found), 1, "reliability by channel")
         rows = _folded("Minimum detectable error and external reliability by channel", rows)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rsicalib.shapes import (
     CalibrationShape,
@@ -198,19 +198,27 @@ def _found(result: ResultShape) -> str:
 
 def noise_words(result: ResultShape) -> str:
     """How large the noise is, and where from."""
-    if result.noise is None:
+    if result.noise is None or not result.noise.sigma:
         return "not known"
-    sigma = result.noise.sigma
-    usual, times = Counter(sigma.values()).most_common(1)[0]
-    apart = [f"{name} {number(value)}" for name, value in sigma.items() if value != usual]
-    low, high = number(min(sigma.values())), number(max(sigma.values()))
-    size, others = low if low == high else f"{low} … {high}", ""
-    if apart and 2 * times > len(sigma):
-        size, others = number(usual), f", {listed_words(apart)}"
+    unit = result.noise.unit
+    by_unit: dict[str, dict[str, float]] = {}
+    for name, sigma in result.noise.sigma.items():
+        by_unit.setdefault(unit.get(name, ""), {})[name] = sigma
+    sizes = listed_words([_sizes(sigma, of) for of, sigma in by_unit.items()])
     dof = "" if result.noise.dof is None else f", {result.noise.dof:.0f} degrees of freedom"
-    units = {p.unit.partition("/")[2] for p in result.parameters if p.term == "gain"}
-    unit = f"{units.pop()} " if len(units) == 1 else ""
-    return f"{size} {unit}per sample{others} ({result.noise.source}{dof})"
+    return f"{sizes} per sample ({result.noise.source}{dof})"
+
+
+def _sizes(sigma: Mapping[str, float], unit: str) -> str:
+    """The usual size and those apart from it, or the smallest and the largest."""
+    usual, times = Counter(sigma.values()).most_common(1)[0]
+    low, high = number(min(sigma.values())), number(max(sigma.values()))
+    if low == high:
+        return with_unit(low, unit)
+    if 2 * times <= len(sigma):
+        return with_unit(f"{low} … {high}", unit)
+    apart = [f"{number(value)} in {name}" for name, value in sigma.items() if value != usual]
+    return f"{with_unit(number(usual), unit)}, but {listed_words(apart)},"
 
 
 def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, str, str]]]:

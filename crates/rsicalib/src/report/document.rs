@@ -223,6 +223,9 @@ pub struct Noise {
     pub dof: Option<f64>,
     /// Correlation of neighbouring samples.
     pub correlation: Option<f64>,
+    /// Unit of the readings, by channel.
+    #[serde(default)]
+    pub unit: IndexMap<String, String>,
 }
 
 /// How well a model fits.

@@ -11,12 +11,12 @@ use crate::readings::{Readings, Table};
 use crate::report::words;
 use crate::screening::excluded::Excluded;
 
-/// Name and number, in the order of the mechanism.
+/// Names and what each has, in the order of the mechanism.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Named(pub Vec<(String, f64)>);
+pub struct Named<T = f64>(pub Vec<(String, T)>);
 
 #[cfg(feature = "serde")]
-impl serde::Serialize for Named {
+impl<T: serde::Serialize> serde::Serialize for Named<T> {
     fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         s.collect_map(self.0.iter().map(|(k, v)| (k, v)))
     }
@@ -34,6 +34,8 @@ pub struct NoiseReport {
     pub dof: Option<f64>,
     /// Between neighbouring samples.
     pub correlation: f64,
+    /// Units of the readings.
+    pub unit: Named<String>,
 }
 
 /// How well a model fits.
@@ -190,8 +192,9 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
     let (_, covariance) = reported(fit);
     let mechanism = &observations.mechanism;
     let n = covariance.nrows();
-    let sigma =
-        mechanism.channels.iter().map(|c| c.name.clone()).zip(fit.noise.sigma.iter().copied());
+    let names = || mechanism.channels.iter().map(|c| c.name.clone());
+    let sigma = names().zip(fit.noise.sigma.iter().copied());
+    let unit = names().zip(mechanism.channels.iter().map(|c| c.unit.clone()));
     let parameters = parameters(observations, fit);
     Estimates {
         noise: NoiseReport {
@@ -199,6 +202,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             sigma: Named(sigma.collect()),
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
             correlation: fit.noise.correlation,
+            unit: Named(unit.collect()),
         },
         misclosure: misclosure(observations, fit),
         remarks: parameters.iter().filter_map(ParameterReport::remark).collect(),

@@ -70,7 +70,6 @@ fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {
     Ok(Evidence {
         equations: equations(fit),
         poses: if readings.held { readings.labels.clone() } else { Vec::new() },
-        units: small.mechanism.channels.iter().map(|channel| channel.unit.clone()).collect(),
         effects: Vec::new(),
         left: Vec::new(),
         reliability: reliability(small, fit),

@@ -15,8 +15,6 @@ pub struct Evidence {
     pub equations: Vec<String>,
     /// Label of each pose; empty for a recording, whose poses are its rows.
     pub poses: Vec<i64>,
-    /// Unit of the readings of each channel.
-    pub units: Vec<String>,
     /// One for each effect that was found, in the order of `steps`.
     pub effects: Vec<EffectEvidence>,
     /// Scores of what is not in the final model, best first.
