@@ -36,6 +36,11 @@ from tests.test_families import clean
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
 
 
+HEADS = ["offset [rad]", "gain [mrad/count]"]
+LONG = "shoulder_of_arm_"
+"""Longer than a column."""
+
+
 @pytest.fixture(scope="module")
 def traced() -> Trace:
     return rsicalib.demo()
@@ -511,3 +516,32 @@ def test_the_curve_of_a_joint_that_slides_is_in_the_unit_of_length() -> None:
 )
 def test_a_pure_number_stands_without_a_unit(unit: str | None, words: str) -> None:
     assert with_unit("0.01", unit) == words
+
+
+def test_columns_of_the_summary_never_touch(traced: Trace) -> None:
+    before = dataclasses.replace(traced.before, chi2=3.6e-9, dof=123456.7)
+    (line,) = (
+        line
+        for line in dataclasses.replace(traced, before=before).summary().splitlines()
+        if line.startswith("  χ² / degrees of freedom")
+    )
+    name, old, new = re.split(r" {2,}", line.strip())
+    assert (name, old) == ("χ² / degrees of freedom", "3.60e-09 / 123457")
+    assert new == f"{number(traced.after.chi2)} / {number(traced.after.dof)}"
+
+
+def test_channels_of_other_units_say_theirs_in_the_summary() -> None:
+    found = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    lines = found.summary().splitlines()
+    assert any(re.split(r" {2,}", line.strip())[1:] == HEADS for line in lines)
+    slides = {"offset@a12": "mm", "gain@a12": "mm/count"}
+    parameters = [
+        dataclasses.replace(p, unit=slides.get(p.key, p.unit), target=p.target.replace("a2", LONG))
+        for p in found.parameters
+    ]
+    lines = dataclasses.replace(found, parameters=tuple(parameters)).summary().splitlines()
+    cells = {c[0]: c[1:] for line in lines if len(c := re.split(r" {2,}", line.strip())) == 3}
+    assert cells["± 95 %"] == ["offset", "gain"]
+    assert [cell.split()[-1] for cell in cells["a11"]] == ["rad", "mrad/count"]
+    assert [cell.split()[-1] for cell in cells["a12"]] == ["mm", "mm/count"]
+    assert f"{LONG}1" in cells

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rsicalib.report.words import (
     advice,
@@ -19,7 +19,7 @@ from rsicalib.report.words import (
     size_words,
 )
 from rsicalib.shapes import Parameter, ResultShape, TraceShape
-from rsicalib.units import with_unit
+from rsicalib.units import axis_words, with_unit
 
 __all__ = ["summary"]
 
@@ -107,11 +107,19 @@ def _errors(result: ResultShape) -> list[str]:
     rows.sort(key=lambda row: row[0].startswith("held-out"))
     if not rows:
         return []
-    wide = max(len(row[0]) for row in rows) + 2
     if all(old == "–" for _, old, _ in rows):
-        return [f"  {name:{wide}}{new:>14}" for name, _, new in rows]
-    lines = [f"  {'':{wide}}{heads[0]:>14}{heads[1]:>14}"]
-    return lines + [f"  {name:{wide}}{old:>14}{new:>14}" for name, old, new in rows]
+        return _columns([(name, new) for name, _, new in rows], 14)
+    return _columns([("", *heads), *rows], 14)
+
+
+def _columns(rows: Sequence[Sequence[str]], least: int) -> list[str]:
+    """Names to the left, and what each has to the right, in columns that never touch."""
+    first = max(len(row[0]) for row in rows) + 2
+    wide = [max(least, max(map(len, cells)) + 2) for cells in zip(*rows, strict=True)][1:]
+    return [
+        f"  {row[0]:{first}}" + "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
+        for row in rows
+    ]
 
 
 def _found(result: TraceShape) -> list[str]:
@@ -165,20 +173,27 @@ def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
             sensors.setdefault(p.target, {})[p.term] = p
         else:
             others.append(p)
-    lines = []
-    if sensors:
-        first = next(iter(sensors.values()))
-        units = [f"{t} [{_unit(first[t])}]" if t in first else "" for t in ("offset", "gain")]
-        lines.append(f"  {'± 95 %':10}{units[0]:>24}{units[1]:>28}")
-    for target, pair in sensors.items():
-        cells = [_estimate(pair[t]) if t in pair else "" for t in ("offset", "gain")]
-        lines.append(f"  {target:10}{cells[0]:>24}{cells[1]:>28}")
+    lines = _sensors(sensors) if sensors else []
     for p in others:
         name = parameter_name(p.term, p.name)
         lines.append(_cut(f"  {p.target:9} {name} = {with_unit(_estimate(p), p.unit)}"))
     if len(lines) > room:
         lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
     return lines
+
+
+def _sensors(sensors: Mapping[str, Mapping[str, Parameter]]) -> list[str]:
+    """Offsets and gains by channel: their unit at the head, or beside each where units differ."""
+    terms = [t for t in ("offset", "gain") if any(t in pair for pair in sensors.values())]
+    rows = [["± 95 %"], *([target] for target in sensors)]
+    for term in terms:
+        units = {_unit(pair[term]) for pair in sensors.values() if term in pair}
+        one = units.pop() if len(units) == 1 else None
+        rows[0].append(axis_words(term, one))
+        for row, pair in zip(rows[1:], sensors.values(), strict=True):
+            p = pair.get(term)
+            row.append("" if p is None else with_unit(_estimate(p), None if one else _unit(p)))
+    return _columns(rows, 28)
 
 
 def _unit(parameter: Parameter) -> str:
