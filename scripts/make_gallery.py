@@ -24,6 +24,12 @@ PICTURES = ROOT / "docs" / "gallery"
 
 POSES, SAMPLES, NOISE, SEED = 48, 8, 1.04, 7
 CHANNEL, CHAIN = "a22", "arm2"
+PLACES = {
+    "label of a pose": f":{POSES // 2}",
+    "name of a channel": ":a21",
+    "waves per turn": ":15",
+}
+"""Where an effect that is searched for stands, by the kind of its place."""
 STRENGTH = 150.0
 """Noncentrality of every effect: three of four poses are within noise, and yet it is found."""
 
@@ -89,7 +95,7 @@ def target(term: dict[str, Any]) -> str:
 def supposed(term: dict[str, Any], device: rsicalib.Mechanism) -> tuple[Supposition, Readings]:
     """The effect, as strong as all others."""
     readings = session(device, "motion" not in term["needs"])
-    place = {"slip": f":{POSES // 2}", "crosstalk": ":a21"}.get(term["id"], "")
+    place = PLACES.get(term["place"], "")
     sizes = [p["typical"] * (1.0 if k % 2 == 0 else 0.7) for k, p in enumerate(term["parameters"])]
 
     def at(factor: float) -> Supposition:

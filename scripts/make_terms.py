@@ -38,6 +38,7 @@ CAUSES = """\
 | bars or wheels that the mechanism does not declare | `crosstalk` of neighbouring channels |
 | a bent shaft, an encoder's disc off its centre | `once_per_turn` |
 | a chain that was knocked in the middle of a session | `base_slip` |
+| a ball of a bar that was seated again, a clamp of a bar that gave way | `distance_slip` |
 | an instant of sampling that jitters | noise, which neighbouring rows of a recording show |
 | codes of a converter that are missing, stuck or repeated | a warning, before anything is fitted |
 
@@ -52,6 +53,10 @@ def section(term: dict[str, Any]) -> str:
     lines += ["| parameter | unit | typical size |", "|---|---|---|"]
     lines += [f"| `{p['name']}` | {p['unit']} | {p['typical']:g} |" for p in term["parameters"]]
     lines += ["", f"Needs: {term['needs']}. Targets: {', '.join(term['targets']) or 'none'}."]
+    if term["place"]:
+        lines[-1] += (
+            f" Place: {term['place']}, as in `{name}@{(term['targets'] or ['TARGET'])[0]}:PLACE`."
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -89,7 +89,7 @@ def picture(term: Mapping[str, Any]) -> str:
     if term["class"] in ("sensor", "electronics", "data"):
         body = _correction(term)
     elif term["class"] == "closure":
-        body = _distance()
+        body = _distance(term["parameters"][0]["name"])
     else:
         body = _arm(term)
     words = escape(f"{term['id'].replace('_', ' ')}: what it does")
@@ -149,7 +149,7 @@ def _correction(term: Mapping[str, Any]) -> str:
         more = {"pose": np.arange(len(values))}
     if term["id"] == "bad_reading":
         more |= {"pose": np.arange(ROWS)}
-    place = {"slip": "60", "bad_reading": "60"}.get(term["id"])
+    place = {"label of a pose": "60", "waves per turn": "3"}.get(term["place"])
     target = {"electronics": "all"}.get(term["class"], "a")
     sizes = {p["name"]: p["typical"] * (-1) ** k for k, p in enumerate(term["parameters"])}
     declared = mechanism.channels[1]
@@ -275,11 +275,11 @@ def _joints(
     return np.vstack([base, tips])
 
 
-def _distance() -> str:
+def _distance(parameter: str) -> str:
     body = ['<line class="old" x1="60" y1="90" x2="250" y2="90"/>']
     body.append('<line class="new" x1="60" y1="80" x2="285" y2="80"/>')
     body += [f'<circle class="joint" cx="{x}" cy="80" r="4"/>' for x in (60, 285)]
-    body.append(_text(172, 66, "value + d", "middle"))
+    body.append(_text(172, 66, f"value + {parameter}", "middle"))
     body.append(_text(155, 112, "value, as drawn", "middle"))
     return "\n".join(body)
 

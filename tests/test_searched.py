@@ -1,8 +1,9 @@
-"""Effects with a place that is searched for: an order per turn, a pose from which a base has moved;
-and a counterbalance, which all arms share. Witness: the simulator of blind trials."""
+"""Effects with a place that is searched for: an order per turn, a pose from which a base or a bar
+has moved; and a counterbalance, which all arms share. Witness: the simulator of blind trials."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,6 +15,10 @@ from tests.blind import trials
 from tests.blind.effects import ARMS, BaseSlip, Effect, Ripple
 from tests.blind.geometry import Geometry, forward_arm
 from tests.blind.trials import examine, staged
+from tests.families.device import observe
+from tests.families.effects import distance, targets
+from tests.families.trials import readings_of
+from tests.test_families import clean
 
 
 @pytest.mark.parametrize(("channel", "wave"), [("a22", 130.0), ("a31", 270.0), ("a13", 200.0)])
@@ -108,3 +113,34 @@ def test_play_of_a_gear_lies_where_the_load_pulls(channel: str) -> None:
     (value,) = step["parameters"]
     # Half a play of 4 mrad is no first-order change of the pull's side.
     assert abs(value["value"] - 0.004) < 4.0 * value["sd"]
+
+
+SHIFT = {"ballbar": 0.03, "drawwire": 0.01}
+"""Lengths, each in its unit, that move the closures by about ten standard deviations in all."""
+
+
+@pytest.mark.parametrize(("family", "seed"), [("ballbar", 0), ("drawwire", 4)])
+def test_a_distance_that_changed_once_is_found_with_its_pose(family: str, seed: int) -> None:
+    """Poses from one on are those of the same machine with another bar: nothing of it is shared
+    with the core."""
+    device, scene, mechanism, _ = clean(family, seed)
+    (closure,) = targets(device, "distance")
+    from_pose = scene.poses // 2
+    longer = distance(device, np.random.default_rng(seed), closure)
+    longer = dataclasses.replace(longer, size=SHIFT[family])
+    rngs = [np.random.default_rng([seed, k]) for k in (0, 1)]
+    as_drawn, changed = observe(device, scene, rngs[0]), observe(device, scene, rngs[1], [longer])
+    later = scene.label >= from_pose
+    columns = {
+        name: np.where(later, changed.columns[name], as_drawn.columns[name])
+        for name in as_drawn.columns
+    }
+    values = np.where(later[:, None], changed.values, as_drawn.values)
+    session = dataclasses.replace(as_drawn, values=values, columns=columns)
+    result = rsicalib.trace(readings_of(mechanism, session), mechanism)
+    assert result.verdict == "explained"
+    (step,) = result.steps
+    assert (step.term, step.target) == ("distance_slip", closure)
+    assert step.place is not None and abs(int(step.place) - from_pose) <= 2
+    (parameter,) = step.parameters
+    assert abs(parameter.value - longer.size) < 4.5 * (parameter.sd or 0.0)

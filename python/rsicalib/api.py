@@ -106,7 +106,8 @@ def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        `id`, `class`, `doc`, `needs`, `parameters` (name, unit, typical size) and `targets`.
+        `id`, `class`, `doc`, `needs`, `place`, `parameters` (name, unit, typical size) and
+        `targets`.
     """
     found: list[dict[str, Any]] = _core.terms(load_mechanism(mechanism))
     return found

@@ -325,6 +325,7 @@ struct TermView {
     class: Class,
     doc: String,
     needs: &'static str,
+    place: Option<&'static str>,
     parameters: Vec<ParameterView>,
     targets: Vec<String>,
 }
@@ -342,6 +343,7 @@ pub fn terms<'py>(py: Python<'py>, mechanism: &PyMechanism) -> PyResult<Bound<'p
                 class: info.class,
                 doc: lines.collect::<Vec<_>>().join("\n"),
                 needs: info.needs.words(),
+                place: term.placed().words(),
                 parameters: info
                     .parameters
                     .iter()

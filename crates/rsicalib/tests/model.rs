@@ -185,6 +185,10 @@ fn a_target_or_place_that_is_not_there_is_named_with_those_that_are() {
     assert_eq!(refused("curvature@a77"), ("target", "a77".into(), targets));
     assert_eq!(refused("crosstalk@a22:a33"), ("place", "a33".into(), "a21, a23".into()));
     assert_eq!(refused("wobble").0, "term");
+    for searched in ["slip@a22", "crosstalk", "n_per_turn@a11", "base_slip@arm1", "bad_reading"] {
+        let Err(Error::Option { found, .. }) = parse(searched) else { panic!("{searched}") };
+        assert!(found.starts_with(searched) && found.ends_with("without a place"), "{found}");
+    }
     let slip = parse("slip@a22:17").expect("a pose of that label");
     assert_eq!(readings.labels[slip[0].place], 17);
     assert_eq!(parse("link_length").expect("every row").len(), 12);

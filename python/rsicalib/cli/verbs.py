@@ -323,7 +323,13 @@ def terms(args: Args) -> int:
                 f"  {parameter['name']:8} {parameter['unit']:12} typically {parameter['typical']:g}"
             )
             say(line)
-        say(f"\n  needs    {term['needs']}\n  targets  {', '.join(term['targets']) or 'none here'}")
+        facts = {
+            "needs": term["needs"],
+            "place": term["place"],
+            "targets": ", ".join(term["targets"]),
+        }
+        facts["targets"] = facts["targets"] or "none here"
+        say("\n" + "\n".join(f"  {name:8} {fact}" for name, fact in facts.items() if fact))
     return 0
 
 

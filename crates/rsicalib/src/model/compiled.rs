@@ -27,6 +27,14 @@ pub(crate) enum End {
     Unknown(usize),
 }
 
+/// A parameter that is added to the value of a distance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Added {
+    pub(crate) parameter: usize,
+    /// Number of its gate; none where the parameter acts in all samples.
+    pub(crate) gate: Option<usize>,
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct CompiledClosure {
     pub(crate) kind: ClosureKind,
@@ -34,8 +42,8 @@ pub(crate) struct CompiledClosure {
     /// Known value; for a measured distance the mean of its column.
     pub(crate) value: f64,
     pub(crate) column: Option<usize>,
-    /// Parameter of a `distance` term at this closure.
-    pub(crate) parameter: Option<usize>,
+    /// What terms add to the value.
+    pub(crate) added: Vec<Added>,
     /// Coordinates of the laws of this closure.
     pub(crate) laws: Vec<usize>,
     /// Number of the first equation.
@@ -400,7 +408,7 @@ impl Model {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
-                Acts::Geometry(_) if instance.term.placed() == Placed::AtPose => {
+                Acts::Geometry(_) | Acts::Distance if instance.term.placed() == Placed::AtPose => {
                     self.gates.push(Gate { instance: number, place, session });
                 }
                 Acts::Geometry(_) | Acts::Distance => {}
@@ -507,14 +515,7 @@ impl Model {
                 }
                 None => (0.0, None),
             };
-            let parameter = self
-                .instances
-                .iter()
-                .zip(&self.first)
-                .find(|(i, _)| {
-                    matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(k)
-                })
-                .map(|(_, first)| *first);
+            let added = self.added_to(k);
             let noise = closure.noise.unwrap_or(0.0);
             let kind = closure.kind;
             self.closures.push(CompiledClosure {
@@ -522,7 +523,7 @@ impl Model {
                 ends,
                 value,
                 column,
-                parameter,
+                added,
                 laws: self.laws.iter().filter(|law| law.of_closure(k)).map(|l| l.to).collect(),
                 equation,
                 along: None,
@@ -531,6 +532,19 @@ impl Model {
             equation += kind.equations();
         }
         Ok(())
+    }
+
+    /// What terms add to the distance of a closure of the mechanism.
+    fn added_to(&self, closure: usize) -> Vec<Added> {
+        let own = |i: &Instance| {
+            matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(closure)
+        };
+        let instances = self.instances.iter().zip(&self.first).enumerate();
+        let added = instances.filter(|(_, (i, _))| own(i)).map(|(number, (_, &parameter))| Added {
+            parameter,
+            gate: self.gates.iter().position(|g| g.instance == number),
+        });
+        added.collect()
     }
 
     /// Numbers the equations, of which each closure has as many as it has directions.
@@ -626,7 +640,7 @@ impl Model {
     pub fn active(&self) -> Vec<Vec<usize>> {
         let mut active = Vec::with_capacity(self.equations);
         for closure in &self.closures {
-            let mut columns: Vec<usize> = closure.parameter.into_iter().collect();
+            let mut columns: Vec<usize> = closure.added.iter().map(|a| a.parameter).collect();
             let laws = self.laws.iter().filter(|law| closure.laws.contains(&law.to));
             columns.extend(laws.flat_map(|law| law.first..law.first + law.term.width));
             for end in &closure.ends {

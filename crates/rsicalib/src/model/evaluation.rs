@@ -346,13 +346,15 @@ impl Model {
             let mut distance = closure
                 .column
                 .map_or(Lanes::splat(closure.value), |column| readings.columns(block)[column]);
-            if let Some(parameter) = closure.parameter {
-                distance += Lanes::splat(beta[parameter]);
-                if want.x {
-                    ws.x[closure.equation * width + parameter] = distance * -2.0;
-                }
+            for added in &closure.added {
+                distance +=
+                    added.gate.map_or(Lanes::splat(1.0), |g| ws.gates[g]) * beta[added.parameter];
             }
             closure.laws.iter().for_each(|&to| distance += ws.angles[to]);
+            for added in closure.added.iter().filter(|_| want.x) {
+                let acts = added.gate.map_or(Lanes::splat(1.0), |g| ws.gates[g]);
+                ws.x[closure.equation * width + added.parameter] = acts * distance * -2.0;
+            }
             if want.x || want.a {
                 closure.laws.iter().for_each(|&to| {
                     ws.laws.h[closure.equation * self.amounts + to - channels] = distance * -2.0;

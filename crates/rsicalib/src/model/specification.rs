@@ -98,7 +98,8 @@ impl Spec {
 ///
 /// # Errors
 ///
-/// [`Error::Unknown`] for a term, a target or a place that does not exist, with the known names.
+/// [`Error::Unknown`] for a term, a target or a place that does not exist, with the known names;
+/// [`Error::Option`] for a searched term without its place.
 pub fn parse(
     mechanism: &Mechanism,
     readings: &Readings,
@@ -134,6 +135,11 @@ pub fn instances_of(
             None if bound_to_session(term) => {
                 instances.extend(places.iter().map(|&place| Instance { term, target, place }));
             }
+            None if places.len() > 1 => {
+                let names: Vec<String> =
+                    places.iter().map(|&p| place_name(term, mechanism, readings, p)).collect();
+                return Err(without_place(term, &target.name(mechanism), &names));
+            }
             None => {
                 let place = places.first().copied().unwrap_or(0);
                 instances.push(Instance { term, target, place });
@@ -154,6 +160,18 @@ pub fn instances_of(
         }
     }
     Ok(instances)
+}
+
+/// A term that is searched for, where nobody says which of its places is meant.
+fn without_place(term: &dyn Term, target: &str, names: &[String]) -> Error {
+    let id = term.info().id;
+    let what = term.placed().words().unwrap_or_default();
+    let (first, last) = (&names[0], &names[names.len() - 1]);
+    Error::option(
+        "terms",
+        format!("{id}@{target} without a place"),
+        format!("{id}@{target}:PLACE, the {what}, from {first} to {last}; a trace searches for it"),
+    )
 }
 
 /// The place of the order that is nearest to a number of waves per turn.

@@ -115,6 +115,7 @@ mod crosstalk;
 mod cubic;
 mod curvature;
 mod distance;
+mod distance_slip;
 mod drift;
 mod free_curve;
 mod gain;
@@ -182,4 +183,5 @@ registry! {
     counterbalance::Counterbalance,
     gear_play::GearPlay,
     distance::Distance,
+    distance_slip::DistanceSlip,
 }

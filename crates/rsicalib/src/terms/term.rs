@@ -344,6 +344,19 @@ pub enum Placed {
     AtOrder,
 }
 
+impl Placed {
+    /// What a place of the term is, for messages; none for a term without places.
+    #[must_use]
+    pub fn words(self) -> Option<&'static str> {
+        match self {
+            Self::Once => None,
+            Self::AtPose => Some("label of a pose"),
+            Self::AtChannel => Some("name of a channel"),
+            Self::AtOrder => Some("waves per turn"),
+        }
+    }
+}
+
 /// Step between the orders that are tried, in waves per turn. Over a turn it moves the phase by a
 /// quarter of a wave, which the term's own parameter takes up.
 pub const ORDER_STEP: f64 = 0.25;

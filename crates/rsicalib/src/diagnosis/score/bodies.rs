@@ -1,4 +1,4 @@
-//! Scores of what moved once: the base of a chain, the tool at its end.
+//! Scores of what moved once: the base of a chain, the tool at its end, a distance.
 //!
 //! Each term, chain and time is one candidate of several columns: those of a body that is
 //! displaced in all samples, from one pose on. Running sums score all times, (71) and (72).
@@ -25,7 +25,7 @@ pub fn is_move(instance: &Instance) -> bool {
 }
 
 fn moves_once(term: &dyn Term) -> bool {
-    term.placed() == Placed::AtPose && matches!(term.acts(), Acts::Geometry(_))
+    term.placed() == Placed::AtPose && matches!(term.acts(), Acts::Geometry(_) | Acts::Distance)
 }
 
 /// False where a move changes no reading, or would pass for another: a point that closes a loop is
