@@ -187,6 +187,9 @@ MISTAKES = [
     Mistake("an unknown option", "calibrate readings.csv --nosie 1", 2, "--nosie"),
     Mistake("an unknown term", "calibrate readings.csv --terms ofset", 2, "offset"),
     Mistake("no terms", "calibrate readings.csv --terms ,", 2, "term"),
+    Mistake(
+        "a searched term without its place", "calibrate readings.csv --terms slip@a22", 2, "place"
+    ),
     Mistake("a channel that is not there", "calibrate readings.csv --noise a99=1", 2, "a99"),
     Mistake("a negative noise", "calibrate readings.csv --noise -1", 2, "noise"),
     Mistake("a noise of NaN", f"{CALIBRATE} --noise nan", 2, "noise"),

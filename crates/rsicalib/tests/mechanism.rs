@@ -55,6 +55,19 @@ fn a_channel_has_numbers_that_can_be_used() {
 }
 
 #[test]
+fn a_channel_without_range_ends_at_its_limits() {
+    let mut channel = Mechanism::rsi().channels[0].clone();
+    (channel.gain, channel.offset, channel.limits) = (-0.5, 1.0, Some([0.0, 3.0]));
+    assert_eq!((channel.middle(), channel.half_range()), (2047.5, 2047.5));
+    channel.range = None;
+    // 1 - r/2 is 0 at 2 and 3 at -4.
+    assert_eq!(channel.ends(), Some([-4.0, 2.0]));
+    assert_eq!((channel.middle(), channel.half_range()), (-1.0, 3.0));
+    channel.limits = None;
+    assert_eq!((channel.middle(), channel.half_range()), (0.0, 2.0 * std::f64::consts::PI));
+}
+
+#[test]
 fn each_channel_senses_one_joint() {
     let at = |row: usize| format!("chain \"arm2\", row {row}");
     assert_eq!(

@@ -102,7 +102,7 @@ impl Mechanism {
             let gains = (first.gain, other.gain);
             first.unit == other.unit
                 && first.range.is_some() == other.range.is_some()
-                && (first.range.is_none() || close(width[0], width[1], SAME))
+                && close(width[0], width[1], SAME)
                 && close(gains.0, gains.1, MAKE)
         })
     }

@@ -134,16 +134,27 @@ impl Channel {
         if self.unit == "count" { 1.0 / 12.0 } else { 0.0 }
     }
 
-    /// The reading in the middle of the range; zero for an unbounded channel.
+    /// Lowest and highest reading: of the range, or at the joint's limits where there is none.
     #[must_use]
-    pub fn middle(&self) -> f64 {
-        self.range.map_or(0.0, |[low, high]| 0.5 * (low + high))
+    pub fn ends(&self) -> Option<[f64; 2]> {
+        let at_limits = |[low, high]: [f64; 2]| {
+            let [one, other] = [low, high].map(|angle| (angle - self.offset) / self.gain);
+            [one.min(other), one.max(other)]
+        };
+        self.range.or_else(|| self.limits.map(at_limits))
     }
 
-    /// Half the range, in readings; half a turn for an unbounded channel.
+    /// The reading midway between the [ends](Self::ends); zero for an unbounded channel.
+    #[must_use]
+    pub fn middle(&self) -> f64 {
+        self.ends().map_or(0.0, |[low, high]| 0.5 * (low + high))
+    }
+
+    /// Half the way between the [ends](Self::ends), in readings; half a turn for an unbounded
+    /// channel.
     #[must_use]
     pub fn half_range(&self) -> f64 {
-        self.range.map_or(PI / self.gain.abs(), |[low, high]| 0.5 * (high - low))
+        self.ends().map_or(PI / self.gain.abs(), |[low, high]| 0.5 * (high - low))
     }
 
     /// The nominal joint coordinate at a reading, eq. (9): rad, or length for a prismatic joint.

@@ -117,7 +117,7 @@ pub struct Law {
 pub enum Variable {
     /// `reading`: of the joint, in the channel's unit.
     Reading,
-    /// `u`: the reading from the middle of its range, in half ranges.
+    /// `u`: the reading from the middle of its range, in half ranges; see [`Channel::ends`](crate::mechanism::Channel::ends).
     U,
     /// `phi`: the nominal angle of the reading from the middle of its range (rad, or length).
     Phi,
