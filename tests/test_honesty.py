@@ -108,6 +108,43 @@ def test_noise_beyond_a_twentieth_of_the_limits_is_implausible(verb: Any) -> Non
     assert undetermined or (found.verdict, found.exit_code) == ("implausible", 4)
 
 
+@pytest.mark.parametrize(("declared", "verdict"), [(1.0, "adequate"), (0.5, "unexplained")])
+def test_coarse_sensors_beside_a_short_link_are_not_implausible(
+    declared: float, verdict: str
+) -> None:
+    """A crank of 300 mm with a bracket of 10 mm: 5 mrad at its end are 1.5 mm. Law of cosines."""
+    noise, rng = 5e-3, np.random.default_rng(2)
+    crank = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    along, up = 600 - 310 * np.cos(crank), 310 * np.sin(crank)
+    apart = np.hypot(along, up)
+    rocker = np.pi - np.arctan2(up, along)
+    rocker -= np.arccos((apart**2 + 500**2 - 700**2) / (1000 * apart))
+    channels = [
+        {"name": name, "unit": "rad", "gain": 1.0, "offset": 0.0, "noise": noise * declared}
+        for name in ("crank", "rocker")
+    ]
+    chains = [
+        {"name": "left", "dh": [{"channel": "crank", "a": 300.0}, {"a": 10.0}]},
+        {"name": "right", "dh": [{"a": 600.0}, {"channel": "rocker", "a": 500.0}]},
+    ]
+    ends = [{"name": c["name"], "chain": c["name"], "at": [0, 0, 0]} for c in chains]
+    rod = {"name": "rod", "kind": "distance", "between": ["left", "right"], "value": 700.0}
+    mechanism = Mechanism.from_dict(
+        {
+            "name": "coarse four-bar",
+            "length_unit": "mm",
+            "channel": channels,
+            "chain": chains,
+            "point": ends,
+            "closure": [rod],
+            "model": {"terms": ["offset"]},
+        }
+    )
+    values = np.column_stack([crank, rocker]) + noise * rng.standard_normal((60, 2))
+    found = rsicalib.calibrate(Readings.from_arrays(mechanism, values), mechanism)
+    assert (found.verdict, found.implausible) == (verdict, ())
+
+
 def test_an_effect_beyond_thirty_times_its_typical_size_is_implausible() -> None:
     device, scene, rng = machine("ballbar", 0)
     drift = of(device, rng, "drift", "q2", 60 * 5e-3)

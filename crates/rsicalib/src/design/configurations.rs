@@ -238,7 +238,7 @@ impl Configurations {
             .closures
             .iter()
             .filter(|c| c.column.is_none())
-            .flat_map(|c| c.equation..c.equation + c.kind.equations())
+            .flat_map(|c| c.equation..c.equation + c.equations())
             .collect();
         let mut at = readings.raw(block).to_vec();
         let mut ws = Workspace::default();

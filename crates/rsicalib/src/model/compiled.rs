@@ -49,7 +49,8 @@ pub(crate) struct CompiledClosure {
     /// Number of the first equation.
     pub(crate) equation: usize,
     /// Directions along which points that touch must coincide, one equation each; none: the
-    /// three axes of the base. Fewer than three where nothing can violate the others.
+    /// three axes of the base. Fewer than three where nothing can violate the others, or where they
+    /// follow from other equations; empty for a distance that does.
     pub(crate) along: Option<Vec<[f64; 3]>>,
     /// Play, in length units.
     pub(crate) noise: f64,
@@ -235,7 +236,7 @@ impl Model {
             provided(instance.term, mechanism, readings)?;
         }
         let mut model = Self::compile(mechanism, readings, instances, centre)?;
-        model.leave_out_null_equations(readings);
+        model.leave_out_equations(readings);
         Ok(model)
     }
 
@@ -248,7 +249,7 @@ impl Model {
         centre: &[f64],
     ) -> Result<Self, Error> {
         let mut model = Self::compile_checked(mechanism, readings, instances, centre)?;
-        model.leave_out_null_equations(readings);
+        model.leave_out_equations(readings);
         Ok(model)
     }
 
@@ -547,6 +548,12 @@ impl Model {
         added.collect()
     }
 
+    /// Leaves out the equations that say nothing.
+    fn leave_out_equations(&mut self, readings: &Readings) {
+        self.leave_out_null_equations(readings);
+        self.leave_out_equations_that_follow(readings);
+    }
+
     /// Numbers the equations, of which each closure has as many as it has directions.
     pub(crate) fn number_equations(&mut self) {
         let mut equation = 0;
@@ -612,7 +619,7 @@ impl Model {
     /// As [`Model::new`].
     pub fn like(other: &Self, mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
         let mut model = other.with_closures_of(mechanism, readings)?;
-        model.leave_out_null_equations(readings);
+        model.leave_out_equations(readings);
         Ok(model)
     }
 

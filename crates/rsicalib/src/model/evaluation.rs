@@ -340,7 +340,7 @@ impl Model {
             ws.x.resize(self.equations * width, Lanes::ZERO);
         }
         let group = readings.blocks()[block].group;
-        for closure in &self.closures {
+        for closure in self.closures.iter().filter(|closure| closure.equations() > 0) {
             let ends = closure.ends.map(|end| self.end_point(&end, group, beta, &ws.postures));
             let apart = minus(&ends[0], &ends[1]);
             let mut distance = closure

@@ -10,6 +10,7 @@ mod laws;
 mod null;
 mod numbering;
 mod prior;
+mod redundant;
 mod specification;
 mod unknown_points;
 
