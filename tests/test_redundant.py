@@ -108,6 +108,10 @@ def test_all_fifteen_distances_of_six_feet_are_twelve_equations(seed: int) -> No
     found = rsicalib.calibrate(*walker(seed))
     assert (found.verdict, found.excluded) == ("adequate", ())
     assert found.fit.dof == 12 * 60 - 18
+    (warning,) = found.warnings
+    assert (
+        "follow from the other closures" in warning and warning.split(" follow")[0].count(",") == 2
+    )
 
 
 def test_a_longer_shank_is_named_beside_equations_that_follow() -> None:

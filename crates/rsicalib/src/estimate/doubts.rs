@@ -5,6 +5,8 @@ use std::f64::consts::TAU;
 use crate::estimate::noise::source::{NoiseEstimate, Source, misdeclared};
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
+use crate::mechanism::ClosureKind;
+use crate::model::Model;
 
 /// Readings in radians span more than this many times what they can: no joint does, and
 /// degrees do wherever a joint moves through a twentieth of its range.
@@ -29,6 +31,19 @@ pub(crate) fn of_readings(observations: &Observations) -> Vec<Suspicion> {
         found.push(Suspicion::Degrees { channels });
     }
     found
+}
+
+/// What the closures of a model are doubted for.
+pub(crate) fn of_closures(model: &Model) -> Vec<Suspicion> {
+    let mechanism = &model.mechanism;
+    let unused = |k: &usize| {
+        let closure = &mechanism.closures[*k];
+        closure.kind == ClosureKind::Distance
+            && !mechanism.is_link(closure)
+            && model.equations_of(*k) == 0
+    };
+    let closures: Vec<usize> = (0..mechanism.closures.len()).filter(unused).collect();
+    if closures.is_empty() { Vec::new() } else { vec![Suspicion::Follow { closures }] }
 }
 
 /// Channels in radians whose readings fit their joints as degrees, and not as they are.

@@ -192,6 +192,7 @@ fn solve(
         start.warnings.iter().filter(|w| w.of_wiring()).cloned().collect();
     if !settled {
         warnings.extend(doubts::of_readings(observations));
+        warnings.extend(doubts::of_closures(&model));
     }
     if declared.is_some() {
         // Beside an earlier fit, whose noise may not be what is declared.

@@ -38,6 +38,11 @@ pub enum Suspicion {
         /// Poses in all.
         of: usize,
     },
+    /// Distances that follow from the other closures in every pose, and are not used.
+    Follow {
+        /// The closures.
+        closures: Vec<usize>,
+    },
     /// Readings would be within the limits of their joints if they were degrees.
     Degrees {
         /// The channels.
@@ -78,12 +83,12 @@ impl Suspicion {
     /// True where it is about the wiring, and so found at the start.
     #[must_use]
     pub fn of_wiring(&self) -> bool {
-        !matches!(
+        matches!(
             self,
-            Self::SameReadings { .. }
-                | Self::Degrees { .. }
-                | Self::Coarse { .. }
-                | Self::Noise { .. }
+            Self::Reversed { .. }
+                | Self::Exchanged { .. }
+                | Self::Gap { .. }
+                | Self::NoStart { .. }
         )
     }
 }

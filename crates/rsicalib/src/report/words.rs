@@ -109,6 +109,17 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
             "{poses} of {of} poses have the same readings as others, digit by digit: given twice, \
              they count once"
         ),
+        Suspicion::Follow { closures } => {
+            let names: Vec<&str> =
+                closures.iter().map(|&k| mechanism.closures[k].name.as_str()).collect();
+            format!(
+                "{} follow{} from the other closures in every pose: {} not used, and an error \
+                 there does not show",
+                names.join(", "),
+                if names.len() == 1 { "s" } else { "" },
+                if names.len() == 1 { "it is" } else { "they are" },
+            )
+        }
         Suspicion::Degrees { channels } => {
             let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
             format!(
