@@ -35,7 +35,7 @@ pub fn held_out_rows(
     (all, noise): (&Observations, &Noise),
 ) -> Option<HeldOut> {
     let instances = full.model.instances.iter().map(|i| stretches.in_all(i)).collect();
-    let model = all.model(instances).ok()?;
+    let model = all.model_after(Some(&full.model), instances).ok()?;
     let (readings, weights) = (&all.readings, Some(&all.weights[..]));
     errors(small, full, |trained, out| {
         let part = Part { model: &model, readings, weights };

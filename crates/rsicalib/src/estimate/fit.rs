@@ -92,7 +92,7 @@ pub fn fit(
     instances: Vec<Instance>,
     from: Option<&Fit>,
 ) -> Result<Fit, Error> {
-    let model = observations.model(instances)?;
+    let model = observations.model_after(from.map(|fit| &*fit.model), instances)?;
     let priors = model.priors();
     let equations = model.equations() * observations.weights.iter().filter(|w| **w > 0.0).count();
     if equations + priors.len() < model.parameters {

@@ -75,7 +75,20 @@ impl Observations {
     ///
     /// As [`Model::about`].
     pub fn model(&self, instances: Vec<Instance>) -> Result<Model, Error> {
-        Model::about(&self.mechanism, &self.readings, instances, &self.centre)
+        self.model_after(None, instances)
+    }
+
+    /// The same after an earlier model, whose redundant equations it leaves out.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::about`].
+    pub(crate) fn model_after(
+        &self,
+        earlier: Option<&Model>,
+        instances: Vec<Instance>,
+    ) -> Result<Model, Error> {
+        Model::about_as(earlier, &self.mechanism, &self.readings, instances, &self.centre)
     }
 
     /// The model of a fit of these readings with candidates beside its terms.
@@ -85,7 +98,7 @@ impl Observations {
     /// As [`Model::about`].
     pub(crate) fn model_beside(&self, model: &Model, more: &[Instance]) -> Result<Model, Error> {
         let instances = [&model.instances, more].concat();
-        Model::with_candidates(&self.mechanism, &self.readings, instances, &self.centre)
+        Model::with_candidates(model, &self.mechanism, &self.readings, instances, &self.centre)
     }
 
     /// Checks a mechanism and its readings, and computes the rest pose and the anchors.

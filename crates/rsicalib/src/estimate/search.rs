@@ -108,8 +108,14 @@ impl Tied {
     fn new(observations: &Observations, model: &Model, anchor: &Anchor) -> Option<Self> {
         let (at, angles): (Vec<f64>, Vec<f64>) = anchor.at.iter().copied().unzip();
         let instances = model.instances.clone();
-        let model =
-            Model::about(&observations.mechanism, &observations.readings, instances, &at).ok()?;
+        let model = Model::about_as(
+            Some(model),
+            &observations.mechanism,
+            &observations.readings,
+            instances,
+            &at,
+        )
+        .ok()?;
         let mut priors = model.priors();
         for (c, scale) in model.scales.iter().enumerate() {
             if let Some(column) = model.column(Role::Offset, c) {

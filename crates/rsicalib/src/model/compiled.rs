@@ -229,6 +229,22 @@ impl Model {
         instances: Vec<Instance>,
         centre: &[f64],
     ) -> Result<Self, Error> {
+        Self::about_as(None, mechanism, readings, instances, centre)
+    }
+
+    /// As [`Model::about`], with the redundant equations of an earlier model of the mechanism left
+    /// out: the same in all models of a search.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::about`].
+    pub(crate) fn about_as(
+        earlier: Option<&Self>,
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+        centre: &[f64],
+    ) -> Result<Self, Error> {
         for instance in &instances {
             instance.check(mechanism)?;
         }
@@ -236,20 +252,21 @@ impl Model {
             provided(instance.term, mechanism, readings)?;
         }
         let mut model = Self::compile(mechanism, readings, instances, centre)?;
-        model.leave_out_equations(readings);
+        model.leave_out_equations(earlier, readings);
         Ok(model)
     }
 
-    /// As [`Model::about`], of a mechanism of which a model was made before, with instances that were
-    /// made for it: they are not checked again.
+    /// As [`Model::about_as`], with instances that were made for the mechanism: they are not checked
+    /// again.
     pub(crate) fn with_candidates(
+        earlier: &Self,
         mechanism: &Mechanism,
         readings: &Readings,
         instances: Vec<Instance>,
         centre: &[f64],
     ) -> Result<Self, Error> {
         let mut model = Self::compile_checked(mechanism, readings, instances, centre)?;
-        model.leave_out_equations(readings);
+        model.leave_out_equations(Some(earlier), readings);
         Ok(model)
     }
 
@@ -548,10 +565,20 @@ impl Model {
         added.collect()
     }
 
-    /// Leaves out the equations that say nothing.
-    fn leave_out_equations(&mut self, readings: &Readings) {
+    /// Leaves out the equations that say nothing. What follows from what, (56), is of the mechanism:
+    /// it is taken from an earlier model where there is one.
+    fn leave_out_equations(&mut self, earlier: Option<&Self>, readings: &Readings) {
         self.leave_out_null_equations(readings);
-        self.leave_out_equations_that_follow(readings);
+        let Some(earlier) = earlier.filter(|earlier| earlier.mechanism == self.mechanism) else {
+            self.leave_out_equations_that_follow(readings);
+            return;
+        };
+        for (own, earlier) in self.closures.iter_mut().zip(&earlier.closures) {
+            if earlier.equations() < own.equations() {
+                own.along.clone_from(&earlier.along);
+            }
+        }
+        self.number_equations();
     }
 
     /// Numbers the equations, of which each closure has as many as it has directions.
@@ -619,7 +646,7 @@ impl Model {
     /// As [`Model::new`].
     pub fn like(other: &Self, mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
         let mut model = other.with_closures_of(mechanism, readings)?;
-        model.leave_out_equations(readings);
+        model.leave_out_equations(Some(other), readings);
         Ok(model)
     }
 
