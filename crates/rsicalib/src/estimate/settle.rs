@@ -1,6 +1,7 @@
 //! Estimated readings without noise: eq. (52), block by block.
 
 use crate::estimate::objective::{Noise, Part};
+use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::terms::term::Scale;
@@ -21,10 +22,6 @@ const STILL: f64 = 1e-6;
 /// second order in that. Every linearisation repeats (52) once more.
 const COARSE: f64 = 0.1;
 
-/// Part of the variance of an equation that rounding may leave when those before take their
-/// share: in a pose where equations say the same, the factor is that of the others.
-const ROUNDED: f64 = 1e-15;
-
 /// Readings `â` of one block at parameters `x`, moved onto the closures by (52): one [`Lanes`] per
 /// channel.
 pub(crate) fn settled(part: &Part, noise: &Noise, block: usize, x: &[f64]) -> Vec<Lanes> {
@@ -44,6 +41,8 @@ pub(crate) struct Room {
     variance: Vec<f64>,
     play: Vec<f64>,
     still: Vec<f64>,
+    /// [`beyond`] of each channel.
+    beyond: Vec<f64>,
 }
 
 /// A change in the unit of a channel, but not below the rounding of a reading: otherwise the
@@ -51,6 +50,29 @@ pub(crate) struct Room {
 fn still(change: f64, scale: &Scale) -> f64 {
     let largest = scale.span.iter().fold(1.0 / scale.gain.abs(), |m, a| m.max(a.abs()));
     change.max(64.0 * f64::EPSILON * largest)
+}
+
+/// Part of the variance of an equation that rounding may leave when those before take their share.
+const ROUNDED: f64 = 1e-15;
+
+/// Squares of the noise of an angle that are beyond first order: two noises by which effects that
+/// nobody knows may bend it, squared, and the square of the noise itself.
+const BEYOND: f64 = 5.0;
+
+/// Variance of the reading of each channel by which an equation errs beyond first order (57): zero
+/// for joints that slide. All angles have the least noise of any, for what a channel says may have
+/// been given up.
+fn beyond(model: &Model, noise: &Noise) -> Vec<f64> {
+    let turning: Vec<usize> =
+        model.joints().filter(|(way, _)| *way == Way::Turn).map(|(_, channel)| channel).collect();
+    let angle = |c: &usize| noise.sigma[*c] * model.scales[*c].gain.abs();
+    let least = turning.iter().map(angle).fold(f64::INFINITY, f64::min);
+    let part = (BEYOND * turning.len() as f64 * least * least).min(1.0);
+    let mut beyond = vec![0.0; noise.sigma.len()];
+    for c in turning {
+        beyond[c] = part * (least / model.scales[c].gain).powi(2);
+    }
+    beyond
 }
 
 impl Room {
@@ -65,6 +87,7 @@ impl Room {
             variance: noise.sigma.iter().map(|s| s * s).collect(),
             play: model.play().iter().map(|p| p * noise.play).collect(),
             still: noise.sigma.iter().zip(&model.scales).map(limit).collect(),
+            beyond: beyond(model, noise),
         }
     }
 
@@ -182,11 +205,12 @@ impl Room {
                 for (m, variance) in self.variance.iter().enumerate() {
                     s = (self.ws.a[i * c + m] * *variance).mul_add(self.ws.a[j * c + m], s);
                 }
-                let least = s * ROUNDED;
+                let variance = s;
                 for m in 0..j {
                     s -= self.l[i * n + m] * self.l[j * n + m];
                 }
                 if i == j {
+                    let least = self.least_left(i, variance);
                     s = Lanes(std::array::from_fn(|lane| s.0[lane].max(least.0[lane])));
                 }
                 self.l[i * n + j] = if i == j { s.sqrt() } else { s / self.l[j * n + j] };
@@ -198,6 +222,15 @@ impl Room {
             }
             self.w[i] = self.w[i] / self.l[i * n + i];
         }
+    }
+
+    /// What those before leave at least of the variance of an equation, (57).
+    #[inline(always)]
+    fn least_left(&self, equation: usize, variance: Lanes) -> Lanes {
+        let c = self.variance.len();
+        let row = &self.ws.a[equation * c..(equation + 1) * c];
+        let beyond = self.beyond.iter().zip(row);
+        beyond.fold(variance * ROUNDED, |sum, (beyond, a)| (*a * *beyond).mul_add(*a, sum))
     }
 
     /// `â ← a - Σ Aᵀ L⁻ᵀ (L⁻¹ w)`; true where `â` has changed.

@@ -736,6 +736,16 @@ impl Model {
         lengths
     }
 
+    /// How each joint that a channel senses moves, and the channel.
+    pub(crate) fn joints(&self) -> impl Iterator<Item = (Way, usize)> {
+        self.steps.iter().flatten().filter_map(|step| match step {
+            Element::Move(_, way, Source::Channel(c)) | Element::Geared(way, c, _) => {
+                Some((*way, *c))
+            }
+            _ => None,
+        })
+    }
+
     /// Variance of each equation by play, in units of `f²`.
     #[must_use]
     pub fn play(&self) -> Vec<f64> {
