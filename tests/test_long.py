@@ -27,6 +27,13 @@ def test_what_a_long_recording_has_is_named_and_nothing_else(kind: str) -> None:
     assert long.said(traced(it)) == (it.names, it.out)
 
 
+@pytest.mark.parametrize("kind", ["clean", "ripple", "slip"])
+def test_noise_that_resembles_its_neighbours_is_no_effect(kind: str) -> None:
+    """Of few rows, too: a search that took them for independent named something in 5 of 5."""
+    it = long.make(kind, 4000, seed=302, alike=0.5)
+    assert long.said(traced(it)) == (it.names, it.out)
+
+
 def test_the_same_is_named_by_stretches_as_by_rows() -> None:
     it = long.make("two", ROWS, seed=1)
     every = traced(it)

@@ -40,8 +40,11 @@ class Recording:
     """Rows that are wrong, counted from 1."""
 
 
-def make(kind: str, rows: int, seed: int, alike: float = 0.5) -> Recording:
-    """The same for the same seed; `alike` is what a row of `correlated` shares with the last."""
+def make(kind: str, rows: int, seed: int, alike: float | None = None) -> Recording:
+    """The same for the same seed; noise of which a row shares `alike` with the one before.
+
+    Where it is not given half is shared in `correlated`, and nothing in the other kinds.
+    """
     rng = np.random.default_rng([seed, KINDS.index(kind), rows])
     device = Device.random(rng)
     present = present_in(kind, rng)
@@ -49,8 +52,9 @@ def make(kind: str, rows: int, seed: int, alike: float = 0.5) -> Recording:
     values, time_s = made["values"], made["time_s"]
     names = {f"{named(e)} {e.target}" for e in present}
     out: frozenset[int] = frozenset()
-    if kind == "correlated":
-        ideal = device.ideal(made["scene"])
+    alike = alike if alike is not None else 0.5 * (kind == "correlated")
+    if alike:
+        ideal = device.ideal(made["scene"], present)
         values = np.rint(ideal + resembling(rng, ideal.shape, alike)).astype(np.int64)
     if kind == "slip":
         channel, row = int(rng.integers(9)), int(rng.integers(rows // 4, 3 * rows // 4))
@@ -108,7 +112,7 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=40)
     parser.add_argument("--kind", choices=KINDS, action="append")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--alike", type=float, default=0.5, help="neighbours, of `correlated`")
+    parser.add_argument("--alike", type=float, help="what a row shares with the one before")
     options = parser.parse_args()
     for kind in options.kind or KINDS:
         count = 0

@@ -43,7 +43,7 @@ pub fn search_long<'a>(
 ) -> Result<Option<Search<'a>>, Error> {
     let mut apart = bad_rows(observations, clean, search);
     for look in 0.. {
-        let stretches = Stretches::of(observations, &clean.noise.sigma, &apart);
+        let stretches = Stretches::of(observations, &clean.noise, &apart);
         let Some(stretches) = stretches else { break };
         let mut stepwise = Stepwise::by_stretches(observations, stretches.clone(), clean, search);
         let (mut searched, isolated) = one(&mut stepwise)?;

@@ -16,6 +16,7 @@ use std::ops::Range;
 
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::{Family, Scored};
+use crate::estimate::noise::source::NoiseEstimate;
 use crate::estimate::settle::Room;
 use crate::estimate::{Fit, Implicit, LONG, Noise, Observations, Part};
 use crate::model::Instance;
@@ -44,6 +45,12 @@ const MOST_APART: usize = 256;
 /// Stretches on either side of a slip whose rows are looked at one by one.
 const BESIDE: usize = 2;
 
+/// True for a recording that is searched by stretches: one of many rows, or of rows that resemble
+/// their neighbours. A search takes samples for independent, and (76) says what such rows are worth.
+fn are_searched(observations: &Observations, noise: &NoiseEstimate) -> bool {
+    observations.is_long() || observations.is_recording() && noise.slow > 1.0
+}
+
 /// The stretches of a recording.
 #[derive(Debug, Clone)]
 pub struct Stretches {
@@ -54,14 +61,14 @@ pub struct Stretches {
 }
 
 impl Stretches {
-    /// The stretches of a recording with this noise of one reading of each channel, and these rows,
-    /// ascending, by themselves; none for held poses and where there are few rows.
+    /// The stretches of a recording with this noise, and these rows, ascending, by themselves; none
+    /// where every row is a sample of its own.
     #[must_use]
-    pub fn of(observations: &Observations, sigma: &[f64], apart: &[usize]) -> Option<Self> {
-        if !observations.is_long() {
+    pub fn of(observations: &Observations, noise: &NoiseEstimate, apart: &[usize]) -> Option<Self> {
+        if !are_searched(observations, noise) {
             return None;
         }
-        let ends = Ends::new(observations, sigma);
+        let ends = Ends::new(observations, &noise.sigma);
         let rows = 0..observations.readings.samples;
         let live: Vec<usize> = rows.filter(|&row| observations.weights[row] > 0.0).collect();
         let alone = |row: usize| apart.binary_search(&row).is_ok();
@@ -267,7 +274,7 @@ impl<'a> Settled<'a> {
 #[must_use]
 pub fn bad_rows(observations: &Observations, fit: &Fit, search: &SearchOptions) -> Vec<usize> {
     let Observations { readings, weights, .. } = observations;
-    if !observations.is_long() {
+    if !are_searched(observations, &fit.noise) {
         return Vec::new();
     }
     let rest = (fit.chi2 / fit.dof.max(1.0)).max(1.0);
@@ -314,6 +321,7 @@ fn most_by_one(r: &[Lanes], by_reading: &[Lanes]) -> Lanes {
 #[cfg(test)]
 mod tests {
     use super::{MOST, ROWS, Stretches};
+    use crate::estimate::noise::source::{NoiseEstimate, Source};
     use crate::estimate::{FitOptions, Observations};
     use crate::mechanism::Mechanism;
     use crate::readings::Table;
@@ -334,8 +342,32 @@ mod tests {
         Observations::new(&mechanism, table, None, FitOptions::default()).expect("readings")
     }
 
+    /// Noise of one count, of means of which the variance is so many times that of independent rows.
+    fn noise(slow: f64) -> NoiseEstimate {
+        NoiseEstimate {
+            source: Source::Neighbours,
+            sigma: vec![1.0; 9],
+            weighed: vec![1.0; 9],
+            lasting: vec![false; 9],
+            play: 1.0,
+            dof: 1000.0,
+            correlation: 0.0,
+            inflation: 1.0,
+            slow,
+            apart: 0,
+        }
+    }
+
     fn stretches(observations: &Observations, apart: &[usize]) -> Stretches {
-        Stretches::of(observations, &[1.0; 9], apart).expect("a long recording")
+        Stretches::of(observations, &noise(1.0), apart).expect("a long recording")
+    }
+
+    #[test]
+    fn a_short_recording_has_stretches_where_rows_resemble_their_neighbours() {
+        let short = recording(2000, 1);
+        assert!(Stretches::of(&short, &noise(1.0), &[]).is_none());
+        let found = Stretches::of(&short, &noise(3.0), &[]).expect("stretches");
+        assert!(found.rows.len() < 2000 / 4);
     }
 
     #[test]

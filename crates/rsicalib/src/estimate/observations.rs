@@ -66,7 +66,13 @@ impl Observations {
     /// not kept.
     #[must_use]
     pub fn is_long(&self) -> bool {
-        !self.readings.held && self.readings.merged.is_none() && self.readings.samples > LONG
+        self.is_recording() && self.readings.samples > LONG
+    }
+
+    /// True where no pose was held: every row is one.
+    #[must_use]
+    pub fn is_recording(&self) -> bool {
+        !self.readings.held && self.readings.merged.is_none()
     }
 
     /// The model of these readings with these terms, offsets about the mean reading.

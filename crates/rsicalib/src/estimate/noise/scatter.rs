@@ -28,6 +28,10 @@ const STRETCH: usize = 8;
 /// of a turn has 1e-4.
 const NO_MOTION: f64 = 0.1;
 
+/// Fewest rows without time that are taken for a motion: of fewer, held one after another along the
+/// path of one joint, neighbours say nothing of the noise.
+const UNTIMED: usize = 1000;
+
 /// Scatter of whitened residuals within groups of rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scatter {
@@ -68,7 +72,7 @@ impl Groups {
             return Self { rows, order: 1 };
         }
         // Stretches of a recording are means already, and what is left of them is no noise.
-        if !readings.timed || readings.merged.is_some() {
+        if readings.merged.is_some() || (!readings.timed && readings.samples < UNTIMED) {
             return Self { rows: Vec::new(), order: 1 };
         }
         let live: Vec<usize> = (0..readings.samples).filter(|&r| weights[r] > 0.0).collect();
