@@ -46,7 +46,7 @@ PARAMETERS = {
     "exact": "Array",
     "first": "int",
     "faults.counts": "Sequence[bool]",
-    "faults.pose": "Sequence[int]",
+    "faults.pose": "npt.NDArray[np.uintp]",
     "steps.counts": "Sequence[bool]",
     "Mechanism.from_dict.values": "Mapping[str, Any]",
     "Mechanism.with_terms.terms": "Sequence[Term]",

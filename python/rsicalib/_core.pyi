@@ -331,7 +331,7 @@ def exported(
     """
 
 def faults(
-    values: Array, counts: Sequence[bool], pose: Sequence[int], held: bool
+    values: Array, counts: Sequence[bool], pose: npt.NDArray[np.uintp], held: bool
 ) -> list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]:
     """Faults of converters: channel, stuck bits and their values, clipped at and in which poses.
 

@@ -46,6 +46,8 @@ def spread(
         By group, in the order of the readings [length unit]; empty for a mechanism whose chains
         touch no unknown points.
     """
+    if not mechanism.key_columns:
+        return {}
     grouped = all("group" in r.keys for r in readings)
     groups = [text for r in readings for text in r.keys["group"]] if grouped else None
     return dict(_core.spread(mechanism, applied, as_table(readings, mechanism), groups))

@@ -148,6 +148,8 @@ def _tuple(read: Reader, value: Any) -> Any:
 def _array(value: Any) -> Any:
     if value is None:
         return None
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
+        return value  # of the core, which keeps none of its own
     array = np.array(value, dtype=np.float64)  # None becomes NaN
     array.flags.writeable = False
     return array

@@ -1,6 +1,8 @@
 //! Codes and faults of converters.
 
-use numpy::PyReadonlyArray2;
+use std::borrow::Cow;
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rsicalib::readings::codes;
 use rsicalib::screening::converter::of_codes;
@@ -17,11 +19,11 @@ type PyFault = (usize, Vec<(u32, bool)>, Option<(f64, Vec<usize>)>);
 pub fn faults(
     values: PyReadonlyArray2<'_, f64>,
     counts: Vec<bool>,
-    pose: Vec<usize>,
+    pose: PyReadonlyArray1<'_, usize>,
     held: bool,
 ) -> Vec<PyFault> {
-    let values: Vec<f64> = values.as_array().iter().copied().collect();
-    let found = of_codes(&values, &counts, &pose, held).into_iter();
+    let pose = pose.as_array().to_vec();
+    let found = of_codes(&in_rows(&values), &counts, &pose, held).into_iter();
     found
         .map(|fault| match fault.kind {
             FaultKind::StuckBits(bits) => (fault.channel, bits, None),
@@ -36,6 +38,11 @@ pub fn faults(
 /// `values` has shape (n, channels), `counts` says which are read in whole counts.
 #[pyfunction]
 pub fn steps(values: PyReadonlyArray2<'_, f64>, counts: Vec<bool>) -> Vec<f64> {
-    let values: Vec<f64> = values.as_array().iter().copied().collect();
-    codes::steps(&values, &counts)
+    codes::steps(&in_rows(&values), &counts)
+}
+
+/// The numbers of an array, row by row: as it holds them, where it does.
+fn in_rows<'a>(values: &'a PyReadonlyArray2<'_, f64>) -> Cow<'a, [f64]> {
+    let copied = || values.as_array().iter().copied().collect();
+    values.as_array().to_slice().map_or_else(copied, Cow::Borrowed)
 }

@@ -1,6 +1,6 @@
 //! The numbers of a CSV text that is nothing but numbers.
 
-use numpy::{PyArray1, ToPyArray};
+use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 
 /// Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt.
@@ -13,5 +13,5 @@ pub fn plain_numbers<'py>(
 ) -> Option<Vec<Bound<'py, PyArray1<f64>>>> {
     let body = data.get(first..)?;
     let found = py.detach(|| rsicalib::readings::plain::plain_numbers(body, columns))?;
-    Some(found.iter().map(|column| column.to_pyarray(py)).collect())
+    Some(found.into_iter().map(|column| column.into_pyarray(py)).collect())
 }

@@ -287,7 +287,9 @@ fn by_pose<'py>(
     equations: usize,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let poses = residuals.len() / equations.max(1);
-    PyArray1::from_vec(py, residuals).reshape([poses, equations])
+    let array = PyArray1::from_vec(py, residuals).reshape([poses, equations])?;
+    array.readwrite().make_nonwriteable();
+    Ok(array)
 }
 
 /// What evidence is gathered from.

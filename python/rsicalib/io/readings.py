@@ -283,14 +283,23 @@ def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Re
     keep = np.ones(len(table.lines), dtype=np.bool_)
     keep[[*faults]] = False
 
-    ours = {name: frozen(column[keep]) for name, column in cells.items()}
-    free = ours.keys() - needed_columns(mechanism)  # a channel may be called as it likes
+    free = cells.keys() - needed_columns(mechanism)  # a channel may be called as it likes
+
+    def column(name: str) -> Any:
+        return frozen(cells[name][keep])
+
+    def beside(names: Sequence[str]) -> Any:
+        """Columns beside each other, copied one by one: a recording may be large."""
+        columns = np.empty((int(keep.sum()), len(names)))
+        for k, name in enumerate(names):
+            columns[:, k] = cells[name][keep]
+        return frozen(columns)
 
     def optional(name: str) -> Any:
-        return ours[name] if name in free else None
+        return column(name) if name in free else None
 
     def whole(name: str) -> Any:
-        return frozen(ours[name].astype(np.int64)) if name in free else None
+        return frozen(column(name).astype(np.int64)) if name in free else None
 
     names = tuple(channel.name for channel in mechanism.channels)
     rows = np.arange(1, len(keep) + 1, dtype=np.int64)
@@ -298,19 +307,19 @@ def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Re
     known = free.issuperset(POSE)
     readings = Readings(
         channels=names,
-        values=frozen(np.column_stack([ours[name] for name in names])),
+        values=beside(names),
         pose=whole("pose") if held else frozen(rows[keep]),
         held=held,
         sample=whole("sample"),
         time_s=optional("time_s"),
         temperature_c=optional("temperature_c"),
-        poses=frozen(np.column_stack([ours[name] for name in POSE])) if known else None,
+        poses=beside(POSE) if known else None,
         keys={
             name: picked(map(text, table.columns[index[name]]), keep)
             for name in index
             if name in {*mechanism.key_columns, *TEXTS} and name not in cells
         },
-        columns={name: ours[name] for name in mechanism.value_columns},
+        columns={name: column(name) for name in mechanism.value_columns},
         lines=frozen(table.lines[keep]),
         source=table.source,
         sha256=table.sha256,

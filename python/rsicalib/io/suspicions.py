@@ -78,7 +78,8 @@ def _faults(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
     starts, lengths = _runs(readings.pose)
     pose = np.repeat(np.arange(len(starts)), lengths)
     alike: dict[tuple[tuple[int, bool], ...], list[str]] = {}
-    for k, bits, clipped in _core.faults(readings.values, counts, pose.tolist(), readings.held):
+    numbered = pose.astype(np.uintp)
+    for k, bits, clipped in _core.faults(readings.values, counts, numbered, readings.held):
         if bits:
             alike.setdefault(tuple(bits), []).append(readings.channels[k])
         if clipped:

@@ -299,13 +299,13 @@ def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
 
 
 def numbers(cells: Sequence[Any] | npt.NDArray[Any]) -> FloatArray:
-    """Cells as numbers, shape (n,); NaN where a cell is none.
+    """Cells as numbers, shape (n,), an array of numbers as it is; NaN where a cell is none.
 
     What `float` accepts, but no underscores: `1_5` is more likely a slip than
     fifteen. Spaces around a number are no part of it.
     """
     if isinstance(cells, np.ndarray):
-        return cells.astype(np.float64)
+        return cells.astype(np.float64, copy=False)
     try:
         if "_" not in "".join(cells):
             return np.fromiter(map(float, cells), np.float64, len(cells))

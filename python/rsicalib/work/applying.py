@@ -30,22 +30,23 @@ def as_table(
             f"found held poses in {held} and a recording in {moving}, expected sessions of one kind"
         )
 
-    def together(columns: list[Any]) -> Any:
-        return None if any(c is None for c in columns) else np.concatenate(columns)
-
     several = len(readings) > 1
+
+    def together(columns: list[Any]) -> Any:
+        if any(c is None for c in columns):
+            return None
+        return np.concatenate(columns) if several else columns[0]  # a recording may be large
+
     sizes = [len(r) for r in readings]
     keys, columns = ([], []) if bare else (mechanism.key_columns, mechanism.value_columns)
     return {
-        "values": np.concatenate([r.values for r in readings]),
-        "pose": np.concatenate([r.pose for r in readings]) if readings[0].held else None,
+        "values": together([r.values for r in readings]),
+        "pose": together([r.pose for r in readings]) if readings[0].held else None,
         "time": together([r.time_s for r in readings]),
         "temperature": together([r.temperature_c for r in readings]),
         "session": np.repeat(range(len(readings)), sizes).tolist() if several else None,
         "keys": [[t for r in readings for t in r.keys[name]] for name in keys],
-        "columns": [
-            np.concatenate([r.columns[name] for r in readings]).tolist() for name in columns
-        ],
+        "columns": [together([r.columns[name] for r in readings]).tolist() for name in columns],
     }
 
 

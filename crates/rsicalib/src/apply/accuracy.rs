@@ -19,7 +19,7 @@ use crate::estimate::{Fit, Observations};
 use crate::model::Model;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::dot;
-use crate::readings::{Readings, Table, average, rows_of};
+use crate::readings::{Readings, Table, average, runs_of_poses};
 
 /// Predicted error, root mean square over components.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,11 +65,10 @@ pub fn predicted(
 ) -> Result<Predicted, Error> {
     let channels = observations.mechanism.channels.len();
     let table_rows = table.values.len() / channels;
-    let (averaged, poses) = average(table, channels);
+    let poses = runs_of_poses(table, channels);
     let count = poses.len().min(most.max(1));
-    let rows: Vec<usize> = (0..count).map(|k| k * poses.len() / count).collect();
-    let table = rows_of(&averaged, channels, &rows);
-    let slopes = slopes_at(observations, fit, &table)?;
+    let some: Vec<_> = (0..count).map(|k| poses[k * poses.len() / count].clone()).collect();
+    let slopes = slopes_at(observations, fit, &average(table, channels, &some))?;
     let terms = fit.model.term_parameters;
     let sd: Vec<f64> = (0..terms).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
     let free: Vec<usize> = (0..terms).filter(|&i| sd[i] > 0.0).collect();
@@ -97,7 +96,7 @@ pub fn predicted(
     let position = of(0..positions).unwrap_or_default();
     let orientation = of(positions..coordinates).map(|square| square.mean.sqrt());
     let (position_sd, dof) = (position.mean.sqrt(), position.dof);
-    Ok(Predicted { poses: rows.len(), position_sd, orientation_sd: orientation, dof })
+    Ok(Predicted { poses: count, position_sd, orientation_sd: orientation, dof })
 }
 
 /// True where a pose of the platform follows from the readings.

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::apply::poses::platform_poses;
 use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
-use crate::readings::{Table, average};
+use crate::readings::{Table, average, runs_of_poses};
 
 /// Error of the platform pose: root mean square over components, as in Table VI.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,11 +54,12 @@ pub fn compare(
     if known.len() != rows {
         return Err(Error::Shape { what: "poses".into(), found: known.len(), expected: rows });
     }
-    let (averaged, groups) = average(table, channels);
-    let pairs: Vec<([f64; 6], [f64; 6])> = groups
+    let poses = runs_of_poses(table, channels);
+    let averaged = average(table, channels, &poses);
+    let pairs: Vec<([f64; 6], [f64; 6])> = poses
         .iter()
         .zip(found(averaged)?)
-        .map(|(rows, pose)| (known[rows[0]], pose))
+        .map(|(rows, pose)| (known[rows.start], pose))
         .filter(|(known, _)| known.iter().all(|v| v.is_finite()))
         .collect();
     Ok(error_of(&pairs, align))

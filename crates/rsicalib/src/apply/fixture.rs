@@ -10,7 +10,7 @@
 use crate::Error;
 use crate::mechanism::Mechanism;
 use crate::model::assembly;
-use crate::readings::{Readings, Table, average};
+use crate::readings::{Readings, Table, average, runs_of_poses};
 
 /// Offset and gain of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,13 +50,14 @@ pub fn fixture(
             expected: readings.samples,
         });
     }
-    let (means, rows) = average(table, channels);
+    let runs = runs_of_poses(table, channels);
+    let means = average(table, channels, &runs);
     let mut angles = Vec::new();
     let mut values = Vec::new();
-    for (pose, rows) in rows.iter().enumerate() {
-        if known[rows[0]].iter().all(|v| v.is_finite()) {
-            let found = assembly::inverse(mechanism, &known[rows[0]]);
-            angles.push(found.map_err(|error| at(error, rows[0]))?);
+    for (pose, rows) in runs.iter().enumerate() {
+        if known[rows.start].iter().all(|v| v.is_finite()) {
+            let found = assembly::inverse(mechanism, &known[rows.start]);
+            angles.push(found.map_err(|error| at(error, rows.start))?);
             values.push(&means.values[pose * channels..(pose + 1) * channels]);
         }
     }

@@ -20,7 +20,8 @@ pub fn held_out(observations: &Observations, full: &Fit) -> Option<HeldOut> {
         let model = &trained.model;
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
         let part = Part { model, readings, weights };
-        let problem = Implicit::of(part, full.assumed()).from(trained.adjusted_of(readings));
+        let problem = Implicit::of(part, full.assumed())
+            .from(trained.adjusted_of(readings).map(<[_]>::to_vec));
         let left_out = |row: usize| out.contains(&readings.pose[row]);
         problem.misfit(&trained.beta, |row| left_out(row) && observations.weights[row] > 0.0)
     })

@@ -152,12 +152,10 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         }
     }
     excluded.extend(bad);
-    for pose in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
-        for row in
-            pose.pose.map(|p| observations.readings.rows_of_poses()[p].clone()).unwrap_or_default()
-        {
-            observations.weights[row] = 0.0;
-        }
+    for out in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
+        let pose = observations.readings.pose.iter();
+        let rows = observations.weights.iter_mut().zip(pose).filter(|(_, p)| Some(**p) == out.pose);
+        rows.for_each(|(weight, _)| *weight = 0.0);
     }
     let nothing = current.model.instances.len() == clean.model.instances.len();
     let after = match of_all {
@@ -200,8 +198,11 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
 
 /// The instances that have data left: a reading whose pose is left out keeps no parameter.
 fn with_data(observations: &Observations, instances: &[Instance]) -> Vec<Instance> {
-    let poses = observations.readings.rows_of_poses();
-    let counts = |pose: usize| poses[pose].iter().any(|&row| observations.weights[row] > 0.0);
+    let Observations { readings, weights, .. } = observations;
+    let mut left = vec![false; readings.poses()];
+    let counted = readings.pose.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
+    counted.for_each(|(pose, _)| left[*pose] = true);
+    let counts = |pose: usize| left[pose];
     let kept = instances.iter().filter(|i| !scored::is_data(i) || counts(i.place));
     kept.copied().collect()
 }

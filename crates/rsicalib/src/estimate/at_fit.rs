@@ -15,6 +15,7 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
+use crate::model::{Want, Workspace};
 use crate::numerics::symmetric::{dot, inverse_root};
 
 /// A session at a fit.
@@ -36,7 +37,7 @@ impl<'a> AtFit<'a> {
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
         let part = Part { model: &fit.model, readings, weights };
         let settled = fit.adjusted_of(readings);
-        let problem = Implicit::of(part, fit.assumed()).from(settled);
+        let problem = Implicit::of(part, fit.assumed()).from(settled.map(<[_]>::to_vec));
         let mut residuals = problem.residuals(&fit.beta, true);
         let n = fit.model.parameters;
         let (root, ..) = inverse_root(&fit.gram);
@@ -76,6 +77,17 @@ impl<'a> AtFit<'a> {
     pub fn equations(&self, row: usize) -> std::ops::Range<usize> {
         let k = self.residuals.equations;
         row * k..(row + 1) * k
+    }
+
+    /// Misclosure of a sample by its readings as they are, in length units.
+    pub fn misclosure(&self, row: usize) -> f64 {
+        let (model, readings) = (&self.fit.model, &self.observations.readings);
+        let (block, lane) = readings.lane_of_rows()[row];
+        let (mut ws, bare) = (Workspace::default(), Want { x: false, a: false });
+        model.evaluate(readings, block, readings.raw(block), &self.fit.beta, bare, &mut ws);
+        let lengths = model.lengths();
+        let squares = ws.f.iter().zip(lengths).map(|(f, length)| (f.0[lane] * length).powi(2));
+        squares.sum::<f64>().sqrt()
     }
 
     /// Derivative of a whitened equation by the reading of a channel.

@@ -9,6 +9,7 @@ use crate::estimate::adjusted::Adjusted;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::doubts;
 use crate::estimate::implicit::Implicit;
+use crate::estimate::noise::channels;
 use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::source::{
@@ -180,6 +181,8 @@ fn solve(
     };
     let mut beta = start.beta.clone();
     let groups = Groups::of(&observations.readings, &observations.weights);
+    // What tells channels of a recording apart; no other row's derivatives are looked at.
+    let kept = observations.is_long().then(|| channels::rows_looked_at(&groups));
     let settled = observations.options.settled;
     let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
@@ -217,7 +220,7 @@ fn solve(
         if let Some((model, readings)) = &held {
             parts.push((Part { model, readings, weights: None }, noise.clone()));
         }
-        let problem = Implicit::new(parts, &priors).from(adjusted.as_deref());
+        let problem = Implicit::new(parts, &priors).from(adjusted.take());
         let problem = if settled { problem.coarse() } else { problem };
         let outcome = match observations.options.method {
             Method::ImplicitLoop if observations.is_long() => {
@@ -238,7 +241,7 @@ fn solve(
             // Scores subtract what the fit absorbs: its Gram matrix is that of settled readings.
             outcome.linearization = problem.linearize(&beta);
         }
-        let residuals = problem.residuals(&beta, false);
+        let residuals = problem.residuals_keeping(&beta, false, kept.as_deref());
         adjusted = Some(problem.into_adjusted());
         if declared.is_some() && round == 0 && !settled {
             let rounding = rounding.as_ref();
@@ -371,9 +374,10 @@ fn conclude(
     let left =
         if p_value.is_some_and(|p| p < WIDENING_LEVEL) { (chi2 / dof).max(1.0) } else { 1.0 };
     let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise.slow * left);
-    let lengths = live.iter().flat_map(|r| &residuals.lengths[r * k..(r + 1) * k]);
-    let rms_misclosure =
-        (lengths.map(|l| l * l).sum::<f64>() / (live.len() * k).max(1) as f64).sqrt();
+    let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
+    let part = Part { model: &model, readings, weights };
+    let squares = part.mean_square_lengths(&outcome.x);
+    let rms_misclosure = (squares.iter().sum::<f64>() / k.max(1) as f64).sqrt();
     let plausible = !search::collapsed(&model, &outcome.x);
     if observations.is_long() {
         residuals.by_reading = Vec::new();

@@ -1,6 +1,6 @@
 //! The maximum-likelihood objective (51), with priors.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::estimate::objective::{Noise, Part, add_priors};
 use crate::estimate::residuals::{Residuals, Sizes};
@@ -16,7 +16,7 @@ use crate::numerics::workers::lock;
 pub struct Implicit<'a> {
     parts: Vec<(Part<'a>, Noise)>,
     priors: &'a [Prior],
-    /// `â` of every part, the start of the next linearisation.
+    /// `â` of every part, the start of the next linearisation; empty before the first.
     adjusted: Mutex<Vec<Vec<Lanes>>>,
     /// True for linearisations at readings that have not quite settled.
     coarse: bool,
@@ -35,19 +35,28 @@ impl<'a> Implicit<'a> {
     /// the first part.
     #[must_use]
     pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
-        let adjusted = parts.iter().map(|(part, _)| part.readings.all_raw().to_vec()).collect();
-        let adjusted = Mutex::new(adjusted);
+        let adjusted = Mutex::new(vec![Vec::new(); parts.len()]);
         Self { parts, priors, adjusted, coarse: false, slack: &[] }
     }
 
     /// The same, with `â` of the first part from earlier to start at.
     #[must_use]
-    pub(crate) fn from(mut self, adjusted: Option<&[Lanes]>) -> Self {
+    pub(crate) fn from(mut self, adjusted: Option<Vec<Lanes>>) -> Self {
         if let Some(earlier) = adjusted {
-            let all = self.adjusted.get_mut().unwrap_or_else(PoisonError::into_inner);
-            all[0].copy_from_slice(earlier);
+            self.adjusted.get_mut().unwrap_or_else(PoisonError::into_inner)[0] = earlier;
         }
         self
+    }
+
+    /// `â` of every part: the readings as they are, before they have been settled.
+    fn adjusted(&self) -> MutexGuard<'_, Vec<Vec<Lanes>>> {
+        let mut adjusted = lock(&self.adjusted);
+        for ((part, _), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
+            if adjusted.is_empty() {
+                adjusted.extend_from_slice(part.readings.all_raw());
+            }
+        }
+        adjusted
     }
 
     /// The same, for a search: a minimum is looked for with readings that have not quite settled.
@@ -77,19 +86,31 @@ impl<'a> Implicit<'a> {
     /// Residuals of the first part at `x`, with [`Residuals::by_parameter`] on request.
     #[must_use]
     pub fn residuals(&self, x: &[f64], by_parameter: bool) -> Residuals {
+        self.residuals_keeping(x, by_parameter, None)
+    }
+
+    /// The same, with [`Residuals::by_reading`] of the samples `kept` alone, ascending, where some
+    /// are named.
+    #[must_use]
+    pub(crate) fn residuals_keeping(
+        &self,
+        x: &[f64],
+        by_parameter: bool,
+        kept: Option<&[usize]>,
+    ) -> Residuals {
         let (part, noise) = &self.parts[0];
         let (model, readings) = (part.model, part.readings);
         let channels = readings.channels;
         let sizes = Sizes::of(model, channels, by_parameter);
-        let mut out = Residuals::zero(&sizes, readings.samples);
-        let mut adjusted = lock(&self.adjusted);
+        let mut out = Residuals::zero(&sizes, readings.samples, kept);
+        let mut adjusted = self.adjusted();
         // So many blocks at a time: their residuals stand beside those of all rows until they are
         // put in their places.
         for (wave, some) in adjusted[0].chunks_mut(WAVE * channels).enumerate() {
             let one = |first: usize, chunk: &mut [Lanes]| {
                 let blocks = chunk.len() / channels;
                 let mut room = Room::new(model, noise);
-                let mut here = Residuals::zero(&sizes, blocks * WIDTH);
+                let mut here = Residuals::zero(&sizes, blocks * WIDTH, None);
                 for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                     let block = wave * WAVE + first + i;
                     here.take(part, &mut room, &sizes, i, block, x, a_hat);
@@ -158,7 +179,7 @@ impl Implicit<'_> {
     ) -> S {
         let (part, noise) = &self.parts[0];
         let channels = part.readings.channels;
-        let mut adjusted = lock(&self.adjusted);
+        let mut adjusted = self.adjusted();
         let one = |first: usize, chunk: &mut [Lanes]| {
             let mut room = Room::new(part.model, noise);
             let mut found = S::default();
@@ -190,7 +211,7 @@ impl Implicit<'_> {
         let (part, noise) = &self.parts[0];
         let own = Part { model, ..*part };
         let readings = part.readings;
-        let mut adjusted = lock(&self.adjusted);
+        let mut adjusted = self.adjusted();
         let one = |first: usize, chunk: &mut [Lanes]| {
             dispatch(
                 #[inline(always)]
@@ -220,7 +241,7 @@ impl Problem for Implicit<'_> {
 
     fn linearize(&self, x: &[f64]) -> Linearization {
         let mut total = Total::new(self.parameters());
-        let mut adjusted = lock(&self.adjusted);
+        let mut adjusted = self.adjusted();
         for ((part, noise), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
             let (model, readings, channels) = (part.model, part.readings, part.readings.channels);
             let one = |first: usize, chunk: &mut [Lanes]| {

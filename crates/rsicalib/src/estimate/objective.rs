@@ -17,9 +17,10 @@
 //! weight cancel. The minimum is the full Gauss-Helmert estimate. `L⁻¹ X` is the Jacobian that
 //! [`crate::numerics::lm`] uses.
 
-use crate::model::{Model, Prior};
-use crate::numerics::lanes::Lanes;
+use crate::model::{Model, Prior, Want, Workspace};
+use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::linearization::{Curvature, Linearization};
+use crate::numerics::normal_equations::over_chunks;
 use crate::numerics::schur::islands;
 use crate::readings::Readings;
 
@@ -45,6 +46,42 @@ impl Part<'_> {
             let weight = self.weights.map_or(1.0, |w| w[meta.rows[lane]]);
             if live { weight } else { 0.0 }
         }))
+    }
+
+    /// Mean square of the misclosure of each equation by the readings as they are and the parameters
+    /// `beta`, in its own unit, over the samples that count.
+    #[must_use]
+    pub fn mean_squares(&self, beta: &[f64]) -> Vec<f64> {
+        let Self { model, readings, .. } = self;
+        let mut blocks = vec![(); readings.blocks().len()];
+        // The sum of each equation, and last the number of samples.
+        let one = |first: usize, chunk: &mut [()]| {
+            let mut ws = Workspace::default();
+            let mut sums = vec![0.0; model.equations() + 1];
+            for block in first..first + chunk.len() {
+                let weight = self.weight(block);
+                let bare = Want { x: false, a: false };
+                model.evaluate(readings, block, readings.raw(block), beta, bare, &mut ws);
+                for lane in (0..WIDTH).filter(|&lane| weight.0[lane] > 0.0) {
+                    let squares = ws.f.iter().map(|f| f.0[lane] * f.0[lane]);
+                    sums.iter_mut().zip(squares.chain([1.0])).for_each(|(sum, own)| *sum += own);
+                }
+            }
+            sums
+        };
+        let add = |all: &mut Vec<f64>, own: Vec<f64>| {
+            all.iter_mut().zip(own).for_each(|(all, own)| *all += own);
+        };
+        let mut sums = over_chunks(&mut blocks, 1, one, add).unwrap_or_default();
+        let samples = sums.pop().unwrap_or_default().max(1.0);
+        sums.into_iter().map(|sum| sum / samples).collect()
+    }
+
+    /// The same in length units.
+    #[must_use]
+    pub fn mean_square_lengths(&self, beta: &[f64]) -> Vec<f64> {
+        let squares = self.mean_squares(beta).into_iter().zip(self.model.lengths());
+        squares.map(|(square, length)| square * length * length).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::estimate::objective::Part;
 use crate::estimate::settle::Room;
-use crate::model::{Model, Want};
+use crate::model::Model;
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::Block;
 
@@ -13,11 +13,14 @@ pub struct Residuals {
     pub equations: usize,
     /// `L⁻¹ w`, sample by sample, equation by equation: standard normal for a correct model.
     pub whitened: Vec<f64>,
-    /// Misclosure of the raw readings, in length units, sample by sample, equation by equation.
-    pub lengths: Vec<f64>,
-    /// `L⁻¹ A`, sample by sample, equation by equation, one entry per channel; a fit of a long
-    /// recording does not keep it.
+    /// `L⁻¹ A`, sample by sample, equation by equation, one entry per channel; of a long recording
+    /// it is three times the readings, and kept while a fit needs it of [`Residuals::kept`] alone.
     pub by_reading: Vec<f64>,
+    /// Samples whose `by_reading` is kept, ascending; `None` where it is kept of all.
+    pub kept: Option<Vec<usize>>,
+    /// Share of the variance of `whitened` that is from the readings, play aside, by the noise that
+    /// whitens it.
+    pub readings_share: f64,
     /// `L⁻¹ X`, sample by sample, equation by equation, one entry per parameter; empty unless
     /// requested.
     pub by_parameter: Vec<f64>,
@@ -30,8 +33,6 @@ pub(super) struct Sizes {
     equations: usize,
     by_reading: usize,
     by_parameter: usize,
-    /// Unit of each equation.
-    lengths: Vec<f64>,
 }
 
 impl Sizes {
@@ -39,20 +40,37 @@ impl Sizes {
         let equations = model.equations();
         let parameters = if by_parameter { model.parameters } else { 0 };
         let (by_reading, by_parameter) = (equations * channels, equations * parameters);
-        Self { equations, by_reading, by_parameter, lengths: model.lengths() }
+        Self { equations, by_reading, by_parameter }
     }
 }
 
 impl Residuals {
-    pub(super) fn zero(sizes: &Sizes, samples: usize) -> Self {
+    /// Zero, with room for derivatives by readings of the samples `kept`, or of all.
+    pub(super) fn zero(sizes: &Sizes, samples: usize, kept: Option<&[usize]>) -> Self {
+        let with_readings = kept.map_or(samples, <[usize]>::len);
         Self {
             equations: sizes.equations,
             whitened: vec![0.0; samples * sizes.equations],
-            lengths: vec![0.0; samples * sizes.equations],
-            by_reading: vec![0.0; samples * sizes.by_reading],
+            by_reading: vec![0.0; with_readings * sizes.by_reading],
+            kept: kept.map(<[usize]>::to_vec),
+            readings_share: 0.0,
             by_parameter: vec![0.0; samples * sizes.by_parameter],
             inner: 0,
         }
+    }
+
+    /// Place of a sample among those whose `by_reading` is kept.
+    fn place_of(&self, row: usize) -> Option<usize> {
+        self.kept.as_ref().map_or(Some(row), |kept| kept.binary_search(&row).ok())
+    }
+
+    /// `L⁻¹ A` of a sample, equation by equation, one entry for each of so many channels; empty where
+    /// it is not kept.
+    #[must_use]
+    pub fn by_reading_of(&self, row: usize, channels: usize) -> &[f64] {
+        let size = self.equations * channels;
+        let kept = self.place_of(row).map(|k| k * size..(k + 1) * size);
+        kept.and_then(|kept| self.by_reading.get(kept)).unwrap_or_default()
     }
 
     /// Takes the samples of a block, lane by lane, as number `i` of some blocks.
@@ -70,16 +88,10 @@ impl Residuals {
         let (model, readings, k) = (part.model, part.readings, sizes.equations);
         let by_parameter = sizes.by_parameter > 0;
         let meta = &readings.blocks()[block];
-        let bare = Want { x: false, a: false };
-        model.evaluate(readings, block, readings.raw(block), x, bare, &mut room.ws);
-        for (sample, lane) in (i * WIDTH..).zip(0..meta.live) {
-            for (e, length) in sizes.lengths.iter().enumerate() {
-                self.lengths[sample * k + e] = room.ws.f[e].0[lane] * length;
-            }
-        }
+        let weight = part.weight(block);
         self.inner = self.inner.max(room.settle(part, block, x, a_hat, by_parameter));
         room.whiten_readings();
-        let weight = part.weight(block);
+        self.readings_share += room.variance_of_readings(weight, meta.live);
         for (sample, lane) in (i * WIDTH..).zip(0..meta.live) {
             let weight = weight.0[lane];
             for e in 0..k {
@@ -103,17 +115,20 @@ impl Residuals {
     /// Puts the samples of some blocks, lane by lane, at the rows of these.
     pub(super) fn place(&mut self, here: &Self, sizes: &Sizes, blocks: &[Block]) {
         self.inner = self.inner.max(here.inner);
+        self.readings_share += here.readings_share / self.whitened.len().max(1) as f64;
         let count = here.whitened.len() / (WIDTH * sizes.equations).max(1);
         for (i, meta) in blocks.iter().take(count).enumerate() {
             for (sample, &row) in (i * WIDTH..).zip(&meta.rows[..meta.live]) {
-                let copy = |into: &mut [f64], from: &[f64], size: usize| {
+                let place = self.place_of(row);
+                let copy = |into: &mut [f64], to: usize, from: &[f64], size: usize| {
                     let from = &from[sample * size..(sample + 1) * size];
-                    into[row * size..(row + 1) * size].copy_from_slice(from);
+                    into[to * size..(to + 1) * size].copy_from_slice(from);
                 };
-                copy(&mut self.whitened, &here.whitened, sizes.equations);
-                copy(&mut self.lengths, &here.lengths, sizes.equations);
-                copy(&mut self.by_reading, &here.by_reading, sizes.by_reading);
-                copy(&mut self.by_parameter, &here.by_parameter, sizes.by_parameter);
+                copy(&mut self.whitened, row, &here.whitened, sizes.equations);
+                if let Some(place) = place {
+                    copy(&mut self.by_reading, place, &here.by_reading, sizes.by_reading);
+                }
+                copy(&mut self.by_parameter, row, &here.by_parameter, sizes.by_parameter);
             }
         }
     }

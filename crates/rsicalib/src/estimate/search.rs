@@ -20,8 +20,7 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::{Anchor, Observations};
 use crate::mechanism::Mechanism;
-use crate::model::{Model, Prior, Want, Workspace};
-use crate::numerics::lanes::WIDTH;
+use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::readings::{Readings, rows_of};
@@ -175,7 +174,10 @@ impl<'a> StartSearch<'a> {
     #[must_use]
     pub fn new(observations: &'a Observations, model: &'a Model, noise: &Noise) -> Self {
         let all = &observations.readings;
-        let rows = spread(&all.rows_of_poses(), SAMPLES);
+        let rows = match all.held {
+            true => spread(&all.rows_of_poses(), SAMPLES),
+            false => (0..all.samples).step_by(all.samples.div_ceil(SAMPLES)).collect(),
+        };
         let few = || {
             Readings::beside(&observations.mechanism, rows_of(&all.table, all.channels, &rows), all)
                 .ok()
@@ -253,7 +255,7 @@ impl<'a> StartSearch<'a> {
     pub(crate) fn eased(&self, start: &[f64]) -> End {
         let part =
             Part { model: self.model, readings: &self.readings, weights: Some(&self.weights) };
-        let mut slack = mean_squares(&part, start);
+        let mut slack = part.mean_squares(start);
         let mut beta = start.to_vec();
         for _ in 0..EASED {
             let problem = Implicit::new(vec![(part, self.noise.clone())], &self.priors);
@@ -349,25 +351,6 @@ const EASED: usize = 4;
 
 /// Factor on the variance that equations are allowed, from one of these fits to the next.
 const EASIER: f64 = 0.01;
-
-/// Mean square of each equation at `beta`, in its own unit.
-fn mean_squares(part: &Part, beta: &[f64]) -> Vec<f64> {
-    let mut ws = Workspace::default();
-    let mut sums = vec![0.0; part.model.equations()];
-    let mut live = 0.0;
-    for block in 0..part.readings.blocks().len() {
-        let weight = part.weight(block);
-        let bare = Want { x: false, a: false };
-        part.model.evaluate(part.readings, block, part.readings.raw(block), beta, bare, &mut ws);
-        for lane in (0..WIDTH).filter(|&lane| weight.0[lane] > 0.0) {
-            live += 1.0;
-            for (sum, f) in sums.iter_mut().zip(&ws.f) {
-                *sum += f.0[lane].powi(2);
-            }
-        }
-    }
-    sums.iter().map(|sum| sum / live).collect()
-}
 
 /// About `most` rows, spread evenly over the poses.
 fn spread(poses: &[Vec<usize>], most: usize) -> Vec<usize> {

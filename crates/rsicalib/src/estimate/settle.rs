@@ -270,6 +270,18 @@ impl Room {
         );
     }
 
+    /// What the readings of the first samples of a block add to the variance of its whitened
+    /// equations, one for each where nothing else does.
+    pub(crate) fn variance_of_readings(&self, weight: Lanes, live: usize) -> f64 {
+        let mut sum = Lanes::ZERO;
+        for row in self.ws.a.chunks_exact(self.variance.len()) {
+            for (a, variance) in row.iter().zip(&self.variance) {
+                sum += *a * *a * *variance;
+            }
+        }
+        (sum * weight * weight).0[..live].iter().sum()
+    }
+
     /// `A ← L⁻¹ A`
     pub(crate) fn whiten_readings(&mut self) {
         let (l, n, a) = (&self.l, self.w.len(), &mut self.ws.a);

@@ -11,4 +11,4 @@ mod table;
 pub use block::Block;
 pub use samples::Readings;
 pub use table::Table;
-pub(crate) use table::{average, rows_of};
+pub(crate) use table::{average, rows_of, runs_of_poses};

@@ -9,7 +9,10 @@
 #[must_use]
 pub fn plain_numbers(text: &[u8], columns: usize) -> Option<Vec<Vec<f64>>> {
     let text = without_empty_lines(text);
-    let mut out = vec![Vec::new(); columns];
+    let lines = 1 + text.iter().filter(|&&byte| byte == b'\n').count();
+    // A row is not shorter than its cells and what parts them, whatever the header promises.
+    let rows = lines.min(text.len() / (2 * columns).max(1) + 1);
+    let mut out = (0..columns).map(|_| Vec::with_capacity(rows)).collect::<Vec<_>>();
     for line in text.split(|&byte| byte == b'\n') {
         let line = line.strip_suffix(b"\r").unwrap_or(line);
         let mut cells = line.split(|&byte| byte == b',');

@@ -260,6 +260,11 @@ impl Readings {
     fn lay_out(&mut self, group: &[usize], time: &[f64], temperature: &[f64], pose: &[f64]) {
         let mut order: Vec<usize> = (0..self.samples).collect();
         order.sort_by_key(|&row| group[row]);
+        // So much at most: every group begins a block.
+        let blocks = self.samples / WIDTH + self.groups.len();
+        self.blocks.reserve_exact(blocks);
+        self.raw.reserve_exact(blocks * self.channels);
+        self.columns.reserve_exact(blocks * self.table.columns.len());
         let mut first = 0;
         while first < order.len() {
             let mut last = first;

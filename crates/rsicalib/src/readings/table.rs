@@ -1,5 +1,7 @@
 //! Raw readings: a table, row by row.
 
+use std::ops::Range;
+
 /// Raw readings, row by row. Every column has one entry per row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
@@ -27,53 +29,51 @@ impl Table {
     }
 }
 
-/// One row for each run of rows with the same pose, the mean of those rows, and the rows of each run.
+/// The runs of rows with the same pose: every row, of a recording.
 #[must_use]
-pub(crate) fn average(table: &Table, channels: usize) -> (Table, Vec<Vec<usize>>) {
+pub(crate) fn runs_of_poses(table: &Table, channels: usize) -> Vec<Range<usize>> {
     let rows = table.values.len().checked_div(channels).unwrap_or(0);
-    let mut poses: Vec<Vec<usize>> = Vec::new();
-    match &table.pose {
-        None => poses.extend((0..rows).map(|r| vec![r])),
-        Some(labels) => {
-            let mut last = None;
-            for (row, label) in labels.iter().enumerate() {
-                match poses.last_mut() {
-                    Some(pose) if last == Some(label) => pose.push(row),
-                    _ => poses.push(vec![row]),
-                }
-                last = Some(label);
-            }
-        }
+    let begins = |row: &usize| match &table.pose {
+        Some(labels) => *row == 0 || labels[*row] != labels[*row - 1],
+        None => true,
+    };
+    let mut runs: Vec<Range<usize>> = (0..rows).filter(begins).map(|row| row..rows).collect();
+    for k in 1..runs.len() {
+        runs[k - 1].end = runs[k].start;
     }
-    let mean = |f: &dyn Fn(usize) -> f64, pose: &[usize]| {
-        pose.iter().map(|&r| f(r)).sum::<f64>() / pose.len() as f64
+    runs
+}
+
+/// One row for each of these runs of rows, the mean of its rows.
+#[must_use]
+pub(crate) fn average(table: &Table, channels: usize, poses: &[Range<usize>]) -> Table {
+    let mean = |f: &dyn Fn(usize) -> f64, pose: &Range<usize>| {
+        pose.clone().map(f).sum::<f64>() / pose.len() as f64
     };
     let column = |values: &Option<Vec<f64>>| {
         values.as_ref().map(|v| poses.iter().map(|p| mean(&|r| v[r], p)).collect::<Vec<f64>>())
     };
-    let first = |p: &Vec<usize>| p[0];
-    let averaged = Table {
+    Table {
         values: poses
             .iter()
             .flat_map(|p| (0..channels).map(move |c| (p, c)))
             .map(|(p, c)| mean(&|r| table.values[r * channels + c], p))
             .collect(),
-        pose: table.pose.as_ref().map(|labels| poses.iter().map(|p| labels[p[0]]).collect()),
+        pose: table.pose.as_ref().map(|labels| poses.iter().map(|p| labels[p.start]).collect()),
         time: column(&table.time),
         temperature: column(&table.temperature),
-        session: table.session.as_ref().map(|s| poses.iter().map(|p| s[p[0]]).collect()),
+        session: table.session.as_ref().map(|s| poses.iter().map(|p| s[p.start]).collect()),
         keys: table
             .keys
             .iter()
-            .map(|k| poses.iter().map(|p| k[first(p)].clone()).collect())
+            .map(|k| poses.iter().map(|p| k[p.start].clone()).collect())
             .collect(),
         columns: table
             .columns
             .iter()
             .map(|v| poses.iter().map(|p| mean(&|r| v[r], p)).collect())
             .collect(),
-    };
-    (averaged, poses)
+    }
 }
 
 /// Some rows of a table.

@@ -6,7 +6,7 @@ use crate::apply::check::{Check, check};
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::estimate::directions::{Directions, ParameterReport, parameter_names, reported};
-use crate::estimate::{Fit, Observations};
+use crate::estimate::{Fit, Observations, Part};
 use crate::readings::{Readings, Table};
 use crate::report::words;
 use crate::screening::excluded::Excluded;
@@ -105,19 +105,16 @@ pub struct MisclosureReport {
 #[must_use]
 pub fn misclosure(observations: &Observations, fit: &Fit) -> MisclosureReport {
     let Observations { readings, mechanism, weights, .. } = observations;
-    let k = fit.residuals.equations;
+    let part = Part { model: &fit.model, readings, weights: Some(weights) };
+    let squares = part.mean_square_lengths(&fit.beta);
     let mut first = 0;
     let mut rms = Vec::with_capacity(mechanism.closures.len());
     for (number, closure) in mechanism.closures.iter().enumerate() {
         let own = first..first + fit.model.equations_of(number);
         first = own.end;
-        let (mut sum, mut count) = (0.0, 0.0);
-        for row in (0..readings.samples).filter(|&row| weights[row] > 0.0) {
-            let lengths = &fit.residuals.lengths[row * k..(row + 1) * k];
-            sum += lengths[own.clone()].iter().map(|l| l * l).sum::<f64>();
-            count += own.len() as f64;
-        }
-        rms.push((closure.name.clone(), (sum / f64::max(count, 1.0)).sqrt()));
+        let count = own.len().max(1) as f64;
+        let mean = squares[own].iter().sum::<f64>() / count;
+        rms.push((closure.name.clone(), mean.sqrt()));
     }
     MisclosureReport {
         rms: Named(rms),

@@ -376,13 +376,14 @@ pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<f64> {
         first[pose] = first[pose].min(row);
     }
     let part = Part { model: &fit.model, readings, weights: None };
-    let all = first
-        .iter()
-        .any(out)
-        .then(|| Implicit::of(part, fit.assumed()).residuals(&fit.beta, false).whitened);
+    let all = first.iter().any(out).then(|| {
+        Implicit::of(part, fit.assumed()).residuals_keeping(&fit.beta, false, Some(&[])).whitened
+    });
     let of = |row: &usize| match &all {
         Some(all) if out(row) => &all[row * k..(row + 1) * k],
         _ => &fit.residuals.whitened[row * k..(row + 1) * k],
     };
-    first.iter().flat_map(of).copied().collect()
+    let mut found = Vec::with_capacity(k * first.len());
+    first.iter().for_each(|row| found.extend_from_slice(of(row)));
+    found
 }

@@ -39,11 +39,11 @@ const TIMES: f64 = 4.0;
 /// out of the session; each time the scatter is that of the others.
 pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     let k = fit.residuals.equations as f64;
-    let poses = observations.readings.rows_of_poses();
     let mut excluded = Vec::new();
     if !observations.readings.held {
         return excluded;
     }
+    let poses = observations.readings.rows_of_poses();
     // That some samples of a pose read the next code is no fault of theirs.
     let lasts = |c: usize| fit.noise.lasting[c];
     let sigma = &fit.noise.weighed;

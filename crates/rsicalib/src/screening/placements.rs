@@ -310,9 +310,7 @@ impl<'a> Looking<'a> {
     }
 
     fn one_row(&self, row: usize) -> (Excluded, Vec<usize>) {
-        let lengths = &self.at.residuals.lengths;
-        let k = self.at.residuals.equations;
-        let off = lengths[row * k..(row + 1) * k].iter().map(|l| l * l).sum::<f64>().sqrt();
+        let off = self.at.misclosure(row);
         let sigmas = (self.single[row] / self.typical).sqrt();
         let cause = Cause::Sample { number: self.place(row), off, sigmas };
         let pose = Some(self.at.observations.readings.pose[row]);

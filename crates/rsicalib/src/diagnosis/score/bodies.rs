@@ -88,7 +88,8 @@ impl<'a> Bodies<'a> {
         let extra = model.term_parameters - base;
         let beta = carry_over(fit, &model);
         let part = Part { model: &model, readings, weights: Some(weights) };
-        let problem = Implicit::of(part, fit.assumed()).from(fit.adjusted_of(readings));
+        let problem =
+            Implicit::of(part, fit.assumed()).from(fit.adjusted_of(readings).map(<[_]>::to_vec));
         let residuals = problem.residuals(&beta, true);
         let first = model.first[fit.model.instances.len()..].iter().map(|c| c - base).collect();
         let rows = residuals.by_parameter.chunks_exact(model.parameters);

@@ -182,7 +182,7 @@ pub fn project_blocks(
         weights: Some(&observations.weights),
     };
     let settled = fit.adjusted_of(&observations.readings);
-    let problem = Implicit::of(part, fit.assumed()).from(settled);
+    let problem = Implicit::of(part, fit.assumed()).from(settled.map(<[_]>::to_vec));
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || ScoreSums {
         gradient: vec![Lanes::ZERO; extra],

@@ -51,6 +51,23 @@ pub struct Alike {
     pub apart: Vec<bool>,
 }
 
+/// Groups by which channels are told apart.
+fn looked_at(groups: &Groups) -> impl Iterator<Item = &Vec<usize>> {
+    let useful = || groups.rows.iter().filter(|rows| rows.len() > groups.order);
+    let step = useful().count().div_ceil(MOST).max(1);
+    useful().step_by(step)
+}
+
+/// The rows of these groups at which derivatives are taken, ascending.
+#[must_use]
+pub fn rows_looked_at(groups: &Groups) -> Vec<usize> {
+    looked_at(groups).map(|rows| middle(rows)).collect()
+}
+
+fn middle(rows: &[usize]) -> usize {
+    rows[rows.len() / 2]
+}
+
 /// Standard deviations channel by channel, and how many channels stand apart; none where
 /// all are alike. `share` of the degrees of freedom are independent.
 #[must_use]
@@ -204,10 +221,8 @@ impl Seen {
                 crate::estimate::noise::scatter::detrend(&mut one, groups.order);
                 one.iter().enumerate().for_each(|(i, value)| left[(i, e)] = *value);
             }
-            let row = rows[rows.len() / 2];
-            let columns = Mat::from_fn(k, channels, |e, c| {
-                residuals.by_reading[(row * k + e) * channels + c]
-            });
+            let derivatives = residuals.by_reading_of(middle(rows), channels);
+            let columns = Mat::from_fn(k, channels, |e, c| derivatives[e * channels + c]);
             // Whitened, what the readings and the play give is one.
             let play = Mat::from_fn(k, k, |i, j| {
                 let read = (0..channels)
@@ -218,10 +233,7 @@ impl Seen {
             let free = (rows.len() - groups.order) as f64;
             Group { products: left.transpose() * &left, free, columns, play }
         };
-        let useful: Vec<&Vec<usize>> =
-            groups.rows.iter().filter(|r| r.len() > groups.order).collect();
-        let step = useful.len().div_ceil(MOST).max(1);
-        let looked: Vec<Group> = useful.into_iter().step_by(step).map(of_group).collect();
+        let looked: Vec<Group> = looked_at(groups).map(of_group).collect();
         let units: Vec<f64> = alike.noise.sigma.iter().map(|s| s * s).collect();
         let common = (0..channels).filter(|&c| !alike.apart[c]);
         let least = common.map(|c| alike.floor[c] / units[c]);

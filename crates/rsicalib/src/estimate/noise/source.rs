@@ -207,14 +207,6 @@ fn plays(observations: &Observations) -> bool {
     closures.all(|c| c.noise.is_some_and(|n| n > 0.0))
 }
 
-/// Share of the misclosure's variance that is from the readings, play aside.
-fn readings_share(residuals: &Residuals, noise: &Noise) -> f64 {
-    let rows = residuals.by_reading.chunks_exact(noise.sigma.len());
-    let count = rows.len().max(1) as f64;
-    let of = |row: &[f64]| row.iter().zip(&noise.sigma).map(|(a, s)| (a * s).powi(2)).sum::<f64>();
-    rows.map(of).sum::<f64>() / count
-}
-
 /// Probability of doubting noise that is declared as it is, on either side.
 pub(crate) const DOUBT: f64 = 1e-3;
 
@@ -273,7 +265,7 @@ pub(crate) fn check_declared(
         return Declared::Right;
     }
     let held = observations.readings.held;
-    let play = 1.0 - readings_share(residuals, used);
+    let play = 1.0 - residuals.readings_share;
     if factor < 1.0 && held && plays(observations) && play > 0.0 {
         let k = residuals.equations;
         let live = observations.weights.iter().filter(|w| **w > 0.0).count() * k;
@@ -338,7 +330,7 @@ pub(crate) fn estimate_noise(
         let estimate = scaled(variance.sqrt(), source, dof);
         return estimate.with_lasting(lasting / variance, groups.usual());
     }
-    if plays(observations) && readings_share(residuals, used) < MINOR {
+    if plays(observations) && residuals.readings_share < MINOR {
         return scaled(1.0, Source::Declared, f64::INFINITY);
     }
     let k = residuals.equations;
