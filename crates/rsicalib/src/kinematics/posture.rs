@@ -218,6 +218,7 @@ impl Posture {
             _ => (Frame::BASE, steps),
         };
         self.levers.clear();
+        self.levers.reserve(steps.len());
         self.weights.clear();
         for step in steps {
             match step {

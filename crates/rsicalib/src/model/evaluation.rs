@@ -201,13 +201,17 @@ impl Model {
             }
         }
 
+        // Room for all at once: a session of a few blocks would pay more for growing vectors.
         ws.angles.clear();
+        ws.angles.reserve(channels + self.amounts);
         ws.slopes.clear();
+        ws.slopes.reserve(channels);
         for (scale, reading) in self.scales.iter().zip(&ws.corrected) {
             ws.angles.push(scale.nominal(*reading));
             ws.slopes.push(Lanes::splat(scale.gain));
         }
         ws.partials.clear();
+        ws.partials.reserve(if want.x { self.term_parameters } else { 0 });
         site.readings = &ws.corrected;
         for s in &self.sensors {
             let p = &beta[s.first..s.first + s.width];
@@ -341,7 +345,12 @@ impl Model {
         }
         let group = readings.blocks()[block].group;
         for closure in self.closures.iter().filter(|closure| closure.equations() > 0) {
-            let ends = closure.ends.map(|end| self.end_point(&end, group, beta, &ws.postures));
+            // Not `map`, which calls its closure: that is not compiled for vector instructions.
+            let [one, other] = &closure.ends;
+            let ends = [
+                self.end_point(one, group, beta, &ws.postures),
+                self.end_point(other, group, beta, &ws.postures),
+            ];
             let apart = minus(&ends[0], &ends[1]);
             let mut distance = closure
                 .column
@@ -509,6 +518,7 @@ impl Model {
         }
         if want.a {
             ws.a.clear();
+            ws.a.reserve(self.equations * channels);
             for k in 0..self.equations {
                 for c in 0..channels {
                     ws.a.push(ws.g[k * channels + c] * ws.slopes[c]);
