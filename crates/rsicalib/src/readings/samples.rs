@@ -12,7 +12,7 @@ use crate::mechanism::Mechanism;
 use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
-use crate::readings::context::{direction, sides, standstills, velocities};
+use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills, velocities};
 use crate::readings::table::{Table, rows_of};
 
 /// Checked readings of one mechanism.
@@ -26,7 +26,7 @@ pub struct Readings {
     pub labels: Vec<i64>,
     /// Number of the pose of each sample, from 0.
     pub pose: Vec<usize>,
-    /// True for held poses, each sampled once or more; false for a recording in motion.
+    /// True for labelled poses, each sampled once or more; false for rows without labels.
     pub held: bool,
     /// True for a table with a time column; velocities are then per second.
     pub timed: bool,
@@ -154,7 +154,10 @@ impl Readings {
         let (time, temperature) = (of_block(&|b| b.time), of_block(&|b| b.temperature));
         let own = |row: &usize| &self.sides()[row * self.channels..(row + 1) * self.channels];
         let sides: Vec<i8> = middles.iter().flat_map(own).copied().collect();
-        let velocity = velocities(&self.table, self.channels, middles.iter().copied());
+        let velocity = match self.moves() {
+            true => velocities(&self.table, self.channels, middles.iter().copied()),
+            false => vec![0.0; middles.len() * self.channels],
+        };
         let table = Table { values, ..rows_of(&self.table, self.channels, &middles) };
         let session_of_pose = middles.iter().map(|&row| self.table.session_of(row)).collect();
         let mut merged = Self {
@@ -359,15 +362,23 @@ impl Readings {
     /// Direction of approach of each row, one per channel: -1, 0 or 1. Found when first asked for.
     #[must_use]
     pub(crate) fn sides(&self) -> &[i8] {
-        self.sides.get_or_init(|| sides(&self.table, &self.pose, &self.still, self.held))
+        self.sides.get_or_init(|| sides(&self.table, &self.pose, &self.still, !self.moves()))
+    }
+
+    /// True for rows that are a motion. Poses that are read once each need no labels: without
+    /// them, how far neighbours are apart tells them from a recording.
+    pub(crate) fn moves(&self) -> bool {
+        let rows: Vec<usize> = (0..self.samples).collect();
+        let stretches: Vec<&[usize]> = rows.chunks_exact(STRETCH).collect();
+        !self.held && is_motion(&self.table, &stretches, &self.mean, &self.span)
     }
 
     /// Directions and velocities in blocks. Few models need them, and of a long recording they are as
     /// large as the readings: they are found when first asked for.
     fn motion(&self) -> &Motion {
-        self.motion.get_or_init(|| match self.held {
-            true => self.laid_out(&vec![0.0; self.samples * self.channels]),
-            false => self.laid_out(&velocities(&self.table, self.channels, 0..self.samples)),
+        self.motion.get_or_init(|| match self.moves() {
+            true => self.laid_out(&velocities(&self.table, self.channels, 0..self.samples)),
+            false => self.laid_out(&vec![0.0; self.samples * self.channels]),
         })
     }
 
