@@ -53,11 +53,3 @@ def test_hysteresis_is_named_in_single_poses_and_in_a_motion(kind: str, channel:
     assert (found.verdict, step.term, step.target) == ("explained", "hysteresis", f"q{channel + 1}")
     (half,) = step.parameters
     assert abs(half.value - 6 * NOISE) < 4.0 * half.sd
-
-
-def test_no_reading_of_single_poses_is_late() -> None:
-    """Rows of single poses have no velocity, and one channel that is late is no candidate."""
-    q = poses(4)
-    table, device = read(q, 0 * q, 10.0, 8), mechanism(PALLETISER, 3)
-    found = rsicalib.calibrate(table, device, terms=["offset", "lag@q2"])
-    assert any("lag" in text for text in found.unobservable)

@@ -154,10 +154,7 @@ impl Readings {
         let (time, temperature) = (of_block(&|b| b.time), of_block(&|b| b.temperature));
         let own = |row: &usize| &self.sides()[row * self.channels..(row + 1) * self.channels];
         let sides: Vec<i8> = middles.iter().flat_map(own).copied().collect();
-        let velocity = match self.moves() {
-            true => velocities(&self.table, self.channels, middles.iter().copied()),
-            false => vec![0.0; middles.len() * self.channels],
-        };
+        let velocity = velocities(&self.table, self.channels, middles.iter().copied());
         let table = Table { values, ..rows_of(&self.table, self.channels, &middles) };
         let session_of_pose = middles.iter().map(|&row| self.table.session_of(row)).collect();
         let mut merged = Self {
@@ -376,9 +373,9 @@ impl Readings {
     /// Directions and velocities in blocks. Few models need them, and of a long recording they are as
     /// large as the readings: they are found when first asked for.
     fn motion(&self) -> &Motion {
-        self.motion.get_or_init(|| match self.moves() {
-            true => self.laid_out(&velocities(&self.table, self.channels, 0..self.samples)),
-            false => self.laid_out(&vec![0.0; self.samples * self.channels]),
+        self.motion.get_or_init(|| match self.held {
+            true => self.laid_out(&vec![0.0; self.samples * self.channels]),
+            false => self.laid_out(&velocities(&self.table, self.channels, 0..self.samples)),
         })
     }
 
