@@ -34,7 +34,7 @@ POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
 COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
-    "every row is a pose of its own: a recording.",
+    "every row is a pose of its own: a recording, or poses that were read once each.",
     "sample": "Number of the sample within its pose, a whole number; for messages.",
     "time_s": "Time [s]. Without it, drift and slips are no candidates of a trace.",
     "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",

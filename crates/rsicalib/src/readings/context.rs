@@ -3,6 +3,9 @@
 //! The direction of approach of a held pose is the sign of the change from the pose before. In
 //! a recording, the direction is the sign of the velocity. Velocities are slopes of a local
 //! parabola, so that the noise of a single reading hardly enters them.
+//!
+//! A file without labels of poses may be a recording, or a list of poses that were read once each.
+//! Only where neighbouring rows keep to lines, [`is_motion`], slopes say anything of a row.
 
 use crate::mechanism::Channel;
 use crate::readings::table::Table;
@@ -29,6 +32,62 @@ const REACH: usize = 8;
 #[must_use]
 pub fn sides(table: &Table, pose: &[usize], still: &[f64], held: bool) -> Vec<i8> {
     if held { of_poses(table, pose, still) } else { of_recording(table, still) }
+}
+
+/// Rows over which a motion is nearly a line.
+pub(crate) const STRETCH: usize = 8;
+
+/// Share of the variance of readings that may lie about lines over stretches of a motion.
+/// Poses in random order have all of it there, and a motion of which a stretch is an eighth
+/// of a turn has 1e-4. Half a turn in a stretch has this share: a parabola over twice as many
+/// rows, which velocities are from, says nothing of their slope any more.
+const NO_MOTION: f64 = 0.1;
+
+/// True where readings keep to a line over these `stretches` of rows, as far as they go in all.
+/// Rows that are poses of their own do not. `mean` and `span` are those of each channel.
+pub(crate) fn is_motion(
+    table: &Table,
+    stretches: &[impl AsRef<[usize]>],
+    mean: &[f64],
+    span: &[[f64; 2]],
+) -> bool {
+    let channels = mean.len();
+    let stretches = || stretches.iter().map(AsRef::as_ref).filter(|rows| rows.len() > 2);
+    let (mut off, mut all) = (0.0, 0.0);
+    for c in 0..channels {
+        let [low, high] = span[c];
+        if high <= low {
+            continue;
+        }
+        let (mut within, mut free, mut about) = (0.0, 0.0, 0.0);
+        for rows in stretches() {
+            let mut values: Vec<f64> =
+                rows.iter().map(|&r| table.values[r * channels + c]).collect();
+            about += values.iter().map(|v| (v - mean[c]).powi(2)).sum::<f64>();
+            detrend(&mut values, 2);
+            within += values.iter().map(|v| v * v).sum::<f64>();
+            free += 1.0 - 2.0 / rows.len() as f64;
+        }
+        off += within / free.max(1.0) * stretches().count() as f64 / (high - low).powi(2);
+        all += about / (high - low).powi(2);
+    }
+    off < NO_MOTION * all
+}
+
+/// Takes a mean (`order` 1), or a line as well (2), from values in equal steps.
+pub(crate) fn detrend(values: &mut [f64], order: usize) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let middle = 0.5 * (n - 1.0);
+    let mut slope = 0.0;
+    if order > 1 {
+        let moment: f64 = (0..values.len()).map(|i| (i as f64 - middle).powi(2)).sum();
+        slope =
+            values.iter().enumerate().map(|(i, v)| (i as f64 - middle) * v).sum::<f64>() / moment;
+    }
+    for (i, value) in values.iter_mut().enumerate() {
+        *value -= mean + slope * (i as f64 - middle);
+    }
 }
 
 fn of_poses(table: &Table, pose: &[usize], still: &[f64]) -> Vec<i8> {

@@ -12,7 +12,7 @@ use crate::mechanism::Mechanism;
 use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
-use crate::readings::context::{direction, sides, standstills, velocities};
+use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills, velocities};
 use crate::readings::table::{Table, rows_of};
 
 /// Checked readings of one mechanism.
@@ -26,7 +26,7 @@ pub struct Readings {
     pub labels: Vec<i64>,
     /// Number of the pose of each sample, from 0.
     pub pose: Vec<usize>,
-    /// True for held poses, each sampled once or more; false for a recording in motion.
+    /// True for labelled poses, each sampled once or more; false for rows without labels.
     pub held: bool,
     /// True for a table with a time column; velocities are then per second.
     pub timed: bool,
@@ -364,7 +364,15 @@ impl Readings {
     /// Direction of approach of each row, one per channel: -1, 0 or 1. Found when first asked for.
     #[must_use]
     pub(crate) fn sides(&self) -> &[i8] {
-        self.sides.get_or_init(|| sides(&self.table, &self.pose, &self.still, self.held))
+        self.sides.get_or_init(|| sides(&self.table, &self.pose, &self.still, !self.moves()))
+    }
+
+    /// True for rows that are a motion. Poses that are read once each need no labels: without
+    /// them, how far neighbours are apart tells them from a recording.
+    pub(crate) fn moves(&self) -> bool {
+        let rows: Vec<usize> = (0..self.samples).collect();
+        let stretches: Vec<&[usize]> = rows.chunks_exact(STRETCH).collect();
+        !self.held && is_motion(&self.table, &stretches, &self.mean, &self.span)
     }
 
     /// Directions and velocities in blocks. Few models need them, and of a long recording they are as

@@ -7,7 +7,8 @@ use std::ops::Range;
 pub struct Table {
     /// Readings, row by row, one per channel of the mechanism, in the channel's unit.
     pub values: Vec<f64>,
-    /// Label of the held pose of each row; `None` for a recording in motion.
+    /// Label of the held pose of each row; `None` for a recording in motion, or poses that were read
+    /// once each.
     pub pose: Option<Vec<i64>>,
     /// Time of each row (s).
     pub time: Option<Vec<f64>>,

@@ -218,7 +218,7 @@ impl Seen {
             for e in 0..k {
                 one.clear();
                 one.extend(rows.iter().map(|r| residuals.whitened[r * k + e]));
-                crate::estimate::noise::scatter::detrend(&mut one, groups.order);
+                crate::readings::context::detrend(&mut one, groups.order);
                 one.iter().enumerate().for_each(|(i, value)| left[(i, e)] = *value);
             }
             let derivatives = residuals.by_reading_of(middle(rows), channels);

@@ -19,14 +19,7 @@ use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
 use crate::numerics::distributions;
 use crate::readings::Readings;
-
-/// Rows that a stretch of a recording has.
-const STRETCH: usize = 8;
-
-/// Share of the variance of readings that may lie about lines over stretches of a motion.
-/// Poses in random order have all of it there, and a motion of which a stretch is an eighth
-/// of a turn has 1e-4.
-const NO_MOTION: f64 = 0.1;
+use crate::readings::context::{STRETCH, detrend, is_motion};
 
 /// Fewest rows without time that are taken for a motion: of fewer, held one after another along the
 /// path of one joint, neighbours say nothing of the noise.
@@ -78,33 +71,9 @@ impl Groups {
         let live: Vec<usize> = (0..readings.samples).filter(|&r| weights[r] > 0.0).collect();
         let rows = live.chunks_exact(STRETCH).map(<[usize]>::to_vec).collect();
         let stretches = Self { rows, order: 2 };
-        if stretches.moves(readings) { stretches } else { Self { rows: Vec::new(), order: 1 } }
-    }
-
-    /// True where neighbouring rows are a motion: readings keep to a line over a stretch, as
-    /// far as they go in all. Rows that are poses of their own do not, and what scatters about
-    /// the line is then whatever the model lacks.
-    fn moves(&self, readings: &Readings) -> bool {
-        let read = |row: usize, c: usize| readings.table.values[row * readings.channels + c];
-        let stretches = || self.rows.iter().filter(|rows| rows.len() > self.order);
-        let (mut off, mut all) = (0.0, 0.0);
-        for c in 0..readings.channels {
-            let [low, high] = readings.span[c];
-            if high <= low {
-                continue;
-            }
-            let (mut within, mut free, mut about) = (0.0, 0.0, 0.0);
-            for rows in stretches() {
-                let mut values: Vec<f64> = rows.iter().map(|&r| read(r, c)).collect();
-                about += values.iter().map(|v| (v - readings.mean[c]).powi(2)).sum::<f64>();
-                detrend(&mut values, self.order);
-                within += values.iter().map(|v| v * v).sum::<f64>();
-                free += 1.0 - self.order as f64 / rows.len() as f64;
-            }
-            off += within / free.max(1.0) * stretches().count() as f64 / (high - low).powi(2);
-            all += about / (high - low).powi(2);
-        }
-        off < NO_MOTION * all
+        // What scatters about lines of poses of their own is whatever the model lacks.
+        let moves = is_motion(&readings.table, &stretches.rows, &readings.mean, &readings.span);
+        if moves { stretches } else { Self { rows: Vec::new(), order: 1 } }
     }
 
     /// Rows of the average group.
@@ -271,22 +240,6 @@ fn lost_product(n: usize, order: usize) -> f64 {
         lost += (1..n).map(|i| x(i) * x(i - 1)).sum::<f64>() / moment;
     }
     lost
-}
-
-/// Removes a mean (order 1) or a straight line (order 2).
-pub(crate) fn detrend(values: &mut [f64], order: usize) {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let middle = 0.5 * (n - 1.0);
-    let mut slope = 0.0;
-    if order > 1 {
-        let moment: f64 = (0..values.len()).map(|i| (i as f64 - middle).powi(2)).sum();
-        slope =
-            values.iter().enumerate().map(|(i, v)| (i as f64 - middle) * v).sum::<f64>() / moment;
-    }
-    for (i, value) in values.iter_mut().enumerate() {
-        *value -= mean + slope * (i as f64 - middle);
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,55 @@
+"""Files without the column `pose`: poses that were read once each, or a recording in motion.
+
+Witness: positions of the tool by products of plain matrices, with three draw wires to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsicalib
+from tests.oracle import Array
+from tests.test_ratio import HOOKS, NOISE, PALLETISER, WIRE, mechanism, palletiser
+
+ROWS = 120
+
+
+def read(q: Array, errors: Array, step_s: float, seed: int) -> dict[str, Array]:
+    """One row for each pose, with its time and the lengths of the wires."""
+    rng = np.random.default_rng(seed)
+    values = q - errors + NOISE * rng.standard_normal(q.shape)
+    length = np.linalg.norm(palletiser(q, -1.0)[:, None] - HOOKS, axis=2)
+    length += WIRE * rng.standard_normal(length.shape)
+    joints = {f"q{k + 1}": values[:, k] for k in range(3)}
+    wires = {f"wire{k}": length[:, k] for k in range(3)}
+    return {"time_s": step_s * np.arange(len(q)), **joints, **wires}
+
+
+def poses(seed: int) -> Array:
+    """Joint angles that have nothing to do with those of the row before."""
+    return np.random.default_rng(seed).uniform([-1.2, 0.3, -1.8], [1.2, 1.3, -0.6], (ROWS, 3))
+
+
+def motion() -> Array:
+    """Joint angles of a slow wave of each joint."""
+    t = np.linspace(0.0, 2 * np.pi, 4 * ROWS)[:, None]
+    return np.array([0.0, 0.8, -1.2]) + [1.2, 0.5, 0.6] * np.sin(t * [1.0, 2.0, 3.0] + [0.0, 1, 2])
+
+
+def bent(q: Array, channel: int) -> Array:
+    """Hysteresis of one sensor: half its width to the side from which the joint came."""
+    errors = np.zeros(q.shape)
+    errors[1:, channel] = 6 * NOISE * np.sign(np.diff(q[:, channel]))
+    return errors
+
+
+@pytest.mark.parametrize("channel", [0, 1, 2])
+@pytest.mark.parametrize("kind", ["poses", "motion"])
+def test_hysteresis_is_named_in_single_poses_and_in_a_motion(kind: str, channel: int) -> None:
+    q, step_s = (poses(channel), 10.0) if kind == "poses" else (motion(), 0.1)
+    found = rsicalib.trace(read(q, bent(q, channel), step_s, 7), mechanism(PALLETISER, 3))
+    (step,) = found.steps
+    assert (found.verdict, step.term, step.target) == ("explained", "hysteresis", f"q{channel + 1}")
+    (half,) = step.parameters
+    assert abs(half.value - 6 * NOISE) < 4.0 * half.sd
