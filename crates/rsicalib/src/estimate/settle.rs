@@ -41,8 +41,9 @@ pub(crate) struct Room {
     variance: Vec<f64>,
     play: Vec<f64>,
     still: Vec<f64>,
-    /// [`beyond`] of each channel.
+    /// [`beyond`] of each channel, and the largest part of its variance that this is.
     beyond: Vec<f64>,
+    beyond_most: f64,
 }
 
 /// A change in the unit of a channel, but not below the rounding of a reading: otherwise the
@@ -63,13 +64,13 @@ const BEYOND: f64 = 5.0;
 /// for joints that slide. All angles have the least noise of any, for what a channel says may have
 /// been given up.
 fn beyond(model: &Model, noise: &Noise) -> Vec<f64> {
-    let turning: Vec<usize> =
-        model.joints().filter(|(way, _)| *way == Way::Turn).map(|(_, channel)| channel).collect();
-    let angle = |c: &usize| noise.sigma[*c] * model.scales[*c].gain.abs();
-    let least = turning.iter().map(angle).fold(f64::INFINITY, f64::min);
-    let part = (BEYOND * turning.len() as f64 * least * least).min(1.0);
+    let turning =
+        || model.joints().filter(|(way, _)| *way == Way::Turn).map(|(_, channel)| channel);
+    let angle = |c: usize| noise.sigma[c] * model.scales[c].gain.abs();
+    let least = turning().map(angle).fold(f64::INFINITY, f64::min);
+    let part = (BEYOND * turning().count() as f64 * least * least).min(1.0);
     let mut beyond = vec![0.0; noise.sigma.len()];
-    for c in turning {
+    for c in turning() {
         beyond[c] = part * (least / model.scales[c].gain).powi(2);
     }
     beyond
@@ -79,6 +80,9 @@ impl Room {
     pub(crate) fn new(model: &Model, noise: &Noise) -> Self {
         let k = model.equations();
         let limit = |(sigma, scale): (&f64, &Scale)| still(STILL * sigma, scale);
+        let beyond = beyond(model, noise);
+        let parts = beyond.iter().zip(&noise.sigma).map(|(beyond, sigma)| beyond / (sigma * sigma));
+        let beyond_most = parts.fold(0.0, f64::max) + 2.0 * ROUNDED;
         Self {
             ws: Workspace::default(),
             w: vec![Lanes::ZERO; k],
@@ -87,7 +91,8 @@ impl Room {
             variance: noise.sigma.iter().map(|s| s * s).collect(),
             play: model.play().iter().map(|p| p * noise.play).collect(),
             still: noise.sigma.iter().zip(&model.scales).map(limit).collect(),
-            beyond: beyond(model, noise),
+            beyond,
+            beyond_most,
         }
     }
 
@@ -210,8 +215,13 @@ impl Room {
                     s -= self.l[i * n + m] * self.l[j * n + m];
                 }
                 if i == j {
-                    let least = self.least_left(i, variance);
-                    s = Lanes(std::array::from_fn(|lane| s.0[lane].max(least.0[lane])));
+                    // (57) is never above this part of the variance.
+                    let clear = variance * self.beyond_most;
+                    let below = |lane: usize| s.0[lane].is_nan() || s.0[lane] < clear.0[lane];
+                    if (0..WIDTH).any(below) {
+                        let least = self.least_left(i, variance);
+                        s = Lanes(std::array::from_fn(|lane| s.0[lane].max(least.0[lane])));
+                    }
                 }
                 self.l[i * n + j] = if i == j { s.sqrt() } else { s / self.l[j * n + j] };
             }
