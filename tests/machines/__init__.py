@@ -1,0 +1,1 @@
+"""Machines that exist, in plain matrix products: what the core computes is computed here apart."""
