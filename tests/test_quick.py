@@ -60,11 +60,11 @@ def test_belts_of_one_session_share_a_constant_and_those_of_another_do_not() -> 
 def test_the_delta_printer_has_a_long_valley() -> None:
     """Issue 33, in standard deviations: .197, .064, .042; two rods ± 1.0 mm, .036."""
     free = quick.ENDSTOPS
-    assert np.std(quick.delta(DATA / "delta", []).left) == pytest.approx(0.43, abs=0.005)
+    assert np.std(quick.delta(DATA / "delta", ()).left) == pytest.approx(0.43, abs=0.005)
     for more, s in ((0, 0.197), (1, 0.064), (2, 0.042)):
-        free = free + [[], quick.RADIUS, quick.TOWERS][more]  # type: ignore[operator]
+        free = free + ((), quick.RADIUS, quick.TOWERS)[more]
         assert quick.delta(DATA / "delta", free).s == pytest.approx(s, abs=0.001)
-    valley = quick.delta(DATA / "delta", free + [(9,), (10,)])
+    valley = quick.delta(DATA / "delta", free + quick.RODS)
     np.testing.assert_allclose(valley.value[6:], [-3.6, -2.8], atol=0.06)
     np.testing.assert_allclose(valley.sd[[0, 1, 6, 7]], 1.0, atol=0.05)
     assert valley.s == pytest.approx(0.036, abs=0.001)

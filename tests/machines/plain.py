@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from tests import oracle
 from tests.oracle import Array
 
 Row = dict[str, Any]
@@ -21,43 +22,15 @@ def frames(rows: Sequence[Row], angles: dict[str, Array], n: int) -> Array:
     for row in rows:
         q = row.get("ratio", 1.0) * angles[row["channel"]] if "channel" in row else 0.0
         slides = row.get("joint") == "prismatic"
-        theta = row.get("theta", 0.0) + (0.0 if slides else q) + np.zeros(n)
-        d = row.get("d", 0.0) + (q if slides else 0.0) + np.zeros(n)
-        a, alpha = row.get("a", 0.0) + np.zeros(n), row.get("alpha", 0.0) + np.zeros(n)
-        about_z = turns(theta, 2) @ shifts(np.zeros(n), np.zeros(n), d)
-        end = end @ about_z @ turns(alpha, 0, shift=a)
+        theta = row.get("theta", 0.0) + (0.0 if slides else q)
+        d = row.get("d", 0.0) + (q if slides else 0.0)
+        end = end @ oracle.dh(theta, d, row.get("a", 0.0), row.get("alpha", 0.0))
     return end
-
-
-def turns(angle: Array, axis: int, shift: Array | None = None) -> Array:
-    """Rotations about a coordinate axis, (n, 4, 4), with a translation along x before them."""
-    n, (j, k) = len(angle), [(1, 2), (2, 0), (0, 1)][axis]
-    out = np.broadcast_to(np.eye(4), (n, 4, 4)).copy()
-    out[:, j, j] = out[:, k, k] = np.cos(angle)
-    out[:, k, j] = np.sin(angle)
-    out[:, j, k] = -np.sin(angle)
-    if shift is not None:
-        out[:, 0, 3] = shift
-    return out
-
-
-def shifts(x: Array, y: Array, z: Array) -> Array:
-    """Translations, (n, 4, 4)."""
-    out = np.broadcast_to(np.eye(4), (len(x), 4, 4)).copy()
-    out[:, 0, 3], out[:, 1, 3], out[:, 2, 3] = x, y, z
-    return out
 
 
 def place(end: Array, at: Sequence[float] | Array) -> Array:
     """A point of a frame in the base, (n, 3)."""
     return np.asarray((end @ np.array([*at, 1.0]))[:, :3])
-
-
-def pose(six: Array) -> Array:
-    """The frame of `x y z rx ry rz`, (4, 4): Rz(rz) Ry(ry) Rx(rx) behind the translation."""
-    x, y, z, rx, ry, rz = (np.array([v]) for v in six)
-    turn = turns(rz, 2) @ turns(ry, 1) @ turns(rx, 0)
-    return np.asarray((shifts(x, y, z) @ turn)[0])
 
 
 def axes_of(points: Array) -> tuple[Array, Array]:

@@ -81,12 +81,16 @@ def belts(file: Path, lower_gain: bool = False, common: bool = False, width: flo
 
 # ------------------------------------------------------------------------------- delta
 
-ENDSTOPS = [(0,), (1,), (2,)]
-RADIUS = [(3, 4, 5)]
-TOWERS = [(6,), (7,)]
+Free = tuple[tuple[int, ...], ...]
+"""One entry for each parameter: the values that it moves."""
+
+ENDSTOPS: Free = ((0,), (1,), (2,))
+RADIUS: Free = ((3, 4, 5),)
+TOWERS: Free = ((6,), (7,))
+RODS: Free = ((9,), (10,))
 
 
-def delta(folder: Path, free: list[tuple[int, ...]]) -> Quick:
+def delta(folder: Path, free: Free) -> Quick:
     """Height of the nozzle over the bed [mm].
 
     Free are offsets of carriages (0-2), radii (3-5), bearings of towers (6-8) [rad] and lengths of
@@ -200,10 +204,9 @@ def main(data: Path) -> None:
         gain, offset = pair(two, 5), pair(three, 6)
         print(f"  {file.stem:10s} {one.s:.2f}  {two.s:.2f}  {gain}  {three.s:.2f}  {offset}")
     print("delta: rms of height [mm], values")
-    rods = [(9,), (10,)]
-    for free in ([], ENDSTOPS, ENDSTOPS + RADIUS, ENDSTOPS + RADIUS + TOWERS):
-        print("  ", line(delta(data / "delta", free)))
-    print("  ", line(delta(data / "delta", ENDSTOPS + RADIUS + TOWERS + rods)))
+    for moved in ((), ENDSTOPS, ENDSTOPS + RADIUS, ENDSTOPS + RADIUS + TOWERS):
+        print("  ", line(delta(data / "delta", moved)))
+    print("  ", line(delta(data / "delta", ENDSTOPS + RADIUS + TOWERS + RODS)))
     print("da Vinci: rms nominal, with a zero of joint 3 [mm], the zero [mm]")
     for file in sorted((data / "dvrk_plane").glob("PSM*.csv")):
         drawn, free = (da_vinci(data / "dvrk_plane", file.stem, f) for f in (False, True))

@@ -1,0 +1,139 @@
+"""One trial: a machine, what is wrong with it, its files, and what the library says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import rsicalib
+from rsicalib.errors import RsicalibError
+from tests.families.grade import Truth, grade
+from tests.machines import arm, belt, delta, files, leader
+from tests.machines.kit import Effect, Linear, Machine, Rng
+from tests.oracle import Array
+
+MACHINES: dict[str, Callable[[Rng], Machine]] = {
+    "belts": belt.draw,
+    "delta": delta.draw,
+    "plane": arm.draw_plane,
+    "sockets": arm.draw_sockets,
+    "tracker": arm.draw_tracker,
+    "seen": arm.draw_seen_plane,
+    "line": arm.draw_line,
+    "bar": arm.draw_bar,
+    "leader": leader.draw,
+}
+SUITES = ("clean", "effect")
+STRENGTH = (30.0, 100.0)
+"""Noncentrality of effects, drawn between."""
+WITHIN = 1.959964
+"""Half of a 95 % interval, in standard deviations of a normal."""
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A machine, its readings, and what is wrong with it: `names` are right answers."""
+
+    machine: Machine
+    read: Array
+    effect: Effect | None = None
+    size: float = 0.0
+    strength: float = 0.0
+    names: frozenset[tuple[str, str]] = frozenset()
+
+
+def make(name: str, suite: str, number: int, seed: int) -> Case:
+    """Case `number` of a suite: the same for the same numbers, whoever makes it."""
+    place = [seed, list(MACHINES).index(name), SUITES.index(suite), number]
+    rng = np.random.default_rng(np.random.SeedSequence(place))
+    for _ in range(20):
+        try:
+            machine = MACHINES[name](rng)
+            if suite == "clean":
+                return Case(machine, machine.observe(rng))
+            return spoiled(machine, rng, number)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+    raise RuntimeError(f"{name} {suite} {number}: no such machine in 20 drawings")
+
+
+def spoiled(machine: Machine, rng: Rng, number: int) -> Case:
+    """A machine with one effect: kinds by turns, one of the kind at random."""
+    linear = Linear(machine)
+    kinds = sorted({e.kind for e in machine.effects})
+    of_kind = [e for e in machine.effects if e.kind == kinds[number % len(kinds)]]
+    for one in rng.permutation(np.array(of_kind, dtype=object)):
+        strength = rng.uniform(*STRENGTH)
+        try:
+            size = linear.sized(one, strength) * rng.choice([-1.0, 1.0])
+        except ValueError:
+            continue
+        read = machine.observe(rng, one, size)
+        return Case(machine, read, one, size, strength, linear.twins(one, size))
+    raise ValueError("no effect of this kind shows")
+
+
+def run(name: str, suite: str, number: int, seed: int, folder: Path | None = None) -> Record:
+    """Makes, traces and grades one case; its files stay in `folder` where one is given."""
+    case = make(name, suite, number, seed)
+    record: Record = {"machine": name, "suite": suite, "number": number, "seed": seed}
+    if case.effect is not None:
+        record |= {"effect": case.effect.value, "kind": case.effect.kind}
+        record |= {"size": case.size, "strength": round(case.strength, 1)}
+    start = perf_counter()
+    with TemporaryDirectory() as own:
+        csv, mechanism = files.write(case.machine, case.read, folder or Path(own))
+        try:
+            record |= examined(case, csv, mechanism)
+        except RsicalibError as error:
+            record["refused"] = str(error)
+        except Exception as error:  # a defect is a figure, not the end of the run
+            record["crashed"] = f"{type(error).__name__}: {error}"
+    return record | {"seconds": round(perf_counter() - start, 2)}
+
+
+def examined(case: Case, csv: Path, mechanism: Path) -> Record:
+    """What the library says, graded."""
+    result = rsicalib.trace(csv, mechanism)
+    answer = result.to_dict()
+    truths = [] if case.effect is None else [Truth(case.effect.value, case.names)]
+    judged = grade(answer, result.exit_code, truths)
+    out: Record = {"verdict": judged.verdict, "said": list(judged.said)}
+    ties = [f"{t['term']}@{t['target']}" for s in answer["steps"] for t in s["also_fits"] or []]
+    if case.effect is None:
+        out["flagged"] = judged.flagged
+        out["covered"] = coverage(case.machine, answer)
+    else:
+        out |= {"named": judged.found[0], "among": judged.among[0], "ties": ties}
+        out["own_interval"] = own_interval(case, answer)
+    return out
+
+
+def coverage(machine: Machine, answer: dict[str, Any]) -> list[int]:
+    """How many of the parameters have the truth in their 95 % interval, and of how many."""
+    inside = [
+        abs(p["value"] - machine.values[f"{p[key]}@{p['target']}"]) < WITHIN * p["sd"]
+        for p in answer["parameters"]
+        for key in ("name",)
+        if p["sd"] is not None and f"{p[key]}@{p['target']}" in machine.values
+    ]
+    return [sum(inside), len(inside)]
+
+
+def own_interval(case: Case, answer: dict[str, Any]) -> bool | None:
+    """Whether the effect's size is in the interval of the step that names it; None without one."""
+    assert case.effect is not None
+    for step in answer["steps"]:
+        if (step["class"], step["target"]) in case.effect.names and len(step["parameters"]) == 1:
+            found = step["parameters"][0]
+            if step["term"] != case.effect.value.partition("@")[0] or found["sd"] is None:
+                return None
+            return bool(abs(found["value"] - case.size) < WITHIN * found["sd"])
+    return None

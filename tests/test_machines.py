@@ -1,0 +1,124 @@
+"""Simulated machines of every closure: the simulators by themselves, and what the library says."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from tests.machines import files
+from tests.machines.__main__ import main
+from tests.machines.kit import Effect, Linear, Machine
+from tests.machines.trials import MACHINES, make, run
+from tests.oracle import Array
+
+SEED = 0
+
+
+def drawn(name: str, seed: int = SEED) -> Machine:
+    return MACHINES[name](np.random.default_rng(seed))
+
+
+def chi2(machine: Machine, read: Array) -> float:
+    """The least misclosure in standard deviations, by SciPy, all that is unknown free.
+
+    Unknown are what the file identifies and places; the noise of the readings is carried through
+    as it is at the truth. Where places stand in the equations themselves: no elimination.
+    """
+    linear, n = Linear(machine), len(read)
+    c, k = len(machine.columns), linear.rows.shape[1] - len(machine.columns)
+    slope = machine.slope(linear.rows, machine.values, np.arange(c))
+    cover = (slope * machine.sigma**2) @ np.swapaxes(slope, 1, 2) + np.diag(machine.play**2)
+    root = np.linalg.inv(np.linalg.cholesky(cover))
+    names, steps = list(machine.fitted), np.array(list(machine.fitted.values()))
+    near = np.array([machine.values[name] for name in names])
+
+    def gap(p: Array) -> Array:
+        values = machine.values | dict(zip(names, near + steps * p[: len(names)], strict=True))
+        places = linear.rows[:, c:] + p[len(names) :].reshape(n, k)
+        return np.asarray(np.einsum("nij,nj->ni", root, machine.gap(read, places, values)).ravel())
+
+    own = np.kron(np.eye(n), np.ones((len(machine.play), k)))  # whose places a row knows
+    seen = np.hstack([np.ones((len(own), len(names))), own])
+    start = np.zeros(seen.shape[1])
+    found = least_squares(gap, start, x_scale="jac", jac_sparsity=seen, max_nfev=30, ftol=1e-6)
+    return float(found.fun @ found.fun)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_loops_close_and_what_is_not_asked_is_zero(name: str) -> None:
+    machine = drawn(name)
+    rows = machine.closed(machine.values)
+    assert np.abs(machine.gap(*machine.parts(rows), machine.values)).max() < 1e-6
+    assert np.isfinite(machine.observe(np.random.default_rng(1))).all()
+
+
+@pytest.mark.parametrize("name", ["belts", "delta", "line", "leader"])
+def test_what_a_session_leaves_is_chi_squared_and_an_effect_adds_its_noncentrality(
+    name: str,
+) -> None:
+    """Three sessions each: the mean of χ² has a standard deviation of √(2 dof / 3)."""
+    machine = drawn(name)
+    linear = Linear(machine)
+    dof = linear.size - linear.base.shape[1]
+    rng = np.random.default_rng(2)
+    clean = np.mean([chi2(machine, machine.observe(rng)) for _ in range(3)])
+    assert abs(clean - dof) < 4 * np.sqrt(2 * dof / 3)
+    shown = next(e for e in machine.effects if can(linear, e))
+    size = linear.sized(shown, 400.0)
+    spoiled = np.mean([chi2(machine, machine.observe(rng, shown, size)) for _ in range(3)])
+    # The variance is 2 (dof + 2 λ); a twentieth of λ is what is not linear.
+    assert abs(spoiled - dof - 400) < 4 * np.sqrt(2 * (dof + 800) / 3) + 20
+
+
+def can(linear: Linear, one: Effect) -> bool:
+    try:
+        linear.sized(one, 400.0)
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_a_case_is_its_numbers_and_its_files_are_files(name: str, tmp_path: Path) -> None:
+    one, two = make(name, "effect", 3, SEED), make(name, "effect", 3, SEED)
+    np.testing.assert_array_equal(one.read, two.read)
+    assert one.effect == two.effect and 30 <= one.strength <= 100
+    assert one.effect is not None and one.effect.names <= one.names
+    csv, mechanism = files.write(one.machine, one.read, tmp_path)
+    read_back = tomllib.loads(mechanism.read_text(encoding="utf-8"))
+    assert read_back == one.machine.mechanism
+    header = csv.read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert header[2:] == [*one.machine.columns, *one.machine.text]
+
+
+def test_pieces_of_a_campaign_are_the_campaign(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Records of a piece are not run again, and the table counts all of them."""
+    records = ["--records", str(tmp_path / "r.jsonl")]
+    asked = ["--machine", "leader", "--suite", "clean"]
+    assert main([*asked, "--count", "2", *records]) == 0
+    assert main([*asked, "--first", "1", "--count", "2", *records]) == 0
+    capsys.readouterr()
+    lines = (tmp_path / "r.jsonl").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 3
+    assert main(["--table", str(tmp_path / "r.jsonl")]) == 0
+    printed = capsys.readouterr().out
+    assert "of 3" in printed or "none 3" in printed
+
+
+THERE: tuple[str, ...] = ()
+"""Machines whose closures the core has."""
+
+
+@pytest.mark.parametrize("name", THERE)
+def test_clean_machines_are_adequate_and_effects_are_among_the_named(name: str) -> None:
+    """The small form of `python -m tests.machines`: of ten each, one may go wrong by chance."""
+    clean = [run(name, "clean", k, SEED) for k in range(10)]
+    assert sum(r.get("verdict") == "adequate" for r in clean) >= 9, clean
+    spoiled = [run(name, "effect", k, SEED) for k in range(10)]
+    assert sum(bool(r.get("among")) for r in spoiled) >= 9, spoiled
