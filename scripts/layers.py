@@ -71,6 +71,7 @@ PYTHON = (
 RUST = (
     "error",
     "numerics",
+    "closures",
     "mechanism",
     "readings",
     "kinematics",

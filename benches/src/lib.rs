@@ -1,12 +1,8 @@
 //! What every bench starts from: the hand controller in poses by hand.
 
-use std::collections::BTreeMap;
-
 use rsicalib::apply::earlier::{Applied, Reference, Reported};
 use rsicalib::estimate::Observations;
-use rsicalib::mechanism::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Point, Row, hand_controller,
-};
+use rsicalib::mechanism::{Chain, Channel, Closure, Mechanism, Point, Row, hand_controller};
 use rsicalib::model::Spec;
 use rsicalib::monitor::{Monitor, MonitorOptions};
 use rsicalib::readings::Table;
@@ -125,20 +121,8 @@ pub fn arm(joints: usize, poses: usize) -> Observations {
             rows: names.iter().enumerate().map(row).collect(),
         }],
         points: vec![point("tip", Some("arm")), point("socket", None)],
-        closures: vec![Closure {
-            name: "tip-socket".into(),
-            kind: ClosureKind::Touch,
-            between: ["tip".into(), "socket".into()],
-            value: None,
-            noise: None,
-            sd: None,
-        }],
-        gravity: None,
-        platform: BTreeMap::new(),
-        rest: None,
-        workspace: None,
-        model: ModelSection::default(),
-        laws: Vec::new(),
+        closures: vec![Closure::touch("tip-socket", ["tip".into(), "socket".into()])],
+        ..Mechanism::default()
     };
     let mut random = Uniform(7);
     let values = (0..joints * poses).map(|_| random.next()).collect();

@@ -5,13 +5,10 @@
 //! encoder; the offsets and the gains of both encoders are unknown. The readings are
 //! simulated here, so the estimates can be compared with the truth.
 
-use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 use rsicalib::diagnosis::verdict::Verdict;
-use rsicalib::mechanism::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Point, Row, Value,
-};
+use rsicalib::mechanism::{Chain, Channel, Closure, ClosureKind, Mechanism, Point, Row, Value};
 use rsicalib::report::calibrated::report;
 use rsicalib::{Error, FitOptions, Observations, Table};
 
@@ -46,12 +43,11 @@ fn linkage() -> Mechanism {
         name: format!("end of {name}"),
         chain: Some(name.into()),
         at: Some([length, 0.0, 0.0]),
-        unknown: Vec::new(),
+        ..Point::default()
     };
     Mechanism {
         name: "four-bar linkage".into(),
         length_unit: "m".into(),
-        gravity: None,
         channels: vec![channel("crank"), channel("rocker")],
         chains: vec![chain("crank", 0.0), chain("rocker", POSTS)],
         points: vec![end("crank", CRANK), end("rocker", ROCKER)],
@@ -60,14 +56,9 @@ fn linkage() -> Mechanism {
             kind: ClosureKind::Distance,
             between: ["end of crank".into(), "end of rocker".into()],
             value: Some(Value::Known(ROD)),
-            noise: None,
-            sd: None,
+            ..Closure::default()
         }],
-        platform: BTreeMap::new(),
-        rest: None,
-        workspace: None,
-        model: ModelSection::default(), // offset and gain of every channel
-        laws: Vec::new(),
+        ..Mechanism::default() // identifies offset and gain of every channel
     }
 }
 

@@ -22,6 +22,7 @@
 //! | layer | input | output |
 //! |---|---|---|
 //! | [`numerics`] | residuals and derivatives | minimum by Levenberg-Marquardt, (31) to (33) |
+//! | [`closures`] | ends of a closure, its value | equations and their derivatives, kind by kind |
 //! | [`mechanism`] | Rust values or TOML | [`Mechanism`]: channels, chains, points, closures |
 //! | [`readings`] | [`Table`] | [`Readings`]: checked, in blocks of eight samples |
 //! | [`kinematics`] | elements of a chain, joint coordinates | points and their derivatives, (21), (22) |
@@ -85,6 +86,8 @@ mod error;
 // Layers: each uses those above it and none below.
 
 pub mod numerics;
+
+pub mod closures;
 
 pub mod mechanism;
 

@@ -1,11 +1,7 @@
 //! Counts of parameters, against the paper's and against counts by hand.
 
-use std::collections::BTreeMap;
-
 use rsicalib::design::identifiability::{Counting, Hidden, Identifiable, identifiable};
-use rsicalib::mechanism::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Point, Row, Value,
-};
+use rsicalib::mechanism::{Chain, Channel, Closure, ClosureKind, Mechanism, Point, Row, Value};
 use rsicalib::{Error, readings};
 
 fn given(terms: &[&str]) -> Counting {
@@ -34,8 +30,7 @@ fn closure(kind: ClosureKind, a: &str, b: &str, value: Option<f64>) -> Closure {
         kind,
         between: [a.into(), b.into()],
         value: value.map(Value::Known),
-        noise: None,
-        sd: None,
+        ..Closure::default()
     }
 }
 
@@ -48,16 +43,11 @@ fn mechanism(chains: Vec<Chain>, points: Vec<Point>, closures: Vec<Closure>) -> 
     Mechanism {
         name: "by hand".into(),
         length_unit: "m".into(),
-        gravity: None,
         channels: names.map(|n| channel(&n)).collect(),
         chains,
         points,
         closures,
-        platform: BTreeMap::new(),
-        rest: None,
-        workspace: None,
-        model: ModelSection::default(),
-        laws: Vec::new(),
+        ..Mechanism::default()
     }
 }
 
@@ -161,7 +151,8 @@ fn two_planar_arms_whose_tips_touch_hide_their_size_alone() {
 
 #[test]
 fn unknown_sockets_hide_a_turn_about_the_first_axis() {
-    let socket = Point { name: "socket".into(), unknown: vec!["at".into()], ..Point::default() };
+    let socket =
+        Point { name: "socket".into(), unknown: Some(vec!["at".into()]), ..Point::default() };
     let touching = mechanism(
         vec![arm(6)],
         vec![carried("tip", "arm", [0.1, 0.05, 0.2]), socket],

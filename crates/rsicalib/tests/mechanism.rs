@@ -152,9 +152,9 @@ fn a_point_is_known_or_unknown_but_not_both() {
         "`at = [x, y, z]`, or `unknown = [columns]` without a chain".into(),
     ];
     assert_eq!(refusal(|m| m.points[1].at = None), either);
-    assert_eq!(refusal(|m| m.points[1].unknown = vec!["at".into()]), either);
+    assert_eq!(refusal(|m| m.points[1].unknown = Some(vec!["at".into()])), either);
     let on_chain = |m: &mut Mechanism| {
-        m.points[1] = Point { at: None, unknown: vec!["at".into()], ..m.points[1].clone() };
+        m.points[1] = Point { at: None, unknown: Some(vec!["at".into()]), ..m.points[1].clone() };
     };
     assert_eq!(refusal(on_chain), either);
     assert_eq!(

@@ -5,7 +5,7 @@
 
 use crate::apply::check::{Check, compare};
 use crate::apply::poses::poses_of;
-use crate::mechanism::{Closure, ClosureKind, Mechanism, Point, Target};
+use crate::mechanism::{Closure, Mechanism, Point, Target};
 use crate::model::{Instance, Model, Spec, UNKNOWN_POINT, Want, Workspace, instances_of};
 use crate::readings::{Readings, Table};
 use crate::terms::term::{Outlasts, Per, Role, Term};
@@ -165,7 +165,7 @@ pub fn points(
 /// [`Error::Missing`] where no chain carries a point.
 pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     let mut points: Vec<Point> =
-        mechanism.points.iter().filter(|p| p.unknown.is_empty()).cloned().collect();
+        mechanism.points.iter().filter(|p| !p.is_unknown()).cloned().collect();
     let Some(carried) = points.iter().find(|p| p.chain.is_some()).map(|p| p.name.clone()) else {
         return Err(Error::Missing {
             mechanism: mechanism.name.clone(),
@@ -178,14 +178,7 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
         anchor.push('_');
     }
     points.push(Point { name: anchor.clone(), at: Some([0.0; 3]), ..Point::default() });
-    let closure = Closure {
-        name: anchor.clone(),
-        kind: ClosureKind::Touch,
-        between: [carried, anchor],
-        value: None,
-        noise: None,
-        sd: None,
-    };
+    let closure = Closure::touch(anchor.clone(), [carried, anchor]);
     let platform = std::collections::BTreeMap::new();
     Ok(Mechanism { points, closures: vec![closure], platform, rest: None, ..mechanism.clone() })
 }

@@ -6,7 +6,7 @@
 
 use crate::Error;
 use crate::apply::earlier::{Applied, points};
-use crate::mechanism::{ClosureKind, Mechanism};
+use crate::mechanism::Mechanism;
 use crate::readings::Table;
 
 /// A touch: number of the point among those that chains carry, and the columns that tell the
@@ -24,10 +24,10 @@ fn touches(mechanism: &Mechanism) -> Vec<Touch<'_>> {
         carried.position(|p| p.name == *name)
     };
     let touch = |one: &String, other: &String| {
-        let columns = point(other)?.unknown.as_slice();
+        let columns = point(other)?.keys();
         (!columns.is_empty()).then_some(Touch { carried: number(one)?, columns })
     };
-    let closed = mechanism.closures.iter().filter(|c| c.kind == ClosureKind::Touch);
+    let closed = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector());
     closed
         .flat_map(|c| [touch(&c.between[0], &c.between[1]), touch(&c.between[1], &c.between[0])])
         .flatten()

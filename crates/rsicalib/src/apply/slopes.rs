@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Vector3};
 use crate::Error;
 use crate::apply::poses::{Platform, settled_blocks};
 use crate::estimate::Noise;
-use crate::mechanism::{Closure, ClosureKind, Mechanism, Point};
+use crate::mechanism::{Closure, Mechanism, Point};
 use crate::model::{Model, Want, Workspace};
 use crate::readings::Readings;
 
@@ -109,17 +109,11 @@ impl Held {
         // A name that no file has.
         let origin = "the origin of the base".to_owned();
         let at = Some([0.0; 3]);
-        mechanism.points.push(Point { name: origin.clone(), chain: None, at, unknown: Vec::new() });
+        mechanism.points.push(Point { name: origin.clone(), at, ..Point::default() });
         for &point in points {
             let name = mechanism.points[point].name.clone();
-            mechanism.closures.push(Closure {
-                name: format!("where {name} is"),
-                kind: ClosureKind::Touch,
-                between: [name, origin.clone()],
-                value: None,
-                noise: None,
-                sd: None,
-            });
+            let where_it_is = format!("where {name} is");
+            mechanism.closures.push(Closure::touch(where_it_is, [name, origin.clone()]));
         }
         Ok(Self { model: model.with_closures_of(&mechanism, readings)?, first })
     }

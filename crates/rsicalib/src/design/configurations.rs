@@ -14,7 +14,8 @@ use faer::{Mat, Side};
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::mechanism::{ClosureKind, Mechanism};
+use crate::closures::kind::Kind;
+use crate::mechanism::Mechanism;
 use crate::model::{Model, Prior, Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::random::Random;
@@ -101,12 +102,9 @@ impl Configurations {
 
     /// What each equation is divided by to have no unit.
     pub(crate) fn sizes(&self, model: &Model) -> Vec<f64> {
-        let size = |kind| match kind {
-            ClosureKind::Distance => self.reach * self.reach,
-            ClosureKind::Touch => self.reach,
-        };
-        let of = |kind: ClosureKind| std::iter::repeat_n(size(kind), kind.equations());
-        model.closures.iter().flat_map(|c| of(c.kind)).collect()
+        let closures = model.closures.iter().map(|c| c.kind.facts());
+        let size = |kind: &dyn Kind| self.reach.powi(kind.dimension());
+        closures.flat_map(|kind| std::iter::repeat_n(size(kind), kind.equations())).collect()
     }
 
     /// Combinations of keys.
@@ -413,7 +411,7 @@ fn keys(mechanism: &Mechanism) -> Result<Vec<Vec<String>>, Error> {
         for end in mechanism.closures.iter().flat_map(|c| &c.between) {
             let Some((point, fixed)) = mechanism.unknown_end(end) else { continue };
             for (k, value) in fixed {
-                if mechanism.points[point].unknown[k] == column && !named.contains(&value) {
+                if mechanism.points[point].keys()[k] == column && !named.contains(&value) {
                     named.push(value);
                 }
             }

@@ -24,7 +24,7 @@ use std::fmt;
 use faer::Mat;
 
 use crate::design::configurations::{Configurations, apart};
-use crate::mechanism::{Closure, ClosureKind, Mechanism, ModelSection, Point, Target, Value};
+use crate::mechanism::{Closure, Mechanism, ModelSection, Point, Target, Value};
 use crate::model::{Instance, Model, Want, Workspace, parse};
 use crate::numerics::random::Random;
 use crate::numerics::rank::{Spaces, eliminated, rank, scaled, unit};
@@ -515,14 +515,7 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     while points.iter().any(|p| p.name == origin) {
         origin.push('_');
     }
-    let closure = |p: &Point| Closure {
-        name: p.name.clone(),
-        kind: ClosureKind::Touch,
-        between: [p.name.clone(), origin.clone()],
-        value: None,
-        noise: None,
-        sd: None,
-    };
+    let closure = |p: &Point| Closure::touch(&p.name, [p.name.clone(), origin.clone()]);
     let closures = points.iter().map(closure).collect();
     points.push(Point { name: origin, at: Some([0.0; 3]), ..Point::default() });
     Ok(Mechanism {

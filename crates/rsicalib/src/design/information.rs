@@ -20,7 +20,7 @@ use faer::{Mat, Side};
 
 use crate::Error;
 use crate::estimate::paper::Paper;
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, Value};
 
 /// The least uncertainty that any unbiased estimator can have.
 #[derive(Debug, Clone, PartialEq)]
@@ -184,17 +184,12 @@ impl Candidates {
 
 /// Variance that declared play gives each equation.
 fn play(mechanism: &Mechanism) -> Vec<f64> {
-    use crate::mechanism::ClosureKind;
-    use crate::mechanism::Value;
     mechanism
         .closures
         .iter()
         .flat_map(|c| {
-            let scale = match (c.kind, &c.value) {
-                (ClosureKind::Distance, Some(Value::Known(d))) => 2.0 * d,
-                _ => 1.0,
-            };
-            let variance = (c.noise.unwrap_or(0.0) * scale).powi(2);
+            let value = c.value.as_ref().and_then(Value::known).unwrap_or(0.0);
+            let variance = (c.noise.unwrap_or(0.0) * c.kind.facts().per_length(value)).powi(2);
             std::iter::repeat_n(variance, c.kind.equations())
         })
         .collect()

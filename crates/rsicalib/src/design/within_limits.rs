@@ -49,8 +49,7 @@ fn at_work(mechanism: &Mechanism) -> Result<Option<Mechanism>, Error> {
     if closures.is_empty() {
         return Ok(None);
     }
-    let points: Vec<Point> =
-        mechanism.points.iter().filter(|p| p.unknown.is_empty()).cloned().collect();
+    let points: Vec<Point> = mechanism.points.iter().filter(|p| !p.is_unknown()).cloned().collect();
     Ok(Some(Mechanism { points, closures, ..mechanism.clone() }))
 }
 

@@ -5,7 +5,6 @@ use std::f64::consts::TAU;
 use crate::estimate::noise::source::{NoiseEstimate, Source, misdeclared};
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
-use crate::mechanism::ClosureKind;
 use crate::model::Model;
 
 /// Readings in radians span more than this many times what they can: no joint does, and
@@ -38,7 +37,7 @@ pub(crate) fn of_closures(model: &Model) -> Vec<Suspicion> {
     let mechanism = &model.mechanism;
     let unused = |k: &usize| {
         let closure = &mechanism.closures[*k];
-        closure.kind == ClosureKind::Distance
+        !closure.kind.facts().is_vector()
             && !mechanism.is_link(closure)
             && model.equations_of(*k) == 0
     };

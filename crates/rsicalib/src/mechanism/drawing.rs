@@ -8,13 +8,14 @@ use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
+use crate::closures::ClosureKind;
 use crate::mechanism::law::Law;
 
 /// Serial chains with sensed joints, and the closures between the chains.
 ///
 /// Lengths are in `length_unit`, angles in radians, points in the frame that each field names.
 /// [`Mechanism::validate`] checks names and numbers.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
@@ -281,30 +282,21 @@ pub struct Point {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub at: Option<[f64; 3]>,
     /// Key columns of the readings: each distinct combination of their values is one unknown point.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
-    pub unknown: Vec<String>,
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub unknown: Option<Vec<String>>,
 }
 
-/// The kind of equation of a closure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
-pub enum ClosureKind {
-    /// `|a - b|² - value² = 0`, eq. (10): one equation.
-    Distance,
-    /// `a - b = 0`: three equations.
-    Touch,
-}
-
-impl ClosureKind {
-    /// Scalar equations of one closure.
+impl Point {
+    /// True for a point whose place is not known.
     #[must_use]
-    pub fn equations(self) -> usize {
-        match self {
-            Self::Distance => 1,
-            Self::Touch => 3,
-        }
+    pub fn is_unknown(&self) -> bool {
+        self.unknown.is_some()
+    }
+
+    /// Columns that tell the unknown places of this point apart; none for one place in all rows.
+    #[must_use]
+    pub fn keys(&self) -> &[String] {
+        self.unknown.as_deref().unwrap_or_default()
     }
 }
 
@@ -320,8 +312,19 @@ pub enum Value {
     Column(String),
 }
 
+impl Value {
+    /// The distance that is the same in every pose.
+    #[must_use]
+    pub fn known(&self) -> Option<f64> {
+        match self {
+            Self::Known(value) => Some(*value),
+            Self::Column(_) => None,
+        }
+    }
+}
+
 /// An equation between two points that holds in every pose.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
@@ -341,6 +344,14 @@ pub struct Closure {
     /// Standard deviation of the value, in length units.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub sd: Option<f64>,
+}
+
+impl Closure {
+    /// Two points that coincide.
+    #[must_use]
+    pub fn touch(name: impl Into<String>, between: [String; 2]) -> Self {
+        Self { name: name.into(), kind: ClosureKind::Touch, between, ..Self::default() }
+    }
 }
 
 /// A platform pose that is known without a measurement.

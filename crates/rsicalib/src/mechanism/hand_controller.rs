@@ -15,8 +15,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::Error;
+use crate::closures::ClosureKind;
 use crate::mechanism::drawing::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Point, Rest, Row, Value,
+    Chain, Channel, Closure, Mechanism, ModelSection, Point, Rest, Row, Value,
 };
 
 /// Radius of the base circle with its sign: the Denavit-Hartenberg length of the fixed row (in).
@@ -201,7 +202,7 @@ impl Mechanism {
                 name: wrist(i),
                 chain: Some(format!("arm{}", i + 1)),
                 at: Some([3.971, 0.0, 0.0]),
-                unknown: Vec::new(),
+                ..Point::default()
             });
             // Wrists clockwise from above, wrist 1 at +x of the handle.
             let bearing = -2.0 * PI / 3.0 * i as f64;
@@ -214,8 +215,7 @@ impl Mechanism {
                 kind: ClosureKind::Distance,
                 between: [wrist(a), wrist(b)],
                 value: Some(Value::Known(1.5 * 3.0_f64.sqrt())),
-                noise: None,
-                sd: None,
+                ..Closure::default()
             });
         }
         // Eq. (14): offset = θ_rest - k · 2048.

@@ -18,9 +18,9 @@ pub fn schema() -> schemars::Schema {
     schemars::schema_for!(Mechanism)
 }
 
+pub use crate::closures::ClosureKind;
 pub use drawing::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, ModelSection, Motion, Point, Rest, Row, Value,
-    Workspace,
+    Chain, Channel, Closure, Mechanism, ModelSection, Motion, Point, Rest, Row, Value, Workspace,
 };
 pub use law::{Class, Formula, Law, MOST_PARAMETERS, MOST_VARIABLES, Moves, Per, Variable};
 pub(crate) use queries::list;

@@ -64,7 +64,7 @@ impl Mechanism {
     pub fn unknown_end(&self, text: &str) -> Option<(usize, Vec<(usize, String)>)> {
         let inside = |p: &Point| {
             let keys = text.strip_prefix(p.name.as_str())?.strip_prefix('[')?.strip_suffix(']')?;
-            keys_of(keys, &p.unknown)
+            keys_of(keys, p.keys())
         };
         self.points.iter().enumerate().find_map(|(i, p)| Some((i, inside(p)?)))
     }
@@ -73,7 +73,7 @@ impl Mechanism {
     #[must_use]
     pub fn key_columns(&self) -> Vec<String> {
         let mut columns: Vec<String> = Vec::new();
-        for column in self.points.iter().flat_map(|p| &p.unknown) {
+        for column in self.points.iter().flat_map(Point::keys) {
             if !columns.contains(column) {
                 columns.push(column.clone());
             }
@@ -143,7 +143,7 @@ impl Mechanism {
     pub fn floats(&self) -> bool {
         let fixed = |end: &String| {
             let mut points = self.points.iter();
-            points.any(|p| p.name == *end && p.chain.is_none() && p.unknown.is_empty())
+            points.any(|p| p.name == *end && p.chain.is_none() && !p.is_unknown())
         };
         self.chains.len() == 1 && !self.closures.iter().any(|c| c.between.iter().any(fixed))
     }

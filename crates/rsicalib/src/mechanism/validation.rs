@@ -1,7 +1,7 @@
 //! Checks of a mechanism: names that are known and unique, numbers that can be used.
 
 use crate::Error;
-use crate::mechanism::drawing::{Channel, Closure, ClosureKind, Mechanism, Point, Row, Value};
+use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
@@ -122,7 +122,7 @@ impl Mechanism {
         if let Some(chain) = &point.chain {
             known(self.chain_index(chain), place)?;
         }
-        match (&point.at, point.unknown.is_empty()) {
+        match (&point.at, !point.is_unknown()) {
             (Some(at), true) => finite(at.iter(), place),
             (None, false) if point.chain.is_none() => Ok(()),
             _ => Err(refuse(
@@ -140,13 +140,14 @@ impl Mechanism {
                 return Err(refuse(place(), format!("{noise}"), "a length of 0 or more".into()));
             }
         }
-        match (closure.kind, &closure.value) {
-            (ClosureKind::Touch, None) | (ClosureKind::Distance, Some(Value::Column(_))) => {}
-            (ClosureKind::Distance, Some(Value::Known(d))) if bounds::positive(*d) => {}
-            (kind, value) => {
-                let expected = "a positive `value` for a distance, none for a touch";
-                return Err(refuse(place(), format!("{kind:?} with {value:?}"), expected.into()));
-            }
+        let usable = match (closure.kind.has_value(), &closure.value) {
+            (has_value, None) => !has_value,
+            (has_value, Some(value)) => has_value && value.known().is_none_or(bounds::positive),
+        };
+        if !usable {
+            let expected = "a positive `value` for a distance, none for a touch";
+            let (kind, value) = (closure.kind, &closure.value);
+            return Err(refuse(place(), format!("{kind:?} with {value:?}"), expected.into()));
         }
         let [a, b] = &closure.between;
         if a == b {
@@ -164,8 +165,8 @@ impl Mechanism {
         match closure.between.iter().find(|end| self.unknown_end(end).is_none()) {
             None => Ok(()),
             Some(end) => {
-                let unknown = self.points.iter().filter(|p| !p.unknown.is_empty());
-                let known = unknown.map(|p| format!("{}[{}=…]", p.name, p.unknown.join("=…,")));
+                let unknown = self.points.iter().filter(|p| p.is_unknown());
+                let known = unknown.map(|p| format!("{}[{}=…]", p.name, p.keys().join("=…,")));
                 let known: Vec<String> = known.collect();
                 let expected = match known.is_empty() {
                     true => "points of the mechanism".into(),

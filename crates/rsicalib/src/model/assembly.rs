@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
-use crate::mechanism::{Closure, ClosureKind, Mechanism, Point};
+use crate::mechanism::{Closure, Mechanism, Point};
 use crate::model::compiled::Model;
 use crate::model::evaluation::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
@@ -26,7 +26,7 @@ pub fn placed(mechanism: &Mechanism, pose: &[f64; 6]) -> Vec<(String, Vector3<f6
 #[must_use]
 pub fn held_at(mechanism: &Mechanism, pose: &[f64; 6], noise: Option<f64>) -> Mechanism {
     let mut held = mechanism.clone();
-    held.points.retain(|p| p.unknown.is_empty());
+    held.points.retain(|p| !p.is_unknown());
     held.closures.retain(|c| c.between.iter().all(|b| held.points.iter().any(|p| p.name == *b)));
     for (name, at) in placed(mechanism, pose) {
         let fixed = format!("{name} held");
@@ -35,14 +35,7 @@ pub fn held_at(mechanism: &Mechanism, pose: &[f64; 6], noise: Option<f64>) -> Me
             at: Some([at.x, at.y, at.z]),
             ..Point::default()
         });
-        held.closures.push(Closure {
-            name: fixed.clone(),
-            kind: ClosureKind::Touch,
-            between: [name, fixed],
-            value: None,
-            noise,
-            sd: None,
-        });
+        held.closures.push(Closure { noise, ..Closure::touch(fixed.clone(), [name, fixed]) });
     }
     held
 }
@@ -65,7 +58,7 @@ pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error
         });
     }
     let mut bare = held_at(mechanism, pose, None);
-    bare.closures.retain(|c| c.kind == ClosureKind::Touch && c.name.ends_with(" held"));
+    bare.closures.retain(|c| c.name.ends_with(" held"));
     for channel in &mut bare.channels {
         channel.unit = "rad".into();
         (channel.gain, channel.offset, channel.range) = (1.0, 0.0, None);

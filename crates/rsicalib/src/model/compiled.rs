@@ -38,6 +38,8 @@ pub(crate) struct Added {
 #[derive(Debug, Clone)]
 pub(crate) struct CompiledClosure {
     pub(crate) kind: ClosureKind,
+    /// Scalar equations where none is left out.
+    all: usize,
     pub(crate) ends: [End; 2],
     /// Known value; for a measured distance the mean of its column.
     pub(crate) value: f64,
@@ -60,7 +62,12 @@ impl CompiledClosure {
     /// Scalar equations of one sample.
     #[inline(always)]
     pub(crate) fn equations(&self) -> usize {
-        self.along.as_ref().map_or(self.kind.equations(), Vec::len)
+        self.along.as_ref().map_or(self.all, Vec::len)
+    }
+
+    /// Change of an equation per change of a length.
+    pub(crate) fn per_length(&self) -> f64 {
+        self.kind.facts().per_length(self.value)
     }
 }
 
@@ -538,6 +545,7 @@ impl Model {
             let kind = closure.kind;
             self.closures.push(CompiledClosure {
                 kind,
+                all: kind.equations(),
                 ends,
                 value,
                 column,
@@ -610,7 +618,7 @@ impl Model {
             (None, Some(at)) => End::Fixed(at),
             _ => {
                 let before = &self.mechanism.points[..index];
-                End::Unknown(before.iter().filter(|p| !p.unknown.is_empty()).count())
+                End::Unknown(before.iter().filter(|p| p.is_unknown()).count())
             }
         })
     }
@@ -721,16 +729,11 @@ impl Model {
     }
 
     /// Factor from the misclosure of each equation to a length.
-    ///
-    /// To first order `|p_a - p_b|² - d²` is `2 d` times the error of the distance.
     #[must_use]
     pub fn lengths(&self) -> Vec<f64> {
         let mut lengths = Vec::with_capacity(self.equations);
         for closure in &self.closures {
-            let scale = match closure.kind {
-                ClosureKind::Distance => 1.0 / (2.0 * closure.value),
-                ClosureKind::Touch => 1.0,
-            };
+            let scale = 1.0 / closure.per_length();
             lengths.extend(std::iter::repeat_n(scale, closure.equations()));
         }
         lengths
@@ -751,11 +754,7 @@ impl Model {
     pub fn play(&self) -> Vec<f64> {
         let mut play = Vec::with_capacity(self.equations);
         for closure in &self.closures {
-            let scale = match closure.kind {
-                ClosureKind::Distance => 2.0 * closure.value,
-                ClosureKind::Touch => 1.0,
-            };
-            let variance = (closure.noise * scale).powi(2);
+            let variance = (closure.noise * closure.per_length()).powi(2);
             play.extend(std::iter::repeat_n(variance, closure.equations()));
         }
         play

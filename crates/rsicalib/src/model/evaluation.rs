@@ -19,9 +19,10 @@
 //! All terms of one stage see the state that enters the stage, and their corrections add up, so
 //! their order does not matter. Eight samples are computed at a time.
 
+use crate::closures::kind::At;
 use crate::kinematics::elements::{Element, Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
-use crate::mechanism::{ClosureKind, MOST_PARAMETERS};
+use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, End, Model};
 use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
@@ -67,15 +68,6 @@ pub struct Want {
     pub x: bool,
     /// `A = ∂f/∂a`.
     pub a: bool,
-}
-
-/// What a vector is along one of the directions of a touch; none: the axes of the base.
-#[inline(always)]
-fn along(directions: Option<&[[f64; 3]]>, row: usize, vector: &Vec3) -> Lanes {
-    match directions {
-        None => vector[row],
-        Some(all) => vector[0] * all[row][0] + vector[1] * all[row][1] + vector[2] * all[row][2],
-    }
 }
 
 impl Model {
@@ -360,28 +352,15 @@ impl Model {
                     added.gate.map_or(Lanes::splat(1.0), |g| ws.gates[g]) * beta[added.parameter];
             }
             closure.laws.iter().for_each(|&to| distance += ws.angles[to]);
-            for added in closure.added.iter().filter(|_| want.x) {
-                let acts = added.gate.map_or(Lanes::splat(1.0), |g| ws.gates[g]);
-                ws.x[closure.equation * width + added.parameter] = acts * distance * -2.0;
-            }
-            if want.x || want.a {
-                closure.laws.iter().for_each(|&to| {
-                    ws.laws.h[closure.equation * self.amounts + to - channels] = distance * -2.0;
-                });
-            }
-            match closure.kind {
-                ClosureKind::Distance => {
-                    ws.f[closure.equation] = dot(&apart, &apart) - distance * distance;
-                }
-                ClosureKind::Touch => {
-                    for row in 0..closure.equations() {
-                        let off = along(closure.along.as_deref(), row, &apart);
-                        ws.f[closure.equation + row] = off;
-                    }
-                }
+            let at = At { apart, value: distance, along: closure.along.as_deref() };
+            for row in 0..closure.equations() {
+                ws.f[closure.equation + row] = closure.kind.misclosure(&at, row);
             }
             if !(want.x || want.a) {
                 continue;
+            }
+            if !(closure.added.is_empty() && closure.laws.is_empty()) {
+                self.add_value_columns(closure, &at, want, ws);
             }
             for (end, sign) in closure.ends.iter().zip([1.0, -1.0]) {
                 match end {
@@ -394,7 +373,7 @@ impl Model {
                                 continue;
                             }
                             let (source, moved) = (lever.source, lever.moves(point));
-                            self.add_column(closure, source, &moved, &apart, sign, want, ws);
+                            self.add_column(closure, source, &moved, &at, sign, want, ws);
                         }
                     }
                     End::Unknown(point) => {
@@ -403,7 +382,7 @@ impl Model {
                             let mut unit = [Lanes::ZERO; 3];
                             unit[axis] = Lanes::ONE;
                             let source = Source::Parameter(first + axis);
-                            self.add_column(closure, source, &unit, &apart, sign, want, ws);
+                            self.add_column(closure, source, &unit, &at, sign, want, ws);
                         }
                     }
                 }
@@ -422,21 +401,37 @@ impl Model {
         closure: &CompiledClosure,
         source: Source,
         moved: &Vec3,
-        apart: &Vec3,
+        at: &At,
         sign: f64,
         want: Want,
         ws: &mut Workspace,
     ) {
-        match closure.kind {
-            ClosureKind::Distance => {
-                let value = dot(apart, moved) * (2.0 * sign);
-                self.add_entry(closure.equation, source, value, want, ws);
+        for row in 0..closure.equations() {
+            let value = closure.kind.by_end(at, row, moved, sign);
+            self.add_entry(closure.equation + row, source, value, want, ws);
+        }
+    }
+
+    /// Adds what terms and laws change of a closure by its value.
+    #[inline(always)]
+    fn add_value_columns(
+        &self,
+        closure: &CompiledClosure,
+        at: &At,
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        for row in 0..closure.equations() {
+            let slope = closure.kind.by_value(at, row);
+            for added in &closure.added {
+                let source = match added.gate {
+                    Some(gate) => Source::Gated(added.parameter, gate),
+                    None => Source::Parameter(added.parameter),
+                };
+                self.add_entry(closure.equation + row, source, slope, want, ws);
             }
-            ClosureKind::Touch => {
-                for row in 0..closure.equations() {
-                    let value = along(closure.along.as_deref(), row, moved) * sign;
-                    self.add_entry(closure.equation + row, source, value, want, ws);
-                }
+            for &to in &closure.laws {
+                self.add_entry(closure.equation + row, Source::Law(to), slope, want, ws);
             }
         }
     }

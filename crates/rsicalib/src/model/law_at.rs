@@ -1,7 +1,7 @@
 //! A law that couples joints, at one place of a mechanism.
 
 use crate::kinematics::elements::{Axis, Way, Weight};
-use crate::mechanism::{ClosureKind, Mechanism, Target};
+use crate::mechanism::{Mechanism, Target};
 use crate::model::instance::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::terms::coupled::Coupled;
@@ -80,7 +80,7 @@ impl LawAt {
 fn parts(mechanism: &Mechanism, instance: &Instance) -> Vec<Target> {
     let class = instance.term.info().class;
     let chains = || (0..mechanism.chains.len()).map(Target::Chain).collect();
-    let distance = |k: &usize| mechanism.closures[*k].kind == ClosureKind::Distance;
+    let distance = |k: &usize| mechanism.closures[*k].kind.has_value();
     match (class, instance.target) {
         (Class::Closure, Target::All) => {
             let links = |k: &usize| mechanism.is_link(&mechanism.closures[*k]);

@@ -18,7 +18,6 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use crate::mechanism::ClosureKind;
 use crate::model::compiled::{End, Model};
 use crate::model::evaluation::{Want, Workspace};
 use crate::model::prior::Prior;
@@ -44,7 +43,7 @@ impl Model {
     /// Leaves out equations that nothing can violate.
     pub(crate) fn leave_out_null_equations(&mut self, readings: &Readings) {
         let touches: Vec<usize> = (0..self.closures.len())
-            .filter(|&k| self.closures[k].kind == ClosureKind::Touch)
+            .filter(|&k| self.closures[k].kind.facts().is_vector())
             .filter(|&k| self.unknown_of(k).is_none_or(|point| self.touched_once(point)))
             .collect();
         let found: Vec<_> =

@@ -10,7 +10,7 @@ pub const UNKNOWN_POINT: &str = "unknown_point";
 pub(crate) fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String]) -> String {
     let point = &mechanism.points[point];
     let keys: Vec<String> =
-        point.unknown.iter().zip(keys).map(|(column, key)| format!("{column}={key}")).collect();
+        point.keys().iter().zip(keys).map(|(column, key)| format!("{column}={key}")).collect();
     format!("{}[{}]", point.name, keys.join(","))
 }
 
@@ -26,10 +26,10 @@ pub(crate) fn number_unknowns(
     let columns = mechanism.key_columns();
     let mut numbers = Vec::new();
     let mut points: Vec<Keyed> = Vec::new();
-    for (p, point) in mechanism.points.iter().enumerate().filter(|(_, p)| !p.unknown.is_empty()) {
+    for (p, point) in mechanism.points.iter().enumerate().filter(|(_, p)| p.is_unknown()) {
         let of_group = readings.groups.iter().map(|group| {
             let key = |c: &String| columns.iter().position(|k| k == c).map(|i| group[i].clone());
-            let own = (p, point.unknown.iter().filter_map(key).collect::<Vec<String>>());
+            let own = (p, point.keys().iter().filter_map(key).collect::<Vec<String>>());
             points.iter().position(|known| *known == own).unwrap_or_else(|| {
                 points.push(own);
                 points.len() - 1

@@ -16,7 +16,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::mechanism::ClosureKind;
 use crate::model::compiled::{CompiledClosure, End, Model};
 use crate::model::evaluation::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
@@ -205,7 +204,7 @@ fn turned(closure: &CompiledClosure, redundant: &mut [DMatrix<f64>]) -> Vec<[f64
     let axes = closure.along.clone().unwrap_or_else(|| {
         (0..closure.equations()).map(|k| [0, 1, 2].map(|i| f64::from(u8::from(i == k)))).collect()
     });
-    if closure.kind == ClosureKind::Distance || axes.len() < 2 {
+    if !closure.kind.facts().is_vector() || axes.len() < 2 {
         return axes;
     }
     let (first, n) = (closure.equation, axes.len());

@@ -1,6 +1,6 @@
 //! Unknown points: placements, known distances between them, and starting positions.
 
-use crate::mechanism::{ClosureKind, Value};
+use crate::mechanism::Value;
 use crate::model::compiled::{End, Model};
 use crate::model::evaluation::{Want, Workspace};
 use crate::model::prior::Prior;
@@ -59,7 +59,7 @@ impl Model {
         keys: &'a [String],
         fixed: &[(usize, String)],
     ) -> Option<Vec<(&'a String, &'a String)>> {
-        let columns = &self.mechanism.points[point].unknown;
+        let columns = self.mechanism.points[point].keys();
         if fixed.iter().any(|(k, value)| keys.get(*k) != Some(value)) {
             return None;
         }
@@ -83,7 +83,7 @@ impl Model {
                     [End::Unknown(point), other] | [other, End::Unknown(point)] => (other, point),
                     _ => continue,
                 };
-                if closure.kind != ClosureKind::Touch || matches!(touching, End::Unknown(_)) {
+                if !closure.kind.facts().is_vector() || matches!(touching, End::Unknown(_)) {
                     continue;
                 }
                 let at = self.end_point(&touching, meta.group, beta, &ws.postures);

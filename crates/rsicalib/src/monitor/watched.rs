@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::apply::earlier::{Applied, Under};
-use crate::mechanism::{ClosureKind, Mechanism, Target};
+use crate::mechanism::{Mechanism, Target};
 use crate::model::Spec;
 use crate::monitor::alarm::Change;
 use crate::monitor::drift::Drift;
@@ -253,7 +253,7 @@ pub(crate) fn changes(mechanism: &Mechanism) -> Vec<Spec> {
     let mut changes: Vec<Spec> =
         (0..mechanism.channels.len()).map(|c| spec("offset", Target::Channel(c))).collect();
     for (k, closure) in mechanism.closures.iter().enumerate() {
-        if closure.kind == ClosureKind::Distance {
+        if closure.kind.has_value() {
             changes.push(spec("distance", Target::Closure(k)));
         }
     }

@@ -1,7 +1,7 @@
 //! Targets of a term, the data that a term needs, and the typical sizes of its parameters.
 
 use crate::Error;
-use crate::mechanism::{ClosureKind, Mechanism, Target};
+use crate::mechanism::{Mechanism, Target};
 use crate::readings::Readings;
 use crate::terms::term::{Class, Needs, Per, Placed, Role, Spot, Term};
 
@@ -27,7 +27,7 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             chains.chain([Target::All]).collect()
         }
         Per::Closure => (0..mechanism.closures.len())
-            .filter(|&c| mechanism.closures[c].kind == ClosureKind::Distance)
+            .filter(|&c| mechanism.closures[c].kind.has_value())
             .map(Target::Closure)
             .collect(),
         Per::Row => mechanism

@@ -241,7 +241,8 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
     }
     mechanism.points.push(point(&mut rng, "side", Some(0)));
     mechanism.points.push(point(&mut rng, "post", None));
-    let socket = Point { name: "socket".into(), unknown: vec!["at".into()], ..Point::default() };
+    let socket =
+        Point { name: "socket".into(), unknown: Some(vec!["at".into()]), ..Point::default() };
     mechanism.points.push(socket);
 
     let distance = |a: &str, b: &str| Closure {
@@ -250,7 +251,7 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
         between: [a.into(), b.into()],
         value: Some(Value::Known(1.0)),
         noise: Some(2e-3),
-        sd: None,
+        ..Closure::default()
     };
     for k in 1..chains {
         mechanism.closures.push(distance(&format!("tip{}", k - 1), &format!("tip{k}")));
@@ -346,7 +347,7 @@ fn point(rng: &mut Rng, name: &str, chain: Option<usize>) -> Point {
         name: name.into(),
         chain: chain.map(|k| format!("chain{}", k + 1)),
         at: Some(std::array::from_fn(|_| rng.uniform(-1.0, 1.0))),
-        unknown: Vec::new(),
+        ..Point::default()
     }
 }
 

@@ -12,7 +12,7 @@ use crate::design::reach::readings_at;
 use crate::design::within_limits::within_limits;
 use crate::estimate::directions::{parameter_names, reported};
 use crate::estimate::{Fit, Observations};
-use crate::mechanism::{ClosureKind, Mechanism};
+use crate::mechanism::Mechanism;
 use crate::model::{Model, Want, Workspace};
 use crate::readings::{Readings, Table};
 use crate::report::evidence::points::{has_platform, of_chain, points};
@@ -217,7 +217,7 @@ fn apart(model: &Model) -> Vec<(usize, Vec<usize>)> {
         let names: Vec<&String> =
             of_chain(model, chain).map(|p| &mechanism.points[p].name).collect();
         let touches = |name: &&String| {
-            let touching = mechanism.closures.iter().filter(|c| c.kind == ClosureKind::Touch);
+            let touching = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector());
             let [a, b] = [0, 1].map(|end| touching.clone().map(move |c| &c.between[end]));
             a.clone()
                 .zip(b.clone())
