@@ -34,6 +34,7 @@ PYTHON = (
     "cores",
     "records",
     "io",
+    "imports",
     "verdicts",
     "estimates",
     "shapes",

@@ -61,6 +61,17 @@ BY_HAND = {
         "terms": "A list: `id`, `class`, `doc`, `needs`, `parameters` (`name`, `unit`, `typical`) "
         "and `targets`.",
     },
+    "rsicalib.import/1": {
+        "format": "`rsicalib.import/1`.",
+        "version": "Version of the program.",
+        "source": "The log, as it was given.",
+        "kind": "What it is, in words.",
+        "sha256": "Digest of what was read.",
+        "sessions": "A list: `name` (null where there is one), `samples`, `poses` (null of a "
+        "recording), `in_motion` (rows between held poses, null where there are none), `columns`.",
+        "findings": "What its user should know, a sentence each; nothing was repaired.",
+        "files": "SHA-256 of each file beside it, in `import.json`; not on standard output.",
+    },
     "rsicalib.error/1": {
         "format": "`rsicalib.error/1`.",
         "message": "What was found, what was expected, and what to do.",

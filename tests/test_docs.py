@@ -73,11 +73,14 @@ def test_documents_have_the_keys_that_the_reference_lists(
         return out
 
     rest = str(rsicalib.DEMO / "rest.csv")
+    belts = tmp_path / "serial.log"
+    belts.write_text("CLBM:[{bl:1.0, br:2.0, tr:3.0, tl:4.0}]")
     seen = {
         "rsicalib.poses/1": keys("forward", rest),
         "rsicalib.terms/1": keys("terms"),
         "rsicalib.error/1": keys("calibrate", str(tmp_path / "nowhere.csv")),
         "rsicalib.plan/1": keys("plan", "--poses", "10"),
+        "rsicalib.import/1": keys("import", str(belts), "--out", str(tmp_path / "imported")),
     }
     for name, document in seen.items():
         assert document["format"] == name

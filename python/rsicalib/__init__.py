@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
     from rsicalib.identifiability import identifiable
+    from rsicalib.imports.log import Log
+    from rsicalib.imports.opening import import_log
     from rsicalib.io.readings import Readings
     from rsicalib.lifetime import history
     from rsicalib.measures import observability
@@ -54,6 +56,7 @@ __all__ = [
     "Channel",
     "Fleet",
     "InputError",
+    "Log",
     "Mechanism",
     "Monitor",
     "Parameter",
@@ -75,6 +78,7 @@ __all__ = [
     "forward_sd",
     "history",
     "identifiable",
+    "import_log",
     "inverse",
     "load_calibration",
     "load_mechanism",
@@ -100,6 +104,8 @@ _HOMES = {
     "rsicalib.fleets.run": "Fleet fleet",
     "rsicalib.lifetime": "history",
     "rsicalib.identifiability": "identifiable",
+    "rsicalib.imports.log": "Log",
+    "rsicalib.imports.opening": "import_log",
     "rsicalib.io.readings": "Readings",
     "rsicalib.measures": "observability",
     "rsicalib.monitor": "Alarm Monitor watch",

@@ -8,7 +8,13 @@ from rsicalib.errors import UndeterminedError
 from rsicalib.groups import measured
 from rsicalib.options import names, solver
 from rsicalib.results import Calibration
-from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
+from rsicalib.work.arguments import (
+    CalibrationArg,
+    MechanismArg,
+    ReadingsArg,
+    SessionsArg,
+    with_logs,
+)
 from rsicalib.work.job import Work
 from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
@@ -48,7 +54,8 @@ def calibrate(
     Parameters
     ----------
     readings : path, Readings, data frame, or a sequence of them
-        `n` samples each; several are sessions of one device.
+        `n` samples each; several are sessions of one device. Logs of other programs are taken
+        as `import_log` reads them.
     mechanism : str, path, mapping or Mechanism
         What is read, as `load_mechanism` takes it.
     rest : path or Readings, optional
@@ -114,6 +121,7 @@ def calibrate(
     >>> found.noise.source
     'misclosure of repeats'
     """
+    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
     job.take(readings, fit_groups, hold_out_groups)
     options = {

@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.errors import InputError
+from rsicalib.imports.kinds import format_of
+from rsicalib.imports.opening import import_log
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_of
 from rsicalib.records import Record
@@ -20,6 +22,7 @@ from rsicalib.tabular import Told
 from rsicalib.units import with_unit
 from rsicalib.work.applying import as_applied, covariance_of
 from rsicalib.work.arguments import (
+    Bare,
     CalibrationArg,
     MechanismArg,
     PathLike,
@@ -316,7 +319,8 @@ def watch(
     Parameters
     ----------
     readings : path, "-" or Readings
-        CSV or Parquet with a column per channel, `time_s` optional; `-` is standard input.
+        CSV or Parquet with a column per channel, `time_s` optional; `-` is standard input. A log
+        of another program is taken as `import_log` reads it.
         Memory does not grow with the number of rows.
     calibration : path, Calibration or Trace
         A result of the device.
@@ -339,6 +343,9 @@ def watch(
     result, opened = earlier_result(calibration, open_mechanism(mechanism))
     if isinstance(readings, Readings):
         rows: Iterator[Rows] = iter([Rows(readings.values, readings.time_s)])
+    elif format_of(readings) is not None:
+        log = import_log(readings, mechanism=opened, hold=0.0)
+        rows = (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
     else:
         rows = rows_of(readings, [channel.name for channel in opened.channels])
     rate, rows = _rate(false_alarms, rows)

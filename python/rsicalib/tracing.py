@@ -9,7 +9,13 @@ from rsicalib.groups import measured
 from rsicalib.options import names, solver
 from rsicalib.options import seed as check_seed
 from rsicalib.results import Trace
-from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
+from rsicalib.work.arguments import (
+    CalibrationArg,
+    MechanismArg,
+    ReadingsArg,
+    SessionsArg,
+    with_logs,
+)
 from rsicalib.work.job import Work
 from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
@@ -86,6 +92,7 @@ def trace(
     """
     if seed is not None:
         check_seed(seed)
+    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
     job.take(readings, fit_groups, hold_out_groups)
     options = {

@@ -20,6 +20,7 @@ from rsicalib.cli.verbs import (
     forward,
     guide,
     history,
+    import_,
     mechanism,
     paper,
     plan,
@@ -30,6 +31,8 @@ from rsicalib.cli.verbs import (
     watch,
 )
 from rsicalib.errors import InputError
+from rsicalib.imports.asked import HOLD
+from rsicalib.imports.kinds import KINDS
 
 __all__ = ["make_parser"]
 
@@ -47,6 +50,17 @@ def _names(text: str) -> list[str]:
     found = [name.strip() for name in text.split(",") if name.strip()]
     if not found:
         raise argparse.ArgumentTypeError(f"found {text!r}, expected names with commas between them")
+    return found
+
+
+def _pairs(text: str) -> dict[str, str]:
+    pairs = [item.split("=", 1) for item in _names(text)]
+    wrong = next((pair[0] for pair in pairs if len(pair) < 2 or not all(pair)), None)
+    if wrong is not None:
+        raise argparse.ArgumentTypeError(f"found {wrong!r}, expected name=name,…")
+    found = {a.strip(): b.strip() for a, b in pairs}
+    if len(found) < len(pairs):
+        raise argparse.ArgumentTypeError(f"found a name twice in {text!r}, expected each once")
     return found
 
 
@@ -89,7 +103,7 @@ def make_parser() -> argparse.ArgumentParser:
 
     def verb(run: Callable[[Args], int], **more: Any) -> argparse.ArgumentParser:
         words = (run.__doc__ or "").strip().splitlines()[0]
-        name = run.__name__
+        name = run.__name__.rstrip("_")  # `import` is a word of Python
         sub = verbs.add_parser(name, help=words, description=words, **more)
         sub.set_defaults(run=run)
         sub.add_argument(
@@ -106,7 +120,10 @@ def make_parser() -> argparse.ArgumentParser:
     for run in (calibrate, trace):
         sub = verb(run)
         sub.add_argument(
-            "readings", metavar="READINGS", nargs="+", help="CSV or Parquet; several are sessions"
+            "readings",
+            metavar="READINGS",
+            nargs="+",
+            help="CSV, Parquet, or a log that `import` knows; several are sessions",
         )
         _add_mechanism(sub)
         sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
@@ -278,6 +295,28 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument(
         "name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given"
     )
+
+    sub = verb(import_)
+    words = "a serial log, printer.cfg, a data set, a bag, HDF5, CSV or Parquet"
+    sub.add_argument("source", metavar="SOURCE", help=words)
+    words = "readings.csv, and mechanism.toml where the log has one, are written there"
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
+    sub.add_argument("--format", choices=sorted(KINDS), help="told from SOURCE where not given")
+    words = "whose channels are taken; where its chains are URDF, by the names of their joints"
+    sub.add_argument("--mechanism", metavar="NAME|FILE", help=words)
+    words = "name in the log of each channel: q1=panda_joint1,…"
+    sub.add_argument("--channels", metavar="CHANNEL=NAME,…", type=_pairs, help=words)
+    sub.add_argument("--topic", metavar="TOPIC", help="of ROS: where the joint states are")
+    words = "of ROS: only rows under a condition, '/wrench.force.z>2'"
+    sub.add_argument("--when", metavar="CONDITION", help=words)
+    words = f"for how long a held pose is still ({HOLD:g}); 0: a recording as it is"
+    sub.add_argument("--hold", metavar="SECONDS", type=float, help=words)
+    sub.add_argument("--rate", metavar="HZ", type=float, help="of a log without times")
+    words = "columns with one text in every row: surface=table"
+    sub.add_argument("--labels", metavar="COLUMN=TEXT,…", type=_pairs, help=words)
+    words = "leave out rows with some channels and not others"
+    sub.add_argument("--skip-bad-rows", action="store_true", help=words)
+    _add_force(sub)
 
     sub = verb(completion)
     sub.add_argument("shell", choices=SHELLS, help="for whom the script is")

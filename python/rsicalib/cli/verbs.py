@@ -34,6 +34,7 @@ __all__ = [
     "forward",
     "guide",
     "history",
+    "import_",
     "mechanism",
     "paper",
     "plan",
@@ -55,6 +56,7 @@ ALARMED = 4
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
     prepare(args)
+    _with_logs(args)
     options = {**_session(args), "method": args.method}
     return show(args, _heard(args, lambda line: api.calibrate(args.readings, **options, **line)))
 
@@ -62,8 +64,24 @@ def calibrate(args: Args) -> int:
 def trace(args: Args) -> int:
     """Close the loop: residual, missing term, error before and after."""
     prepare(args)
+    _with_logs(args)
     options = {**_session(args), "without": args.without, "seed": args.seed}
     return show(args, _heard(args, lambda line: api.trace(args.readings, **options, **line)))
+
+
+def import_(args: Args) -> int:
+    """Logs of other programs as readings: Maslow4, Klipper, LeRobot, ROS, ALOHA, CSV, Parquet."""
+    from rsicalib.imports.opening import import_log
+
+    names = "format mechanism channels topic when hold rate labels skip_bad_rows"
+    options = {name: getattr(args, name) for name in names.split()}
+    log = import_log(args.source, **options)
+    written = log.save(args.out, force=args.force)
+    if args.json:
+        emit(to_json(log.to_dict()))
+    elif not args.quiet:
+        say("\n".join([log.text(), "", *sorted(map(str, written))]))
+    return 0
 
 
 def fixture(args: Args) -> int:
@@ -369,6 +387,13 @@ def _heard(args: Args, job: Callable[[dict[str, Any]], T], what: str = "fit") ->
         if line is None:
             return interruptible(lambda: job({}))
         return interruptible(lambda: job({"progress": line}), line.tick)
+
+
+def _with_logs(args: Args) -> None:
+    """Read what is a log of another program, and take the mechanism that it brings along."""
+    from rsicalib.work.arguments import with_logs
+
+    args.readings, args.mechanism = with_logs(args.readings, args.mechanism, args.skip_bad_rows)
 
 
 def _session(args: Args) -> dict[str, Any]:

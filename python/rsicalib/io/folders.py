@@ -1,9 +1,9 @@
 """Folders of results: nothing of the user's is lost, and what is there is whole.
 
 A file is replaced only if it was written by this package: a result says so by its `format`, a plan
-by its column `why`, other files by a line, and the readings of a simulation by their digest in
-`truth.json`. One file, the seal, is removed first and written last: a folder that has its seal is
-whole.
+by its column `why`, other files by a line, and the readings of a simulation or an import by their
+digest in `truth.json` or `import.json`. One file, the seal, is removed first and written last: a
+folder that has its seal is whole.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
 
-__all__ = ["MARK", "TRUTH", "refuse_foreign", "write_folder"]
+__all__ = ["IMPORT", "MARK", "TRUTH", "refuse_foreign", "write_folder"]
 
 MARK = "Written by rsicalib"
 """A line with these words marks a text file that may be replaced."""
@@ -30,6 +30,9 @@ ENDS = 4096
 
 TRUTH = "truth.json"
 """The seal of a simulated session, with the digest of each of its files."""
+
+IMPORT = "import.json"
+"""The seal of a log that was imported, likewise."""
 
 
 def write_folder(
@@ -100,15 +103,16 @@ def _is_ours(path: Path) -> bool:
         with path.open("rb") as file:
             head = file.read(ENDS)
             file.seek(max(0, path.stat().st_size - ENDS))
-            return bool(OURS.search(head) or OURS.search(file.read(ENDS))) or _is_simulated(path)
+            ours = OURS.search(head) or OURS.search(file.read(ENDS))
+            return bool(ours) or any(_is_sealed(path, seal) for seal in (TRUTH, IMPORT))
     except OSError:
         return False
 
 
-def _is_simulated(path: Path) -> bool:
-    """Whether `truth.json` beside a file has the file's digest."""
+def _is_sealed(path: Path, seal: str) -> bool:
+    """Whether a seal beside a file has the file's digest."""
     try:
-        digests = json.loads((path.parent / TRUTH).read_bytes())["files"]
+        digests = json.loads((path.parent / seal).read_bytes())["files"]
         return bool(digests[path.name] == hashlib.sha256(path.read_bytes()).hexdigest())
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False

@@ -44,7 +44,7 @@ from rsicalib.io.tables import (
 from rsicalib.io.units_row import without_units
 from rsicalib.tabular import Tabular
 
-__all__ = ["Readings", "load_readings"]
+__all__ = ["Readings", "load_readings", "readings_of_table"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -142,7 +142,7 @@ class Readings(Samples, Tabular):
         blocks += [([name], cells) for name, cells in given.items() if cells is not None]
         if poses is not None:
             blocks.append((POSE, poses))
-        return _readings(table_of_arrays(blocks, source), mechanism, skip_bad_rows)
+        return readings_of_table(table_of_arrays(blocks, source), mechanism, skip_bad_rows)
 
     def select(self, mask: npt.ArrayLike) -> Readings:
         """The rows where `mask` is true.
@@ -262,16 +262,16 @@ def load_readings(
     """
     if not isinstance(readings, str | os.PathLike):
         names = [channel.name for channel in mechanism.channels]
-        return _readings(table_in_memory(readings, names), mechanism, skip_bad_rows)
+        return readings_of_table(table_in_memory(readings, names), mechanism, skip_bad_rows)
     file = read_file(readings)
     numbers = table_of_numbers(file)
     if numbers is not None and not {*mechanism.key_columns, *TEXTS} & {*numbers.names}:
         with suppress(InputError):  # the table cell by cell says what was found, or skips it
-            return _readings(numbers, mechanism, skip_bad_rows=False)
-    return _readings(table_of_file(file), mechanism, skip_bad_rows)
+            return readings_of_table(numbers, mechanism, skip_bad_rows=False)
+    return readings_of_table(table_of_file(file), mechanism, skip_bad_rows)
 
 
-def _readings(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Readings:
+def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: bool) -> Readings:
     """The one way in: checks the header, then every cell, then the order of the rows."""
     index, ignored = read_header(table, mechanism)
     table = without_units(table, mechanism, index)

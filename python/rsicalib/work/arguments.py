@@ -11,8 +11,11 @@ import numpy as np
 from rsicalib import options
 from rsicalib._core import Mechanism, Term
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.imports.kinds import format_of
+from rsicalib.imports.log import Log
+from rsicalib.imports.opening import import_log
 from rsicalib.io.builtin import BUILTIN
-from rsicalib.io.frames import TableArg
+from rsicalib.io.frames import TableArg, in_memory
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.results import Result, load_calibration
 
@@ -28,11 +31,12 @@ __all__ = [
     "load",
     "noise_of_channels",
     "open_mechanism",
+    "with_logs",
 ]
 
 PathLike: TypeAlias = str | os.PathLike[str]
 MechanismArg: TypeAlias = PathLike | Mapping[str, Any] | Mechanism
-ReadingsArg: TypeAlias = PathLike | Readings | TableArg
+ReadingsArg: TypeAlias = PathLike | Readings | Log | TableArg
 SessionsArg: TypeAlias = ReadingsArg | Sequence[ReadingsArg]
 CalibrationArg: TypeAlias = PathLike | Result
 
@@ -95,15 +99,68 @@ class Bare:
     """A mechanism of which only the channels count: to read a rest pose, or to apply a result."""
 
     def __init__(self, mechanism: Mechanism) -> None:
+        self.whole = mechanism
         self.name = mechanism.name
         self.channels = mechanism.channels
         self.key_columns: list[str] = []
         self.value_columns: list[str] = []
 
 
+def with_logs(
+    readings: SessionsArg, mechanism: MechanismArg, skip: bool
+) -> tuple[SessionsArg, MechanismArg]:
+    """Sessions with the logs of other programs among them read.
+
+    A mechanism that such a log brings along is the one that holds where none was chosen.
+    """
+    single = isinstance(readings, str | os.PathLike | Readings | Log) or in_memory(readings)
+    several: list[Any] = [readings] if single else list(readings)  # type: ignore[arg-type]
+    logs = {k: log for k, one in enumerate(several) if (log := _log(one, mechanism, skip))}
+    if not logs:
+        return (several[0] if single else several), mechanism
+    own = next((log.mechanism for log in logs.values() if log.mechanism is not None), None)
+    if own is not None and _default(mechanism):
+        mechanism = own
+    loaded = open_mechanism(mechanism)
+    out: list[ReadingsArg] = []
+    for k, one in enumerate(several):
+        if k in logs:
+            out += logs[k].readings(loaded, skip_bad_rows=skip)
+        else:
+            out.append(one)
+    return out, mechanism
+
+
+def _default(mechanism: MechanismArg) -> bool:
+    """Whether a mechanism is the one that holds where none was chosen."""
+    return isinstance(mechanism, str) and mechanism == "rsi"
+
+
+def _log(readings: object, mechanism: MechanismArg, skip: bool) -> Log | None:
+    """The log of another program that a path leads to; None for readings."""
+    if isinstance(readings, Log):
+        return readings
+    if not isinstance(readings, str | os.PathLike) or format_of(readings) is None:
+        return None
+    if _default(mechanism):
+        log = import_log(readings, skip_bad_rows=skip)
+        if log.mechanism is not None:
+            return log
+    return import_log(readings, mechanism=mechanism, skip_bad_rows=skip)
+
+
 def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
     """Readings as they are, from a file or a data frame; refused if they have other channels."""
+    log = _log(readings, getattr(mechanism, "whole", mechanism), skip)
+    if log is not None:
+        sessions = log.readings(mechanism, skip_bad_rows=skip)
+        if len(sessions) > 1:
+            found = f"{len(sessions)} sessions"
+            hint = "Import it (rsicalib import), and give one of its files."
+            raise InputError.at(log.source, found=found, expected="one", hint=hint)
+        return sessions[0]
     if not isinstance(readings, Readings):
+        assert not isinstance(readings, Log)  # it is one of the logs above
         return load_readings(readings, mechanism, skip_bad_rows=skip)
     names = tuple(channel.name for channel in mechanism.channels)
     if readings.channels != names:

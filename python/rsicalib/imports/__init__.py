@@ -1,0 +1,1 @@
+"""Logs of other programs as readings: one file for each format, one way in (`opening`)."""

@@ -1,0 +1,81 @@
+"""What is asked of an import, the same for every format, and how columns become channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rsicalib.errors import InputError
+
+__all__ = ["HOLD", "Asked", "chosen"]
+
+HOLD = 0.5
+"""A pose is held for so long [s], unless it is asked otherwise: less is a turning point."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Options of an import; a format uses those that mean something for it.
+
+    Attributes
+    ----------
+    channels : mapping of str to str, or None
+        Name in the log of each channel; None takes all that the log has.
+    topic, when : str, optional
+        Of ROS: where the joint states are, and the condition under which there is contact.
+    hold : float, optional
+        For how long a stretch must be still to be a held pose [s]; 0 for a recording.
+    rate : float, optional
+        Samples per second of a log without times.
+    skip_bad_rows : bool
+        Leave out rows that cannot be used, and count them.
+    labels : mapping of str to str
+        Text columns with the same entry in each row: `group`, `at`, `surface`.
+    """
+
+    channels: Mapping[str, str] | None = None
+    topic: str | None = None
+    when: str | None = None
+    hold: float | None = None
+    rate: float | None = None
+    skip_bad_rows: bool = False
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+def chosen(
+    channels: Mapping[str, str] | None, known: Sequence[str], source: str, what: str = "column"
+) -> dict[str, int]:
+    """Place of each channel among the names of a log.
+
+    A name is one of the log's, or its part between slashes, without `position`: a plot of
+    `/joint_states/elbow/position` is found as `elbow`.
+
+    Raises
+    ------
+    InputError
+        A name is not there, or is that of several.
+    """
+    if channels is None:
+        return {name: place for place, name in enumerate(known)}
+    places = {}
+    for channel, name in channels.items():
+        fits = [k for k, one in enumerate(known) if one == name]
+        fits = fits or [k for k, one in enumerate(known) if short(one) == name]
+        if len(fits) != 1:
+            found = f"no {what} {name!r}" if not fits else f"{len(fits)} of this name"
+            hint = f"Those of the log: {', '.join(known)[:300]}."
+            hint += " Say which is which by --channels CHANNEL=NAME,…"
+            expected = f"one {what} for the channel {channel!r}"
+            raise InputError.at(
+                source, column=name, found=found, expected=expected, hint=hint, column_word=what
+            )
+        places[channel] = fits[0]
+    return places
+
+
+def short(name: str) -> str:
+    """The joint in the path of a plotted series."""
+    parts = [p for p in name.replace(".", "/").split("/") if p]
+    while len(parts) > 1 and parts[-1] in ("position", "pos", "value"):
+        parts.pop()
+    return parts[-1] if parts else name

@@ -1,0 +1,169 @@
+"""Columns of a plotting program (PlotJuggler, Foxglove) or of a data lake: CSV or Parquet.
+
+A column becomes a channel by `--channels CHANNEL=COLUMN,…`. Where series of several rates share a
+file, a row has cells of one series only: rows in which all channels are blank are of others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+from rsicalib.imports.asked import Asked, chosen
+from rsicalib.imports.log import Log
+from rsicalib.imports.stretches import Recording, session_of
+from rsicalib.imports.times import seconds, time_column
+from rsicalib.io.tables import PARQUET, Table, is_blank, quoted, read_table
+
+__all__ = ["read", "whole_rows"]
+
+
+def read(source: str, asked: Asked) -> Log:
+    """Read a file, or all Parquet files of a folder by their names as one recording.
+
+    Raises
+    ------
+    InputError
+        A channel has no column, or a cell cannot be used.
+    """
+    tables = [read_table(file) for file in _files(Path(source))]
+    parts = [_recording(table, asked) for table in tables]
+    findings = list(dict.fromkeys(note for _, notes in parts for note in notes))
+    made = [
+        session_of(part, asked, table.source)
+        for (part, _), table in zip(parts, tables, strict=True)
+    ]
+    findings += [note for _, notes in made for note in notes]
+    digest = hashlib.sha256("".join(t.sha256 for t in tables).encode()).hexdigest()
+    word = tables[0].line_word
+    sessions = tuple(session for session, _ in made)
+    return Log(source, "table of columns", sessions, None, tuple(findings), word, sha256=digest)
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    found = sorted(file for file in path.rglob("*") if file.suffix.lower() in PARQUET)
+    if not found:
+        raise InputError.at(str(path), found="no Parquet file", expected="some")
+    return found
+
+
+def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
+    """Rows of the channels, and what was found on the way."""
+    notes = []
+    place = time_column(table.names)
+    channels = asked.channels
+    if channels is None:
+        channels = {n: n for k, n in enumerate(table.names) if k != place and _numeric(table, k)}
+    places = chosen(channels, table.names, table.source)
+    blank = np.array([[is_blank(c) for c in table.columns[k]] for k in places.values()]).T
+    keep, others = whole_rows(
+        ~blank, list(places), table.lines, table.source, asked.skip_bad_rows, table.line_word
+    )
+    if others:
+        notes.append(f"{others} rows are of other series, or not whole: not used")
+    values = np.column_stack([_cells(table, k, keep) for k in places.values()])
+    time: FloatArray | None = None
+    if place is not None:
+        cells = [table.columns[place][i] for i in keep.tolist()]
+        found = seconds(cells, table.names[place])
+        if isinstance(found, int):
+            line = int(table.lines[keep[found]])
+            raise InputError.at(
+                table.source,
+                line=line,
+                column=table.names[place],
+                found=quoted(cells[found]),
+                expected="a time: seconds, an integer since 1970, or a date as ISO 8601 has it",
+                line_word=table.line_word,
+            )
+        time, note = found
+        notes += [note] if note else []
+    return Recording(tuple(places), values, time, table.lines[keep]), notes
+
+
+def _numeric(table: Table, place: int) -> bool:
+    """Whether a column holds numbers; blanks are no others."""
+    cells: Sequence[Any] = [c for c in table.columns[place] if not is_blank(c)]
+    return bool(len(cells)) and bool(np.isfinite(table.numbers(place)).any())
+
+
+def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
+    """Numbers of a column; refused where one is none."""
+    values: FloatArray = table.numbers(place)[keep]
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        row = int(keep[bad[0]])
+        raise InputError.at(
+            table.source,
+            line=int(table.lines[row]),
+            column=table.names[place],
+            found=quoted(table.columns[place][row]),
+            expected="a finite number",
+            line_word=table.line_word,
+        )
+    return values
+
+
+def whole_rows(
+    there: np.ndarray,
+    names: Sequence[str],
+    lines: np.ndarray,
+    source: str,
+    skip: bool,
+    word: str = "line",
+) -> tuple[np.ndarray, int]:
+    """Rows in which every channel has a reading.
+
+    Parameters
+    ----------
+    there : ndarray of bool, shape (n, C)
+        Whether there is a reading.
+    names : sequence of str
+        Channels.
+    lines : ndarray of int, shape (n,)
+        Where each row stands.
+    source, word : str
+        The log, and what `lines` counts.
+    skip : bool
+        Leave out rows with some of the channels, instead of refusing them.
+
+    Returns
+    -------
+    ndarray of int, int
+        The rows, and how many there are besides.
+
+    Raises
+    ------
+    InputError
+        A row has some channels and not others, or no row has all.
+    """
+    count = there.sum(axis=1)
+    part = np.flatnonzero((count > 0) & (count < len(names)))
+    if part.size and not skip:
+        row = int(part[0])
+        missing = [name for name, one in zip(names, there[row], strict=True) if not one]
+        hint = f"{part.size} such rows: leave them out by --skip-bad-rows, or name the "
+        hint += "channels that belong together by --channels."
+        raise InputError.at(
+            source,
+            line=int(lines[row]),
+            column=missing[0],
+            found=f"no reading of {', '.join(missing)}",
+            expected=f"one of each of the {len(names)} channels, or of none",
+            hint=hint,
+            line_word=word,
+            column_word="",
+        )
+    whole = np.flatnonzero(count == len(names))
+    if not whole.size:
+        expected = f"readings of {', '.join(names)} in one {word}"
+        raise InputError.at(source, found=f"no {word} with all of them", expected=expected)
+    return whole, len(there) - len(whole)

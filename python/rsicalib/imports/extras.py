@@ -1,0 +1,41 @@
+"""Libraries of formats, which are optional: imported where a file needs one."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from rsicalib.errors import InputError
+
+__all__ = ["needed"]
+
+
+def needed(module: str, extra: str, source: str, what: str) -> Any:
+    """Import a library that a file needs.
+
+    Parameters
+    ----------
+    module : str
+        What is imported.
+    extra : str
+        The extra of the package that brings it.
+    source, what : str
+        The file, and what it is in words, for the message.
+
+    Returns
+    -------
+    module
+        By name: its typing differs between versions.
+
+    Raises
+    ------
+    InputError
+        It is not installed; the message says how to install it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        name = module.split(".")[0]
+        hint = f"Install it with: pip install 'rsicalib[{extra}]'"
+        found = f"{what}, and no {name} to read it"
+        raise InputError.at(source, found=found, expected=name, hint=hint) from None

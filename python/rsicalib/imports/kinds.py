@@ -1,0 +1,81 @@
+"""Which program wrote a file or a folder, told from its head; what reads it is imported then."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsicalib.imports.asked import Asked
+from rsicalib.imports.log import Log
+
+__all__ = ["KINDS", "Kind", "format_of"]
+
+HEAD = 1 << 20
+"""Bytes at the head of a file that tell what it is: a log has much talk before its readings."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of log, which the module of its name reads."""
+
+    words: str
+    looks_like: Callable[[Path, bytes], bool]
+    module: str
+
+    def read(self, source: str, asked: Asked) -> Log:
+        """Read a log of this kind."""
+        module: Any = importlib.import_module(f"rsicalib.imports.{self.module}")
+        log: Log = module.read(source, asked)
+        return log
+
+
+MASLOW = re.compile(rb"CLBM:|\{\s*[\"']?(?:tl|tr|bl|br)[\"']?\s*:")
+KLIPPER = re.compile(rb"^(?:#\*# )?\[(?:stepper_a|delta_calibrate)\]", re.M)
+PLOTTED = re.compile(rb'\A(?:\xef\xbb\xbf)?(?:"?__time"?,|[^\n]*/position)')
+PARQUET = (".parquet", ".pq")
+
+
+def _columns(path: Path, head: bytes) -> bool:
+    """Whether a plotting program wrote a table, or a folder is one of Parquet files."""
+    if path.is_dir():
+        return any(file.suffix.lower() in PARQUET for file in path.iterdir())
+    return bool(PLOTTED.match(head))
+
+
+KINDS = {
+    "maslow": Kind("log of a Maslow4", lambda _, head: bool(MASLOW.search(head)), "maslow"),
+    "klipper": Kind("printer.cfg", lambda _, head: bool(KLIPPER.search(head)), "klipper"),
+    "columns": Kind("CSV or Parquet of other programs", _columns, "columns"),
+}
+"""By name, in the order in which they are tried."""
+
+
+def format_of(source: str | os.PathLike[str]) -> str | None:
+    """Name of the kind of a file or folder; None for a file of readings as it is.
+
+    Parameters
+    ----------
+    source : path
+        A file or a folder.
+
+    Returns
+    -------
+    str or None
+        A key of `KINDS`.
+    """
+    path = Path(source)
+    head = b""
+    if path.is_file():
+        try:
+            with path.open("rb") as file:
+                head = file.read(HEAD)
+        except OSError:
+            return None  # who reads it says why it cannot be read
+    elif not path.is_dir():
+        return None
+    return next((name for name, kind in KINDS.items() if kind.looks_like(path, head)), None)

@@ -1,0 +1,116 @@
+"""The one way in for logs of other programs: `import_log`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rsicalib import options
+from rsicalib._core import Mechanism
+from rsicalib.errors import InputError
+from rsicalib.imports.asked import Asked
+from rsicalib.imports.kinds import KINDS, format_of
+from rsicalib.imports.log import Log
+
+__all__ = ["import_log"]
+
+
+def import_log(
+    source: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism | None = None,
+    channels: Mapping[str, str] | None = None,
+    topic: str | None = None,
+    when: str | None = None,
+    hold: float | None = None,
+    rate: float | None = None,
+    labels: Mapping[str, str] | None = None,
+    skip_bad_rows: bool = False,
+) -> Log:
+    """Read the log of another program: a serial log, a configuration, a bag, a data set.
+
+    Parameters
+    ----------
+    source : path
+        A file or a folder.
+    format : str, optional
+        A key of `rsicalib.imports.kinds.KINDS`; told from the source where not given.
+    mechanism : str, path or mapping, optional
+        Whose channels are taken; where its chains are given as URDF, by the names of their joints.
+    channels : mapping of str to str, optional
+        Name in the log of each channel, `{"q1": "panda_joint1"}`; all that the log has where
+        neither this nor a mechanism is given.
+    topic : str, optional
+        Of ROS: where the joint states are.
+    when : str, optional
+        Of ROS: only rows under a condition, `/wrench.force.z>2`.
+    hold : float, optional
+        For how long a stretch must be still to be a held pose [s]; 0 takes the recording as it is.
+    rate : float, optional
+        Samples per second of a log without times.
+    labels : mapping of str to str, optional
+        Columns with one text in every row: `{"surface": "table"}`.
+    skip_bad_rows : bool, optional
+        Leave out rows with some channels and not others, and count them.
+
+    Returns
+    -------
+    Log
+        Its `sessions`, the text of a `mechanism` where the log has one, and `findings`.
+
+    Raises
+    ------
+    InputError
+        The log cannot be used; the message says file, line or message, what was found and what
+        was expected. Nothing is repaired.
+    """
+    name = os.fsdecode(source)
+    if format is None:
+        format = format_of(name)
+        if format is None:
+            found = "no such file" if not Path(name).exists() else "no log of a known kind"
+            expected = f"one of: {', '.join(f'{k} ({f.words})' for k, f in KINDS.items())}"
+            hint = "A CSV or Parquet file with other names: --format columns."
+            raise InputError.at(name, found=found, expected=expected, hint=hint)
+    elif format not in KINDS:
+        found, expected = f"no format {format!r}", f"one of {', '.join(KINDS)}"
+        raise InputError.at(name, found=found, expected=expected)
+    above, seconds = "a number above zero", "seconds, or 0 for a recording as it is"
+    asked = Asked(
+        _wanted(mechanism, channels),
+        topic,
+        when,
+        None if hold is None else options.number("hold", hold, seconds, least=0.0, open_end=False),
+        None if rate is None else options.number("rate", rate, above, least=0.0),
+        skip_bad_rows,
+        dict(labels or {}),
+    )
+    return KINDS[format].read(name, asked)
+
+
+def _wanted(mechanism: Any, channels: Mapping[str, str] | None) -> Mapping[str, str] | None:
+    """Name in the log of each channel that is asked for."""
+    if mechanism is None:
+        return channels
+    from rsicalib.io.mechanisms import load_mechanism, mechanism_document  # few need it
+
+    known = isinstance(mechanism, Mechanism)
+    loaded = mechanism if known else load_mechanism(mechanism)
+    given = dict(channels or {})
+    names = [channel.name for channel in loaded.channels]
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        expected = f"one of {', '.join(names)}"
+        raise InputError(f"channels: found no channel {unknown[0]!r}, expected {expected}")
+    document = {} if known else mechanism_document(mechanism)[1]
+    joints = _joints(document.get("chain", []))
+    return {name: given.get(name, joints.get(name, name)) for name in names}
+
+
+def _joints(chains: Iterable[Any]) -> dict[str, str]:
+    """Joint of each channel in chains that are given as URDF."""
+    tables = [c["channels"] for c in chains if isinstance(c, dict) and "urdf" in c]
+    return {channel: joint for table in tables for joint, channel in table.items()}

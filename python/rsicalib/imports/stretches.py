@@ -1,0 +1,192 @@
+"""Recordings become sessions by one rule: still stretches are held poses, the rest is motion.
+
+A stretch is still if each channel, in every window of the least length, stays within what its own
+noise does to as many rows in all but one of 10 000 cases, or within two steps of its converter.
+The noise is what neighbouring rows differ by (von Neumann 1941): motion, which goes on from row to
+row, adds little to that and much to the range.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.errors import InputError
+from rsicalib.imports.asked import HOLD, Asked
+from rsicalib.imports.log import Column, Session
+
+__all__ = ["Recording", "session_of", "step_of", "still_stretches"]
+
+INSIDE = 0.9999
+"""Probability with which noise alone keeps all rows of a window within the limits."""
+
+QUIET = 0.1
+"""The noise of a channel is that of the quietest tenth of the windows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Rows of a log in order of time.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Channels.
+    values : ndarray, shape (n, C)
+        Readings.
+    time_s : ndarray, shape (n,), or None
+        Time [s].
+    lines : ndarray of int, shape (n,)
+        Where each row stands in the log.
+    inside : ndarray of bool, shape (n,), or None
+        Rows at which there is contact, where that was asked for.
+    name : str
+        What the log calls it.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    time_s: FloatArray | None
+    lines: IntArray
+    inside: np.ndarray | None = None
+    name: str = ""
+
+
+def session_of(
+    recording: Recording, asked: Asked, source: str, hold: float = HOLD
+) -> tuple[Session, list[str]]:
+    """Make a session of a recording, and say by what rule.
+
+    Parameters
+    ----------
+    recording : Recording
+        At least one row.
+    asked : Asked
+        `hold`, `rate` and `labels`.
+    source : str
+        What messages call it.
+    hold : float
+        For how long a pose is held where that was not asked [s]; 0 for a recording as it is.
+
+    Returns
+    -------
+    Session, list of str
+        Held poses with what is between them in `motion`, or the recording; and the rule in words.
+    """
+    hold = hold if asked.hold is None else asked.hold
+    time = recording.time_s
+    if time is None and asked.rate is not None:
+        time = np.arange(len(recording.lines)) / asked.rate
+    inside = recording.inside
+    if hold == 0.0:
+        return _rows(recording, time, inside, None, asked), []
+    if time is None:
+        found, expected = "no times", "times, or how many rows there are in a second"
+        hint = "Say it by --rate HZ, or take the recording as it is by --hold 0."
+        raise InputError.at(source, found=found, expected=expected, hint=hint)
+    stretches = still_stretches(recording.values, time, hold, inside)
+    rule = f"still for {hold:g} s or more, each channel in its own noise"
+    if not stretches:
+        said = f"no stretch is {rule}: taken as a recording (--hold says another time)"
+        return _rows(recording, time, inside, None, asked), [said]
+    pose = np.zeros(len(time), dtype=np.int64)
+    for number, (start, end) in enumerate(stretches, 1):
+        pose[start:end] = number
+    session = _rows(recording, time, pose > 0, pose, asked)
+    share = np.mean(pose > 0)
+    said = f"{len(stretches)} stretches are {rule}: held poses, {share:.0%} of the rows"
+    moving = (pose == 0) if inside is None else (pose == 0) & inside
+    motion = _rows(recording, time, moving, None, asked) if moving.any() else None
+    return Session(session.columns, session.lines, session.name, motion), [said]
+
+
+def _rows(
+    recording: Recording,
+    time: FloatArray | None,
+    keep: np.ndarray | None,
+    pose: IntArray | None,
+    asked: Asked,
+) -> Session:
+    """Some rows of a recording as a session."""
+    keep = np.ones(len(recording.lines), dtype=bool) if keep is None else keep
+    columns: dict[str, Column] = {}
+    if pose is not None:
+        columns["pose"] = pose[keep]
+        first = np.flatnonzero(np.diff(pose[keep], prepend=-1))
+        lengths = np.diff(np.append(first, keep.sum()))
+        columns["sample"] = np.arange(keep.sum()) - np.repeat(first, lengths)
+    if time is not None:
+        columns["time_s"] = time[keep]
+    columns |= {name: [text] * int(keep.sum()) for name, text in asked.labels.items()}
+    columns |= {name: recording.values[keep, k] for k, name in enumerate(recording.names)}
+    return Session(columns, recording.lines[keep], recording.name)
+
+
+def still_stretches(
+    values: FloatArray, time: FloatArray, hold: float, inside: np.ndarray | None = None
+) -> list[tuple[int, int]]:
+    """First row, and row after the last, of each still stretch.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, C)
+        Readings.
+    time : ndarray, shape (n,)
+        Time [s]; a gap of more than `hold` ends a stretch.
+    hold : float
+        Least length [s].
+    inside : ndarray of bool, shape (n,), optional
+        Rows that may belong to a stretch.
+
+    Returns
+    -------
+    list of (int, int)
+        In order of time; stretches do not overlap.
+    """
+    n = len(values)
+    steps = np.diff(time)
+    rows = max(2, int(np.ceil(hold / np.median(steps) - 1e-9)) + 1) if n > 1 else 2
+    if n < rows:
+        return []
+    windows = sliding_window_view(values, rows, axis=0)
+    ranges = windows.max(axis=-1) - windows.min(axis=-1)
+    variance = np.cumsum(np.vstack([np.zeros(values.shape[1]), np.diff(values, axis=0) ** 2]), 0)
+    noise = np.sqrt((variance[rows - 1 :] - variance[: n - rows + 1]) / (2 * (rows - 1)))
+    sigma = np.quantile(noise, QUIET, axis=0)
+    step = np.array([step_of(column) for column in values.T])
+    quiet = (ranges <= _limit(rows, sigma, step)).all(axis=1)
+    broken = np.flatnonzero(steps > hold) + 1
+    if inside is not None:
+        broken = np.union1d(broken, np.flatnonzero(np.diff(inside.astype(int))) + 1)
+        quiet &= inside[: n - rows + 1]
+    ends = np.append(broken, n)
+    ends = ends[np.searchsorted(ends, np.arange(n - rows + 1), side="right")]
+    quiet &= np.arange(n - rows + 1) + rows <= ends
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(int), [0]])))
+    found: list[tuple[int, int]] = []
+    for start, last in edges.reshape(-1, 2).tolist():  # windows start .. last - 1 are quiet
+        begin = max(start, found[-1][1] if found else 0)
+        if last - 1 + rows - begin >= rows:
+            found.append((begin, last - 1 + rows))
+    return found
+
+
+def _limit(rows: int, sigma: FloatArray, step: FloatArray) -> FloatArray:
+    """Range within which so many rows of noise stay, shape (C,)."""
+    width = 2.0 * NormalDist().inv_cdf(1.0 - (1.0 - INSIDE) / (2.0 * rows))
+    return np.maximum(width * sigma, 2.0 * step)
+
+
+def step_of(values: FloatArray) -> float:
+    """Smallest difference between values of a channel: the step of its converter; 0 for none.
+
+    Differences that are nothing beside the values are rounding.
+    """
+    distinct = np.unique(values)
+    gaps = np.diff(distinct)
+    gaps = gaps[gaps > 1e-9 * max(float(np.abs(distinct).max(initial=0.0)), 1e-300)]
+    return float(gaps.min(initial=np.inf)) if gaps.size else 0.0

@@ -1,0 +1,99 @@
+"""Times of logs, which come as seconds, as integers since 1970 or as text."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rsicalib.arrays import FloatArray
+
+__all__ = ["NAMES", "seconds", "time_column"]
+
+NAMES = ("time_s", "__time", "time", "timestamp", "stamp", "receive_time", "log_time", "t")
+"""What a column of times is called, with the unit behind it or not."""
+
+UNITS = {"_ns": 9, "_us": 6, "_ms": 3, "_s": 0, "(ns)": 9, "(us)": 6, "(ms)": 3, "(s)": 0}
+"""Decimals of a second that a name says."""
+
+EPOCH = {9: "nanoseconds", 6: "microseconds", 3: "milliseconds", 0: "seconds"}
+"""Decimals of a second in which times since 1970 are counted."""
+
+
+def time_column(names: Sequence[str]) -> int | None:
+    """Place of the column of times; None where no name says so."""
+    for wanted in NAMES:
+        for place, name in enumerate(names):
+            if _stem(name) == wanted or name.lower() == wanted:
+                return place
+    return None
+
+
+def _stem(name: str) -> str:
+    """A name without its unit."""
+    lower = name.strip().lower()
+    for unit in UNITS:
+        if lower.endswith(unit):
+            return lower.removesuffix(unit).strip()
+    return lower
+
+
+def seconds(cells: Sequence[Any], name: str) -> tuple[FloatArray, str | None] | int:
+    """Times in seconds from the first, and what was taken for granted.
+
+    Integers since 1970 are subtracted before they become floating-point: a nanosecond of today
+    is below what a double holds.
+
+    Returns
+    -------
+    (ndarray, str or None), or int
+        Or the place of the first cell that is no time.
+    """
+    exact: list[Any] = []
+    for place, cell in enumerate(cells):
+        time = _exact(cell)
+        if time is None:
+            return place
+        exact.append(time)
+    if not exact:
+        return np.zeros(0), None
+    if isinstance(exact[0], datetime.datetime):
+        if any((t.tzinfo is None) != (exact[0].tzinfo is None) for t in exact):
+            return next(i for i, t in enumerate(exact) if t.tzinfo != exact[0].tzinfo)
+        return np.array([(t - exact[0]).total_seconds() for t in exact]), "times are dates"
+    lower = name.strip().lower()
+    decimals = next((d for unit, d in UNITS.items() if lower.endswith(unit)), None)
+    size = abs(exact[0])
+    since = next((d for d in EPOCH if 1e9 <= size / 10**d < 4e9), None)  # 2001 to 2096
+    note = None
+    if decimals is None:
+        decimals = since or 0
+        if decimals:
+            note = f"times of {name!r} are taken as {EPOCH[decimals]} since 1970"
+    return np.array([float(t - exact[0]) for t in exact]) / 10**decimals, note
+
+
+def _exact(cell: Any) -> int | float | datetime.datetime | None:
+    """A time without loss: an integer, a date, or a floating-point number."""
+    if isinstance(cell, datetime.datetime):
+        return cell
+    if isinstance(cell, int | np.integer) and not isinstance(cell, bool):
+        return int(cell)
+    if isinstance(cell, float | np.floating):
+        return float(cell) if np.isfinite(cell) else None
+    text = str(cell).strip()
+    try:
+        return int(text)
+    except ValueError:
+        pass
+    try:
+        value = float(text)
+        return value if np.isfinite(value) else None
+    except ValueError:
+        pass
+    try:
+        return datetime.datetime.fromisoformat(text)
+    except ValueError:
+        return None
