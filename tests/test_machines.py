@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+from scipy.optimize import fsolve, least_squares
 
 from tests.machines import files
 from tests.machines.__main__ import main
 from tests.machines.kit import Effect, Linear, Machine
+from tests.machines.statics import Hanging
 from tests.machines.trials import MACHINES, make, run
 from tests.oracle import Array
 
@@ -109,6 +110,51 @@ def test_pieces_of_a_campaign_are_the_campaign(
     assert main(["--table", str(tmp_path / "r.jsonl")]) == 0
     printed = capsys.readouterr().out
     assert "of 3" in printed or "none 3" in printed
+
+
+@pytest.mark.parametrize("name", ["fivebar", "legs"])
+def test_drives_do_the_work_of_the_weights(name: str) -> None:
+    """A drive turns by 0.1 mrad, the loops are closed again: its work is what the weights fall."""
+    hanging, start = hanging_of(name)
+    for drive in np.flatnonzero(hanging.driven):
+        ends = []
+        for sign in (1, -1):
+            moved = start.copy()
+            moved[:, drive] += sign * 5e-5
+            ends.append(shut(hanging, moved))
+        work = hanging.felt(start)[:, drive] * 1e-4
+        fallen = hanging.fall(ends[0]) - hanging.fall(ends[1])
+        # The third derivative of the fall, where a loop is nearly stretched 1e4 of it, times 1e-9.
+        np.testing.assert_allclose(work, fallen, atol=1e-5 * np.abs(work).max())
+
+
+def hanging_of(name: str) -> tuple[Hanging, Array]:
+    """A mechanism whose drawing is its truth, and postures at which it is closed."""
+    machine = drawn(name)
+    chains = machine.mechanism["chain"]
+    drives = [c["name"] for c in machine.mechanism["channel"] if not c.get("passive")]
+
+    def closed(q: dict[str, Array], chains: object) -> Array:
+        read = np.stack([q[c] for c in machine.columns], axis=1)
+        return machine.gap(read, read[:, :0], right)
+
+    right = machine.values | dict.fromkeys(machine.fitted, 0.0)
+    down = np.array(machine.mechanism["gravity"])
+    hanging = Hanging(chains, drives, down, closed)
+    return hanging, shut(hanging, machine.closed(right))
+
+
+def shut(hanging: Hanging, q: Array) -> Array:
+    """The joints without drives turned, by SciPy, until the loops are closed."""
+    out = q.copy()
+    for row in out:
+
+        def gap(free: Array, row: Array = row) -> Array:
+            row[~hanging.driven] = free
+            return hanging.closed(hanging.named(row[None]), hanging.chains)[0]
+
+        row[~hanging.driven] = fsolve(gap, row[~hanging.driven].copy(), xtol=1e-12)
+    return out
 
 
 THERE: tuple[str, ...] = ()

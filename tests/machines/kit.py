@@ -81,17 +81,26 @@ class Machine:
 
     def closed(self, values: Values, play: Array | float = 0.0) -> Array:
         """Rows at which the equations are as far open as `play`; `ValueError` where none are."""
+        rows, shut = self.settled(values, play)
+        if not shut.all():
+            raise ValueError(f"{self.name}: loops that do not close")
+        return rows
+
+    def settled(self, values: Values, play: Array | float = 0.0) -> tuple[Array, Array]:
+        """The same by Newton's method, and which of the rows are so."""
         rows = self.start.copy()
         free = np.flatnonzero(self.gives > 0)
+        shut = np.zeros(len(rows), dtype=bool)
         for _ in range(40):
             left = self.gap(*self.parts(rows), values) - play
-            if np.abs(left).max() < 1e-9 * max(1.0, np.abs(self.start).max()):
-                return rows
+            shut = np.abs(left).max(axis=1) < 1e-9 * max(1.0, np.abs(self.start).max())
+            if shut.all():
+                break
             slope = self.slope(rows, values, free) * self.gives[free]
             step = self.gives[free] * (np.linalg.pinv(slope, rcond=1e-9) @ left[..., None])[..., 0]
             longest = np.abs(step / self.gives[free]).max(axis=1, keepdims=True)
             rows[:, free] -= step * 0.3 / np.maximum(longest, 0.3)
-        raise ValueError(f"{self.name}: loops that do not close")
+        return rows, shut
 
     def slope(self, rows: Array, values: Values, which: Array) -> Array:
         """Derivative of the equations by columns and places: (n, equations, which)."""

@@ -14,7 +14,7 @@ import numpy as np
 import rsicalib
 from rsicalib.errors import RsicalibError
 from tests.families.grade import Truth, grade
-from tests.machines import arm, belt, delta, files, leader
+from tests.machines import arm, belt, delta, files, leader, statics
 from tests.machines.kit import Effect, Linear, Machine, Rng
 from tests.oracle import Array
 
@@ -28,6 +28,8 @@ MACHINES: dict[str, Callable[[Rng], Machine]] = {
     "line": arm.draw_line,
     "bar": arm.draw_bar,
     "leader": leader.draw,
+    "fivebar": statics.draw_fivebar,
+    "legs": statics.draw_legs,
 }
 SUITES = ("clean", "effect")
 STRENGTH = (30.0, 100.0)

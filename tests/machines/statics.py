@@ -1,0 +1,215 @@
+"""Closed mechanisms that hang under their own weight, with joints that have no drive.
+
+What a drive feels follows from virtual work: along every motion that the closures allow, the work
+of the weights is that of the drives, and a passive joint does none. With as many drives as the
+mechanism has freedoms, `τ_m = g_m - g_p J_p⁻¹ J_m` where `g` is the slope of the weights' fall by
+the joints and `J` that of the closures. Slopes by differences of plain matrix products.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tests.machines import plain
+from tests.machines.kit import Effect, Machine, Rng, Values, effect
+from tests.oracle import Array
+
+NOISE, PLAY = 1e-4, 0.02
+"""Of an encoder [rad], and of a bearing [mm]."""
+STEP = 1e-6
+POSES, TRIED = 60, 400
+Closed = Callable[[dict[str, Array], list[dict[str, Any]]], Array]
+"""Gaps of the closures, (n, equations), for joint coordinates and chains."""
+
+
+class Hanging:
+    """Chains with masses, which of their joints have drives, and how they are closed."""
+
+    def __init__(
+        self,
+        chains: list[dict[str, Any]],
+        drives: list[str],
+        down: Array,
+        closed: Closed,
+    ) -> None:
+        self.chains, self.drives, self.down, self.closed = chains, drives, down, closed
+        self.joints = [row["channel"] for c in chains for row in c["dh"] if "channel" in row]
+        self.driven = np.array([j in drives for j in self.joints])
+
+    def named(self, q: Array) -> dict[str, Array]:
+        """Coordinates by channel."""
+        return dict(zip(self.joints, q.T, strict=True))
+
+    def fall(self, q: Array) -> Array:
+        """How far all weights have fallen, each times its mass: (n,)."""
+        out = np.zeros(len(q))
+        for chain in self.chains:
+            rows = chain["dh"]
+            for k, row in enumerate(rows):
+                if "mass" in row:
+                    joint = {**row, "a": 0.0, "d": 0.0, "alpha": 0.0}  # the frame after the joint
+                    end = plain.frames([*rows[:k], joint], self.named(q), len(q))
+                    out = out + row["mass"] * (plain.place(end, row["com"]) @ self.down)
+        return np.asarray(out)
+
+    def felt(self, q: Array) -> Array:
+        """Torques of the drives, (n, joints): zero where there is none."""
+        by_fall, by_gap = [], []
+        for k in range(q.shape[1]):
+            step = np.zeros(q.shape[1])
+            step[k] = STEP
+            by_fall.append((self.fall(q + step) - self.fall(q - step)) / (2 * STEP))
+            ends = [self.closed(self.named(q + s * step), self.chains) for s in (1, -1)]
+            by_gap.append((ends[0] - ends[1]) / (2 * STEP))
+        g, j = np.stack(by_fall, axis=1), np.stack(by_gap, axis=2)
+        follows = np.linalg.pinv(j[:, :, ~self.driven]) @ j[:, :, self.driven]
+        out = np.zeros(q.shape)
+        own = np.einsum("np,npm->nm", g[:, ~self.driven], follows)
+        out[:, self.driven] = g[:, self.driven] - own
+        return out
+
+    def gap(self, read: Array, v: Values) -> Array:
+        """Gaps for readings, with all that is wrong."""
+        q = read + np.array([v[f"offset@{j}"] for j in self.joints])
+        for i, j in enumerate(self.joints):
+            q[:, i] += v.get(f"curvature@{j}", 0.0) * read[:, i] ** 2
+            q[:, i] += v.get(f"once@{j}", 0.0) * np.sin(read[:, i] + i)
+        if any(key.startswith(("compliance", "play")) and value for key, value in v.items()):
+            torque = self.felt(q)
+            for i, j in enumerate(self.joints):
+                q[:, i] += v.get(f"compliance@{j}", 0.0) * torque[:, i]
+                q[:, i] += v.get(f"play@{j}", 0.0) * np.sign(torque[:, i])
+        chains = [
+            {**c, "dh": [self.longer(c["name"], k, row, v) for k, row in enumerate(c["dh"])]}
+            for c in self.chains
+        ]
+        return self.closed(self.named(q), chains)
+
+    @staticmethod
+    def longer(chain: str, k: int, row: dict[str, Any], v: Values) -> dict[str, Any]:
+        """A row of a length that is wrong."""
+        return {**row, "a": row.get("a", 0.0) + v.get(f"a@{chain}/{k + 1}", 0.0)}
+
+    def effects(self) -> tuple[Effect, ...]:
+        """What such a mechanism may have."""
+        out = []
+        for j in self.joints:
+            out += [
+                effect(f"curvature@{j}", "sensor", 3e-3, j),
+                effect(f"once@{j}", "sensor", 2e-3, j),
+            ]
+        for j in self.drives:
+            out += [
+                effect(f"compliance@{j}", "load", 3e-6, j),
+                effect(f"play@{j}", "load", 1e-3, j),
+            ]
+        for c in self.chains:
+            for k, row in enumerate(c["dh"], start=1):
+                if row.get("a") and "channel" in row:
+                    out.append(effect(f"a@{c['name']}/{k}", "geometry", 0.3, f"{c['name']}/{k}"))
+        return tuple(out)
+
+    def machine(
+        self, name: str, rng: Rng, start: Array, points: list[Any], closures: list[Any]
+    ) -> Machine:
+        """The machine about those of the postures at which its drives can stand."""
+        n = len(self.joints)
+        channels = [
+            {"name": j, "unit": "rad", "gain": 1.0, "offset": 0.0, "noise": NOISE}
+            | ({} if j in self.drives else {"passive": True})
+            for j in self.joints
+        ]
+        document = {
+            "name": name,
+            "length_unit": "mm",
+            "gravity": [float(x) for x in self.down],
+            "channel": channels,
+            "chain": self.chains,
+            "point": points,
+            "closure": closures,
+            "model": {"terms": ["offset"]},
+        }
+        values = {f"offset@{j}": float(rng.normal(0, 5e-3)) for j in self.joints}
+        equations = self.closed(self.named(start), self.chains).shape[1]
+        machine = Machine(
+            name=name,
+            mechanism=document,
+            columns=tuple(self.joints),
+            sigma=np.full(n, NOISE),
+            play=np.full(equations, PLAY),
+            gap=lambda read, places, v: self.gap(read, v),
+            start=start,
+            gives=np.where(self.driven, 0.0, 1.0),  # drives stand, the others follow
+            values=values,
+            fitted=dict.fromkeys(values, 1e-5),
+            effects=self.effects(),
+        )
+        rows, shut = machine.settled(values)
+        return replace(machine, start=rows[shut][:POSES])
+
+
+def link(rng: Rng, channel: str, a: float, **more: float) -> dict[str, Any]:
+    """A joint and a heavy link."""
+    mass, along = float(rng.uniform(0.5, 3)), float(a * rng.uniform(0.3, 0.6))
+    return {"channel": channel, "a": float(a), "mass": mass, "com": [along, 0.0, 0.0], **more}
+
+
+def point(name: str, chain: str) -> dict[str, Any]:
+    """A point at the end of a chain."""
+    return {"name": name, "chain": chain, "at": [0.0, 0.0, 0.0]}
+
+
+def draw_fivebar(rng: Rng) -> Machine:
+    """Two arms that meet in a pin, upright; a drive at each shoulder, encoders at the elbows."""
+    base, upper, lower = rng.uniform(0.8, 1.2, 3) * [200, 250, 300]
+    chains = [
+        {"name": "left", "dh": [link(rng, "m1", upper), link(rng, "p1", lower)]},
+        {
+            "name": "right",
+            "dh": [{"a": float(base)}, link(rng, "m2", upper), link(rng, "p2", lower)],
+        },
+    ]
+
+    def closed(q: dict[str, Array], chains: list[dict[str, Any]]) -> Array:
+        n = len(q["m1"])
+        ends = [plain.place(plain.frames(c["dh"], q, n), [0, 0, 0]) for c in chains]
+        return np.asarray((ends[0] - ends[1])[:, :2])
+
+    hanging = Hanging(chains, ["m1", "m2"], np.array([0.0, -1.0, 0.0]), closed)
+    start = np.array([2.1, -1.4, 1.0, 1.4]) + 0.55 * rng.uniform(-1, 1, (TRIED, 4))
+    points = [point("pin 1", "left"), point("pin 2", "right")]
+    closures = [{"name": "pin", "kind": "touch", "between": ["pin 1", "pin 2"], "noise": PLAY}]
+    return hanging.machine("five-bar", rng, start, points, closures)
+
+
+def draw_legs(rng: Rng) -> Machine:
+    """A platform on three legs: drives at the base, free knees, balls at the platform."""
+    around, upper, lower, side = rng.uniform(0.85, 1.15, 4) * [180, 200, 260, 160]
+    chains, points = [], []
+    for i in range(3):
+        rows = [
+            {"theta": float(2 * np.pi * i / 3), "a": float(around), "alpha": np.pi / 2},
+            link(rng, f"m{i + 1}", upper),
+            link(rng, f"p{i + 1}", lower),
+        ]
+        chains.append({"name": f"leg{i + 1}", "dh": rows})
+        points.append(point(f"ball{i + 1}", f"leg{i + 1}"))
+    pairs = ((0, 1), (1, 2), (0, 2))
+
+    def closed(q: dict[str, Array], chains: list[dict[str, Any]]) -> Array:
+        ends = [plain.place(plain.frames(c["dh"], q, len(q["m1"])), [0, 0, 0]) for c in chains]
+        apart = [np.linalg.norm(ends[a] - ends[b], axis=1) for a, b in pairs]
+        return np.asarray(np.stack(apart, axis=1) - side)
+
+    hanging = Hanging(chains, ["m1", "m2", "m3"], np.array([0.0, 0.0, -1.0]), closed)
+    start = np.array([1.2, 1.0] * 3) + 0.45 * rng.uniform(-1, 1, (TRIED, 6))
+    closures = [
+        {"name": f"side{k}", "kind": "distance", "value": float(side), "noise": PLAY}
+        | {"between": [f"ball{a + 1}", f"ball{b + 1}"]}
+        for k, (a, b) in enumerate(pairs, start=1)
+    ]
+    return hanging.machine("legs", rng, start, points, closures)
