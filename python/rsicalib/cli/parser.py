@@ -64,6 +64,14 @@ def _pairs(text: str) -> dict[str, str]:
     return found
 
 
+def _numbers(text: str) -> list[int]:
+    try:
+        return [int(name) for name in _names(text)]
+    except ValueError:
+        expected = "whole numbers with commas between them"
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected {expected}") from None
+
+
 def _noise(text: str) -> float | dict[str, float]:
     try:
         if "=" not in text:
@@ -312,6 +320,10 @@ def make_parser() -> argparse.ArgumentParser:
     words = f"for how long a held pose is still ({HOLD:g}); 0: a recording as it is"
     sub.add_argument("--hold", metavar="SECONDS", type=float, help=words)
     sub.add_argument("--rate", metavar="HZ", type=float, help="of a log without times")
+    words = "of a data set: only these, 0,3,…; all where not given"
+    sub.add_argument("--episodes", metavar="N,…", type=_numbers, help=words)
+    words = "of LeRobot: calibration of the leader and of the follower, or of the follower"
+    sub.add_argument("--ranges", metavar="FILE,…", type=_names, default=[], help=words)
     words = "columns with one text in every row: surface=table"
     sub.add_argument("--labels", metavar="COLUMN=TEXT,…", type=_pairs, help=words)
     words = "leave out rows with some channels and not others"

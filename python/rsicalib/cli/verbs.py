@@ -73,7 +73,8 @@ def import_(args: Args) -> int:
     """Logs of other programs as readings: Maslow4, Klipper, LeRobot, ROS, ALOHA, CSV, Parquet."""
     from rsicalib.imports.opening import import_log
 
-    names = "format mechanism channels topic when hold rate labels skip_bad_rows"
+    names = "format mechanism channels topic when hold rate episodes ranges labels"
+    names += " skip_bad_rows"
     options = {name: getattr(args, name) for name in names.split()}
     log = import_log(args.source, **options)
     written = log.save(args.out, force=args.force)

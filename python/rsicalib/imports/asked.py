@@ -27,6 +27,10 @@ class Asked:
         For how long a stretch must be still to be a held pose [s]; 0 for a recording.
     rate : float, optional
         Samples per second of a log without times.
+    episodes : tuple of int, optional
+        Of a data set: only these.
+    ranges : tuple of str
+        Of LeRobot: calibration files, of the leader and of the follower.
     skip_bad_rows : bool
         Leave out rows that cannot be used, and count them.
     labels : mapping of str to str
@@ -38,6 +42,8 @@ class Asked:
     when: str | None = None
     hold: float | None = None
     rate: float | None = None
+    episodes: tuple[int, ...] | None = None
+    ranges: tuple[str, ...] = ()
     skip_bad_rows: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
 

@@ -47,7 +47,23 @@ def _columns(path: Path, head: bytes) -> bool:
     return bool(PLOTTED.match(head))
 
 
+def _lerobot(path: Path, _: bytes) -> bool:
+    return (path / "meta" / "info.json").is_file()
+
+
+def _hdf5(path: Path, head: bytes) -> bool:
+    return head.startswith(b"\x89HDF") or (path.is_dir() and any(path.glob("*.hdf5")))
+
+
+def _ros(path: Path, head: bytes) -> bool:
+    bag = head.startswith((b"\x89MCAP0", b"SQLite format 3\0"))
+    return bag or (path / "metadata.yaml").is_file()
+
+
 KINDS = {
+    "ros": Kind("bag of ROS 2: folder, .mcap or .db3", _ros, "ros"),
+    "lerobot": Kind("LeRobot data set", _lerobot, "lerobot"),
+    "aloha": Kind("HDF5 of the shape of ALOHA", _hdf5, "aloha"),
     "maslow": Kind("log of a Maslow4", lambda _, head: bool(MASLOW.search(head)), "maslow"),
     "klipper": Kind("printer.cfg", lambda _, head: bool(KLIPPER.search(head)), "klipper"),
     "columns": Kind("CSV or Parquet of other programs", _columns, "columns"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ def import_log(
     when: str | None = None,
     hold: float | None = None,
     rate: float | None = None,
+    episodes: Sequence[int] | None = None,
+    ranges: Sequence[str | os.PathLike[str]] = (),
     labels: Mapping[str, str] | None = None,
     skip_bad_rows: bool = False,
 ) -> Log:
@@ -51,6 +53,10 @@ def import_log(
         For how long a stretch must be still to be a held pose [s]; 0 takes the recording as it is.
     rate : float, optional
         Samples per second of a log without times.
+    episodes : sequence of int, optional
+        Of a data set: only these; all where not given.
+    ranges : sequence of path, optional
+        Of LeRobot: calibration files of the leader and of the follower, or of the follower alone.
     labels : mapping of str to str, optional
         Columns with one text in every row: `{"surface": "table"}`.
     skip_bad_rows : bool, optional
@@ -80,13 +86,17 @@ def import_log(
         raise InputError.at(name, found=found, expected=expected)
     above, seconds = "a number above zero", "seconds, or 0 for a recording as it is"
     asked = Asked(
-        _wanted(mechanism, channels),
-        topic,
-        when,
-        None if hold is None else options.number("hold", hold, seconds, least=0.0, open_end=False),
-        None if rate is None else options.number("rate", rate, above, least=0.0),
-        skip_bad_rows,
-        dict(labels or {}),
+        channels=_wanted(mechanism, channels),
+        topic=topic,
+        when=when,
+        hold=None
+        if hold is None
+        else options.number("hold", hold, seconds, open_end=False, least=0.0),
+        rate=None if rate is None else options.number("rate", rate, above, least=0.0),
+        episodes=None if episodes is None else tuple(episodes),
+        ranges=tuple(map(os.fsdecode, ranges)),
+        skip_bad_rows=skip_bad_rows,
+        labels=dict(labels or {}),
     )
     return KINDS[format].read(name, asked)
 
