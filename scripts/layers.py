@@ -60,6 +60,7 @@ PYTHON = (
     "supposing",
     "identifiability",
     "export",
+    "exports",
     "guide",
     "fleets",
     "reproduction",

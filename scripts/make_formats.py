@@ -72,6 +72,12 @@ BY_HAND = {
         "findings": "What its user should know, a sentence each; nothing was repaired.",
         "files": "SHA-256 of each file beside it, in `import.json`; not on standard output.",
     },
+    "rsicalib.export/1": {
+        "format": "`rsicalib.export/1`.",
+        "version": "Version of the program.",
+        "to": "For whom: `maslow`, `klipper`, …",
+        "files": "SHA-256 of each file beside it, in `export.json`.",
+    },
     "rsicalib.error/1": {
         "format": "`rsicalib.error/1`.",
         "message": "What was found, what was expected, and what to do.",

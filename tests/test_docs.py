@@ -73,6 +73,8 @@ def test_documents_have_the_keys_that_the_reference_lists(
         return out
 
     rest = str(rsicalib.DEMO / "rest.csv")
+    result = str(tmp_path / "result.json")
+    rsicalib.calibrate(rsicalib.DEMO / "readings.csv", rest=rest).save(result)
     belts = tmp_path / "serial.log"
     belts.write_text("CLBM:[{bl:1.0, br:2.0, tr:3.0, tl:4.0}]")
     seen = {
@@ -80,6 +82,7 @@ def test_documents_have_the_keys_that_the_reference_lists(
         "rsicalib.terms/1": keys("terms"),
         "rsicalib.error/1": keys("calibrate", str(tmp_path / "nowhere.csv")),
         "rsicalib.plan/1": keys("plan", "--poses", "10"),
+        "rsicalib.export/1": keys("export", result, "--to", "c", "--out", str(tmp_path / "c")),
         "rsicalib.import/1": keys("import", str(belts), "--out", str(tmp_path / "imported")),
     }
     for name, document in seen.items():

@@ -363,7 +363,7 @@ def test_a_reading_out_of_range_is_refused_with_its_line_in_the_log(tmp_path: Pa
 def test_what_is_no_log_is_refused_with_those_that_are_known(tmp_path: Path) -> None:
     path = tmp_path / "poem.txt"
     path.write_text("Roses are red\n")
-    with pytest.raises(InputError, match="expected one of: maslow"):
+    with pytest.raises(InputError, match=r"expected one of: .*maslow"):
         rsicalib.import_log(path)
     with pytest.raises(InputError, match="found no such file"):
         rsicalib.import_log(tmp_path / "nowhere.log")

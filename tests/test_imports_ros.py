@@ -274,7 +274,7 @@ def test_headers_without_time_leave_that_of_receipt(tmp_path: Path) -> None:
     assert log.sessions[0].columns["time_s"][-1] == pytest.approx(99 * 0.02)
     assert any("that of receipt is taken" in finding for finding in log.findings)
     stream[7][3]["header"] = header(START)
-    with pytest.raises(InputError, match="message 1: found a header without time"):
+    with pytest.raises(InputError, match="message 9: found a header without time"):
         rsicalib.import_log(mcap(tmp_path / "some.mcap", stream), hold=0)
 
 

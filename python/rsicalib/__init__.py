@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     )
     from rsicalib.errors import InputError, RsicalibError, UndeterminedError
     from rsicalib.export import export_toml, export_urdf
+    from rsicalib.exports.opening import export_result
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
     from rsicalib.identifiability import identifiable
@@ -70,6 +71,7 @@ __all__ = [
     "calibrate",
     "calibrate_devices",
     "demo",
+    "export_result",
     "export_toml",
     "export_urdf",
     "fixture",
@@ -100,6 +102,7 @@ _HOMES = {
         load_readings terms trace""",
     "rsicalib.errors": "InputError RsicalibError UndeterminedError",
     "rsicalib.export": "export_toml export_urdf",
+    "rsicalib.exports.opening": "export_result",
     "rsicalib.fleets.devices": "calibrate_devices",
     "rsicalib.fleets.run": "Fleet fleet",
     "rsicalib.lifetime": "history",

@@ -15,6 +15,7 @@ from rsicalib.cli.verbs import (
     calibrate,
     completion,
     demo,
+    export,
     fixture,
     fleet,
     forward,
@@ -31,6 +32,7 @@ from rsicalib.cli.verbs import (
     watch,
 )
 from rsicalib.errors import InputError
+from rsicalib.exports.kinds import EXPORTS
 from rsicalib.imports.asked import HOLD
 from rsicalib.imports.kinds import KINDS
 
@@ -303,6 +305,17 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument(
         "name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given"
     )
+
+    sub = verb(export)
+    sub.add_argument("result", metavar="RESULT", help="result.json of calibrate or trace")
+    words = "; ".join(f"{kind}: {words}" for kind, words in EXPORTS.items())
+    sub.add_argument("--to", choices=list(EXPORTS), required=True, help=words)
+    _add_mechanism(sub)
+    sub.add_argument("--readings", metavar="READINGS", help="to be corrected (csv, mcap)")
+    sub.add_argument("--base", metavar="FILE", help="the receiver's file (lerobot)")
+    words = "write the files there; on standard output where not given"
+    sub.add_argument("--out", metavar="FOLDER", type=_folder, help=words)
+    _add_force(sub)
 
     sub = verb(import_)
     words = "a serial log, printer.cfg, a data set, a bag, HDF5, CSV or Parquet"

@@ -20,7 +20,7 @@ from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import emit, say
 from rsicalib.errors import InputError, UndeterminedError
-from rsicalib.io.folders import MARK, write_folder
+from rsicalib.io.folders import EXPORT, MARK, write_folder
 from rsicalib.plain_text import printable
 from rsicalib.records import plain, to_json
 
@@ -29,6 +29,7 @@ __all__ = [
     "calibrate",
     "completion",
     "demo",
+    "export",
     "fixture",
     "fleet",
     "forward",
@@ -82,6 +83,27 @@ def import_(args: Args) -> int:
         emit(to_json(log.to_dict()))
     elif not args.quiet:
         say("\n".join([log.text(), "", *sorted(map(str, written))]))
+    return 0
+
+
+def export(args: Args) -> int:
+    """A result for others: URDF, MJCF, Maslow4, Klipper, LeRobot, ROS 2, C, corrected readings."""
+    from rsicalib.exports.opening import export_result, sealed
+
+    options = {name: getattr(args, name) for name in ("readings", "base")}
+    files = export_result(args.result, args.to, args.mechanism, **options)
+    if args.out is not None:
+        made = sealed(files, args.to)
+        written = write_folder(args.out, made, seal=EXPORT, force=args.force)
+        if args.json:
+            emit(str(made[EXPORT]))
+        elif not args.quiet:
+            say("\n".join(map(str, written)))
+        return 0
+    texts = [content for content in files.values() if isinstance(content, str)]
+    if args.json or len(texts) < len(files):
+        raise InputError(f"out: found none, expected a folder for {', '.join(files)} (--out)")
+    emit("\n".join(texts))
     return 0
 
 

@@ -22,7 +22,7 @@ from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop, short_names
 from rsicalib.io.sources import read_text
 
-__all__ = ["read", "read_ranges"]
+__all__ = ["read", "read_calibration", "read_ranges"]
 
 SIDES = {"observation.state": FOLLOWER, "action": LEADER}
 """Columns of a data set, and what their joints are called here."""
@@ -210,13 +210,26 @@ def read_ranges(paths: tuple[str, ...]) -> dict[str, int]:
     sides = (FOLLOWER,) if len(paths) == 1 else (LEADER, FOLLOWER)
     out = {}
     for path, side in zip(paths, sides, strict=False):
-        for joint, entry in _json(Path(path)).items():
-            missing = [k for k in OF_A_RANGE if not isinstance(entry.get(k), int)]
-            if missing:
-                found, expected = repr(entry.get(missing[0])), "an integer"
-                place = f"{joint}.{missing[0]}"
-                raise InputError.at(
-                    path, column=place, found=found, expected=expected, column_word=""
-                )
+        for joint, entry in read_calibration(path).items():
             out[side + short_names([joint])[0]] = entry["range_max"] - entry["range_min"]
     return out
+
+
+def read_calibration(path: str) -> dict[str, dict[str, int]]:
+    """Read a calibration file: of each joint where its range ends, in steps of the encoder.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    found: dict[str, dict[str, int]] = _json(Path(path))
+    for joint, entry in found.items():
+        for key in OF_A_RANGE:
+            value = entry.get(key) if isinstance(entry, dict) else None
+            if not isinstance(value, int):
+                place = f"{joint}.{key}"
+                raise InputError.at(
+                    path, column=place, found=repr(value), expected="an integer", column_word=""
+                )
+    return found

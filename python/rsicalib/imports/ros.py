@@ -166,14 +166,15 @@ def _times(
     """Times from the first message [s], by the header, and what there is to say of them."""
     received = [time for time, _ in messages]
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for _, m in messages]
-    blank = [row for row, stamp in enumerate(stamps) if stamp == 0]
-    if len(blank) == len(stamps):
+    first = next((row for row, stamp in enumerate(stamps) if stamp), None)
+    if first is None:
         said = "headers have no time: that of receipt is taken"
         return np.array([t - received[0] for t in received]) / 1e9, [said]
-    if blank:
+    blank = next((row for row, stamp in enumerate(stamps) if not stamp and row > first), None)
+    if blank is not None:  # simulated time begins at zero: there that is no blank
         raise InputError.at(
             source,
-            line=int(lines[blank[0]]),
+            line=int(lines[blank]),
             found="a header without time, where others have one",
             expected="a time in each header, or in none",
             line_word="message",

@@ -10,7 +10,7 @@ from typing import TextIO
 
 from rsicalib.errors import InputError
 
-__all__ = ["forget_parts", "whole_file", "write_text"]
+__all__ = ["forget_parts", "whole_file", "write_bytes", "write_text"]
 
 _parts: set[Path] = set()
 
@@ -74,6 +74,13 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
     """
     with whole_file(path) as file:
         file.write(text)
+    return Path(path)
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
+    """Write a file of bytes, whole or not at all; see `write_text`."""
+    with whole_file(path) as file:
+        file.buffer.write(data)
     return Path(path)
 
 

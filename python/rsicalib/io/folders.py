@@ -1,9 +1,9 @@
 """Folders of results: nothing of the user's is lost, and what is there is whole.
 
 A file is replaced only if it was written by this package: a result says so by its `format`, a plan
-by its column `why`, other files by a line, and the readings of a simulation or an import by their
-digest in `truth.json` or `import.json`. One file, the seal, is removed first and written last: a
-folder that has its seal is whole.
+by its column `why`, other files by a line, and those of a simulation, an import or an export by
+their digest in `truth.json`, `import.json` or `export.json`. One file, the seal, is removed first
+and written last: a folder that has its seal is whole.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rsicalib.errors import InputError
-from rsicalib.io.files import write_text
+from rsicalib.io.files import write_bytes, write_text
 
-__all__ = ["IMPORT", "MARK", "TRUTH", "refuse_foreign", "write_folder"]
+__all__ = ["EXPORT", "IMPORT", "MARK", "TRUTH", "refuse_foreign", "write_folder"]
 
 MARK = "Written by rsicalib"
 """A line with these words marks a text file that may be replaced."""
@@ -34,22 +34,25 @@ TRUTH = "truth.json"
 IMPORT = "import.json"
 """The seal of a log that was imported, likewise."""
 
+EXPORT = "export.json"
+"""The seal of a result that was written for others, likewise."""
+
 
 def write_folder(
     folder: str | os.PathLike[str],
-    files: Mapping[str, str],
+    files: Mapping[str, str | bytes],
     *,
     seal: str | None = None,
     force: bool = False,
 ) -> list[Path]:
-    """Write text files into a folder, which is made if it is not there.
+    """Write files into a folder, which is made if it is not there.
 
     Parameters
     ----------
     folder : path
         Where to.
-    files : mapping of str to str
-        Text of each file, by its name, which may stand in a folder below (`figures/a.svg`).
+    files : mapping of str to str or bytes
+        Content of each file, by its name, which may stand in a folder below (`figures/a.svg`).
     seal : str, optional
         Name of the file that is removed first and written last.
     force : bool
@@ -75,7 +78,11 @@ def write_folder(
             _remove(folder / seal)
         for name in order:
             _make((folder / name).parent)
-            write_text(folder / name, files[name])
+            content = files[name]
+            if isinstance(content, str):
+                write_text(folder / name, content)
+            else:
+                write_bytes(folder / name, content)
     return [folder / name for name in files]
 
 
@@ -104,7 +111,7 @@ def _is_ours(path: Path) -> bool:
             head = file.read(ENDS)
             file.seek(max(0, path.stat().st_size - ENDS))
             ours = OURS.search(head) or OURS.search(file.read(ENDS))
-            return bool(ours) or any(_is_sealed(path, seal) for seal in (TRUTH, IMPORT))
+            return bool(ours) or any(_is_sealed(path, seal) for seal in (TRUTH, IMPORT, EXPORT))
     except OSError:
         return False
 

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Matrix", "align_z", "inverse", "joint_motion", "rigid", "rotation", "xyz_rpy"]
+__all__ = [
+    "Matrix",
+    "align_z",
+    "inverse",
+    "joint_motion",
+    "rigid",
+    "rotation",
+    "row_motion",
+    "xyz_rpy",
+]
 
 Matrix = npt.NDArray[np.float64]
 """`a_from_b`, shape (4, 4)."""
@@ -143,3 +153,21 @@ def joint_motion(kind: str, coordinate: float) -> Matrix:
     if kind == "prismatic":
         return rigid((0.0, 0.0, coordinate))
     return rotation(2, coordinate)
+
+
+def row_motion(row: Mapping[str, Any]) -> Matrix:
+    """Move along a row of a chain whose joint is at zero.
+
+    Parameters
+    ----------
+    row : mapping
+        As in a mechanism file: `theta, d, a, alpha`, then `xyz, rpy`.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        `Rz(theta) Tz(d) Tx(a) Rx(alpha) T(xyz) R(rpy)`.
+    """
+    theta, d, a, alpha = (float(row.get(name) or 0.0) for name in ("theta", "d", "a", "alpha"))
+    body = rigid(row.get("xyz") or (0.0, 0.0, 0.0), row.get("rpy") or (0.0, 0.0, 0.0))
+    return rotation(2, theta) @ rigid((a, 0.0, d)) @ rotation(0, alpha) @ body

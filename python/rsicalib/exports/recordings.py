@@ -1,0 +1,74 @@
+"""Corrected readings: joint coordinates under the calibration, as CSV or as a bag of ROS 2."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsicalib.exports.ask import Ask
+from rsicalib.exports.coordinates import coordinates, unit_of
+from rsicalib.imports.extras import needed
+from rsicalib.imports.log import Session
+
+__all__ = ["write_csv", "write_mcap"]
+
+TOPIC = "/joint_states"
+
+
+def write_csv(ask: Ask) -> dict[str, str]:
+    """Write `corrected.csv`, and the mechanism under which such rows are read as they are."""
+    readings = ask.needed("are to be corrected")
+    values = coordinates(readings, ask.mechanism, ask.result)
+    columns: dict[str, Any] = {"pose": readings.pose} if readings.held else {}
+    single = {"sample": readings.sample, "time_s": readings.time_s}
+    single["temperature_c"] = readings.temperature_c
+    columns |= {name: cells for name, cells in single.items() if cells is not None}
+    columns |= {**readings.keys, **readings.columns}
+    columns |= {name: values[:, k] for k, name in enumerate(readings.channels)}
+    text = Session(columns, readings.lines).csv()
+    return {"corrected.csv": text, "corrected.toml": _as_read(ask)}
+
+
+def _as_read(ask: Ask) -> str:
+    """The calibrated mechanism, whose readings are coordinates already."""
+    mechanism = ask.calibrated.mechanism
+    units = unit_of(mechanism)
+    document = mechanism.to_dict()
+    for channel in document["channel"]:
+        noise = ask.result.noise.sigma[channel["name"]] if ask.result.noise else None
+        noise = None if noise is None else noise * abs(channel["gain"])
+        channel |= {"unit": units[channel["name"]], "gain": 1.0, "offset": 0.0}
+        channel |= {"range": None, "noise": noise}
+    cleared = {**document, "channel": [_without_none(c) for c in document["channel"]]}
+    return "# readings of corrected.csv: joint coordinates\n" + type(mechanism)(cleared).to_toml()
+
+
+def _without_none(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def write_mcap(ask: Ask) -> dict[str, bytes]:
+    """Write `corrected.mcap`: joint states with the corrected positions."""
+    readings = ask.needed("are to be corrected")
+    rosbag2 = needed("rosbags.rosbag2", "ros", "corrected.mcap", "a bag of ROS 2")
+    typesys = needed("rosbags.typesys", "ros", "corrected.mcap", "a bag of ROS 2")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    values = coordinates(readings, ask.mechanism, ask.result)
+    times = np.arange(len(values)) * 1.0 if readings.time_s is None else readings.time_s
+    kind, empty = "sensor_msgs/msg/JointState", np.zeros(0)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "corrected"
+        plugin = rosbag2.StoragePlugin.MCAP
+        with rosbag2.Writer(path, version=9, storage_plugin=plugin) as bag:
+            connection = bag.add_connection(TOPIC, kind, typestore=store)
+            for time, row in zip(times.tolist(), values, strict=True):
+                stamp = round(time * 1e9)
+                header = store.types["std_msgs/msg/Header"](
+                    store.types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9), ""
+                )
+                message = store.types[kind](header, list(readings.channels), row, empty, empty)
+                bag.write(connection, stamp, store.serialize_cdr(message, kind))
+        return {"corrected.mcap": next(path.glob("*.mcap")).read_bytes()}

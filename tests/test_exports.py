@@ -1,0 +1,286 @@
+"""Results in the words of controllers and robots: read again, they give what the result gives."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import InputError, Trace
+from rsicalib.exports.coordinates import coordinates
+from rsicalib.exports.opening import export_result
+
+DEMO = rsicalib.DEMO / "readings.csv"
+
+
+@pytest.fixture(scope="module")
+def traced() -> Trace:
+    """Offsets, gains, and a curved sensor a22."""
+    return rsicalib.trace(DEMO, rest=rsicalib.DEMO / "rest.csv")
+
+
+def test_coordinates_are_those_of_line_and_curve(traced: Trace) -> None:
+    readings = rsicalib.load_readings(DEMO)
+    found = coordinates(readings, rsicalib.load_mechanism("rsi"), traced)
+    values = {(p.term, p.target): p.value for p in traced.parameters}
+    for k, name in enumerate(readings.channels):
+        line = values["offset", name] + values["gain", name] * readings.values[:, k]
+        if name != "a22":
+            # offsets of some 3 rad, and counts of thousands times gains: rounding
+            assert np.abs(found[:, k] - line).max() < 1e-12
+        else:
+            curve = found[:, k] - line
+            square = np.polyfit(readings.values[:, k], curve, 2)
+            assert np.abs(curve).max() > 1e-3
+            assert np.abs(np.polyval(square, readings.values[:, k]) - curve).max() < 1e-9
+
+
+def test_a_header_of_c_gives_the_coordinates_within_what_it_states(
+    traced: Trace, tmp_path: Path
+) -> None:
+    (text,) = export_result(traced, "c").values()
+    (tmp_path / "rsicalib.h").write_text(str(text))
+    readings = rsicalib.load_readings(DEMO)
+    calls = "".join(
+        f'    scanf("%lf", &a); printf("%.17g ", {name}_coordinate(a));\n'
+        for name in readings.channels
+    )
+    source = tmp_path / "main.c"
+    source.write_text(
+        '#include <stdio.h>\n#include "rsicalib.h"\n'
+        f"int main(void) {{ double a; for (int i = 0; i < {len(readings)}; ++i) {{\n{calls}"
+        '    printf("\\n"); } return 0; }\n'
+    )
+    program = tmp_path / "main"
+    try:
+        subprocess.run(
+            ["cc", "-std=c99", "-Wall", "-Wno-unused-result", "-Werror", "-o", program, source],
+            check=True,
+        )
+    except FileNotFoundError:
+        pytest.skip("no C compiler")
+    lines = "\n".join(" ".join(map(repr, row)) for row in readings.values.tolist())
+    done = subprocess.run([program], input=lines, capture_output=True, text=True, check=True)
+    found = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
+    wanted = coordinates(readings, rsicalib.load_mechanism("rsi"), traced)
+    stated = [
+        float(line.split("within ")[1].split()[0])
+        for line in str(text).splitlines()
+        if "within" in line
+    ]
+    assert len(stated) == 9
+    # the statement has two digits
+    assert (np.abs(found - wanted).max(axis=0) <= 1.05 * np.array(stated) + 1e-12).all()
+
+
+def test_corrected_readings_are_read_again_and_give_the_same_poses(
+    traced: Trace, tmp_path: Path
+) -> None:
+    lines = rsicalib.calibrate(DEMO, rest=rsicalib.DEMO / "rest.csv")
+    # The weight of a reading in a pose is that of a straight line: where a sensor is curved, it
+    # differs by some percent, and the pose by as much of what noise of 1e-3 in does to it.
+    for found, most in ((lines, 1e-9), (traced, 1e-4)):
+        for name, text in export_result(found, "csv", readings=DEMO).items():
+            (tmp_path / name).write_text(str(text))
+        again = rsicalib.forward(tmp_path / "corrected.csv", tmp_path / "corrected.toml")
+        assert np.abs(again - rsicalib.forward(DEMO, calibration=found)).max() < most
+
+
+def test_a_corrected_bag_is_read_again_by_another_library(traced: Trace, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="the extra ros is not installed")
+    reader = pytest.importorskip("mcap_ros2.reader", reason="mcap-ros2-support is not installed")
+    (data,) = export_result(traced, "mcap", readings=DEMO).values()
+    path = tmp_path / "corrected.mcap"
+    path.write_bytes(data if isinstance(data, bytes) else b"")
+    wanted = coordinates(rsicalib.load_readings(DEMO), rsicalib.load_mechanism("rsi"), traced)
+    messages = [m.ros_msg for m in reader.read_ros2_messages(str(path), ["/joint_states"])]
+    assert np.array_equal([m.position for m in messages], wanted)
+    assert list(messages[0].name) == list(rsicalib.load_readings(DEMO).channels)
+    log = rsicalib.import_log(path, hold=0)
+    assert np.array_equal(log.sessions[0].columns["a22"], wanted[:, 4])
+
+
+def test_parameters_of_ros_2_are_read_by_a_library_of_yaml(traced: Trace) -> None:
+    yaml = pytest.importorskip("ruamel.yaml", reason="no library of YAML is installed")
+    (text,) = export_result(traced, "ros2").values()
+    found = yaml.YAML(typ="safe").load(str(text))["/**"]["ros__parameters"]["calibration"]
+    values = {(p.term, p.target): p.value for p in traced.parameters}
+    for name in found["joint_names"]:
+        assert found["joints"][name]["gain"] == values["gain", name]
+        assert found["joints"][name]["offset"] == values["offset", name]
+        assert found["joints"][name]["unit"] == "rad"
+    assert "curvature@a22 has no place" in str(text)
+
+
+# ------------------------------------------------------------------ machines
+
+
+def result_of(mechanism: dict[str, Any], parameters: list[dict[str, Any]]) -> rsicalib.Calibration:
+    """A result as a file would hold it."""
+    names = [channel["name"] for channel in mechanism["channel"]]
+    centre = [0.0 for _ in names]
+    document = {
+        "format": "rsicalib.calibration/1",
+        "version": "0.1.0",
+        "mechanism": mechanism["name"],
+        "length_unit": mechanism["length_unit"],
+        "readings": {"poses": 1, "samples": 1, "sha256": "0"},
+        "noise": {"source": "declared", "sigma": dict.fromkeys(names, 1.0)}
+        | {"dof": None, "correlation": None},
+        "verdict": "adequate",
+        "fit": {"chi2": 1.0, "dof": 1, "p_value": 0.5, "rms_misclosure": 0.0},
+        "parameters": [{"sd": 0.01, "unit": "", **p} for p in parameters],
+        "covariance": [[0.0] * len(parameters) for _ in parameters],
+        "termination": "converged",
+        "reference": {"centre": centre, "span": [[0.0, 1.0]] * len(names), "temperature": None},
+    }
+    return rsicalib.Calibration.from_dict(document)
+
+
+ARMS = """\
+name = "{name}"
+length_unit = "m"
+channel = [
+  {{name = "leader_elbow", unit = "percent", gain = 1.0, offset = 0.0}},
+  {{name = "follower_elbow", unit = "percent", gain = 1.0, offset = 0.0}},
+]
+chain = [
+  {{name = "l", dh = [{{channel = "leader_elbow"}}]}},
+  {{name = "f", dh = [{{channel = "follower_elbow"}}]}},
+]
+point = [
+  {{name = "l", chain = "l", at = [1.0, 0.0, 0.0]}},
+  {{name = "f", chain = "f", at = [1.0, 0.0, 0.0]}},
+]
+closure = [{{name = "elbow", kind = "touch", between = ["l", "f"]}}]
+"""
+
+
+def test_a_follower_gets_the_range_under_which_it_agrees_with_its_leader(tmp_path: Path) -> None:
+    mechanism = rsicalib.load_mechanism(ARMS.format(name="arms"))
+    # its leader is at 1.04 times its percent, and 2 percent further
+    found = result_of(
+        mechanism.to_dict(),
+        [
+            {"term": "gain", "target": "follower_elbow", "name": "gain", "value": 1.04},
+            {"term": "offset", "target": "follower_elbow", "name": "offset", "value": 2.0},
+        ],
+    )
+    entry = {"id": 3, "drive_mode": 0, "homing_offset": -12, "range_min": 900, "range_max": 3100}
+    base = tmp_path / "follower.json"
+    base.write_text(json.dumps({"elbow": entry, "gripper": entry}))
+    files = export_result(found, "lerobot", mechanism, base=str(base))
+    made = json.loads(str(files["follower.json"]))
+    assert made["gripper"] == entry and made["elbow"]["homing_offset"] == -12
+    ticks = np.arange(1000, 3000)
+    low, high = made["elbow"]["range_min"], made["elbow"]["range_max"]
+    new = (ticks - low) / (high - low) * 200 - 100  # as LeRobot normalises
+    old = (ticks - 900) / 2200 * 200 - 100
+    # two ends that are rounded to whole steps of a range of some 2100
+    assert np.abs(new - (1.04 * old + 2.0)).max() < 200 / 2100
+    with pytest.raises(InputError, match="expected the calibration file of the follower"):
+        export_result(found, "lerobot", mechanism)
+    base.write_text(json.dumps({"wrist": entry}))
+    with pytest.raises(InputError, match="found the joints wrist"):
+        export_result(found, "lerobot", mechanism, base=str(base))
+
+
+def test_a_kind_that_does_not_suit_the_mechanism_is_refused(traced: Trace) -> None:
+    for to, expected in {
+        "maslow": "expected a sled on four belts",
+        "klipper": "expected a delta printer",
+        "urdf": "expected a mechanism file with a chain from URDF",
+        "csv": "expected those that are to be corrected",
+        "marlin": "to: found 'marlin', expected one of toml",
+    }.items():
+        with pytest.raises(InputError, match=expected):
+            export_result(traced, to)
+
+
+def test_the_command_writes_files_and_writes_them_again(traced: Trace, tmp_path: Path) -> None:
+    traced.save(tmp_path / "result.json")
+    words = ["export", str(tmp_path / "result.json"), "--to", "csv", "--readings", str(DEMO)]
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-m", "rsicalib", *words, "--out", str(tmp_path / "out")],
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+    found = {path.name for path in (tmp_path / "out").iterdir()}
+    assert found == {"corrected.csv", "corrected.toml", "export.json"}
+
+
+def without(text: str, *options: str) -> str:
+    """A configuration without some options, as the block asks for."""
+    lines = text.splitlines(keepends=True)
+    return "".join(line for line in lines if not line.startswith(options))
+
+
+def test_the_geometry_of_a_printer_comes_back_from_its_configuration(tmp_path: Path) -> None:
+    from tests.test_imports import PRINTER, probes
+
+    path = tmp_path / "printer.cfg"
+    path.write_text(PRINTER.replace("#*# angle = 211.5\n", "") + probes(9))
+    values = tomllib.loads(rsicalib.import_log(path).mechanism or "")
+    del values["plane"]  # the towers and arms are what is written
+    values["point"][-1] = {"name": "nozzle", "at": [0.0, 0.0, 0.0]}
+    values["closure"].pop()
+    mechanism = rsicalib.load_mechanism(values)
+    found = result_of(
+        mechanism.to_dict(),
+        [
+            {"term": "offset", "target": "a", "name": "offset", "value": 626.9},
+            {"term": "offset", "target": "b", "name": "offset", "value": 625.7},
+            {"term": "base_position", "target": "tower b", "name": "x", "value": 0.31},
+            {"term": "base_position", "target": "tower b", "name": "y", "value": -0.2},
+            {"term": "distance", "target": "arm c", "name": "d", "value": 0.45},
+        ],
+    )
+    (block,) = export_result(found, "klipper", mechanism).values()
+    again = tmp_path / "again.cfg"
+    body = without(PRINTER.split("#*# <")[0], "delta_radius", "position_endstop", "arm_length")
+    again.write_text(f"{body}{block}#*# [delta_calibrate]\n{probes(9)}")
+    made = tomllib.loads(rsicalib.import_log(again).mechanism or "")
+
+    def geometry(document: dict[str, Any]) -> np.ndarray:
+        """Heights at the endstop, arms, and distances between the towers: what no origin moves."""
+        feet = [_foot(chain["dh"]) for chain in document["chain"]]
+        sides = [np.linalg.norm(np.subtract(feet[k], feet[k - 1])) for k in range(3)]
+        heights = [channel["offset"] for channel in document["channel"]]
+        return np.array([*heights, *(c["value"] for c in document["closure"][:3]), *sides])
+
+    calibrated = rsicalib.load_mechanism(
+        str(export_result(found, "toml", mechanism)["calibrated.toml"])
+    ).to_dict()
+    wanted = geometry(calibrated)
+    assert np.abs(wanted - geometry(values)).max() > 0.3, "something was calibrated"
+    # six decimals of angles in degrees, at a radius of 172 mm
+    assert np.abs(geometry(made) - wanted).max() < 5e-6
+
+
+def _foot(rows: list[dict[str, Any]]) -> np.ndarray:
+    """Where a tower stands, in plain matrix products."""
+    out = np.eye(4)
+    for row in rows:
+        for matrix in oracle_row(row):
+            out = out @ matrix
+    return out[:2, 3]
+
+
+def oracle_row(row: dict[str, Any]) -> list[np.ndarray]:
+    cos, sin = np.cos(row.get("theta", 0.0)), np.sin(row.get("theta", 0.0))
+    turn = np.array([[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    shift = np.eye(4)
+    shift[:3, 3] = [row.get("a", 0.0), 0.0, row.get("d", 0.0)]
+    more = np.eye(4)
+    more[:3, 3] = row.get("xyz", [0.0, 0.0, 0.0])
+    assert not row.get("alpha") and not any(row.get("rpy", [0, 0, 0])), "upright towers"
+    return [turn, shift, more]
