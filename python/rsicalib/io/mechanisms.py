@@ -13,6 +13,7 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, Where
 from rsicalib.io.builtin import BUILTIN
+from rsicalib.io.mjcf import is_mjcf, mechanism_of_mjcf
 from rsicalib.io.sources import read_text
 from rsicalib.io.urdf import (
     UrdfChain,
@@ -48,9 +49,9 @@ def load_mechanism(source: str | os.PathLike[str] | Mapping[str, Any]) -> Mechan
     Parameters
     ----------
     source : str, path or mapping
-        The name of a built-in mechanism, the path of a mechanism file, TOML text of more than one
-        line, or values as `tomllib` reads them. Paths in text and in values are relative to the
-        working folder.
+        The name of a built-in mechanism, the path of a mechanism file or of a MuJoCo model (MJCF),
+        TOML text of more than one line, or values as `tomllib` reads them. Paths in text and in
+        values are relative to the working folder.
 
     Returns
     -------
@@ -98,11 +99,16 @@ def mechanism_document(
     file = os.fspath(source)
     if file in BUILTIN:
         return Path(), {}
-    return Path(file).parent, parse_toml(_read(file), file)
+    text = _read(file)
+    document = mechanism_of_mjcf(file)[0] if is_mjcf(text) else parse_toml(text, file)
+    return Path(file).parent, document
 
 
 def _of_text(text: str, name: str) -> Mechanism:
     """The mechanism of a file's text; messages begin with the name."""
+    if is_mjcf(text):
+        path = name if Path(name).is_file() else text  # a file may include others
+        return Mechanism.from_dict(mechanism_of_mjcf(path)[0])
     document = parse_toml(text, name)
     expanded, _ = _expanded(document, name)
     try:
@@ -155,6 +161,9 @@ def expansion_notes(name_or_path: str | os.PathLike[str]) -> list[str]:
     InputError
         As for `read_mechanism`.
     """
+    file = os.fspath(name_or_path)
+    if file not in BUILTIN and is_mjcf(_read(file)):
+        return mechanism_of_mjcf(file)[1]
     _, document = mechanism_document(name_or_path)
     notes = _expanded(document, os.fspath(name_or_path))[1]
     return [" ".join(note.split()) for note in notes]

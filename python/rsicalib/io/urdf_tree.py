@@ -23,6 +23,7 @@ __all__ = [
     "Robot",
     "Step",
     "listed",
+    "parse_xml",
     "read_numbers",
     "read_vector",
     "refuse",
@@ -59,6 +60,12 @@ def refuse(
     message = f"{at}: found {found}, expected {expected}"
     where = Where(file=file, line=line, column=None, found=found, expected=expected)
     raise InputError(f"{message}. {hint}" if hint else message, where)
+
+
+def how_to_expand(file: str) -> str:
+    """What to do with a xacro."""
+    plain = file.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
+    return f"Expand the xacro first: xacro {file} -o {plain}"
 
 
 def listed(names: Iterable[str]) -> str:
@@ -232,7 +239,7 @@ def read_numbers(text: str, count: int, file: str, place: str, line: int) -> lis
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         expected = "a finite number" if count == 1 else f"{count} finite numbers"
-        hint = "Expand the xacro first." if "${" in text else ""
+        hint = how_to_expand(file) if "${" in text else ""
         refuse(file, place, line=line, found=repr(text), expected=expected, hint=hint)
     return numbers
 
@@ -302,14 +309,14 @@ class Robot:
 
     def __init__(self, text_or_path: str | os.PathLike[str]) -> None:
         self.file, self.text = _source(text_or_path)
-        self.root = _parse(self.text, self.file)
+        self.root = parse_xml(self.text, self.file)
         if self.root.tag != "robot":
             refuse(
                 self.file, "root", found=f"<{self.root.tag}>", expected="<robot>, a URDF document"
             )
         for element in self.root.children:
             if element.tag.startswith("xacro:"):
-                found, hint = f"<{element.tag}>", "Expand the xacro first."
+                found, hint = f"<{element.tag}>", how_to_expand(self.file)
                 expected = "plain URDF"
                 refuse(
                     self.file, "robot", line=element.line, found=found, expected=expected, hint=hint
@@ -429,7 +436,8 @@ def _source(text_or_path: str | os.PathLike[str]) -> tuple[str, str]:
     return file, read_text(file, "a robot description", "URDF")
 
 
-def _parse(text: str, file: str) -> Element:
+def parse_xml(text: str, file: str) -> Element:
+    """Read a document of XML as its root element; one that is none is refused with its line."""
     parser = expat.ParserCreate("utf-8")
     holder = Element("", {}, 0, 0)
     stack = [holder]
