@@ -11,7 +11,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.extras import needed
+from rsicalib.imports.extras import needed, read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop
@@ -79,7 +79,7 @@ def _joints(count: int) -> tuple[str, ...]:
 
 def _positions(h5py: Any, file: Path) -> tuple[FloatArray, FloatArray]:
     """Positions of the follower and of the leader, shape (T, joints) each."""
-    try:
+    with read_by("h5py", str(file), "an HDF5 file that is whole"):
         with h5py.File(file, "r") as root:
             for name in (STATE, ACTION):
                 if name not in root or not isinstance(root[name], h5py.Dataset):
@@ -95,9 +95,6 @@ def _positions(h5py: Any, file: Path) -> tuple[FloatArray, FloatArray]:
                         column_word="",
                     )
             state, action = (np.asarray(root[n][()], dtype=np.float64) for n in (STATE, ACTION))
-    except OSError as error:
-        said = str(error).splitlines()[0]
-        raise InputError.at(str(file), found=said, expected="an HDF5 file") from None
     if state.ndim != 2 or state.shape != action.shape or not len(state):
         found = f"shapes {state.shape} and {action.shape}"
         expected = f"the same shape [T, joints] of {STATE} and {ACTION}"

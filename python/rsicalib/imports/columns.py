@@ -63,6 +63,9 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     if channels is None:
         channels = {n: n for k, n in enumerate(table.names) if k != place and _numeric(table, k)}
     places = chosen(channels, table.names, table.source)
+    if not places or not len(table.lines):
+        said = "no rows" if places else "no column of numbers"
+        raise InputError.at(table.source, found=said, expected="readings of at least one channel")
     blank = np.array([[is_blank(c) for c in table.columns[k]] for k in places.values()]).T
     keep, others = whole_rows(
         ~blank, list(places), table.lines, table.source, asked.skip_bad_rows, table.line_word

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rsicalib.errors import InputError
 
-__all__ = ["needed"]
+__all__ = ["needed", "read_by"]
 
 
 def needed(module: str, extra: str, source: str, what: str) -> Any:
@@ -39,3 +41,29 @@ def needed(module: str, extra: str, source: str, what: str) -> Any:
         hint = f"Install it with: pip install 'rsicalib[{extra}]'"
         found = f"{what}, and no {name} to read it"
         raise InputError.at(source, found=found, expected=name, hint=hint) from None
+
+
+@contextmanager
+def read_by(library: str, source: str, expected: str) -> Iterator[None]:
+    """Refuse a file at which a library fails: of damaged bytes it may raise whatever it likes.
+
+    Parameters
+    ----------
+    library : str
+        That reads the file.
+    source, expected : str
+        The file, and what it should be, for the message.
+
+    Raises
+    ------
+    InputError
+        In place of what the library raised.
+    """
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        lines = str(error).splitlines() or [type(error).__name__]
+        found = f"what {library} cannot read ({lines[0][:200]})"
+        raise InputError.at(source, found=found, expected=expected) from error

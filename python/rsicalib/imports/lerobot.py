@@ -16,7 +16,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.extras import needed
+from rsicalib.imports.extras import needed, read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop, short_names
@@ -26,6 +26,12 @@ __all__ = ["read", "read_calibration", "read_ranges"]
 
 SIDES = {"observation.state": FOLLOWER, "action": LEADER}
 """Columns of a data set, and what their joints are called here."""
+
+LARGEST = 10**9
+"""Episodes, and rows in a second, that no data set has."""
+
+MOST_JOINTS = 1000
+"""Joints that no robot has."""
 
 OF_A_RANGE = ("homing_offset", "range_min", "range_max", "drive_mode")
 
@@ -39,32 +45,21 @@ def read(source: str, asked: Asked) -> Log:
         A file is missing, or does not hold what `meta/info.json` says.
     """
     root = Path(source)
-    info = _json(root / "meta" / "info.json")
-    version = str(info.get("codebase_version", ""))
-    if not version.startswith(("v2.", "v3.")):
-        hint = "LeRobot has a program that converts an earlier data set."
-        where = str(root / "meta" / "info.json")
-        raise InputError.at(
-            where,
-            column="codebase_version",
-            found=repr(version),
-            expected="v2.0, v2.1 or v3.0",
-            hint=hint,
-            column_word="",
-        )
-    names = {key: _names(info, key, root) for key in SIDES if key in info.get("features", {})}
+    info = _checked(root / "meta" / "info.json")
+    version = info["codebase_version"]
+    names = {key: _names(info, key, root) for key in SIDES if key in info["features"]}
     if "observation.state" not in names:
         found, expected = "no such feature", "positions of the arm"
         where = str(root / "meta" / "info.json")
         raise InputError.at(where, column="observation.state", found=found, expected=expected)
-    rate = info.get("fps")
+    rate = info["fps"]
     recordings, digest = [], hashlib.sha256()
     for episode, rows, lines in _episodes(root, info, version, [*names], asked):
         values = np.column_stack([_matrix(rows[key], names[key], key, episode) for key in names])
         digest.update(values.tobytes())
         time = _float(rows["timestamp"]) if "timestamp" in rows else None
-        if time is None and rate:
-            time = np.arange(len(values)) / float(rate)
+        if time is None:
+            time = np.arange(len(values)) / rate
         channels = tuple(SIDES[key] + name for key in names for name in names[key])
         recordings.append(Recording(channels, values, time, lines, None, f"episode {episode}"))
     both = [n for n in names["observation.state"] if n in names.get("action", [])]
@@ -80,6 +75,36 @@ def read(source: str, asked: Asked) -> Log:
     return Log(source, words, sessions, mechanism, tuple(findings), "row", sha256=sha256)
 
 
+def _checked(path: Path) -> dict[str, Any]:
+    """The description of a data set, with what is read of it in its place."""
+    info = _json(path)
+
+    def refuse(key: str, expected: str, hint: str = "") -> InputError:
+        found = repr(info[key])[:80] if key in info else "nothing"
+        return InputError.at(
+            str(path), column=key, found=found, expected=expected, hint=hint, column_word=""
+        )
+
+    if not str(info.get("codebase_version")).startswith(("v2.", "v3.")):
+        hint = "LeRobot has a program that converts an earlier data set."
+        raise refuse("codebase_version", "v2.0, v2.1 or v3.0", hint)
+    info = {"chunks_size": 1000, **info}
+    for key in ("total_episodes", "chunks_size"):
+        if not isinstance(info.get(key), int) or not 0 < info[key] < LARGEST:
+            raise refuse(key, "a whole number above zero")
+    if not isinstance(info.get("fps"), int | float) or not 0.0 < info["fps"] < LARGEST:
+        raise refuse("fps", "rows in a second, a number above zero")
+    features = info.get("features")
+    if not isinstance(features, dict) or not all(isinstance(f, dict) for f in features.values()):
+        raise refuse("features", "the columns of the data set")
+    if info["codebase_version"].startswith("v2."):
+        try:
+            str(info["data_path"]).format(episode_chunk=0, episode_index=0)
+        except (KeyError, IndexError, ValueError):
+            raise refuse("data_path", "a path with episode_chunk and episode_index") from None
+    return info
+
+
 def _json(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(read_text(path, "a description of a LeRobot data set"))
@@ -87,6 +112,8 @@ def _json(path: Path) -> dict[str, Any]:
         raise InputError.at(
             str(path), line=error.lineno, found=error.msg, expected="JSON"
         ) from None
+    except RecursionError:
+        raise InputError.at(str(path), found="JSON nested too deep", expected="less") from None
     if not isinstance(found, dict):
         raise InputError.at(str(path), found=type(found).__name__, expected="a JSON object")
     return found
@@ -98,9 +125,11 @@ def _names(info: dict[str, Any], key: str, root: Path) -> list[str]:
     names = feature.get("names")
     while isinstance(names, dict) and len(names) == 1:  # {"motors": [...]}, {"axes": [...]}
         names = next(iter(names.values()))
-    if names is None and len(feature.get("shape", [])) == 1:
-        names = [f"joint_{k}" for k in range(feature["shape"][0])]
-    short = short_names(names) if isinstance(names, list) else []
+    shape = feature.get("shape")
+    if names is None and isinstance(shape, list) and [type(n) for n in shape] == [int]:
+        names = [f"joint_{k}" for k in range(min(shape[0], MOST_JOINTS))]
+    named = isinstance(names, list) and all(isinstance(n, str) for n in names)
+    short = short_names(names) if named else []
     if not short or len(set(short)) < len(short):
         where = str(root / "meta" / "info.json")
         place = f"features.{key}.names"
@@ -114,20 +143,23 @@ def _episodes(
 ) -> list[tuple[int, dict[str, Any], np.ndarray]]:
     """Number, columns and rows of each episode that is asked for, in their order."""
     parquet = needed("pyarrow.parquet", "parquet", str(root), "a LeRobot data set")
-    total = int(info.get("total_episodes", 0))
+    total = info["total_episodes"]
     wanted = list(range(total)) if asked.episodes is None else list(asked.episodes)
     beyond = [episode for episode in wanted if not 0 <= episode < total]
     if beyond or not wanted:
         said = f"no episode {beyond[0]}" if beyond else "no episode"
         raise InputError.at(str(root), found=said, expected=f"episodes 0 to {total - 1}")
     if version.startswith("v2."):
-        pattern, size = str(info["data_path"]), int(info.get("chunks_size", 1000))
+        pattern, size = str(info["data_path"]), info["chunks_size"]
         files = [root / pattern.format(episode_chunk=e // size, episode_index=e) for e in wanted]
     else:
         files = sorted((root / "data").glob("chunk-*/file-*.parquet"))
     found: dict[int, list[tuple[dict[str, Any], np.ndarray]]] = {}
     for file in files:
-        try:
+        if not file.is_file():
+            expected = "rows of the data set"
+            raise InputError.at(str(file), found="no such file", expected=expected)
+        with read_by("pyarrow", str(file), "rows of the data set"):
             schema = parquet.ParquetFile(file).schema_arrow.names
             more = [n for n in ("episode_index", "timestamp") if n in schema]
             lacking = [n for n in [*keys, "episode_index"] if n not in schema]
@@ -135,9 +167,6 @@ def _episodes(
                 expected = f"a column {lacking[0]!r}, as meta/info.json says"
                 raise InputError.at(str(file), found="no such column", expected=expected)
             table = parquet.read_table(file, columns=[*keys, *more])
-        except OSError as error:
-            said = "no such file" if not file.exists() else str(error).splitlines()[0]
-            raise InputError.at(str(file), found=said, expected="rows of the data set") from None
         index = table["episode_index"].to_numpy()
         for episode in np.unique(index).tolist():
             rows = np.flatnonzero(index == episode)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rsicalib._core import LARGEST
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.log import Log, Session
@@ -127,6 +128,8 @@ def _lengths(body: str, end: str, position: int, line: int, source: str) -> list
             raise refuse(repr(part.strip()), "a belt and its length, such as tr:2851.43")
         if match[1].lower() in lengths:
             raise refuse(f"{match[1]} twice", "each belt once")
+        if not 0.0 < float(match[2]) <= LARGEST:
+            raise refuse(f"{match[1]} of {match[2]}", "a length above zero")
         lengths[match[1].lower()] = float(match[2])
     missing = [belt for belt in BELTS if belt not in lengths]
     if missing:

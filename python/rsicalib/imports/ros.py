@@ -18,7 +18,7 @@ from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked, chosen
 from rsicalib.imports.columns import whole_rows
 from rsicalib.imports.condition import Condition
-from rsicalib.imports.extras import needed
+from rsicalib.imports.extras import needed, read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording, session_of
 
@@ -46,7 +46,7 @@ def read(source: str, asked: Asked) -> Log:
     """
     highlevel = needed("rosbags.highlevel", "ros", source, "a bag of ROS 2")
     typesys = needed("rosbags.typesys", "ros", source, "a bag of ROS 2")
-    try:
+    with read_by("rosbags", source, "a bag of ROS 2 that is whole"):
         types = typesys.get_typestore(typesys.Stores.LATEST)  # of bags that do not say their own
         with highlevel.AnyReader([Path(source)], default_typestore=types) as bag:
             topic = _topic(bag, asked.topic, source)
@@ -54,9 +54,6 @@ def read(source: str, asked: Asked) -> Log:
             inside = None
             if asked.when is not None:
                 inside = Condition.of(asked.when, bag.topics, source).holds(bag, messages, source)
-    except (highlevel.AnyReaderError, OSError) as error:
-        said = str(error).splitlines()[0]
-        raise InputError.at(source, found=said, expected="a bag of ROS 2 that is whole") from None
     if not messages:
         expected = "messages with joint states"
         raise InputError.at(source, column=topic, found="none", expected=expected, column_word="")
