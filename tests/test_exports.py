@@ -284,3 +284,58 @@ def oracle_row(row: dict[str, Any]) -> list[np.ndarray]:
     more[:3, 3] = row.get("xyz", [0.0, 0.0, 0.0])
     assert not row.get("alpha") and not any(row.get("rpy", [0, 0, 0])), "upright towers"
     return [turn, shift, more]
+
+
+# ------------------------------------------------------------------ MuJoCo
+
+
+def arms(tmp_path: Path) -> tuple[Any, rsicalib.Calibration]:
+    """Two arms from a model of MuJoCo, and a result with offsets, geometry and a ratio."""
+    from tests.test_mjcf import CLOSED, model
+
+    follows = '<joint joint1="r2" joint2="r1" polycoef="0.1 -0.5 0 0 0"/>'
+    path = tmp_path / "arms.xml"
+    path.write_text(model(CLOSED["connect of sites"] + follows))
+    mechanism = rsicalib.load_mechanism(path)
+    found = result_of(
+        mechanism.to_dict(),
+        [
+            {"term": "offset", "target": "l2", "name": "offset", "value": 0.03},
+            {"term": "offset", "target": "r1", "name": "offset", "value": -0.02},
+            {"term": "link_length", "target": "left lower/3", "name": "a", "value": 0.004},
+            {"term": "base_position", "target": "right lower", "name": "x", "value": 0.01},
+        ],
+    )
+    return mechanism, found
+
+
+def test_a_model_of_mujoco_gives_the_points_of_the_calibration(tmp_path: Path) -> None:
+    mechanism, found = arms(tmp_path)
+    (text,) = export_result(found, "mjcf", mechanism).values()
+    path = tmp_path / "calibrated.xml"
+    path.write_text(str(text))
+    again = rsicalib.load_mechanism(path)
+    names = [channel.name for channel in mechanism.channels]
+    assert {channel.name for channel in again.channels} == set(names)
+    values = np.random.default_rng(0).uniform(-0.4, 0.4, (5, len(names)))
+    readings = dict(zip(names, values.T, strict=True))
+    wanted = rsicalib.forward(readings, mechanism, found)
+    # every number is written with all its digits: rounding
+    assert np.abs(rsicalib.forward(readings, again) - wanted).max() < 1e-12
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo, the witness, is not installed")
+    there = mujoco.MjModel.from_xml_string(str(text))
+    data = mujoco.MjData(there)
+    for row, points in zip(values, wanted, strict=True):
+        for name, value in zip(names, row, strict=True):
+            data.joint(name).qpos[0] = value
+        data.joint("right lower 3 follows").qpos[0] = -0.5 * row[names.index("r1")]
+        mujoco.mj_kinematics(there, data)
+        sites = [data.site(k).xpos for k in range(there.nsite)]
+        assert np.abs(np.ravel(sites) - points).max() < 1e-9
+
+
+def test_what_a_model_of_mujoco_cannot_hold_is_said(traced: Trace) -> None:
+    (text,) = export_result(traced, "mjcf").values()
+    assert "not in here: closure wrist1-wrist2: distance" in str(text)
+    assert "curvature@a22 has no place" in str(text)
+    assert "times the reading of a11" in str(text)

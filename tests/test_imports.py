@@ -360,6 +360,15 @@ def test_a_reading_out_of_range_is_refused_with_its_line_in_the_log(tmp_path: Pa
         rsicalib.calibrate(path)
 
 
+def test_an_option_that_means_nothing_for_a_log_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "serial.log"
+    path.write_text(clbm(sled()))
+    with pytest.raises(InputError, match="topic: found it for a log of a Maslow4, expected one"):
+        rsicalib.import_log(path, topic="/joint_states")
+    renamed = rsicalib.import_log(path, channels={"left": "tl", "right": "tr"})
+    assert list(renamed.sessions[0].columns)[2:] == ["left", "right"]
+
+
 def test_what_is_no_log_is_refused_with_those_that_are_known(tmp_path: Path) -> None:
     path = tmp_path / "poem.txt"
     path.write_text("Roses are red\n")

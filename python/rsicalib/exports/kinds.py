@@ -7,6 +7,7 @@ __all__ = ["EXPORTS"]
 EXPORTS = {
     "toml": "the calibrated mechanism",
     "urdf": "the robot description that the chains came from",
+    "mjcf": "model of MuJoCo",
     "maslow": "commands of the firmware of a Maslow4",
     "klipper": "SAVE_CONFIG block of a delta printer",
     "lerobot": "calibration file of a follower; --base is the one that it has",

@@ -26,6 +26,7 @@ from rsicalib.work.arguments import (
 __all__ = ["export_result", "sealed"]
 
 WRITERS = {
+    "mjcf": ("mjcf", "write"),
     "maslow": ("maslow", "write"),
     "klipper": ("klipper", "write"),
     "lerobot": ("lerobot", "write"),

@@ -26,6 +26,8 @@ class Kind:
     words: str
     looks_like: Callable[[Path, bytes], bool]
     module: str
+    takes: str
+    """Options that mean something for it, beside `labels` and `channels`."""
 
     def read(self, source: str, asked: Asked) -> Log:
         """Read a log of this kind."""
@@ -61,12 +63,16 @@ def _ros(path: Path, head: bytes) -> bool:
 
 
 KINDS = {
-    "ros": Kind("bag of ROS 2: folder, .mcap or .db3", _ros, "ros"),
-    "lerobot": Kind("LeRobot data set", _lerobot, "lerobot"),
-    "aloha": Kind("HDF5 of the shape of ALOHA", _hdf5, "aloha"),
-    "maslow": Kind("log of a Maslow4", lambda _, head: bool(MASLOW.search(head)), "maslow"),
-    "klipper": Kind("printer.cfg", lambda _, head: bool(KLIPPER.search(head)), "klipper"),
-    "columns": Kind("CSV or Parquet of other programs", _columns, "columns"),
+    "ros": Kind(
+        "bag of ROS 2: folder, .mcap or .db3", _ros, "ros", "topic when hold skip_bad_rows"
+    ),
+    "lerobot": Kind("LeRobot data set", _lerobot, "lerobot", "hold episodes ranges"),
+    "aloha": Kind("HDF5 of the shape of ALOHA", _hdf5, "aloha", "hold rate"),
+    "maslow": Kind("log of a Maslow4", lambda _, head: bool(MASLOW.search(head)), "maslow", ""),
+    "klipper": Kind("printer.cfg", lambda _, head: bool(KLIPPER.search(head)), "klipper", ""),
+    "columns": Kind(
+        "CSV or Parquet of other programs", _columns, "columns", "hold rate skip_bad_rows"
+    ),
 }
 """By name, in the order in which they are tried."""
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from rsicalib.errors import InputError
-from rsicalib.imports.asked import Asked
+from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Column, Log, Session
 from rsicalib.io.sources import read_text
 
@@ -163,15 +163,13 @@ def read(source: str, asked: Asked) -> Log:
     values = np.array([steps for steps, _ in used])
     pose = np.arange(len(values), dtype=np.int64)
     labels = {name: [text] * len(pose) for name, text in asked.labels.items()}
-    columns: dict[str, Column] = {
-        "pose": pose,
-        **labels,
-        **{t: values[:, k] for k, t in enumerate(TOWERS)},
-    }
+    places = chosen(asked.channels, TOWERS, source, "tower")
+    columns: dict[str, Column] = {"pose": pose, **labels}
+    columns |= {channel: values[:, k] for channel, k in places.items()}
     session = Session(columns, np.array([line for _, line in used]))
     digest = hashlib.sha256("".join(map(str, config.values.items())).encode()).hexdigest()
     findings = _findings(config, len(probes), len(used), height)
-    text = mechanism(config, height)
+    text = mechanism(config, height) if tuple(places) == TOWERS else None
     return Log(source, "delta printer of Klipper", (session,), text, findings, sha256=digest)
 
 

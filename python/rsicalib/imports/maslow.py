@@ -15,7 +15,7 @@ import numpy as np
 
 from rsicalib._core import LARGEST
 from rsicalib.errors import InputError
-from rsicalib.imports.asked import Asked
+from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Log, Session
 from rsicalib.io.sources import decoded, read_bytes
 
@@ -62,8 +62,10 @@ def read(source: str, asked: Asked) -> Log:
     if not runs:
         expected = "belt lengths such as {bl:749.78, br:2512.68, tr:2851.43, tl:1601.13}"
         raise InputError.at(source, found="none", expected=expected)
+    places = chosen(asked.channels, BELTS, source, "belt")
     sessions = tuple(
-        _session(run, asked, f"run {k}" if len(runs) > 1 else "") for k, run in enumerate(runs, 1)
+        _session(run, places, asked, f"run {k}" if len(runs) > 1 else "")
+        for k, run in enumerate(runs, 1)
     )
     findings = [f"{replaced} lists that a longer one repeats are not used"] if replaced else []
     frames = np.concatenate([run.rows for run in runs])
@@ -73,7 +75,7 @@ def read(source: str, asked: Asked) -> Log:
         "where that lacks, `trace` names an offset that all belts share"
     )
     digest = hashlib.sha256(data).hexdigest()
-    text = mechanism(frames, start)
+    text = mechanism(frames, start) if tuple(places) == BELTS else None
     return Log(source, "log of a Maslow4", sessions, text, tuple(findings), sha256=digest)
 
 
@@ -137,7 +139,7 @@ def _lengths(body: str, end: str, position: int, line: int, source: str) -> list
     return [lengths[belt] for belt in BELTS]
 
 
-def _session(run: _Run, asked: Asked, name: str) -> Session:
+def _session(run: _Run, places: dict[str, int], asked: Asked, name: str) -> Session:
     """Poses of a run: neighbours within the firmware's own limit are repeats."""
     values = np.array(run.rows)
     moved = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0) > REPEATS
@@ -145,7 +147,7 @@ def _session(run: _Run, asked: Asked, name: str) -> Session:
     first = np.searchsorted(pose, pose)
     columns = {"pose": pose, "sample": np.arange(len(pose)) - first + 1}
     labels = {name: [text] * len(pose) for name, text in asked.labels.items()}
-    belts = {belt: values[:, k] for k, belt in enumerate(BELTS)}
+    belts = {channel: values[:, k] for channel, k in places.items()}
     return Session({**columns, **labels, **belts}, np.array(run.lines), name)
 
 

@@ -84,6 +84,11 @@ def import_log(
     elif format not in KINDS:
         found, expected = f"no format {format!r}", f"one of {', '.join(KINDS)}"
         raise InputError.at(name, found=found, expected=expected)
+    given = {"topic": topic, "when": when, "rate": rate, "episodes": episodes, "ranges": ranges}
+    useless = [k for k, v in given.items() if v and k not in KINDS[format].takes.split()]
+    if useless:
+        expected = f"one of: {KINDS[format].takes or 'none'}"
+        raise InputError(f"{useless[0]}: found it for a {KINDS[format].words}, expected {expected}")
     above, seconds = "a number above zero", "seconds, or 0 for a recording as it is"
     asked = Asked(
         channels=_wanted(mechanism, channels),
