@@ -70,10 +70,6 @@ def read(source: str, asked: Asked) -> Log:
     findings = [f"{replaced} lists that a longer one repeats are not used"] if replaced else []
     frames = np.concatenate([run.rows for run in runs])
     start = {k: v for run in runs for k, v in run.found.items()}
-    findings.append(
-        "firmware differs in what it adds to a belt: 30 mm of its end and 123.4 mm of the arm; "
-        "where that lacks, `trace` names an offset that all belts share"
-    )
     digest = hashlib.sha256(data).hexdigest()
     text = mechanism(frames, start) if tuple(places) == BELTS else None
     return Log(source, "log of a Maslow4", sessions, text, tuple(findings), sha256=digest)
@@ -169,7 +165,9 @@ def mechanism(lengths: np.ndarray, found: dict[str, float]) -> str:
     words = {"tl": "top left", "tr": "top right", "bl": "bottom left", "br": "bottom right"}
     free = {"tl": '["x", "y"]', "tr": '["x", "y"]', "br": '["x"]'}
     out = [
-        "# A sled on four belts. Where the anchors are is not known, nor where the sled is.\n",
+        "# A sled on four belts. Where the anchors are is not known, nor where the sled is.\n"
+        "# Firmware differs in what it adds to a belt: 30 mm of its end and 123.4 mm of the arm.\n"
+        "# Where that lacks, `trace` names an offset that all belts share.\n",
         'name = "Maslow4"\nlength_unit = "mm"\nchannel = [\n',
         *(
             f'  {{name = "{b}", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.2}},\n'

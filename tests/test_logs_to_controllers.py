@@ -1,0 +1,109 @@
+"""From the log of a machine to its controller and back: simulated in plain distances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib.exports.opening import export_result
+from tests.test_imports import clbm
+
+LENGTH = """
+name = "a length"
+length_unit = "mm"
+channel = [{name = "l", unit = "mm", gain = 1.0, offset = 0.0}]
+point = [{name = "a", at = [0.0, 0.0, 0.0]}, {name = "b", at = [1.0, 0.0, 0.0]}]
+closure = [{name = "l", kind = "distance", between = ["a", "b"], channel = "l"}]
+"""
+try:
+    rsicalib.load_mechanism(LENGTH)
+except rsicalib.InputError:
+    pytest.skip("the core reads no lengths yet", allow_module_level=True)
+
+ANCHORS = np.array([[12.0, 2031.0, 100.0], [2870.0, 2018.0, 56.0], [0.0, 0.0, 34.0]])
+ANCHORS = np.vstack([ANCHORS, [2889.0, 0.0, 78.0]])
+"""Top left, top right, bottom left, bottom right [mm]."""
+
+
+def belts(noise: float, rng: np.random.Generator) -> np.ndarray:
+    """Lengths at 36 positions of the sled."""
+    x, y = np.meshgrid(np.linspace(500.0, 2400.0, 6), np.linspace(400.0, 1600.0, 6))
+    sled = np.column_stack([x.ravel(), y.ravel(), np.zeros(36)])
+    exact = np.linalg.norm(sled[:, None] - ANCHORS, axis=2)
+    return np.asarray(exact + noise * rng.standard_normal(exact.shape))
+
+
+def test_the_log_of_a_maslow_becomes_anchors_that_its_firmware_takes(tmp_path: Path) -> None:
+    log = tmp_path / "serial.log"
+    log.write_text(clbm(belts(0.5, np.random.default_rng(0))) + "\n")
+    found = rsicalib.calibrate(log, noise=0.8)  # as the closures of the log's mechanism have it
+    mechanism = rsicalib.import_log(log).mechanism
+    (text,) = export_result(found, "maslow", mechanism or "").values()
+    made = {
+        line.split("/")[-1].split("=")[0]: float(line.split("=")[1])
+        for line in str(text).splitlines()
+        if line.startswith("$")
+    }
+    corners = np.array([[made[f"{b}{a}"] for a in "XYZ"] for b in ("tl", "tr", "bl", "br")])
+    told = {(p.target, p.name): p.sd for p in found.parameters}
+    places = [("top left", "x", 0, 0), ("top left", "y", 0, 1), ("bottom right", "x", 3, 0)]
+    for target, name, row, column in places:
+        # noise of 0.5 mm where 0.8 is told
+        assert abs(corners[row, column] - ANCHORS[row, column]) < 4 * (told[target, name] or 0.0)
+    # the same lengths under these anchors, as the firmware would say them: the search begins there
+    again = tmp_path / "again.log"
+    again.write_text(str(text) + log.read_text())
+    values = rsicalib.import_log(again).mechanism
+    points = {p["name"]: p["at"] for p in rsicalib.load_mechanism(values or "").to_dict()["point"]}
+    assert np.abs(np.array(points["top right"]) - corners[1]).max() <= 0.05 + 1e-9  # one decimal
+
+
+def printer(stops: np.ndarray, radius: float, rng: np.random.Generator) -> str:
+    """A configuration with nominal endstops, and probes of a printer with others [mm]."""
+    angles = np.radians([210.0, 330.0, 90.0])
+    towers = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    turn = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+    spots = np.vstack(
+        [[0.0, 0.0], *(r * np.column_stack([np.cos(turn), np.sin(turn)]) for r in (60, 110))]
+    )
+    across = ((spots[:, None] - towers) ** 2).sum(axis=2)
+    top = stops + np.sqrt(340.0**2 - radius**2)
+    steps = (top - np.sqrt(340.0**2 - across)) / (60 / 6400)
+    steps += rng.standard_normal(steps.shape)
+    lines = [
+        "[printer]\nkinematics: delta\ndelta_radius: 172\n",
+        *(f"[stepper_{t}]\nmicrosteps: 32\nrotation_distance: 60\n" for t in "bc"),
+        "[stepper_a]\nmicrosteps: 32\nrotation_distance: 60\nposition_endstop: 330\n",
+        "arm_length: 340\n[delta_calibrate]\nradius: 110\n",
+        "#*# <---------------------- SAVE_CONFIG ---------------------->\n#*# [delta_calibrate]\n",
+    ]
+    for k, row in enumerate(steps):
+        lines.append(f"#*# height{k} = 0.0\n")
+        lines.append(f"#*# height{k}_pos = {row[0]:.3f},{row[1]:.3f},{row[2]:.3f}\n")
+    return "".join(lines)
+
+
+def test_the_probes_of_a_printer_become_endstops_that_klipper_takes(tmp_path: Path) -> None:
+    stops = np.array([331.2, 329.7, 330.4])
+    path = tmp_path / "printer.cfg"
+    path.write_text(printer(stops, 172.0, np.random.default_rng(1)))
+    found = rsicalib.calibrate(path)
+    mechanism = rsicalib.import_log(path).mechanism or ""
+    (block,) = export_result(found, "klipper", mechanism).values()
+    body, probes = path.read_text().split("#*# <")
+    for option in ("delta_radius: 172\n", "position_endstop: 330\n", "arm_length: 340\n"):
+        body = body.replace(option, "")
+    again = tmp_path / "again.cfg"
+    again.write_text(f"{body}{block}{probes.split(chr(10), 1)[1]}")
+    made = [float(line.split("=")[1]) for line in str(block).splitlines() if "endstop" in line]
+    told = [p.sd or 0.0 for p in found.parameters]
+    assert (np.abs(made - stops) < 4 * np.array(told)).all()
+    # read again, nothing is left to find: the loops close as the calibration closes them
+    text = (rsicalib.import_log(again).mechanism or "").replace('["offset"]', "[]")
+    closed = rsicalib.calibrate(again, text)
+    before, after = found.fit.rms_misclosure, closed.fit.rms_misclosure
+    assert before is not None and after is not None
+    assert abs(after - before) < 1e-4 * before  # six decimals of mm, and the weights of a fit
