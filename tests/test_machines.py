@@ -157,14 +157,14 @@ def shut(hanging: Hanging, q: Array) -> Array:
     return out
 
 
-THERE: tuple[str, ...] = ()
+THERE: tuple[str, ...] = ("fivebar", "legs")
 """Machines whose closures the core has."""
 
 
 @pytest.mark.parametrize("name", THERE)
 def test_clean_machines_are_adequate_and_effects_are_among_the_named(name: str) -> None:
-    """The small form of `python -m tests.machines`: of ten each, one may go wrong by chance."""
-    clean = [run(name, "clean", k, SEED) for k in range(10)]
-    assert sum(r.get("verdict") == "adequate" for r in clean) >= 9, clean
-    spoiled = [run(name, "effect", k, SEED) for k in range(10)]
-    assert sum(bool(r.get("among")) for r in spoiled) >= 9, spoiled
+    """The small form of `python -m tests.machines`: of six each, one may go wrong by chance."""
+    clean = [run(name, "clean", k, SEED) for k in range(6)]
+    assert sum(r.get("verdict") == "adequate" for r in clean) >= 5, clean
+    spoiled = [run(name, "effect", k, SEED) for k in range(6)]
+    assert sum(bool(r.get("among")) for r in spoiled) >= 5, spoiled

@@ -105,6 +105,7 @@ pub fn arm(joints: usize, poses: usize) -> Observations {
         offset: 0.0,
         limits: None,
         noise: Some(1e-4),
+        passive: false,
     };
     let point = |name: &str, chain: Option<&str>| Point {
         name: name.into(),

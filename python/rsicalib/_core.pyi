@@ -58,6 +58,10 @@ class Channel:
         """Nominal joint coordinate at reading zero."""
 
     @property
+    def passive(self) -> Any:
+        """True for a joint that has no drive."""
+
+    @property
     def range(self) -> tuple[float, float] | None:
         """Lowest and highest reading, if bounded."""
 

@@ -62,8 +62,6 @@ def figures(own: Sequence[Record]) -> Iterator[tuple[str, str]]:
         yield "named, or in the tie", cell([r["among"] for r in done])
         for kind in sorted({r["kind"] for r in done}):
             yield f"the same, {kind}", cell([r["among"] for r in done if r["kind"] == kind])
-        held = [r["own_interval"] for r in done if r["own_interval"] is not None]
-        yield "its size in the 95 % interval", cell(held)
     within = [r["covered"] for r in done if r.get("covered") and r["covered"][1]]
     if within:
         hits, of = (sum(c[k] for c in within) for k in (0, 1))

@@ -22,6 +22,9 @@ NOISE, PLAY = 1e-4, 0.02
 """Of an encoder [rad], and of a bearing [mm]."""
 STEP = 1e-6
 POSES, TRIED = 60, 400
+STRETCHED = 0.15
+"""Loops whose passive joints follow the drives worse than this, by singular values, are nearly
+stretched: machines keep away from there, and torques change with every microradian."""
 Closed = Callable[[dict[str, Array], list[dict[str, Any]]], Array]
 """Gaps of the closures, (n, equations), for joint coordinates and chains."""
 
@@ -56,16 +59,18 @@ class Hanging:
                     out = out + row["mass"] * (plain.place(end, row["com"]) @ self.down)
         return np.asarray(out)
 
+    def loops(self, q: Array) -> Array:
+        """Slope of the closures by the joints: (n, equations, joints)."""
+        return slope(lambda moved: self.closed(self.named(moved), self.chains), q)
+
+    def works(self, q: Array) -> Array:
+        """Which postures are not nearly stretched."""
+        sizes = np.linalg.svd(self.loops(q)[:, :, ~self.driven], compute_uv=False)
+        return np.asarray(sizes[:, -1] > STRETCHED * sizes[:, 0])
+
     def felt(self, q: Array) -> Array:
         """Torques of the drives, (n, joints): zero where there is none."""
-        by_fall, by_gap = [], []
-        for k in range(q.shape[1]):
-            step = np.zeros(q.shape[1])
-            step[k] = STEP
-            by_fall.append((self.fall(q + step) - self.fall(q - step)) / (2 * STEP))
-            ends = [self.closed(self.named(q + s * step), self.chains) for s in (1, -1)]
-            by_gap.append((ends[0] - ends[1]) / (2 * STEP))
-        g, j = np.stack(by_fall, axis=1), np.stack(by_gap, axis=2)
+        g, j = slope(self.fall, q), self.loops(q)
         follows = np.linalg.pinv(j[:, :, ~self.driven]) @ j[:, :, self.driven]
         out = np.zeros(q.shape)
         own = np.einsum("np,npm->nm", g[:, ~self.driven], follows)
@@ -149,7 +154,13 @@ class Hanging:
             effects=self.effects(),
         )
         rows, shut = machine.settled(values)
-        return replace(machine, start=rows[shut][:POSES])
+        return replace(machine, start=rows[shut & self.works(rows)][:POSES])
+
+
+def slope(of: Callable[[Array], Array], q: Array) -> Array:
+    """Derivatives by the joints, the last axis, by differences."""
+    steps = STEP * np.eye(q.shape[1])
+    return np.stack([(of(q + step) - of(q - step)) / (2 * STEP) for step in steps], axis=-1)
 
 
 def link(rng: Rng, channel: str, a: float, **more: float) -> dict[str, Any]:

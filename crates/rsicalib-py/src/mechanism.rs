@@ -72,6 +72,8 @@ pub struct PyChannel {
     limits: Option<(f64, f64)>,
     /// Standard deviation of one reading, where it is known.
     noise: Option<f64>,
+    /// True for a joint that has no drive.
+    passive: bool,
 }
 
 impl From<&rsicalib::mechanism::Channel> for PyChannel {
@@ -84,6 +86,7 @@ impl From<&rsicalib::mechanism::Channel> for PyChannel {
             offset: c.offset,
             limits: c.limits.map(Into::into),
             noise: c.noise,
+            passive: c.passive,
         }
     }
 }

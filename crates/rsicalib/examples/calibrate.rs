@@ -30,6 +30,7 @@ fn linkage() -> Mechanism {
         offset: 0.0,
         limits: None,
         noise: Some(NOISE),
+        passive: false,
     };
     // A fixed row leads from the base to the post; the next row is the joint.
     let chain = |name: &str, post: f64| Chain {

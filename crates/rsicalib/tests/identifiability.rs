@@ -21,6 +21,7 @@ fn channel(name: &str) -> Channel {
         offset: 0.0,
         limits: None,
         noise: None,
+        passive: false,
     }
 }
 

@@ -119,6 +119,10 @@ pub struct Channel {
     /// Standard deviation of one reading, in its unit, where it is known.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub noise: Option<f64>,
+    /// True for a joint that has no drive: its torque is zero, and the drives of the loop that it
+    /// is in carry what it would.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_default"))]
+    pub passive: bool,
 }
 
 impl Channel {

@@ -187,6 +187,7 @@ impl Mechanism {
                     offset: 0.0,
                     limits: Some(limits),
                     noise: None,
+                    passive: false,
                 });
             }
             mechanism.chains.push(Chain {

@@ -5,7 +5,8 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::kinematics::posture::Lever;
-use crate::mechanism::{ClosureKind, Mechanism, Target, Value};
+use crate::mechanism::{ClosureKind, Mechanism, Target, Value, Variable};
+use crate::model::drives::Drives;
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{number_unknowns, unknown_name};
@@ -129,11 +130,17 @@ impl LoadAt {
         2 * self.chain + self.whose as usize
     }
 
+    /// True for a joint of the chain that gives under this load.
+    #[inline(always)]
+    pub(crate) fn asks(&self, channel: usize) -> bool {
+        self.channel.is_none_or(|own| own == channel)
+    }
+
     /// Channel of a lever that gives under this load.
     #[inline(always)]
     pub(crate) fn gives(&self, lever: &Lever) -> Option<usize> {
         match lever.source {
-            Source::Channel(c) if self.channel.is_none_or(|own| own == c) => Some(c),
+            Source::Channel(c) if self.asks(c) => Some(c),
             _ => None,
         }
     }
@@ -171,6 +178,8 @@ pub struct Model {
     pub(crate) electronics: Vec<ElectronicsAt>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) loads: Vec<LoadAt>,
+    /// Torques where loops are closed and some joints have no drive.
+    pub(crate) drives: Option<Drives>,
     pub(crate) laws: Vec<LawAt>,
     /// Laws that move a frame or change a distance: each has a coordinate of its own.
     pub(crate) amounts: usize,
@@ -345,6 +354,7 @@ impl Model {
             electronics: Vec::new(),
             gates: Vec::new(),
             loads: Vec::new(),
+            drives: None,
             laws: Vec::new(),
             amounts: 0,
             torques: Vec::new(),
@@ -365,6 +375,10 @@ impl Model {
         model.compile_terms(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
+        let hangs = |law: &LawAt| law.term.has(Variable::Torque);
+        if !model.loads.is_empty() || model.laws.iter().any(hangs) {
+            model.drives = Drives::of(mechanism, readings)?;
+        }
         model.torques = model.largest_torques(readings);
         Ok(model)
     }

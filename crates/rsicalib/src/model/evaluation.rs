@@ -24,6 +24,7 @@ use crate::kinematics::elements::{Element, Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, End, Model};
+use crate::model::drives::Drives;
 use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
@@ -114,7 +115,7 @@ impl Model {
             self.take_laws(readings, block, beta, want, ws);
         }
         if !self.loads.is_empty() {
-            self.bend(beta, ws);
+            self.bend(block, beta, ws);
         }
         if !self.laws.is_empty() {
             self.add_laws(ws);
@@ -125,7 +126,7 @@ impl Model {
         }
         self.close(readings, block, beta, want, ws);
         if want.x || want.a {
-            self.chain_rule(beta, want, ws);
+            self.chain_rule(block, beta, want, ws);
         }
         // Amounts of laws are coordinates here only.
         ws.angles.truncate(self.scales.len());
@@ -227,7 +228,16 @@ impl Model {
 
     /// Eq. (43): joints give under gravity.
     #[inline(always)]
-    fn bend(&self, beta: &[f64], ws: &mut Workspace) {
+    fn bend(&self, block: usize, beta: &[f64], ws: &mut Workspace) {
+        if let Some(drives) = &self.drives {
+            for load in self.loads.iter().filter(|load| beta[load.parameter] != 0.0) {
+                for channel in drives.giving(load) {
+                    let torque = drives.at(block, load.whose, channel);
+                    ws.angles[channel] += torque * beta[load.parameter];
+                }
+            }
+            return;
+        }
         ws.unloaded.resize_with(self.steps.len(), Posture::new);
         for (posture, steps) in ws.unloaded.iter_mut().zip(&self.steps) {
             posture.take(steps, &ws.angles, beta, &ws.gates);
@@ -255,6 +265,18 @@ impl Model {
     pub(crate) fn largest_torques(&self, readings: &Readings) -> Vec<f64> {
         let mut largest = vec![0.0_f64; self.loads.len()];
         if largest.is_empty() {
+            return largest;
+        }
+        if let Some(drives) = &self.drives {
+            for (load, largest) in self.loads.iter().zip(&mut largest) {
+                for (block, meta) in readings.blocks().iter().enumerate() {
+                    let each = drives.giving(load).map(|c| drives.at(block, load.whose, c));
+                    let most = |torque: Lanes| {
+                        torque.0[..meta.live].iter().fold(0.0, |m: f64, t| m.max(t.abs()))
+                    };
+                    *largest = each.map(most).fold(*largest, f64::max);
+                }
+            }
             return largest;
         }
         // As drawn, nothing but the joints moves.
@@ -481,13 +503,17 @@ impl Model {
 
     /// Eq. (44), and the columns of `X` that act through joint coordinates.
     #[inline(always)]
-    fn chain_rule(&self, beta: &[f64], want: Want, ws: &mut Workspace) {
+    fn chain_rule(&self, block: usize, beta: &[f64], want: Want, ws: &mut Workspace) {
         let (channels, width) = (self.scales.len(), self.width());
         if !self.laws.is_empty() {
             self.hold_laws(ws);
         }
         if !self.loads.is_empty() {
-            self.bend_back(beta, want, ws);
+            match &self.drives {
+                Some(drives) if want.x => self.driven_back(drives, block, ws),
+                Some(_) => {}
+                None => self.bend_back(beta, want, ws),
+            }
         }
         if !self.laws.is_empty() {
             self.turn_laws(want, ws);
@@ -532,6 +558,20 @@ impl Model {
                             *slope += *turned * *share;
                         }
                     }
+                }
+            }
+        }
+    }
+
+    /// The columns of load terms where torques are those of drives, (46).
+    #[inline(always)]
+    fn driven_back(&self, drives: &Drives, block: usize, ws: &mut Workspace) {
+        let (channels, width) = (self.scales.len(), self.width());
+        for load in &self.loads {
+            for channel in drives.giving(load) {
+                let torque = drives.at(block, load.whose, channel);
+                for k in 0..self.equations {
+                    ws.x[k * width + load.parameter] += ws.g[k * channels + channel] * torque;
                 }
             }
         }

@@ -58,7 +58,10 @@ impl Model {
             for (seen, variable) in seen.iter_mut().zip(&term.variables) {
                 *seen = match variable {
                     Variable::Theta(k) => ws.angles[law.joints[k - 1]],
-                    Variable::Torque => self.torque(law, &ws.unloaded, &ws.carried),
+                    Variable::Torque => match (&self.drives, law.channel) {
+                        (Some(drives), Some(c)) => drives.at(block, law.whose, c),
+                        _ => self.torque(law, &ws.unloaded, &ws.carried),
+                    },
                     Variable::Reach => reach(law, &ws.unloaded, &ws.carried),
                     own => of_channel(*own, &site),
                 };
@@ -90,6 +93,7 @@ impl Model {
                         room.by_joint.push((law.joints[k - 1], l, slope));
                         continue;
                     }
+                    Variable::Torque if self.drives.is_some() => continue,
                     Variable::Torque | Variable::Reach => {
                         let (hung, carried) = (&ws.unloaded, &ws.carried);
                         let gates = &ws.gates;

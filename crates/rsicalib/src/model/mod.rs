@@ -2,6 +2,7 @@
 
 pub mod assembly;
 mod compiled;
+mod drives;
 mod evaluation;
 mod instance;
 mod known;

@@ -315,6 +315,7 @@ fn random_chain(
             offset: if encoder { 0.1 } else { q - gain * 2048.0 },
             limits: None,
             noise: None,
+            passive: false,
         });
         centre.push(q);
         rows.push(Row {
