@@ -326,6 +326,8 @@ def test_held_poses_leave_their_motion_in_a_file_of_its_own(tmp_path: Path) -> N
     assert "10 held poses" in done.stdout and "still for 0.5 s or more" in done.stdout
     held = (tmp_path / "in" / "readings.csv").read_text().splitlines()
     motion = (tmp_path / "in" / "motion.csv").read_text().splitlines()
+    picture = (tmp_path / "in" / "recording.svg").read_text()
+    assert picture.count('<rect class="noise"') == 10 and picture.count("<polyline") == 3
     assert held[0] == "pose,sample,time_s,surface,q1,q2,q3"
     assert motion[0] == "time_s,surface,q1,q2,q3"
     assert len(held) + len(motion) == len(values) + 2
@@ -349,6 +351,16 @@ def test_verbs_take_a_log_as_they_take_its_readings(tmp_path: Path) -> None:
     assert np.array_equal(places, rsicalib.forward(readings))
     assert rsicalib.calibrate(path).readings.samples == 64
     assert rsicalib.calibrate(log).readings.samples == 64
+
+
+def test_a_watch_takes_a_log_row_by_row(tmp_path: Path) -> None:
+    result = rsicalib.calibrate(rsicalib.DEMO / "readings.csv", rest=rsicalib.DEMO / "rest.csv")
+    readings = rsicalib.load_readings(rsicalib.DEMO / "readings.csv")
+    rows = [(k / 8, *row) for k, row in enumerate(readings.values[:80].tolist())]
+    path = plotted(tmp_path / "plot.csv", rows, ",".join(["__time", *readings.channels]))
+    watching = rsicalib.watch(path, result)
+    assert [alarm.row for alarm in watching] == []
+    assert watching.summary().rows == 80
 
 
 def test_a_reading_out_of_range_is_refused_with_its_line_in_the_log(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,12 @@ import pytest
 import rsicalib
 from rsicalib import InputError
 from rsicalib.imports.kinds import format_of
+from tests import oracle
+from tests.simulated import closed
 
 pytest.importorskip("rosbags", reason="the extra ros is not installed")
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 NAMES = ("elbow", "shoulder", "wrist")
 START = 1_700_000_000_123_456_789
 
@@ -302,3 +306,35 @@ def test_a_bag_without_joint_states_or_cut_short_is_refused(tmp_path: Path) -> N
     path.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(InputError, match="expected a bag of ROS 2 that is whole"):
         rsicalib.import_log(path)
+
+
+def test_a_bag_of_two_arms_leads_to_the_offsets_that_its_poses_have(tmp_path: Path) -> None:
+    mechanism = EXAMPLES / "two_arms.toml"
+    drawn = tomllib.loads(mechanism.read_text())
+    rng = np.random.default_rng(4)
+    angles = closed(drawn, lambda q: oracle.misclosure_of_angles(drawn, q), 16, rng)
+    offsets = rng.normal(0.0, 0.01, 12)
+    names = [channel["name"] for channel in drawn["channel"]]
+    step = 2 * np.pi / 2**19
+    stream: Stream = []
+    kind = "sensor_msgs/msg/JointState"
+    for k in range(16):  # held for .64 s, then .4 s on the way: motion need not close
+        nearer = np.linspace(0.0, 1.0, 22)[1:-1, None]
+        way = (1 - nearer) * angles[k] + nearer * angles[(k + 1) % 16]
+        rows = np.vstack([np.tile(angles[k], (32, 1)), way]) - offsets
+        rows += 2e-5 * rng.standard_normal(rows.shape)
+        for row in (np.round(rows / step) * step).tolist():
+            time = START + len(stream) * 20_000_000
+            stream.append(
+                ("/joint_states", kind, time, state(time, dict(zip(names, row, strict=True))))
+            )
+    bag = mcap(tmp_path / "run.mcap", stream)
+    log = rsicalib.import_log(bag, mechanism=mechanism)
+    assert log.sessions[0].n_poses == 16
+    found = rsicalib.calibrate(bag, mechanism)  # the bag as it is
+    assert found.readings.poses == 16 and found.verdict == "adequate"
+    told = {p.target: (p.value, p.sd) for p in found.parameters}
+    apart = [
+        (told[n][0] - o) / told[n][1] for n, o in zip(names, offsets, strict=True) if told[n][1]
+    ]
+    assert len(apart) >= 10 and np.abs(apart).max() < 4

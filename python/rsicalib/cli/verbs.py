@@ -20,7 +20,7 @@ from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import emit, say
 from rsicalib.errors import InputError, UndeterminedError
-from rsicalib.io.folders import EXPORT, MARK, write_folder
+from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
 from rsicalib.plain_text import printable
 from rsicalib.records import plain, to_json
 
@@ -73,12 +73,17 @@ def trace(args: Args) -> int:
 def import_(args: Args) -> int:
     """Logs of other programs as readings: Maslow4, Klipper, LeRobot, ROS, ALOHA, CSV, Parquet."""
     from rsicalib.imports.opening import import_log
+    from rsicalib.report.recording import recording_figure
 
     names = "format mechanism channels topic when hold rate episodes ranges labels"
     names += " skip_bad_rows"
     options = {name: getattr(args, name) for name in names.split()}
     log = import_log(args.source, **options)
-    written = log.save(args.out, force=args.force)
+    files = log.files()
+    figure = recording_figure(log)
+    if figure is not None:
+        files["recording.svg"] = f"{figure.svg()}<!-- {MARK} -->\n"
+    written = write_folder(args.out, files, seal=IMPORT, force=args.force)
     if args.json:
         emit(to_json(log.to_dict()))
     elif not args.quiet:
