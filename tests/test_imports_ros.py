@@ -143,9 +143,30 @@ def states(values: np.ndarray, topic: str = "/joint_states", late: int = 4_000_0
     return stream
 
 
+def ros1(path: Path, stream: Stream) -> Path:
+    """A bag of ROS 1, by the writer of rosbags."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = store.types
+    with Writer(path) as bag:
+        connections: dict[str, Any] = {}
+        for topic, kind, time, message in stream:
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, kind, typestore=store)
+            stamp = types["builtin_interfaces/msg/Time"](**message["header"]["stamp"])
+            head = types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="")
+            arrays = [np.array(message[key], float) for key in ("position", "velocity", "effort")]
+            made = types[kind](head, message["name"], *arrays)
+            bag.write(connections[topic], time, store.serialize_ros1(made, kind))
+    return path
+
+
 BAGS: dict[str, Callable[[Path, Stream], Path]] = {
     "mcap": lambda folder, stream: mcap(folder / "run.mcap", stream),
     "rosbag2 sqlite": lambda folder, stream: rosbag2(folder / "run", stream),
+    "ROS 1": lambda folder, stream: ros1(folder / "run.bag", stream),
     "rosbag2 mcap": lambda folder, stream: rosbag2(folder / "run", stream, "MCAP"),
 }
 
@@ -304,7 +325,7 @@ def test_a_bag_without_joint_states_or_cut_short_is_refused(tmp_path: Path) -> N
         rsicalib.import_log(mcap(tmp_path / "run.mcap", stream))
     path = mcap(tmp_path / "cut.mcap", states(moves()))
     path.write_bytes(path.read_bytes()[:2000])
-    with pytest.raises(InputError, match="expected a bag of ROS 2 that is whole"):
+    with pytest.raises(InputError, match="expected a bag of ROS that is whole"):
         rsicalib.import_log(path)
 
 

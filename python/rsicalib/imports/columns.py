@@ -76,6 +76,8 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     time: FloatArray | None = None
     if place is not None:
         cells = [table.columns[place][i] for i in keep.tolist()]
+        if table.decimal == ",":
+            cells = [str(cell).replace(",", ".") for cell in cells]
         found = seconds(cells, table.names[place])
         if isinstance(found, int):
             line = int(table.lines[keep[found]])

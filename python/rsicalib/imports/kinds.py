@@ -58,13 +58,13 @@ def _hdf5(path: Path, head: bytes) -> bool:
 
 
 def _ros(path: Path, head: bytes) -> bool:
-    bag = head.startswith((b"\x89MCAP0", b"SQLite format 3\0"))
+    bag = head.startswith((b"\x89MCAP0", b"SQLite format 3\0", b"#ROSBAG V2.0"))
     return bag or (path / "metadata.yaml").is_file()
 
 
 KINDS = {
     "ros": Kind(
-        "bag of ROS 2: folder, .mcap or .db3", _ros, "ros", "topic when hold skip_bad_rows"
+        "bag of ROS: folder, .mcap, .db3 or .bag", _ros, "ros", "topic when hold skip_bad_rows"
     ),
     "lerobot": Kind("LeRobot data set", _lerobot, "lerobot", "hold episodes ranges"),
     "aloha": Kind("HDF5 of the shape of ALOHA", _hdf5, "aloha", "hold rate"),
@@ -96,6 +96,8 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
         try:
             with path.open("rb") as file:
                 head = file.read(HEAD)
+            if head[:2] in (b"\xff\xfe", b"\xfe\xff"):  # who reads it says how to save it
+                head = head.decode("utf-16", "ignore").encode()
         except OSError:
             return None  # who reads it says why it cannot be read
     elif not path.is_dir():

@@ -1,4 +1,4 @@
-"""Joint states of ROS 2: bags (folders of rosbag2, `.db3`, `.mcap`), without ROS.
+"""Joint states of ROS: bags (folders of rosbag2, `.db3`, `.mcap`; `.bag` of ROS 1), without ROS.
 
 Names of joints stand in every message, in any order. The time is that of the header, where the
 state was measured; the time at which it was received is later, by as much as is said.
@@ -44,9 +44,9 @@ def read(source: str, asked: Asked) -> Log:
     InputError
         There is no joint state, or a message has some of the joints and not others.
     """
-    highlevel = needed("rosbags.highlevel", "ros", source, "a bag of ROS 2")
-    typesys = needed("rosbags.typesys", "ros", source, "a bag of ROS 2")
-    with read_by("rosbags", source, "a bag of ROS 2 that is whole"):
+    highlevel = needed("rosbags.highlevel", "ros", source, "a bag of ROS")
+    typesys = needed("rosbags.typesys", "ros", source, "a bag of ROS")
+    with read_by("rosbags", source, "a bag of ROS that is whole"):
         types = typesys.get_typestore(typesys.Stores.LATEST)  # of bags that do not say their own
         with highlevel.AnyReader([Path(source)], default_typestore=types) as bag:
             topic = _topic(bag, asked.topic, source)
@@ -134,7 +134,7 @@ def _log(
     session, notes = session_of(recording, asked, source)
     digest = hashlib.sha256(values.tobytes() + time.tobytes()).hexdigest()
     found = (f"joint states of {topic}", *findings, *notes)
-    return Log(source, "bag of ROS 2", (session,), None, found, "message", sha256=digest)
+    return Log(source, "bag of ROS", (session,), None, found, "message", sha256=digest)
 
 
 def _positions(message: Any, number: int, source: str) -> dict[str, float]:
