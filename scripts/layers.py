@@ -54,6 +54,7 @@ PYTHON = (
     "measures",
     "platform_sd",
     "plans",
+    "worthwhile",
     "further",
     "planning",
     "lifetime",

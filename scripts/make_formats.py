@@ -179,7 +179,7 @@ def mechanism() -> Iterator[str]:
     types = {**schema["$defs"], "Mechanism": schema}
     missing = {name for name, kind in types.items() if "properties" in kind} - set(SECTIONS)
     assert not missing, f"SECTIONS has no place for {missing}"
-    for name, title in SECTIONS.items():
+    for name, (title, _) in SECTIONS.items():
         about = _prose(types[name]["description"])
         yield f"### {title}\n\n{about}\n\n{schema_table(types[name], types)}\n"
 

@@ -209,9 +209,16 @@ def test_a_mechanism_comes_from_a_name_a_file_a_text_and_plain_values(tmp_path: 
 
 def test_a_gain_in_degrees_means_the_same_in_a_file_and_in_plain_values(tmp_path: Path) -> None:
     values = Mechanism("rsi").to_dict()
-    values["channel"][0] |= {"unit": "deg", "gain": 1.0, "offset": 0.0, "range": [-170.0, 170.0]}
+    written = {"offset": 12.3, "range": [-170.0, 170.0], "limits": [-180.0, 33.3], "noise": 0.01}
+    values["channel"][0] |= {"unit": "deg", "gain": 1.0, **written}
     plain = Mechanism(values)
     assert plain.channels[0].gain == pytest.approx(np.pi / 180)  # what a degree is
+    assert plain.channels[0].offset == pytest.approx(12.3 * np.pi / 180)
+    assert plain.channels[0].limits == pytest.approx((-np.pi, 33.3 * np.pi / 180))
+    assert plain.channels[0].range == (-170.0, 170.0) and plain.channels[0].noise == 0.01
+    # What is printed is what was written, digit by digit.
+    assert {key: plain.to_dict()["channel"][0][key] for key in written} == written
+    assert plain.to_dict()["channel"][0]["gain"] == 1.0
     assert plain == Mechanism(plain.to_toml())
     assert pickle.loads(pickle.dumps(plain)) == plain
     assert plain.to_dict()["channel"][0]["gain"] == pytest.approx(1.0)

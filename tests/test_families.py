@@ -24,7 +24,7 @@ from tests.families.grade import (
     speaks_of_noise,
 )
 from tests.families.power import Linear
-from tests.families.trials import drawn, make, readings_of, toml
+from tests.families.trials import drawn, make, readings_of, toml, truth_of
 
 EVERY = pytest.mark.parametrize("family", list(FAMILIES))
 
@@ -115,19 +115,9 @@ def test_clean_devices_are_adequate_and_the_truth_is_recovered(family: str) -> N
         assert found.verdict == "adequate"
         for parameter in found.parameters:
             true = truth_of(device, parameter)
+            assert true is not None
             assert parameter.value is not None and parameter.sd is not None
             assert abs(parameter.value - true) < 5 * parameter.sd, parameter
-
-
-def truth_of(device: Device, parameter: rsicalib.Parameter) -> float:
-    """What was put in: an offset, a gain, or a coordinate of an unknown point."""
-    if parameter.term in ("offset", "gain"):
-        own = {"offset": device.offsets, "gain": device.gains}[parameter.term]
-        return float(own[device.names.index(parameter.target)])
-    for (group, at), place in (device.drawing.sockets or {}).items():
-        if parameter.target == f"socket[group={group},at={at}]":
-            return float(place["xyz".index(parameter.name)])
-    raise KeyError(parameter.target)
 
 
 @EVERY

@@ -233,9 +233,20 @@ def test_degrees_taken_for_radians_are_warned_of(verb: Any) -> None:
     assert any("degrees" in text for text in found.warnings)
 
 
+def in_degrees(mechanism: dict[str, Any]) -> dict[str, Any]:
+    """The same mechanism, all of whose encoders are written in degrees."""
+    for channel in mechanism["channel"]:
+        channel["unit"] = "deg"
+        for key in {"noise", "offset"} & channel.keys():
+            channel[key] = np.degrees(channel[key])
+        for key in {"limits", "range"} & channel.keys():
+            channel[key] = np.degrees(channel[key]).tolist()
+    return mechanism
+
+
 def test_a_channel_in_degrees_is_converted() -> None:
     device, scene, rng = machine("fourbar", 0)
-    mechanism = Mechanism.from_toml(toml(device).replace('unit = "rad"', 'unit = "deg"'))
+    mechanism = Mechanism.from_dict(in_degrees(tomllib.loads(toml(device))))
     session = observe(device, scene, rng)
     readings = readings_of(mechanism, session.changed(np.degrees(session.values)))
     found = rsicalib.calibrate(readings, mechanism)

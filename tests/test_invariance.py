@@ -40,12 +40,15 @@ def name(found: Any) -> str:
 
 
 def in_degrees(mechanism: dict[str, Any], session: Session) -> Seen:
-    """Encoders that read degrees; offsets and limits are of the joint, and stay in radians."""
+    """Encoders that read degrees: all of their keys are in degrees."""
     values = session.values.copy()
     for k, channel in enumerate(mechanism["channel"]):
         if channel["unit"] == "rad":
             channel |= {"unit": "deg"}
-            channel |= {key: channel[key] / DEGREE for key in ("noise",) if key in channel}
+            numbers = {key: channel[key] for key in ("noise", "offset") if key in channel}
+            channel |= {key: value / DEGREE for key, value in numbers.items()}
+            ends = {key: channel[key] for key in ("limits", "range") if key in channel}
+            channel |= {key: [end / DEGREE for end in value] for key, value in ends.items()}
             values[:, k] /= DEGREE
     return mechanism, session.changed(values)
 

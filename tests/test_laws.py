@@ -97,12 +97,53 @@ def test_a_wrong_formula_is_refused_with_the_place_in_it(correction: str, words:
 
 
 @pytest.mark.parametrize(
+    "correction",
+    [
+        "a*step(t - 0.918)",
+        "a*step(0.02 - t)",
+        "a*step(t - 0.9) - a*step(t - 0.9005)",
+        "a*exp(-((t - 0.918)/0.001)^2)",
+        "a/(1 + exp(-5000*(t - 0.918)))",
+        "a*step(reading - 3000)",
+        "a*step(u - 0.95)",
+        "a*min(0, u + 0.9)",
+        "a*max(0, abs(theta[2]) - 3)",
+        "a*sqrt(max(0, temperature - 12))",
+        "a*(theta[1] - theta[3])*step(theta[2] + 2.1)",
+        "(1 + a)*step(t - 0.9) - step(t - 0.9)",
+    ],
+)
+def test_a_law_that_acts_at_a_few_places_only_is_a_law(correction: str) -> None:
+    assert Mechanism.rsi().with_terms([law(correction)]).terms[0].id
+
+
+@pytest.mark.parametrize("correction", ["a*u + step(t - 0.918)", "a*u + exp(-((t - 0.9)/1e-4)^2)"])
+def test_an_effect_without_its_parameters_is_refused_however_seldom(correction: str) -> None:
+    with pytest.raises(InputError, match="no effect"):
+        Mechanism.rsi().with_terms([law(correction)])
+
+
+def test_a_law_may_have_64_parameters_and_all_are_fitted() -> None:
+    """A bump at each of 64 places of a sensor's range, 63 of them zero in the device."""
+    places = [f"p{k:02d}" for k in range(64)]
+    text = " + ".join(f"{p}*max(0, 1 - abs(32*u - {k - 32}))" for k, p in enumerate(places))
+    many = Term("many", klass="sensor", per="channel", correction=text,
+                parameters=dict.fromkeys(places, 1e-3))  # fmt: skip
+    mechanism = Mechanism.rsi().with_terms([many])
+    found = rsicalib.calibrate(READINGS, mechanism, terms=["offset", "gain", "many@a22"])
+    own = [p for p in found.parameters if p.term == "many"]
+    assert [p.name for p in own] == places
+    assert sum(p.value is not None and p.sd is not None for p in own) > 5
+
+
+@pytest.mark.parametrize(
     ("more", "words"),
     [
         ({"klass": "data"}, "class"),
         ({"per": "row"}, "per"),
         ({"klass": "geometry", "per": "row"}, "`moves` and `amount`"),
-        ({"parameters": {}}, "1 to 16"),
+        ({"parameters": {}}, "1 to 64"),
+        ({"parameters": {f"p{k}": 1.0 for k in range(65)}}, "1 to 64"),
         ({"parameters": {"a": -1.0}}, "a typical size above 0"),
         ({"parameters": {"u": 1.0}}, "a name that is no variable"),
         ({"klass": "closure", "per": "closure"}, 'character 3: "u"'),

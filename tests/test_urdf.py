@@ -331,8 +331,12 @@ def test_masses_beyond_a_mimic_are_where_its_link_is(seed: int) -> None:
     values = {name: rng.uniform(-3, 3) for name in channels}
     frames = frames_of_rows(rows, {channels[n]: v for n, v in values.items()})
     links = base_from_link(text, base, values)
-    mine = {row["name"]: (row, frame) for row, frame in zip(rows, frames, strict=False)}
     joints = ET.fromstring(text).findall("joint")
+    child = {j.get("name"): j.find("child").get("link") for j in joints} | {base: base}
+    mine = {  # a row is named by the joints at its ends
+        child[row["name"].split(" to ")[0]]: (row, frame)
+        for row, frame in zip(rows, frames, strict=False)
+    }
     fixed = {j.find(t).get("link") for j in joints if j.get("type") == "fixed" for t in ENDS}
     compared = 0
     for link in ET.fromstring(text).findall("link"):

@@ -100,6 +100,7 @@ pub fn arm(joints: usize, poses: usize) -> Observations {
     let channel = |name: &String| Channel {
         name: name.clone(),
         unit: "rad".into(),
+        label: None,
         range: Some([-2.0, 2.0]),
         gain: 1.0,
         offset: 0.0,

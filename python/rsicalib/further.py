@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,9 @@ from rsicalib.shapes import Name
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import described
+from rsicalib.worthwhile import worthwhile
 
-__all__ = ["Choice", "Sessions", "explanations", "plan_further"]
+__all__ = ["Choice", "Sessions", "explanations", "plan_further", "plan_until"]
 
 UNKNOWN_POINT = "unknown_point"
 Explained = tuple[list[str], float, float]
@@ -138,6 +140,12 @@ def plan_further(sessions: Sessions, choice: Choice) -> Plan:
     options = choice.options()
     found = _core.further(sessions.session, specs, left_out=sessions.left_out, **options)
     names = [words(terms) for terms, _, _ in rivals]
+    merged = tuple(
+        f"no pose within reach tells {names[b]} from {names[a]}" for b, a in found["merged"]
+    )
+    worth, advice = worthwhile(found, [terms for terms, _, _ in rivals], choice.poses)
+    if not all(worth):
+        found = _without(found, worth)
     keys = dict(zip(sessions.mechanism.key_columns, map(tuple, found["keys"]), strict=True))
     unit = sessions.mechanism.length_unit
     seconds = _session_seconds(sessions)
@@ -157,11 +165,69 @@ def plan_further(sessions: Sessions, choice: Choice) -> Plan:
         keys=keys,
         waits=tuple(found["waits"]) if any(found["waits"]) else (),
         first=sessions.next_label,
-        merged=tuple(
-            f"no pose within reach tells {names[b]} from {names[a]}" for b, a in found["merged"]
-        ),
+        merged=merged,
         forecast=_forecast(found["forecast"]),
+        advice=advice,
     )
+
+
+def plan_until(sessions: Sessions, choice: Choice, target: float) -> Plan:
+    """Plan as few poses as bring the platform to a standard deviation, at most those chosen."""
+    of = {n: plan_further(sessions, replace(choice, poses=n, criterion="platform")) for n in (1,)}
+
+    def sd(n: int) -> float:
+        if n not in of:
+            of[n] = plan_further(sessions, replace(choice, poses=n, criterion="platform"))
+        return _position(of[n], after=True)
+
+    unit = sessions.mechanism.length_unit
+    before = _position(of[1], after=False)
+    if before <= target:
+        return replace(
+            _none_of(of[1]), advice=(f"No more poses are needed: {before:.2g} {unit} already.",)
+        )
+    # Doubled until it is reached, then halved: the way of a plan grows with its poses.
+    low, high = 0, 1
+    while sd(high) > target and high < choice.poses:
+        low, high = high, min(2 * high, choice.poses)
+    if sd(high) > target:
+        text = f"{high} poses bring it to {sd(high):.2g} {unit}, and not to {target:g}"
+        if math.isfinite(sd(high)):
+            text += f"; it would take some {math.ceil(high * (sd(high) / target) ** 2)}"
+        return replace(of[high], advice=(f"{text}.", *of[high].advice))
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if sd(middle) <= target else (middle, high)
+    text = f"{high} more poses bring it to {sd(high):.2g} {unit}."
+    return replace(of[high], advice=(text, *of[high].advice))
+
+
+def _position(plan: Plan, *, after: bool) -> float:
+    """Standard deviation of the position by a forecast; infinite where it is not known."""
+    assert plan.forecast is not None and plan.forecast.platform_sd is not None
+    spread = plan.forecast.platform_sd
+    position = (spread.after if after else spread.before).position
+    return math.inf if position is None or math.isnan(position) else position
+
+
+def _none_of(plan: Plan) -> Plan:
+    """The same without its poses."""
+    keys = {name: () for name in plan.keys}
+    return replace(
+        plan, poses=plan.poses[:0], readings=plan.readings[:0], why=(), waits=(), keys=keys
+    )
+
+
+def _without(found: Mapping[str, Any], worth: Sequence[bool]) -> dict[str, Any]:
+    """A plan without the poses that are not worth a visit."""
+    kept = [k for k, own in enumerate(worth) if own]
+    out = dict(found)
+    out["poses"] = found["poses"][kept] if len(found["poses"]) else found["poses"]
+    out["readings"] = found["readings"][kept]
+    out["keys"] = [[column[k] for k in kept] for column in found["keys"]]
+    for key in ("waits", "purposes"):
+        out[key] = [found[key][k] for k in kept]
+    return out
 
 
 def _session_seconds(sessions: Sessions) -> float | None:
@@ -184,6 +250,8 @@ def reason(purpose: Mapping[str, Any], names: Sequence[str], unit: str) -> str:
         return f"tells {names[a]} from {names[b]} (λ +{gain:.3g})"
     if "platform" in purpose:
         before, after = purpose["platform"]
+        if not math.isfinite(before):
+            return "shows what moves the platform and was not known"
         return f"platform known to {after:.2g} {unit} instead of {before:.2g}"
     return f"makes what is minimised {purpose['falls']:.3g} times as large"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 
@@ -12,7 +13,7 @@ from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import Within, workspace
 from rsicalib.errors import InputError
-from rsicalib.further import Choice, Sessions, plan_further
+from rsicalib.further import Choice, Sessions, plan_further, plan_until
 from rsicalib.io.readings import Readings
 from rsicalib.measures import counts_of, known_sd, parameters_of
 from rsicalib.plans import Bound, Plan
@@ -25,6 +26,9 @@ from rsicalib.work.arguments import (
 )
 
 __all__ = ["CRITERIA", "Bound", "Plan", "bound", "plan"]
+
+USUAL, MOST = 12, 64
+"""Poses of a plan that is not told how many, and at the most of one with a target."""
 
 CRITERIA = _core.CRITERIA
 """What is made small: the probability of a wrong decision between the explanations of a session,
@@ -77,8 +81,9 @@ def bound(
 
 def plan(
     mechanism: MechanismArg = "rsi",
-    poses: int = 12,
+    poses: int | None = None,
     *,
+    target: float | None = None,
     result: CalibrationArg | None = None,
     beside: SessionsArg | None = None,
     within: Within | None = None,
@@ -101,15 +106,18 @@ def plan(
     ----------
     mechanism : str, path or Mechanism
         With a platform, unless there is a result.
-    poses : int
-        Number of poses to visit.
+    poses : int, optional
+        Number of poses to visit: 12. With a target the most, 64.
+    target : float, optional
+        Standard deviation of the platform [length unit] that is to be reached, beside a result: the
+        plan has as few poses as reach it, and says how many that are.
     result : path, Calibration or Trace, optional
         What the poses are to complement; `beside` are then its readings, known by their SHA-256.
     beside : path, Readings, a sequence of them, or array_like of shape (n, C), optional
         Readings of poses that are visited already: the plan complements them.
     within : six pairs, optional
         Lowest and highest x, y, z [length unit], rx, ry, rz [rad]; the mechanism's `[workspace]` by
-        default, beside a result else its joint limits.
+        default, else its joint limits.
     noise : float
         Standard deviation of one reading, quantisation included: scales the bound, not the plan.
     criterion : {"decide", "platform", "offsets", "joints", "volume"}, optional
@@ -144,12 +152,21 @@ def plan(
     """
     opened = open_mechanism(mechanism)
     struck = None if off is None else counts_of(off, opened)
+    if target is not None and (result is None or criterion not in (None, "platform")):
+        found = "no result" if result is None else f"criterion {criterion!r}"
+        raise InputError(f"target: found {found}, expected a result, and the criterion 'platform'")
+    if target is not None and not (math.isfinite(target) and target > 0.0):
+        raise InputError(f"target: found {target!r}, expected a length above 0")
+    if poses is None:
+        poses = USUAL if target is None else MOST
     if result is not None:
         if beside is None or calibration is not None:
             found = "no readings" if beside is None else "another calibration"
             raise InputError(f"plan beside a result: found {found}, expected its readings (beside)")
         sessions = Sessions(beside, result, opened)
         choice = Choice(poses, criterion, within, candidates, struck, seed=seed)
+        if target is not None:
+            return plan_until(sessions, choice, target)
         return plan_further(sessions, choice)
     if struck is not None:
         raise InputError("off: found poses that are struck off, expected a result beside them")
@@ -159,7 +176,7 @@ def plan(
         *parameters_of(calibration, opened),
         poses=poses,
         beside=None if beside is None else _visited(beside, opened),
-        within=workspace(opened, within).tolist(),
+        within=None if within is None else workspace(opened, within).tolist(),
         noise=noise,
         criterion=wanted,
         candidates=3000 if candidates is None else candidates,

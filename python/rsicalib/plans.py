@@ -100,7 +100,9 @@ class Forecast(Record):
         By how much χ² of a wrong explanation is expected to grow beyond that of the right one, the
         least of all pairs.
     platform_sd : Spread or None
-        Standard deviation of the platform over the workspace by the parameters.
+        Standard deviation of the platform over the workspace by the parameters, of the carried
+        point without a platform. What no pose could show is held; None inside where the readings
+        do not show something that matters there.
     worst_hidden : Hidden
         The worst effect that could be there unseen.
     """
@@ -146,6 +148,8 @@ class Plan(Tabular, Record):
         Explanations that no pose tells apart, in words.
     forecast : Forecast or None
         What is to be expected, beside a result.
+    advice : tuple of str
+        What poses cannot do, and what would: in sentences.
     """
 
     mechanism: str
@@ -163,6 +167,7 @@ class Plan(Tabular, Record):
     first: int = 1
     merged: tuple[str, ...] = field(default=(), metadata=OMIT)
     forecast: Forecast | None = field(default=None, metadata=IF_KNOWN)
+    advice: tuple[str, ...] = field(default=(), metadata=OMIT)
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw where the poses are in x and z, coloured by their order; needs matplotlib.
@@ -224,7 +229,8 @@ class Plan(Tabular, Record):
 
     def text(self) -> str:
         """The poses for people, in degrees, and what is to be expected."""
-        lines = [self._head()]
+        lines = [*self.advice, *[""] * bool(self.advice)]
+        lines += [self._head()] if len(self.readings) else []
         for k, why in enumerate(self.why):
             reason = "" if self.forecast is None else f"  {why}"
             lines.append(f"{self.first + k:4d} {self._place(k)}{reason}".rstrip())
@@ -287,7 +293,8 @@ def _ends(spread: Spread) -> tuple[Rms, Rms]:
 
 
 def _size(rms: Rms, unit: str) -> str:
-    return "unknown" if rms.position is None else f"{rms.position:.2g} {unit}"
+    known = rms.position is not None and math.isfinite(rms.position)
+    return f"{rms.position:.2g} {unit}" if known else "unknown"
 
 
 def _rms(values: FloatArray) -> float:

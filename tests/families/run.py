@@ -24,7 +24,13 @@ from time import perf_counter
 from tests.families.draw import FAMILIES
 from tests.families.grade import USABLE, Grade, grew_by_chance
 from tests.families.tables import cell, page
-from tests.families.trials import SUITES, Row, run
+from tests.families.trials import FAINT, SUITES, Row, run
+
+SINGLE = ("single", "pair", *FAINT)
+"""Suites of effects that terms have."""
+
+TOTAL = "all"
+"""What the table of all machines together is called."""
 
 Figure = tuple[str, str]
 """What is counted, and how often."""
@@ -38,12 +44,14 @@ def rates(suite: str, rows: Sequence[Row]) -> list[tuple[str, list[bool]]]:
     if suite == "clean":
         out.append(("flagged: not adequate", [g.flagged for g in grades]))
         out.append(("anything named or left out", [bool(g.said) for g in grades]))
-    elif suite in ("single", "pair"):
+    elif suite in SINGLE:
         out.append(("named right, class and target", [f for g in grades for f in g.found]))
         out.append(("the same, or all that fits as well", [f for g in grades for f in g.among]))
         out.append(("the same, twins not counted", [f for g in grades for f in g.strictly]))
         out.append(("all right and nothing else", [all(g.found) and not g.extras for g in grades]))
         out.append(("explained by a wrong class", [g.misled for g in grades]))
+        if suite in FAINT:
+            out.append(("said that something is there", [g.flagged for g in grades]))
         missed = [not all(r.grade.found) and (r.behind or 0.0) > 0 for r in graded if r.grade]
         out.append(("missed, though the truth fits better", missed))
     elif suite == "wrong_readings":
@@ -60,11 +68,14 @@ def rates(suite: str, rows: Sequence[Row]) -> list[tuple[str, list[bool]]]:
     else:
         out.append(("exit code 0", [g.exit_code == USABLE for g in grades]))
         out.append(("refused", [row.error is not None and not row.crashed for row in rows]))
-    if suite in ("single", "pair", "wrong_readings", "outside"):
+    if suite in (*SINGLE, "wrong_readings", "outside"):
         out.append(("error grew", [g.worse for g in grades if g.worse is not None]))
-    if suite in ("single", "pair"):
+    if suite in SINGLE:
         grew = [grew_by_chance(row.errors) for row in graded]
         out.append(("error grew, told the truth", [g for g in grew if g is not None]))
+    inside = [one for row in rows for one in row.covered]
+    if inside:
+        out.append(("95 % intervals that hold the truth", inside))
     codes = [row.calibrated for row in rows if row.calibrated is not None]
     if codes and suite != "wrong_noise":
         out.append(("calibrate: exit code 0", [code == USABLE for code in codes]))
@@ -143,7 +154,8 @@ class Figures:
         """The summary of every family that was looked at."""
         there = {row.family for row in self.rows}
         by_family = {f: [row for row in self.rows if row.family == f] for f in FAMILIES}
-        return {f: summary(rows) for f, rows in by_family.items() if f in there}
+        out = {f: summary(rows) for f, rows in by_family.items() if f in there}
+        return {TOTAL: summary(self.rows), **out} if len(out) > 1 else out
 
     def write(self) -> None:
         """Writes the files that were asked for."""
@@ -161,7 +173,7 @@ class Figures:
             print(f"== {family}")
             for suite, name, value in lines:
                 print(f"  {suite:15s} {name:34s} {value}")
-            if misses:
+            if misses and family != TOTAL:
                 own = (row for row in self.rows if row.family == family)
                 print("\n".join(filter(None, map(miss, own))))
 

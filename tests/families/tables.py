@@ -12,11 +12,15 @@ HEAD = """# Machines of other families
 Written by `{command} --report docs/families.md`, which draws every machine, what is wrong with it
 and its session at random, and grades what `rsicalib.trace` says. Nothing of the simulation is
 shared with the core. Effects are as large as makes their noncentrality, the mean growth of χ²,
-60 to 200. A rate has its binomial standard error, of which two pseudo-observations keep that of
-0 in 20 from being 0.
+60 to 200, and in the suites *faint_15*, *faint_30* and *faint_60* exactly that. A rate has its
+binomial standard error, of which two pseudo-observations keep that of 0 in 20 from being 0; rates
+of parameters count those of one session as if they were of several.
 
 - *named right*: class and target of a step are the effect's, or tie with it and no more than one
   other; so is a *twin*, which leaves less than 1 of the noncentrality and which no method can tell.
+- *said that something is there*: any other verdict than adequate.
+- *95 % intervals that hold the truth*: of the offsets, gains and unknown points of each session
+  that have one, after bad readings were left out.
 - *or all that fits as well*: said to be a tie, among however many.
 - *missed, though the truth fits better*: of the devices that were not named right, those where χ²
   of the truth is lower, 4 charged for each parameter. In the others the readings prefer another
@@ -51,7 +55,8 @@ def page(tables: Mapping[str, Sequence[tuple[str, str, str]]], command: str) -> 
     """The page of the docs."""
     lines = [HEAD.format(command=command)]
     for family, rows in tables.items():
-        words = (FAMILIES[family].__doc__ or "").strip()
+        made = FAMILIES.get(family)
+        words = "All of them together." if made is None else (made.__doc__ or "").strip()
         lines += [f"## {family}", "", words, "", "| suite | | |", "|---|---|---|"]
         lines += [f"| {suite} | {name} | {value} |" for suite, name, value in rows]
         lines.append("")

@@ -30,9 +30,13 @@ from tests.families.grade import Errors, Grade, Truth, grade, speaks_of_noise
 from tests.families.power import Linear
 from tests.oracle import Array
 
-SUITES = ("clean", "single", "pair", "wrong_readings", "wrong_noise", "outside", "garbage")
+FAINT = {"faint_15": 15.0, "faint_30": 30.0, "faint_60": 60.0}
+"""Suites of single effects that hardly show, and their noncentrality."""
+SUITES = ("clean", "single", "pair", "wrong_readings", "wrong_noise", "outside", "garbage", *FAINT)
 STRENGTH = (60.0, 200.0)
 """Noncentrality of effects, drawn between."""
+SURE = 1.96
+"""Standard deviations of an interval of 95 %."""
 CHECKS = 30
 """Check poses, of other samples and free of noise."""
 GARBAGE = ("random", "another mechanism", "shuffled columns", "degrees")
@@ -73,6 +77,8 @@ class Row:
     noise_said: bool = False
     calibrated: int | None = None
     """The exit code of `calibrate`, where it is looked at."""
+    covered: tuple[bool, ...] = ()
+    """Of offsets, gains and unknown points that are known: whether the interval holds the truth."""
     behind: float | None = None
     """χ² of what is said less that of the truth, parameters charged."""
 
@@ -84,7 +90,13 @@ def generator(family: str, suite: str, number: int, seed: int) -> Rng:
 
 
 def drawn(
-    device: Device, scene: Scene, rng: Rng, kinds: dict[str, catalogue.Make], turn: int, count: int
+    device: Device,
+    scene: Scene,
+    rng: Rng,
+    kinds: dict[str, catalogue.Make],
+    turn: int,
+    count: int,
+    strength: tuple[float, float] = STRENGTH,
 ) -> tuple[tuple[Effect, ...], tuple[Truth, ...]]:
     """Effects of different kinds at different targets, each as strong as was drawn for it.
 
@@ -92,7 +104,7 @@ def drawn(
     """
     linear = Linear(device, scene)
     present: list[Effect] = []
-    wanted = rng.uniform(*STRENGTH, count)
+    wanted = rng.uniform(*strength, count)
     there = [term for term in kinds if catalogue.targets(device, term)]
     for attempt in range(60):
         first = not present
@@ -108,7 +120,7 @@ def drawn(
         if linear.is_of_few_poses(effect, present):
             continue
         # The first must be seen beside the second as well.
-        if present and linear.noncentrality(present[0], [effect]) < STRENGTH[0] / 2:
+        if present and linear.noncentrality(present[0], [effect]) < strength[0] / 2:
             continue
         present.append(effect)
         if len(present) == count:
@@ -120,9 +132,9 @@ def drawn(
         own = (effect.klass, effect.target)
         others = [e for e in present if e is not effect]
         twins = set() if effect.outside else linear.twins(effect, others)
-        strength = linear.noncentrality(effect, others)
+        size = linear.noncentrality(effect, others)
         names = frozenset({own, *twins, *aliases(device, effect)})
-        truths.append(Truth(effect.term, names, own, outside=effect.outside, strength=strength))
+        truths.append(Truth(effect.term, names, own, outside=effect.outside, strength=size))
     return tuple(present), tuple(truths)
 
 
@@ -167,6 +179,9 @@ def attempt(family: str, suite: str, number: int, rng: Rng) -> Case:
     if suite in ("single", "pair"):
         count = 1 if suite == "single" else 2
         effects, truths = drawn(device, scene, rng, catalogue.CATALOGUE, number, count)
+    elif suite in FAINT:
+        faint = (FAINT[suite], FAINT[suite])
+        effects, truths = drawn(device, scene, rng, catalogue.CATALOGUE, number, 1, faint)
     elif suite == "outside":
         effects, truths = drawn(device, scene, rng, catalogue.OUTSIDE, number, 1)
     elif suite == "wrong_readings":
@@ -389,6 +404,23 @@ def by_calibrate(readings: Any, mechanism: Any) -> int:
         return 2
 
 
+def truth_of(device: Device, parameter: Any) -> float | None:
+    """What was put in: an offset, a gain, a coordinate of an unknown point; None for an effect."""
+    if parameter.term in ("offset", "gain"):
+        own = {"offset": device.offsets, "gain": device.gains}[parameter.term]
+        return float(own[device.names.index(parameter.target)])
+    for (group, at), place in (device.drawing.sockets or {}).items():
+        if parameter.target == f"socket[group={group},at={at}]":
+            return float(place["xyz".index(parameter.name)])
+    return None
+
+
+def covered(device: Device, result: Any) -> tuple[bool, ...]:
+    """Of every parameter whose truth and interval are known: whether one holds the other."""
+    known = [(p, truth_of(device, p)) for p in result.parameters if p.sd is not None]
+    return tuple(abs(p.value - t) <= SURE * p.sd for p, t in known if t is not None)
+
+
 def run(family: str, suite: str, number: int, seed: int) -> Row:
     """Makes, examines and grades one case."""
     case = make(family, suite, number, seed)
@@ -417,13 +449,13 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
         seconds = perf_counter() - start
         return replace(row, error=f"{type(error).__name__}: {error}", crashed=True, seconds=seconds)
     seconds = perf_counter() - start
-    fitted = suite in ("single", "pair", "outside")
+    fitted = suite in ("single", "pair", "outside", *FAINT)
     code = None if fitted else by_calibrate(readings, mechanism)
     errors, truth = Errors(), None
-    if suite in ("single", "pair", "wrong_readings"):
+    if suite in ("single", "pair", "wrong_readings", *FAINT):
         truth = truly(case, mechanism, readings)
     timed = any(e.bound and e.outside for e in case.effects)  # no check pose says when it is
-    if suite in ("single", "pair", "outside", "wrong_readings") and not timed:
+    if suite in ("single", "pair", "outside", "wrong_readings", *FAINT) and not timed:
         errors = compared(case, mechanism, readings, result, truth)
     answer = result.to_dict()
     texts: Sequence[str] = [*answer["warnings"], (answer.get("unexplained") or {}).get("text", "")]
@@ -434,5 +466,6 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
         seconds=seconds,
         noise_said=speaks_of_noise(texts),
         calibrated=code,
-        behind=behind(result, truth) if suite in ("single", "pair") else None,
+        covered=covered(case.device, result) if suite in ("clean", "wrong_readings") else (),
+        behind=behind(result, truth) if suite in ("single", "pair", *FAINT) else None,
     )

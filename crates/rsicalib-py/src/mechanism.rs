@@ -60,6 +60,8 @@ impl PyMechanism {
 pub struct PyChannel {
     /// Column of the readings.
     name: String,
+    /// What people call it.
+    label: Option<String>,
     /// Unit of a reading: `count`, `rad`, `m`, ...
     unit: String,
     /// Lowest and highest reading, if bounded.
@@ -80,6 +82,7 @@ impl From<&rsicalib::mechanism::Channel> for PyChannel {
     fn from(c: &rsicalib::mechanism::Channel) -> Self {
         Self {
             name: c.name.clone(),
+            label: c.label.clone(),
             unit: c.unit.clone(),
             range: c.range.map(Into::into),
             gain: c.gain,
@@ -135,7 +138,7 @@ impl PyMechanism {
     /// Takes a mechanism from plain values, keys and units as in the TOML.
     #[staticmethod]
     fn from_dict(values: &Bound<'_, PyAny>) -> Result<Self, PyError> {
-        Self::checked(from_values::<Mechanism>(values)?.with_gains_per_degree())
+        Self::checked(from_values::<Mechanism>(values)?.from_written_units())
     }
 
     /// Takes a mechanism from the values that a pickle holds.
@@ -159,7 +162,7 @@ impl PyMechanism {
 
     /// The mechanism as plain values, keys and units as in the TOML.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(pythonize(py, &self.0.clone().with_gains_per_radian())?)
+        Ok(pythonize(py, &self.0.clone().in_written_units())?)
     }
 
     /// What people call it.

@@ -25,6 +25,7 @@ fn linkage() -> Mechanism {
     let channel = |name: &str| Channel {
         name: name.into(),
         unit: "rad".into(),
+        label: None,
         range: None,
         gain: 1.0,
         offset: 0.0,

@@ -16,6 +16,7 @@ fn channel(name: &str) -> Channel {
     Channel {
         name: name.into(),
         unit: "rad".into(),
+        label: None,
         range: None,
         gain: 1.0,
         offset: 0.0,

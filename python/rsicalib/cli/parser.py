@@ -197,7 +197,10 @@ def make_parser() -> argparse.ArgumentParser:
 
     sub = verb(plan)
     _add_mechanism(sub)
-    sub.add_argument("--poses", type=int, default=12, help="how many to visit (12)")
+    words = "how many to visit (12; with --target at most 64)"
+    sub.add_argument("--poses", type=int, default=None, help=words)
+    words = "as few poses as bring the platform to this standard deviation, beside a result"
+    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
     sub.add_argument(
         "--result", metavar="FILE", help="what the poses complement: result.json of a trace"
     )

@@ -191,6 +191,7 @@ def plan(args: Args) -> int:
         lambda _: plan_poses(
             args.mechanism,
             args.poses,
+            target=args.target,
             result=args.result,
             beside=args.beside,
             noise=args.noise,

@@ -330,6 +330,7 @@ class Session:
             bars.append(
                 {
                     "name": channel.name,
+                    "label": channel.label,
                     "now": None if now is None else float(now[k]),
                     "want": None if goal is None else float(goal[k]),
                     "low": low,

@@ -89,9 +89,10 @@ def place(state: dict[str, Any]) -> str:
 def bar(channel: dict[str, Any]) -> str:
     """Where a channel is, and where it should be."""
     now, want = channel["now"], channel["want"]
+    label = f"  {channel['label']}" if channel["label"] else ""
     known = [v for v in (now, want) if v is not None]
     if not known:
-        return f"{channel['name']:6s}"
+        return f"{channel['name']:6s}{label}"
     loose = channel["loose"]
     low = min(known) - 4 * loose if channel["low"] is None else channel["low"]
     high = max(known) + 4 * loose if channel["high"] is None else channel["high"]
@@ -107,7 +108,7 @@ def bar(channel: dict[str, Any]) -> str:
         track[at(now)] = "O"
     off = "" if now is None or want is None else f"{want - now:+.4g}"
     mark = " ok" if off and abs(want - now) < loose else ""
-    return f"{channel['name']:6s} [{''.join(track)}] {off}{mark}"
+    return f"{channel['name']:6s} [{''.join(track)}] {off}{mark}{label}"
 
 
 def size(value: float | None, unit: str) -> str:

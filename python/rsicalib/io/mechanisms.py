@@ -5,6 +5,7 @@ The core takes the expanded mechanism and checks it; here is only what needs fil
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -273,5 +274,13 @@ def _channel(name: str, urdf: UrdfChain, declared: Mapping[str, Any]) -> dict[st
     scale = {"unit": "m" if kind == "prismatic" else "rad", "gain": 1.0, "offset": 0.0}
     if scale.keys() & declared.keys():  # a scale is declared whole, or not at all
         scale = {}
-    limits = {"limits": urdf.limits[name]} if name in urdf.limits else {}
+    limits = {"limits": _limits(name, urdf, declared)} if name in urdf.limits else {}
     return {"name": name, **scale, **limits, **declared}
+
+
+def _limits(name: str, urdf: UrdfChain, declared: Mapping[str, Any]) -> list[float]:
+    """Limits of a joint in the unit that its channel is declared in."""
+    turns = all(row["joint"] != "prismatic" for row in urdf.rows if row.get("channel") == name)
+    if turns and declared.get("unit") == "deg":
+        return [math.degrees(end) for end in urdf.limits[name]]
+    return urdf.limits[name]

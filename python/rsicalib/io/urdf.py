@@ -21,6 +21,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, TypedDict
 
 import numpy as np
@@ -70,7 +71,7 @@ class UrdfChain:
     rows : list of Row
         A fixed row, then one for each moving joint, base first; they end in the
         frame of the tip. Lengths in metres, angles in radians. Each bears the
-        name of its link, and mass and com if there is any.
+        names of the joints at its ends, and mass and com if there is any.
     limits : dict of str to list of float
         `[lower, upper]` of the joint of a channel [rad or m], where declared.
     joints : dict of str to str
@@ -153,18 +154,20 @@ def chain_from_urdf(
     ...   <parent link="base"/> <child link="arm"/> <axis xyz="0 0 1"/> </joint> </robot>'''
     >>> rows = chain_from_urdf(robot, "base", "arm", {"hinge": "q1"}).rows
     >>> rows[0]
-    {'name': 'base', 'xyz': [0.0, 0.0, 0.3], 'rpy': [0.0, 0.0, 0.0]}
+    {'name': 'base to hinge', 'xyz': [0.0, 0.0, 0.3], 'rpy': [0.0, 0.0, 0.0]}
     >>> rows[1]["name"], rows[1]["channel"], rows[1]["joint"]
-    ('arm', 'q1', 'revolute')
+    ('hinge to arm', 'q1', 'revolute')
     """
     robot = Robot(text_or_path)
     path = JointPath.between(robot, base, tip, channels)
     weights = Masses(robot, masses)
     xyz, rpy = _numbers(path, 0)
-    rows: list[Row] = [{"name": base, "xyz": xyz, "rpy": rpy}]
+    ends = [base, *(move.step.joint.name for move in path.moves), tip]
+    names = [f"{one} to {other}" for one, other in pairwise(ends)]
+    rows: list[Row] = [{"name": names[0], "xyz": xyz, "rpy": rpy}]
     for i, move in enumerate(path.moves):
         xyz, rpy = _numbers(path, i + 1)
-        row: Row = {"name": move.step.reached, "channel": move.channel, "joint": move.kind}
+        row: Row = {"name": names[i + 1], "channel": move.channel, "joint": move.kind}
         if move.ratio is not None:
             row["ratio"] = move.ratio
             row |= {"theta": move.offset} if move.kind == "revolute" else {"d": move.offset}

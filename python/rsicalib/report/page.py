@@ -17,6 +17,7 @@ from rsicalib.report.words import (
     advice,
     comparison,
     excluded_words,
+    labelled,
     law_words,
     name_of,
     noise_words,
@@ -314,7 +315,8 @@ def _parameters(result: ResultShape) -> str:
     for p in result.parameters:
         value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
         name = parameter_name(p.term, p.name)
-        target = p.target if p.place is None else f"{p.target} at {p.place}"
+        target = labelled(p.target, result.labels.get(p.target))
+        target = target if p.place is None else f"{target} at {p.place}"
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
         earlier = _earlier(p) if superseding else ()
@@ -370,7 +372,8 @@ def _hidden(result: TraceShape) -> str:
         rms = h.platform_rms
         cost = ("–", "–") if rms is None else (number(rms.position, 2), number(rms.orientation, 2))
         size = with_unit(number(h.detectable, 2), h.unit)
-        target = h.target if h.place is None else f"{h.target} at {h.place}"
+        target = labelled(h.target, h.label)
+        target = target if h.place is None else f"{target} at {h.place}"
         rows.append((name_of(h.term), target, size, *cost[: 2 * placed]))
     heads = ["effect", "target", "seen from"]
     heads += [f"position [{result.length_unit}]", "orientation [rad]"] * placed

@@ -9,6 +9,7 @@ from rsicalib.report.words import (
     advice,
     comparison,
     excluded_words,
+    labelled,
     law_words,
     name_of,
     noise_words,
@@ -60,7 +61,7 @@ def summary(result: ResultShape) -> str:
         tail = ["", *tail]
     room = LINES - len(head) - len(tail) - 1
     if not isinstance(result, TraceShape):
-        middle += ["", *_parameters(result.parameters, room - len(middle) - 1)]
+        middle += ["", *_parameters(result, room - len(middle) - 1)]
     if len(middle) > room:
         middle = [*middle[: room - 1], f"  … {len(middle) - room + 1} more lines in the report"]
     return "\n".join([*head, "", *middle, *tail][:LINES])
@@ -125,7 +126,8 @@ def _columns(rows: Sequence[Sequence[str]], least: int) -> list[str]:
 def _found(result: TraceShape) -> list[str]:
     lines = []
     for step in result.steps[:4]:
-        line = f"  found     {name_of(step.term)} of {step.target}: {size_words(step)}"
+        where = labelled(step.target, step.label)
+        line = f"  found     {name_of(step.term)} of {where}: {size_words(step)}"
         if step.platform_rms is not None:
             rms = step.platform_rms
             cost = f"{number(rms.position, 2)} {result.length_unit}"
@@ -159,18 +161,19 @@ def _left(result: TraceShape) -> list[str]:
             else f", {number(rms.position, 2)} {result.length_unit} at the platform"
         )
         size = with_unit(number(hidden.detectable, 2), hidden.unit)
-        name = f"{name_of(hidden.term)} of {hidden.target}"
+        name = f"{name_of(hidden.term)} of {labelled(hidden.target, hidden.label)}"
         lines.append(_cut(f"  may hide  {name} up to {size}{cost}"))
     return ["", *lines] if lines else []
 
 
-def _parameters(parameters: tuple[Parameter, ...], room: int) -> list[str]:
+def _parameters(result: ResultShape, room: int) -> list[str]:
     """Offsets and gains side by side, by channel; then the others."""
     sensors: dict[str, dict[str, Parameter]] = {}
     others = []
-    for p in parameters:
+    for p in result.parameters:
         if p.term in ("offset", "gain"):
-            sensors.setdefault(p.target, {})[p.term] = p
+            where = labelled(p.target, result.labels.get(p.target))
+            sensors.setdefault(where, {})[p.term] = p
         else:
             others.append(p)
     lines = _sensors(sensors) if sensors else []

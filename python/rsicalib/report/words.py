@@ -23,6 +23,7 @@ __all__ = [
     "advice",
     "comparison",
     "excluded_words",
+    "labelled",
     "law_words",
     "listed_words",
     "name_of",
@@ -86,10 +87,16 @@ def target_words(klass: str, target: str) -> str:
     return WORDS.get(klass, "{target}").format(target=target)
 
 
+def labelled(target: str, label: str | None) -> str:
+    """A target, and what people call it: `a22 (elbow of arm 2)`."""
+    return f"{target} ({label})" if label else target
+
+
 def subject(step: Step | Name) -> str:
-    """A missing effect: `curvature of sensor a22`."""
+    """A missing effect: `curvature of sensor a22 (elbow of arm 2)`."""
     at = f" (at {step.place})" if step.place else ""
-    return f"{name_of(step.term)} of {target_words(step.klass, step.target)}{at}"
+    where = labelled(target_words(step.klass, step.target), step.label)
+    return f"{name_of(step.term)} of {where}{at}"
 
 
 def listed_words(items: Sequence[str]) -> str:

@@ -34,6 +34,7 @@ from rsicalib.work.outcome import (
     beside_earlier,
     described,
     digest_of,
+    labels_of,
     reference_of,
     update_of,
 )
@@ -178,6 +179,9 @@ class Work:
             "warnings": [*self.warnings, *found.get("warnings", []), *found.get("remarks", [])],
             "reference": reference,
         }
+        labels = labels_of(self.mechanism)
+        if labels:
+            out["labels"] = labels
         laws = [term.to_dict() for term in self.mechanism.terms]
         if laws:
             out["laws"] = laws

@@ -28,6 +28,7 @@ __all__ = [
     "beside_earlier",
     "described",
     "digest_of",
+    "labels_of",
     "reference_of",
     "update_of",
 ]
@@ -89,6 +90,16 @@ def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
         "span": plain(np.column_stack([values.min(axis=0), values.max(axis=0)])),
         "temperature": None,
     }
+
+
+def labels_of(mechanism: Mechanism) -> dict[str, str]:
+    """What people call channels and links, by target."""
+    labels = {c.name: c.label for c in mechanism.channels if c.label}
+    for chain in mechanism.to_dict()["chain"]:
+        for row, link in enumerate(chain["dh"], start=1):
+            if link.get("name"):
+                labels[f"{chain['name']}/{row}"] = link["name"]
+    return labels
 
 
 def digest_of(calibration: Any, earlier: Result) -> str:

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! Rz(theta) · joint(q) · Tz(d) Tx(a) Rx(alpha) · T(xyz) R(rpy)
-//!                      ^ Spot::Joint            ^ Spot::End, between translation and rotation
+//!                      ^ Spot::Joint, Spot::Link  ^ Spot::End, between translation and rotation
 //! ```
 //!
 //! so that a row with the motions in it is again a row, and no point moves by more than rounding.
@@ -270,8 +270,10 @@ impl Motions<'_> {
         let still = Isometry3::identity();
         let root = chain.rows.iter().position(|row| row.channel.is_some());
         for (r, row) in chain.rows.iter_mut().enumerate() {
-            let (slide, turn) = (self.at(Spot::Joint, Some(r)), self.at(Spot::End, Some(r)));
-            *row = with_motions(row, &slide, &turn);
+            let axes = Isometry3::from_parts(Translation3::identity(), row.link());
+            let link = axes * self.at(Spot::Link, Some(r)) * axes.inverse();
+            let slide = self.at(Spot::Joint, Some(r)) * link;
+            *row = with_motions(row, &slide, &self.at(Spot::End, Some(r)));
         }
         let before = self.at(Spot::Base, None);
         let turned = root.map_or(still, |_| self.at(Spot::Root, None));
@@ -310,10 +312,14 @@ fn moved((_, axis, way): &Freedom, by: f64) -> Isometry3<f64> {
 
 /// A row with a motion after its joint, and another between translation and rotation of its body.
 fn with_motions(row: &Row, joint: &Isometry3<f64>, end: &Isometry3<f64>) -> Row {
-    let straight = joint.rotation == UnitQuaternion::identity() && joint.translation.y == 0.0;
-    if straight && *end == Isometry3::identity() {
+    let Translation3 { vector } = joint.translation;
+    // Axes of a link that turn there and back leave rounding.
+    let slides = joint.rotation.angle() < 1e-12 && *end == Isometry3::identity();
+    if slides && row.is_vector() {
+        return Row { xyz: (Vector3::from(row.xyz) + vector).into(), ..row.clone() };
+    }
+    if slides && vector.y == 0.0 {
         // Still a row of Denavit and Hartenberg.
-        let Translation3 { vector } = joint.translation;
         return Row { a: row.a + vector.x, d: row.d + vector.z, ..row.clone() };
     }
     let body = row.body();

@@ -22,6 +22,7 @@ use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::{Instance, Model, Want, Workspace, parse};
 use crate::numerics::random::Random;
+use crate::numerics::symmetric::{Unseen, invert};
 use crate::readings::{Readings, Table};
 use crate::terms::term::{Needs, Placed, Role};
 
@@ -95,9 +96,10 @@ pub struct Forecast {
     pub decides: Option<f64>,
     /// The least `λ` of two explanations.
     pub least_lambda: Option<f64>,
-    /// Standard deviation of the platform over the workspace by the parameters, root mean square
-    /// of components, before and after; none without a platform.
-    pub platform_sd: Option<[PlatformRms; 2]>,
+    /// Standard deviation of the platform, of the carried point without one, over the workspace by
+    /// the parameters, root mean square of components, before and after. What no pose could show is
+    /// held; not a number where these poses do not show something that others would.
+    pub platform_sd: [PlatformRms; 2],
     /// The worst effect that could be there unseen, before and after.
     pub worst_hidden: [Option<WorstHidden>; 2],
 }
@@ -198,9 +200,10 @@ pub fn further(
     let judged = found.some(&(0..found.len().min(JUDGED)).collect::<Vec<_>>());
 
     let old = at.session();
-    let sides: Vec<Side> = fits.iter().map(|f| Side::of(&at, f, &old)).collect();
-    let mut contest = contest_of(rivals, &sides);
+    let mut sides: Vec<Side> = fits.iter().map(|f| Side::of(&at, f, &old)).collect();
     let mut rows = visits.rows(&at, &found, 0, 0.0, visits.start())?;
+    sides.iter_mut().for_each(|side| side.hold(&rows));
+    let mut contest = contest_of(rivals, &sides);
     let later = match visits.timed {
         true => Some(visits.rows(&at, &found, 0, PAUSE, visits.start())?),
         false => None,
@@ -253,17 +256,15 @@ pub fn further(
         (found, rows, chosen) =
             refined(choose, (found, rows), (&at, within), &visits, options, &mut random)?;
         let selected = rows.select(&best.columns);
-        let mut certain = Precision::new(&best.information, Some(platform.clone()));
+        let mut known = best.information.clone();
         for k in chosen {
-            let before = [certain.trace(), precision.measure()];
-            certain.visit(selected.of(k));
+            let sd = |known: &Mat<f64>| known_sd(known, &best.held, &platform);
+            let (before, measure) = (sd(&known), precision.measure());
             precision.visit(selected.of(k));
-            let [trace, measure] = [certain.trace(), precision.measure()];
+            known += gram_of(selected.of(k), best.columns.len());
             let purpose = match criterion {
-                Criterion::Platform => {
-                    Purpose::Platform([before[0], trace].map(|t| t.max(0.0).sqrt()))
-                }
-                _ => Purpose::Falls((measure - before[1]).exp()),
+                Criterion::Platform => Purpose::Platform([before, sd(&known)]),
+                _ => Purpose::Falls((precision.measure() - measure).exp()),
             };
             steps.push(Step { candidate: k, wait: 0.0, purpose });
             let others = select(&rows, &sides);
@@ -278,7 +279,10 @@ pub fn further(
     let forecast = Forecast {
         decides: (kept.len() > 1).then(|| decides(&contest.rivals, &columns, &new)),
         least_lambda: (kept.len() > 1).then(|| contest.least()),
-        platform_sd: (!planned.poses.is_empty()).then(|| platform_sd(best, &new, &moments)),
+        platform_sd: platform_sd(best, &new, &moments).map(|sd| match planned.poses.is_empty() {
+            true => PlatformRms { orientation: f64::NAN, ..sd },
+            false => sd,
+        }),
         worst_hidden: hidden(&session, &fits[kept[0]], &visits, &planned, &steps, &judged)?,
     };
     let m = kept.len();
@@ -311,6 +315,8 @@ struct Side {
     information: Mat<f64>,
     /// Of priors.
     priors: Mat<f64>,
+    /// What no pose could show.
+    held: Unseen,
 }
 
 impl Side {
@@ -328,7 +334,15 @@ impl Side {
             }
         }
         let information = old.select(&columns).gram() + &priors;
-        Self { columns, theta, information, priors }
+        let held = Unseen::of(&Mat::identity(n, n));
+        Self { columns, theta, information, priors, held }
+    }
+
+    /// Holds what neither the session nor any of these poses tells, such as the place of the whole:
+    /// a plan for it would be made of rounding.
+    fn hold(&mut self, rows: &Whitened) {
+        self.held = Unseen::of(&(&self.information + rows.select(&self.columns).gram()));
+        self.information += self.held.holds.transpose() * &self.held.holds;
     }
 }
 
@@ -812,13 +826,28 @@ fn submatrix(m: &Mat<f64>, columns: &[usize]) -> Mat<f64> {
 fn platform_sd(side: &Side, new: &Whitened, moments: &Moments) -> [PlatformRms; 2] {
     let after = &side.information + new.select(&side.columns).gram();
     let of = |information: &Mat<f64>| {
-        let rms = |m: &Mat<f64>| {
-            let part = Precision::new(information, Some(submatrix(m, &side.columns)));
-            part.trace().max(0.0).sqrt()
-        };
+        let rms = |m: &Mat<f64>| known_sd(information, &side.held, &submatrix(m, &side.columns));
         PlatformRms { position: rms(&moments.position), orientation: rms(&moments.orientation) }
     };
     [of(&side.information), of(&after)]
+}
+
+/// `√tr Ω C`, what is held left out; not a number where some other direction that matters to `Ω` is
+/// not known at all.
+fn known_sd(information: &Mat<f64>, held: &Unseen, omega: &Mat<f64>) -> f64 {
+    if Unseen::of(information).matters(omega) {
+        return f64::NAN;
+    }
+    let (n, covariance) = (information.nrows(), invert(information).0);
+    let all: f64 =
+        (0..n * n).map(|ij| covariance[(ij / n, ij % n)] * omega[(ij % n, ij / n)]).sum();
+    (all - held.trace(omega)).max(0.0).sqrt()
+}
+
+/// `WᵀW` of the rows of one pose.
+fn gram_of(rows: &[f64], n: usize) -> Mat<f64> {
+    let w = Mat::from_fn(rows.len().checked_div(n).unwrap_or(0), n, |e, i| rows[e * n + i]);
+    w.transpose() * &w
 }
 
 /// The worst hidden effect before and after the plan; none without a platform.

@@ -3,14 +3,13 @@
 use faer::{Mat, Side};
 
 use crate::apply::change::PlatformRms;
-use crate::design::contest::inverse_of;
 use crate::design::linearised::Whitened;
 use crate::design::moments::Moments;
 use crate::diagnosis::options::SearchOptions;
 use crate::mechanism::Mechanism;
 use crate::model::{Instance, Model};
 use crate::numerics::distributions;
-use crate::numerics::symmetric::VISIBLE;
+use crate::numerics::symmetric::{VISIBLE, invert};
 use crate::terms::targets::typical;
 
 /// The absent effect that could harm the platform most without being seen.
@@ -37,7 +36,8 @@ pub(crate) fn worst_hidden(
     moments: &Moments,
 ) -> Option<WorstHidden> {
     let n = fitted.len();
-    let inverse = inverse_of(&Mat::from_fn(n, n, |i, j| gram[(fitted[i], fitted[j])]));
+    // What nothing determines stays where it is: an effect of no size goes any way there.
+    let (inverse, ..) = invert(&Mat::from_fn(n, n, |i, j| gram[(fitted[i], fitted[j])]));
     let alpha = SearchOptions::default().alpha;
     // Noncentrality that is seen in four sessions of five, at the corrected level.
     let seen = distributions::two_sided_limit(alpha, named.len()) + 0.84;

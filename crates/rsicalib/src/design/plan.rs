@@ -12,6 +12,7 @@ use crate::design::exchange::Criterion;
 use crate::design::information::{Bound, Candidates};
 use crate::design::moments::{moments_of, slopes_of};
 use crate::design::reach::readings_at;
+use crate::design::within_limits::within_limits;
 use crate::mechanism::Mechanism;
 use crate::model::{Model, parse};
 use crate::numerics::random::Random;
@@ -36,7 +37,7 @@ pub struct PlanOptions {
     pub poses: usize,
     /// Readings of poses that are visited already, row by row: the plan complements them.
     pub beside: Vec<f64>,
-    /// Box of the candidates; the mechanism's own workspace by default.
+    /// Box of the candidates; the mechanism's own workspace by default, else its joint limits.
     pub within: Option<Within>,
     /// What is made small.
     pub criterion: Criterion,
@@ -115,9 +116,14 @@ pub fn plan(
         let expected = options.beside.len().next_multiple_of(channels);
         return Err(Error::Shape { what: "beside".into(), found: options.beside.len(), expected });
     }
-    let within = workspace(mechanism, options.within)?;
     let mut random = Random::new(options.seed);
-    let (poses, readings) = candidates(mechanism, offsets, gains, options, &within, &mut random)?;
+    let (poses, readings) = match (options.within, mechanism.workspace) {
+        (None, None) => by_limits(mechanism, offsets, gains, options)?,
+        _ => {
+            let within = workspace(mechanism, options.within)?;
+            candidates(mechanism, offsets, gains, options, &within, &mut random)?
+        }
+    };
     let visited = options.beside.len() / channels;
     if visited + options.poses < channels {
         let expected = format!("at least {channels} with those visited already");
@@ -136,7 +142,7 @@ pub fn plan(
     let found: Vec<(Vec<usize>, f64)> =
         starts.par_iter().map(|start| told.exchange(start, &kept, options.criterion)).collect();
     let best = found.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    let chosen = tour(best.map(|b| b.0).unwrap_or_default(), &poses, &within);
+    let chosen = tour(best.map(|b| b.0).unwrap_or_default(), &poses, &box_of(&poses));
 
     let of = |rows: Vec<f64>| bound_of(mechanism, offsets, gains, rows, options.noise);
     let planned = chosen.iter().flat_map(|&k| &readings[k]).chain(&options.beside);
@@ -232,6 +238,49 @@ fn candidates(
     Ok((poses, readings))
 }
 
+/// Poses of random configurations within the limits of the joints, with their readings.
+fn by_limits(
+    mechanism: &Mechanism,
+    offsets: &[f64],
+    gains: &[f64],
+    options: &PlanOptions,
+) -> Result<Reachable, Error> {
+    if mechanism.platform.is_empty() {
+        return Err(Error::Missing {
+            mechanism: mechanism.name.clone(),
+            needs: "platform",
+            why: "without one, poses are planned beside a result",
+        });
+    }
+    let calibrated = with_sensors(mechanism, offsets, gains);
+    let values = within_limits(&calibrated, options.candidates, options.seed)?;
+    let readings = Readings::new(&calibrated, Table { values, ..Table::default() })?;
+    let terms = ["offset".to_string(), "gain".to_string()];
+    let instances = parse(&calibrated, &readings, &terms)?;
+    let model = Model::uncentred(&calibrated, &readings, instances)?;
+    let poses = poses_of(&model, &readings, &model.nominal(), &sigma(mechanism, 1.0), 1.0);
+    let rows = readings.table.values.chunks_exact(mechanism.channels.len());
+    let whole = poses.into_iter().zip(rows).filter(|(pose, _)| pose.iter().all(|v| v.is_finite()));
+    Ok(whole.map(|(pose, row)| (pose, row.to_vec())).unzip())
+}
+
+/// The mechanism with other offsets and gains.
+fn with_sensors(mechanism: &Mechanism, offsets: &[f64], gains: &[f64]) -> Mechanism {
+    let mut out = mechanism.clone();
+    for (channel, (offset, gain)) in out.channels.iter_mut().zip(offsets.iter().zip(gains)) {
+        (channel.offset, channel.gain) = (*offset, *gain);
+    }
+    out
+}
+
+/// The box that poses fill.
+fn box_of(poses: &[[f64; 6]]) -> Within {
+    std::array::from_fn(|i| {
+        let values = poses.iter().map(|pose| pose[i]);
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+    })
+}
+
 /// Readings at poses; none where a pose cannot be taken.
 fn taken(
     mechanism: &Mechanism,
@@ -263,10 +312,8 @@ fn platform_weight(
     gains: &[f64],
     told: &Candidates,
 ) -> Result<Mat<f64>, Error> {
-    let mut calibrated = mechanism.clone();
-    for (channel, (offset, gain)) in calibrated.channels.iter_mut().zip(offsets.iter().zip(gains)) {
-        (channel.offset, channel.gain, channel.range) = (*offset, *gain, None);
-    }
+    let mut calibrated = with_sensors(mechanism, offsets, gains);
+    calibrated.channels.iter_mut().for_each(|channel| channel.range = None);
     let channels = mechanism.channels.len();
     let values = told.counts.iter().take(JUDGED * channels).copied().collect();
     let readings = Readings::new(&calibrated, Table { values, ..Table::default() })?;

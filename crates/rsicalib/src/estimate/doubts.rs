@@ -1,18 +1,10 @@
 //! Doubts about what a session declares: units, noise, and readings that say nothing new.
 
-use std::f64::consts::TAU;
-
+use crate::estimate::degrees;
 use crate::estimate::noise::source::{NoiseEstimate, Source, misdeclared};
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
 use crate::model::Model;
-
-/// Readings in radians span more than this many times what they can: no joint does, and
-/// degrees do wherever a joint moves through a twentieth of its range.
-const BEYOND: f64 = 3.0;
-
-/// Part beyond the limits of a joint that readings may lie: limits are drawn in round numbers.
-const ROUND: f64 = 1.1;
 
 /// Share of the variance of a channel's noise that rounding must have to be named: with it the
 /// standard deviation is a tenth larger than without, 1 - 1/1.1².
@@ -25,10 +17,7 @@ pub(crate) fn of_readings(observations: &Observations) -> Vec<Suspicion> {
         let of = observations.readings.poses();
         found.push(Suspicion::SameReadings { poses: observations.copies.len(), of });
     }
-    let channels = degrees(observations);
-    if !channels.is_empty() {
-        found.push(Suspicion::Degrees { channels });
-    }
+    found.extend(degrees::of_readings(observations));
     found
 }
 
@@ -43,25 +32,6 @@ pub(crate) fn of_closures(model: &Model) -> Vec<Suspicion> {
     };
     let closures: Vec<usize> = (0..mechanism.closures.len()).filter(unused).collect();
     if closures.is_empty() { Vec::new() } else { vec![Suspicion::Follow { closures }] }
-}
-
-/// Channels in radians whose readings fit their joints as degrees, and not as they are.
-fn degrees(observations: &Observations) -> Vec<usize> {
-    let mechanism = &observations.mechanism;
-    let times = |c: usize| {
-        let channel = &mechanism.channels[c];
-        let [low, high] = observations.readings.span[c];
-        let allowed = channel.limits.map_or(TAU, |[low, high]| high - low);
-        (high - low) * channel.gain.abs() / allowed
-    };
-    let radians: Vec<usize> = (0..mechanism.channels.len())
-        .filter(|&c| mechanism.channels[c].unit == "rad" && mechanism.turns(c))
-        .collect();
-    // An encoder that counts its turns goes beyond one; all of them as degrees do not.
-    if radians.iter().any(|&c| times(c).to_radians() > ROUND) {
-        return Vec::new();
-    }
-    radians.into_iter().filter(|&c| times(c) > BEYOND).collect()
 }
 
 /// What the noise of a fit is doubted for; `chi2` with its degrees of freedom where they can judge

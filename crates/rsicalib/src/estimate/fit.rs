@@ -7,6 +7,7 @@ use faer::Mat;
 use crate::Error;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::algebraic::Algebraic;
+use crate::estimate::degrees;
 use crate::estimate::doubts;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::noise::channels;
@@ -306,6 +307,9 @@ fn solve(
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
+        if fit.plausible {
+            fit.warnings.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
+        }
     }
     Ok(fit)
 }

@@ -4,6 +4,7 @@ pub(crate) mod adjusted;
 mod algebraic;
 pub(crate) mod angles;
 pub(crate) mod at_fit;
+pub(crate) mod degrees;
 pub mod directions;
 mod doubts;
 mod fit;

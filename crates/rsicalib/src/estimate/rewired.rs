@@ -4,10 +4,12 @@
 //! Where gains have priors, these and a held rest pose are equations, too: a wrong wire then
 //! costs χ². A mistake is named only where it is the only one that explains the poses.
 
+use std::f64::consts::PI;
+
 use crate::Error;
 use crate::estimate::observations::Observations;
 use crate::estimate::search::{End, StartSearch, anchored};
-use crate::estimate::suspicion::{Closes, Suspicion};
+use crate::estimate::suspicion::{Closes, InDegrees, Suspicion};
 use crate::mechanism::Mechanism;
 use crate::readings::{Readings, Table};
 
@@ -57,7 +59,29 @@ impl Rewired {
         let ends = range.map_or(0.0, |[low, high]| low + high);
         Self::new(observations, readings, |row| row[channel] = ends - row[channel]).ok()
     }
+
+    /// Every channel that reads an angle in the other unit: degrees times 57.3, or radians by it.
+    pub(crate) fn scaled(
+        observations: &Observations,
+        readings: &Readings,
+        times: f64,
+    ) -> Option<(Self, Vec<usize>)> {
+        let mechanism = &observations.mechanism;
+        let angles = |c: &usize| {
+            let channel = &mechanism.channels[*c];
+            mechanism.turns(*c) && (channel.unit == "rad" || channel.is_in_degrees())
+        };
+        let channels: Vec<usize> = (0..mechanism.channels.len()).filter(angles).collect();
+        if channels.is_empty() {
+            return None;
+        }
+        let undo = |row: &mut [f64]| channels.iter().for_each(|&c| row[c] *= times);
+        Some((Self::new(observations, readings, undo).ok()?, channels))
+    }
 }
+
+/// What readings in the other unit are multiplied by.
+pub(crate) const OTHER_UNIT: [f64; 2] = [180.0 / PI, PI / 180.0];
 
 /// The poses, each the mean of its samples, with the square root of their number as its weight.
 struct Poses<'a> {
@@ -114,7 +138,13 @@ impl<'a> Poses<'a> {
             let closes = Closes { with, declared };
             Some((with, Suspicion::Reversed { channels: vec![c], closes }))
         });
-        let mut found: Vec<(f64, Suspicion)> = exchanged.chain(reversed).collect();
+        let scaled = OTHER_UNIT.into_iter().filter_map(|times| {
+            let (other, channels) = Rewired::scaled(observations, readings, times)?;
+            let with = self.without(&other);
+            let of = InDegrees::Loop { times, closes: Closes { with, declared } };
+            Some((with, Suspicion::Degrees { channels, of }))
+        });
+        let mut found: Vec<(f64, Suspicion)> = exchanged.chain(reversed).chain(scaled).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         found
     }

@@ -43,10 +43,12 @@ pub enum Suspicion {
         /// The closures.
         closures: Vec<usize>,
     },
-    /// Readings would be within the limits of their joints if they were degrees.
+    /// Something is off by the degrees in a radian.
     Degrees {
         /// The channels.
         channels: Vec<usize>,
+        /// What is off.
+        of: InDegrees,
     },
     /// A channel reads in steps that are a good part of its noise.
     Coarse {
@@ -89,8 +91,31 @@ impl Suspicion {
                 | Self::Exchanged { .. }
                 | Self::Gap { .. }
                 | Self::NoStart { .. }
+                | Self::Degrees { of: InDegrees::Loop { .. }, .. }
         )
     }
+}
+
+/// What is in degrees where radians are declared, or the other way round.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum InDegrees {
+    /// Readings, which would be within the limits of their joints in degrees.
+    Readings,
+    /// Readings, with which the loop closes in the other unit.
+    Loop {
+        /// By what they were multiplied.
+        times: f64,
+        /// How well the loop closes with it.
+        closes: Closes,
+    },
+    /// Limits of a channel in degrees, that are in radians.
+    LimitsInRadians,
+    /// Limits in degrees of a channel that is not.
+    LimitsInDegrees,
+    /// The gain, which is fitted at so many times what is declared.
+    Gain,
+    /// The offset, which is fitted at so many times what is declared.
+    Offset,
 }
 
 /// What shows that declared noise is wrong.

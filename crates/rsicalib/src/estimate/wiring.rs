@@ -1,12 +1,12 @@
 //! Mistakes at first wiring: a reversed channel, two exchanged ones, a potentiometer
-//! whose gap lies within the range of motion.
+//! whose gap lies within the range of motion, degrees for radians.
 //!
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
-use crate::estimate::rewired::{DECISIVE, Rewired};
+use crate::estimate::rewired::{DECISIVE, OTHER_UNIT, Rewired};
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
-use crate::estimate::suspicion::{Closes, Shown, Suspicion};
+use crate::estimate::suspicion::{Closes, InDegrees, Shown, Suspicion};
 use crate::readings::Table;
 
 /// A suspicion, and the fit that takes the mistake into account where that needs no other
@@ -53,6 +53,19 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
             consider(end, false, &|closes| Suspicion::Exchanged { channels: [a, b], closes });
         }
     }
+    for times in OTHER_UNIT {
+        let Some((other, channels)) = Rewired::scaled(search.observations, &search.readings, times)
+        else {
+            continue;
+        };
+        if let Some(end) = rewired(search, &other) {
+            let of = |closes| InDegrees::Loop { times, closes };
+            consider(end, false, &|closes| Suspicion::Degrees {
+                channels: channels.clone(),
+                of: of(closes),
+            });
+        }
+    }
     for channel in 0..channels {
         let Some(gap) = Gap::of(search, channel) else { continue };
         let Some(end) = gap.without(search) else { continue };
@@ -84,12 +97,16 @@ fn reversed(search: &StartSearch<'_>, at: impl Fn(usize) -> bool) -> End {
 /// The fit with two columns of the readings exchanged; none where a reading is beyond the range of
 /// the other channel.
 fn exchanged(search: &StartSearch<'_>, a: usize, b: usize) -> Option<End> {
-    let Rewired { readings, observations } =
-        Rewired::exchanged(search.observations, &search.readings, [a, b])?;
+    rewired(search, &Rewired::exchanged(search.observations, &search.readings, [a, b])?)
+}
+
+/// The fit with the readings as they would be without a mistake.
+fn rewired(search: &StartSearch<'_>, without: &Rewired) -> Option<End> {
+    let Rewired { readings, observations } = without;
     let from = |factor: f64| {
         let factors = vec![factor; search.model.scales.len()];
-        let start = anchored(&observations, search.model, &factors);
-        search.end_with(&readings, &search.weights, &start)
+        let start = anchored(observations, search.model, &factors);
+        search.end_with(readings, &search.weights, &start)
     };
     best_of(FACTORS.into_iter().map(from))
 }

@@ -1,29 +1,58 @@
-//! Gains of channels that read in degrees: written per radian in a file, kept per degree.
+//! Channels that read in degrees: written in degrees in a file, kept in radians.
 
-use crate::mechanism::drawing::Mechanism;
+use crate::mechanism::drawing::{Channel, Mechanism};
 
 const DEGREES: &str = "deg";
+
+impl Channel {
+    /// True where a mechanism file has this channel in degrees.
+    #[must_use]
+    pub fn is_in_degrees(&self) -> bool {
+        self.unit == DEGREES
+    }
+}
 
 impl Mechanism {
     /// The mechanism as it is kept, from the values that stand in a file.
     ///
-    /// In a file the readings of a channel with `unit = "deg"` are converted to radians before its
-    /// gain acts: an encoder that reads its joint in degrees has `gain = 1.0`, as one in radians.
+    /// In a file all of a channel with `unit = "deg"` is in degrees: an encoder that reads its
+    /// joint has `gain = 1.0`, as one in radians, and `offset` and `limits` are degrees of the
+    /// joint. They are kept in radians, and the gain in radians per degree; `range` and `noise`
+    /// are of a reading, and stay. Of a joint that slides, `gain` is a length per radian of the
+    /// reading, and `offset` and `limits` are lengths.
     #[must_use]
-    pub fn with_gains_per_degree(self) -> Self {
-        self.scaled(f64::to_radians)
+    pub fn from_written_units(self) -> Self {
+        self.converted(f64::to_radians)
     }
 
     /// The values that stand in a file, from the mechanism as it is kept.
     #[must_use]
-    pub fn with_gains_per_radian(self) -> Self {
-        self.scaled(f64::to_degrees)
+    pub fn in_written_units(self) -> Self {
+        self.converted(degrees)
     }
 
-    fn scaled(mut self, convert: fn(f64) -> f64) -> Self {
-        for channel in self.channels.iter_mut().filter(|c| c.unit == DEGREES) {
+    fn converted(mut self, convert: fn(f64) -> f64) -> Self {
+        let slides: Vec<bool> = (0..self.channels.len()).map(|c| self.slides(c)).collect();
+        for (channel, slides) in self.channels.iter_mut().zip(slides) {
+            if !channel.is_in_degrees() {
+                continue;
+            }
             channel.gain = convert(channel.gain);
+            if !slides {
+                channel.offset = convert(channel.offset);
+                channel.limits = channel.limits.map(|ends| ends.map(convert));
+            }
         }
         self
+    }
+}
+
+/// An angle in degrees: the number of 15 digits that is read back as the same angle, where there
+/// is one, so that what is printed is what was written.
+fn degrees(radians: f64) -> f64 {
+    let exact = radians.to_degrees();
+    match format!("{exact:.14e}").parse::<f64>() {
+        Ok(short) if short.to_radians() == radians => short,
+        _ => exact,
     }
 }

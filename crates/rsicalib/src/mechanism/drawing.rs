@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::closures::ClosureKind;
 use crate::mechanism::law::Law;
@@ -101,11 +101,15 @@ pub struct Channel {
     pub name: String,
     /// Unit of a reading: `count`, `rad`, `deg`, `m`, ...
     ///
-    /// In a mechanism file, readings in `deg` are converted to radians before the gain acts:
-    /// `angle = gain * reading * π/180 + offset`. There `range` and `noise` are in degrees, as
-    /// readings are; `offset` and `limits` in radians, as the joint is. The Rust value
-    /// has the factor in `gain`.
+    /// In a mechanism file all of a channel in `deg` is in degrees: `range` and `noise`, as
+    /// readings are, and `offset` and `limits` of the joint; `gain` is in degrees per degree. Of a
+    /// joint that slides, `offset` and `limits` are lengths, and `gain` is a length per radian.
+    ///
+    /// The Rust value is in radians: [`Mechanism::from_written_units`].
     pub unit: String,
+    /// What people call it, for reports.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub label: Option<String>,
     /// Lowest and highest reading, if bounded.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub range: Option<[f64; 2]>,
@@ -256,7 +260,40 @@ impl Row {
             UnitQuaternion::from_euler_angles(roll, pitch, yaw),
         )
     }
+
+    /// True for a link that is drawn as a URDF has it: `xyz` leads to the next joint, and nothing is
+    /// in the terms of Denavit and Hartenberg.
+    #[must_use]
+    pub fn is_vector(&self) -> bool {
+        self.xyz != [0.0; 3] && [self.theta, self.d, self.a, self.alpha] == [0.0; 4]
+    }
+
+    /// The axes of the link in the frame after the joint: x along it, z across it, where a link of
+    /// Denavit and Hartenberg is along x and is displaced along z.
+    ///
+    /// Of a link drawn as `xyz`, x leads to the next joint, and z is as near to the axis of the
+    /// joint as it can be; of a link along that axis, to the axis of the next one.
+    #[must_use]
+    pub fn link(&self) -> UnitQuaternion<f64> {
+        if !self.is_vector() {
+            return UnitQuaternion::identity();
+        }
+        let along = Vector3::from(self.xyz).normalize();
+        let next = self.body().rotation * Vector3::z();
+        let across = |axis: Vector3<f64>| {
+            let part = axis - along * along.dot(&axis);
+            (part.norm() > PARALLEL).then(|| part.normalize())
+        };
+        let z = [Vector3::z(), next, Vector3::x()].into_iter().find_map(across);
+        let z = z.unwrap_or_else(Vector3::z);
+        let axes = Matrix3::from_columns(&[along, z.cross(&along), z]);
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
+    }
 }
+
+/// Sine of an angle below which two directions of a drawing are meant to be one: it is written in
+/// four digits or more.
+const PARALLEL: f64 = 1e-4;
 
 /// A serial chain of rows, base first.
 #[derive(Debug, Clone, PartialEq)]

@@ -182,6 +182,7 @@ impl Mechanism {
                 mechanism.channels.push(Channel {
                     name: format!("a{}{}", i + 1, j + 1),
                     unit: "count".into(),
+                    label: None,
                     range: Some([0.0, 4095.0]),
                     gain,
                     offset: 0.0,

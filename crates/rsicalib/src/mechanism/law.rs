@@ -8,7 +8,7 @@ use crate::numerics::formula::{Graph, Id, Program, parse};
 use crate::numerics::lanes::Lanes;
 
 /// Most parameters that one term may have.
-pub const MOST_PARAMETERS: usize = 16;
+pub const MOST_PARAMETERS: usize = 64;
 
 /// Most variables of one law: those by name, and joints.
 pub const MOST_VARIABLES: usize = 16;
@@ -308,19 +308,21 @@ impl Law {
             let found = format!("{} variables", variables.len());
             return Err(refuse(place, found, format!("at most {MOST_VARIABLES}")));
         }
-        // Values of the variables at which nothing vanishes that does not always vanish.
-        let input = |k: usize| match k.checked_sub(self.parameters.len()) {
-            None => Lanes::ZERO,
-            Some(k) => Lanes(std::array::from_fn(|lane| probe(k, lane))),
+        let width = self.parameters.len();
+        // Values at which nothing vanishes that does not always vanish.
+        let input = |k: usize| Lanes(std::array::from_fn(|lane| probe(k, lane)));
+        let at = |graph: &Graph, id: Id| {
+            let (rest, id) = graph.at_zero(id, width);
+            Program::new(&rest, &[id]).value(input)
         };
-        let at_zero = Program::new(&graph, &[value]).value(input);
+        let at_zero = at(&graph, value);
         if at_zero.0.iter().any(|v| *v != 0.0) {
-            let found = format!("{:?} at parameters of zero, from {text:?}", at_zero.0[0]);
+            let found = format!("an effect at parameters of zero, from {text:?}");
             return Err(refuse(place, found, "0: no effect".into()));
         }
         for (k, name) in self.parameters.keys().enumerate() {
             let slope = graph.derivative(value, k);
-            let slope = Program::new(&graph, &[slope]).value(input);
+            let slope = at(&graph, slope);
             if slope.0.iter().all(|v| *v == 0.0) || slope.0.iter().any(|v| !v.is_finite()) {
                 let found = format!("parameter {name:?}, which changes nothing by itself");
                 let expected = "parameters that act when all others are zero; write other \
@@ -332,9 +334,10 @@ impl Law {
     }
 }
 
-/// A number between 0 and 1 for a variable in a lane, each another one.
+/// A number between 0 and 1 for an input in a lane, each another one: multiples of roots of what is
+/// no square.
 fn probe(variable: usize, lane: usize) -> f64 {
-    ((1 + lane) as f64 * (2.0 + variable as f64).sqrt()).fract() + 0.01
+    ((1 + lane) as f64 * (2.5 + variable as f64).sqrt()).fract() + 0.01
 }
 
 fn refuse(place: String, found: String, expected: String) -> Error {

@@ -51,6 +51,16 @@ impl Target {
         }
     }
 
+    /// What people call it: the label of a channel, the name of a link.
+    #[must_use]
+    pub fn label(self, mechanism: &Mechanism) -> Option<String> {
+        match self {
+            Self::Channel(c) => mechanism.channels.get(c)?.label.clone(),
+            Self::Row(c, row) => mechanism.chains.get(c)?.rows.get(row)?.name.clone(),
+            _ => None,
+        }
+    }
+
     /// True for a target that several chains share.
     #[must_use]
     pub fn is_shared(self) -> bool {

@@ -7,7 +7,7 @@ use crate::mechanism::drawing::Mechanism;
 impl Mechanism {
     /// Reads a mechanism from TOML text.
     ///
-    /// Gains of readings in degrees: see [`Mechanism::with_gains_per_degree`].
+    /// Channels in degrees: see [`Mechanism::from_written_units`].
     ///
     /// # Errors
     ///
@@ -16,7 +16,7 @@ impl Mechanism {
     pub fn from_toml(text: &str) -> Result<Self, Error> {
         let written: Self =
             toml::from_str(text).map_err(|e| Error::Toml(e.to_string().trim_end().into()))?;
-        let mechanism = written.with_gains_per_degree();
+        let mechanism = written.from_written_units();
         mechanism.validate()?;
         Ok(mechanism)
     }
@@ -24,6 +24,6 @@ impl Mechanism {
     /// The mechanism as TOML text, which [`Mechanism::from_toml`] reads back.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        toml::to_string(&self.clone().with_gains_per_radian()).unwrap_or_default()
+        toml::to_string(&self.clone().in_written_units()).unwrap_or_default()
     }
 }

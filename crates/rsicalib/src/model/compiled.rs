@@ -481,6 +481,14 @@ impl Model {
                     steps.push(Element::Mass(Weight::Links, row.com, mass));
                 }
                 self.free(&mut steps, Spot::Joint, c, Some(r));
+                let mut of_link = Vec::new();
+                self.free(&mut of_link, Spot::Link, c, Some(r));
+                if !of_link.is_empty() {
+                    let axes = Isometry3::from_parts(Vector3::zeros().into(), row.link());
+                    push_rigid(&mut steps, &axes);
+                    steps.append(&mut of_link);
+                    push_rigid(&mut steps, &axes.inverse());
+                }
                 let body = row.body();
                 push_rigid(
                     &mut steps,

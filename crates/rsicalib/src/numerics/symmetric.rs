@@ -52,6 +52,56 @@ pub fn inverse_root(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     (root, unknowable, (largest / smallest).sqrt())
 }
 
+/// Directions of which a Gram matrix tells nothing, row by row: `x` with `G x = 0`, and `u` with
+/// `uᵀ x = 1`, whose square holds that direction and no other.
+pub(crate) struct Unseen {
+    /// The directions.
+    pub(crate) ways: Mat<f64>,
+    /// What holds each.
+    pub(crate) holds: Mat<f64>,
+}
+
+impl Unseen {
+    /// Of a Gram matrix.
+    pub(crate) fn of(gram: &Mat<f64>) -> Self {
+        let n = gram.nrows();
+        let norm = |i: usize| {
+            let norm = gram[(i, i)].max(0.0).sqrt();
+            if norm > 0.0 { norm } else { 1.0 }
+        };
+        let norms: Vec<f64> = (0..n).map(norm).collect();
+        let unit = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (norms[i] * norms[j]));
+        let (values, vectors) =
+            eigenvalues(unit.as_ref()).unwrap_or_else(|| (vec![1.0; n], Mat::zeros(n, n)));
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        let lost: Vec<usize> = (0..n).filter(|&k| values[k] < RANK * largest).collect();
+        let rows = |scale: &dyn Fn(usize) -> f64| {
+            Mat::from_fn(lost.len(), n, |k, i| vectors[(i, lost[k])] * scale(i))
+        };
+        Self { ways: rows(&|i| 1.0 / norms[i]), holds: rows(&|i| norms[i]) }
+    }
+
+    /// True where some direction changes `½ xᵀ Ω x` by more than rounding.
+    pub(crate) fn matters(&self, omega: &Mat<f64>) -> bool {
+        (0..self.ways.nrows()).any(|k| {
+            let (whole, parts) = along(&self.ways, k, omega);
+            whole > VISIBLE * parts
+        })
+    }
+
+    /// `Σ xᵀ Ω x`
+    pub(crate) fn trace(&self, omega: &Mat<f64>) -> f64 {
+        (0..self.ways.nrows()).map(|k| along(&self.ways, k, omega).0).sum()
+    }
+}
+
+/// `xᵀ Ω x` of a row, and the sum of what its components alone would make.
+fn along(ways: &Mat<f64>, k: usize, omega: &Mat<f64>) -> (f64, f64) {
+    let n = ways.ncols();
+    let product = |ij: usize| ways[(k, ij / n)] * omega[(ij / n, ij % n)] * ways[(k, ij % n)];
+    ((0..n * n).map(product).sum(), (0..n).map(|i| product(i * n + i)).sum())
+}
+
 /// Eigenvalues of a symmetric matrix, ascending, and its eigenvectors; none where it holds what is no
 /// number. Most matrices of candidates are one number, its own eigenvalue.
 pub(crate) fn eigenvalues(square: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>)> {

@@ -109,6 +109,9 @@ macro_rules! result {
             /// How well points that are touched are repeated, where the mechanism has such.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub groups: Option<Groups>,
+            /// What people call channels and links, by target.
+            #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+            pub labels: IndexMap<String, String>,
             /// Terms that users wrote, as the mechanism file declared them.
             #[serde(default, skip_serializing_if = "Vec::is_empty")]
             pub laws: Vec<Law>,
@@ -442,6 +445,9 @@ pub struct Name {
     /// Where a searched term acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
+    /// What people call the target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
 }
 
 /// What an effect does to the platform pose: root mean square over components.
@@ -489,6 +495,9 @@ pub struct Step {
     /// Where a searched term acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
+    /// What people call the target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
     /// Terms that these poses cannot tell from this one.
     #[serde(default)]
     pub also_fits: Vec<Name>,
@@ -583,4 +592,7 @@ pub struct Hidden {
     /// Where a searched term would act: another channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
+    /// What people call the target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
 }

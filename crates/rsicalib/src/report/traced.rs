@@ -37,6 +37,9 @@ pub struct Place {
     /// Where a searched term acts.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
+    /// What people call it.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub label: Option<String>,
 }
 
 /// One effect that was found.
@@ -305,6 +308,7 @@ fn effect(observations: &Observations, instance: &Instance) -> Place {
         class: info.class,
         target: instance.target.name(&observations.mechanism),
         place: place(observations, instance),
+        label: instance.target.label(&observations.mechanism),
     }
 }
 

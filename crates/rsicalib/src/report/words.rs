@@ -6,9 +6,10 @@ use crate::diagnosis::location::Location;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::stepwise::rivals::Explanation;
 use crate::diagnosis::verdict::Elsewhere;
+use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
-use crate::estimate::suspicion::{Closes, Shown, Suspicion, Witness};
+use crate::estimate::suspicion::{Closes, InDegrees, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Observations};
 use crate::mechanism::{Mechanism, Target};
@@ -120,13 +121,9 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 if names.len() == 1 { "it is" } else { "they are" },
             )
         }
-        Suspicion::Degrees { channels } => {
+        Suspicion::Degrees { channels, of } => {
             let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
-            format!(
-                "readings of {} span more than their joints can move in radians, and not in \
-                 degrees: if they are degrees, declare unit = \"deg\" in the mechanism",
-                names.join(", ")
-            )
+            in_degrees(&names.join(", "), *of)
         }
         Suspicion::Coarse { channel, step, share } => format!(
             "{} reads in steps of {} {}: rounding, step/√12, is {:.0} % of the variance of its noise",
@@ -143,11 +140,47 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
     }
 }
 
+/// What is off by the degrees in a radian.
+fn in_degrees(names: &str, of: InDegrees) -> String {
+    match of {
+        InDegrees::Readings => format!(
+            "readings of {names} span more than their joints can move in radians, and not in \
+             degrees: if they are degrees, declare unit = \"deg\" in the mechanism"
+        ),
+        InDegrees::Loop { times, closes } => format!(
+            "{names}: with readings times {times:.3} {}; they are in {}, and the mechanism declares \
+             the other unit",
+            loop_closes(closes),
+            if times > 1.0 { "radians" } else { "degrees" },
+        ),
+        InDegrees::LimitsInRadians => format!(
+            "readings of {names} span more than the limits allow, and would not if the limits were \
+             in radians: all keys of a channel with unit = \"deg\" are in degrees, its limits, too"
+        ),
+        InDegrees::LimitsInDegrees => format!(
+            "limits of {names} are many turns, of which the readings span a part that would be all \
+             of them in degrees: limits are in radians, unless a channel has unit = \"deg\""
+        ),
+        InDegrees::Gain => format!(
+            "gains of {names} are 57.3 times what is declared, or the other way round: one of \
+             reading and joint is in degrees, and is declared in radians"
+        ),
+        InDegrees::Offset => format!(
+            "offsets of {names} are 57.3 times what is declared, or the other way round: an offset \
+             is in degrees for a channel with unit = \"deg\", else in radians"
+        ),
+    }
+}
+
 /// Declared noise that is not what the readings show.
 fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
     let (what, is) = if play { ("noise and play", "are") } else { ("noise", "is") };
     let size = if factor < 1.0 { "large" } else { "small" };
-    match by {
+    let unit = match degrees_in(factor) {
+        Some(_) => ": is one of them in degrees, and the other in radians?",
+        None => "",
+    };
+    let words = match by {
         Witness::Repeats | Witness::Neighbours => format!(
             "the declared {what} {is} too {size}: {} show {factor:.2} times as much, which is used",
             if by == Witness::Repeats { "repeats" } else { "neighbouring rows" }
@@ -160,7 +193,8 @@ fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
             "the residual is larger than the declared {what} allows: something is left, or the \
              declared {what} {is} too small, and {factor:.2} times as much would fit"
         ),
-    }
+    };
+    words + unit
 }
 
 fn loop_closes(Closes { with, declared }: Closes) -> String {

@@ -6,8 +6,9 @@ use crate::terms::term::{Acts, Info, Spot, Term};
 term! {
     /// A link that is longer than drawn.
     ///
-    /// Adds `a` along the x axis after the joint of a row: the Denavit-Hartenberg
-    /// length.
+    /// Adds `a` along the x axis after the joint of a row, the Denavit-Hartenberg
+    /// length; of a link drawn as `xyz`, as a URDF has it, along the way from its
+    /// joint to the next.
     LinkLength("link_length", Geometry, per Row, needs Nothing) {
         a: "length" ~ 2.5e-3,
     }
@@ -19,6 +20,6 @@ impl Term for LinkLength {
     }
 
     fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::Joint, Axis::X, Way::Slide)])
+        Acts::Geometry(&[(Spot::Link, Axis::X, Way::Slide)])
     }
 }

@@ -6,8 +6,9 @@ use crate::terms::term::{Acts, Info, Spot, Term};
 term! {
     /// A link that is displaced along its joint axis.
     ///
-    /// Adds `d` along the z axis after the joint of a row: the Denavit-Hartenberg
-    /// offset.
+    /// Adds `d` along the z axis after the joint of a row, the Denavit-Hartenberg
+    /// offset; of a link drawn as `xyz`, as a URDF has it, across the link, as
+    /// nearly along its joint axis as that goes.
     LinkOffset("link_offset", Geometry, per Row, needs Nothing) {
         d: "length" ~ 2.5e-3,
     }
@@ -19,6 +20,6 @@ impl Term for LinkOffset {
     }
 
     fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::Joint, Axis::Z, Way::Slide)])
+        Acts::Geometry(&[(Spot::Link, Axis::Z, Way::Slide)])
     }
 }

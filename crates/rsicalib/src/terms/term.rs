@@ -227,6 +227,10 @@ pub enum Spot {
     Root,
     /// After the joint of a row, before its body.
     Joint,
+    /// There, too, along x and across, z, of the link as it is drawn: [`Row::link`].
+    ///
+    /// [`Row::link`]: crate::mechanism::Row::link
+    Link,
     /// After the translation of a row's body: about the next joint's origin.
     End,
     /// In the frame at the end of a chain.

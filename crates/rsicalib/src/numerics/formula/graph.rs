@@ -236,6 +236,43 @@ impl Graph {
         }
     }
 
+    /// An operation with the first `zeros` inputs at zero, in a graph of its own.
+    ///
+    /// A function of what is left is an input there, and may be any number: a law that acts at a
+    /// few places acts wherever `step`, `max` or `exp` let it.
+    #[must_use]
+    pub(crate) fn at_zero(&self, id: Id, zeros: usize) -> (Self, Id) {
+        let inputs = self.ops.iter().map(|op| if let Op::Input(k) = op { k + 1 } else { 0 });
+        let first = inputs.max().unwrap_or_default();
+        let (mut rest, mut free): (Self, Vec<Op>) = (Self::default(), Vec::new());
+        let mut now = vec![0; id + 1];
+        for k in self.needed(&[id]) {
+            let new = match self.ops[k] {
+                Op::Input(number) if number < zeros => rest.constant(0.0),
+                Op::Constant(_) | Op::Input(_) => rest.push(self.ops[k]),
+                Op::Negative(a) => rest.negative(now[a]),
+                Op::Apply(function, a) => rest.apply(function, now[a]),
+                Op::Whole(a, n) => {
+                    let exponent = rest.constant(f64::from(n));
+                    rest.power(now[a], exponent)
+                }
+                Op::Pair(pair, a, b) => rest.pair(pair, now[a], now[b]),
+            };
+            let known = rest.ops[new];
+            now[k] = match known {
+                Op::Apply(..) | Op::Pair(Pair::Min | Pair::Max | Pair::Atan2 | Pair::Power, ..) => {
+                    let place = free.iter().position(|op| *op == known).unwrap_or_else(|| {
+                        free.push(known);
+                        free.len() - 1
+                    });
+                    rest.input(first + place)
+                }
+                _ => new,
+            };
+        }
+        (rest, now[id])
+    }
+
     /// The derivative of an operation by an input.
     ///
     /// Where a function has a corner or a step (`abs`, `min`, `step`, `floor`), the derivative is

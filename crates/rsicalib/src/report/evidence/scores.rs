@@ -15,6 +15,7 @@ pub fn name(observations: &Observations, instance: &Instance) -> Name {
         class: info.class,
         target: instance.target.name(&observations.mechanism),
         place: place(observations, instance),
+        label: instance.target.label(&observations.mechanism),
     }
 }
 

@@ -1,0 +1,113 @@
+"""Which poses of a plan are worth a visit, and what would help where none is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rsicalib.report.words import listed_words
+from rsicalib.shapes import Name
+
+__all__ = ["worthwhile"]
+
+SEEN = 1.0
+"""What poses must bring together to `λ`, a growth of χ², to be more than its noise of one."""
+
+BETTER = 0.01
+"""Share by which poses must bring the platform's standard deviation down together."""
+
+DECISION = 12.0
+"""`λ` of a decision."""
+
+LIKELY = 0.5
+"""Probability of a decision below which more poses are spoken of."""
+
+
+def worthwhile(
+    found: Mapping[str, Any], rivals: Sequence[Sequence[Name]], asked: int
+) -> tuple[list[bool], tuple[str, ...]]:
+    """Judge the poses of a plan by what each brings.
+
+    Poses that together bring next to nothing are copies of others, or of the session.
+
+    Parameters
+    ----------
+    found : mapping
+        What the core planned.
+    rivals : sequence of sequence of Name
+        The explanations that are open.
+    asked : int
+        Number of poses that were asked for.
+
+    Returns
+    -------
+    list of bool
+        Of each pose, whether it is worth a visit.
+    tuple of str
+        What was left out, and what would help: sentences.
+    """
+    gains, least = _gains(found["purposes"])
+    worth = [True] * len(gains)
+    left = 0.0
+    for k in sorted(range(len(gains)), key=gains.__getitem__):
+        left += gains[k]
+        worth[k] = left >= least
+    dropped, kept = worth.count(False), worth.count(True)
+    out = []
+    decides = found["forecast"]["decides"]
+    if not kept:
+        what = "decide between the explanations" if decides is not None else "make it more certain"
+        out.append(f"No {asked} poses within reach {what}: no plan.")
+    elif dropped:
+        out.append(f"{kept} of {asked} poses: any more would be copies, and bring next to nothing.")
+    if decides is not None and decides < LIKELY:
+        out += _undecided(found, kept, decides)
+        out += _would(rivals)
+    elif not kept:
+        out.append("What would: a wider range of the joints, a lower noise, a length measured.")
+    return worth, tuple(out)
+
+
+def _gains(purposes: Sequence[Mapping[str, Any]]) -> tuple[list[float], float]:
+    """What each pose brings, and the least that poses must bring together."""
+    if any("tells" in purpose for purpose in purposes):
+        return [max(0.0, purpose["tells"][1]) for purpose in purposes], SEEN
+    return [_falls(purpose) for purpose in purposes], BETTER
+
+
+def _falls(purpose: Mapping[str, Any]) -> float:
+    """By what share a pose makes small what it is for."""
+    if "platform" not in purpose:
+        return float(1.0 - purpose["falls"])
+    before, after = purpose["platform"]
+    if before is None or not math.isfinite(before):
+        return 1.0
+    return float(1.0 - after / before) if before > 0.0 else 0.0
+
+
+def _undecided(found: Mapping[str, Any], kept: int, decides: float) -> list[str]:
+    """How often these poses decide, and how many like them would."""
+    least = found["forecast"]["least_lambda"]
+    if not kept or least is None or least <= 0.0:
+        return []
+    text = f"These {kept} poses decide in {decides:.0%} of cases"
+    if least < DECISION:
+        text += f"; some {math.ceil(kept * DECISION / least)} like them would be a decision"
+    return [f"{text}."]
+
+
+def _would(rivals: Sequence[Sequence[Name]]) -> list[str]:
+    """What would tell explanations apart that poses do not."""
+    effects = [name for terms in rivals for name in terms]
+    sensors = sorted({name.target for name in effects if name.klass == "sensor"})
+    lengths = sorted({name.target for name in effects if name.klass in ("geometry", "closure")})
+    ways = []
+    if sensors:
+        ways.append(f"move {listed_words(sensors)} over more of their range (limits, workspace)")
+    if {"electronics", "load"} & {name.klass for name in effects} or any(n.place for n in effects):
+        ways.append("visit the same poses again later, with a pause between, in another order")
+    if lengths:
+        ways.append(f"measure a length of {listed_words(lengths)}, and declare it")
+    ways.append("average more samples of each pose")
+    return ["What would: " + "; or ".join(ways) + "."]

@@ -1,0 +1,158 @@
+"""Channels in degrees, and degrees where radians are meant.
+
+The witness is the machine itself, drawn and simulated in radians by `tests/families`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import Mechanism
+from tests.families.device import Device, Session, observe, stage
+from tests.families.trials import readings_of, toml
+
+DEGREES = ("noise", "offset", "limits", "range")
+Values = dict[str, Any]
+
+
+@cache
+def machine(family: str = "fourbar") -> tuple[Device, Session]:
+    """A clean device with encoders, and a session, in radians."""
+    rng = np.random.default_rng([3, 0])
+    device = Device.random(family, rng)
+    return device, observe(device, stage(device, rng), rng)
+
+
+def changed(change: Callable[[Values], None]) -> Values:
+    """The mechanism with every channel changed."""
+    values = tomllib.loads(toml(machine()[0]))
+    for channel in values["channel"]:
+        channel.setdefault("limits", [-np.pi, np.pi])
+        change(channel)
+    return values
+
+
+def in_degrees(channel: Values, but: str = "") -> None:
+    """All of a channel in degrees, but for one key."""
+    channel["unit"] = "deg"
+    for key in set(DEGREES) & channel.keys() - {but}:
+        channel[key] = np.degrees(channel[key]).tolist()
+
+
+def read(values: Values, factor: float = 1.0) -> tuple[Any, Mechanism]:
+    """The session as readings of a mechanism, times a factor."""
+    mechanism = Mechanism(values)
+    session = machine()[1]
+    return readings_of(mechanism, session.changed(session.values * factor)), mechanism
+
+
+def warned(values: Values, factor: float = 1.0) -> str:
+    """All warnings of a calibration, one after the other."""
+    return " | ".join(rsicalib.calibrate(*read(values, factor)).warnings)
+
+
+def test_a_mechanism_in_degrees_is_the_one_in_radians() -> None:
+    plain = rsicalib.calibrate(*read(changed(lambda _: None)))
+    degrees = rsicalib.calibrate(*read(changed(in_degrees), 180 / np.pi))
+    assert degrees.fit.chi2 == pytest.approx(plain.fit.chi2, rel=1e-6)
+    assert not any("degrees" in text for text in degrees.warnings)
+    for one, other in zip(plain.parameters, degrees.parameters, strict=True):
+        if one.term == "offset":  # of the joint, in radians in every result
+            assert other.value == pytest.approx(one.value, abs=1e-9) and other.unit == "rad"
+
+
+def test_what_is_printed_is_what_was_written() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        low, high, offset = np.round(np.sort(rng.uniform(-400, 400, 3))[[0, 2, 1]], 6).tolist()
+        values = changed(in_degrees)
+        values["channel"][0] |= {"limits": [low, high], "offset": offset, "gain": 1.25}
+        again = tomllib.loads(Mechanism(values).to_toml())["channel"][0]
+        assert (again["limits"], again["offset"], again["gain"]) == ([low, high], offset, 1.25)
+
+
+def test_a_slide_that_reads_degrees_keeps_its_lengths() -> None:
+    """A rack on an encoder: gain is a length per radian, offset and limits are lengths."""
+    rows = [{"channel": "s", "joint": "prismatic"}]
+    values = {
+        "name": "rack",
+        "length_unit": "mm",
+        "channel": [
+            {"name": "s", "unit": "deg", "gain": 20.0, "offset": 7.0, "limits": [0.0, 400.0]}
+        ],
+        "chain": [{"name": "rail", "dh": rows}],
+        "point": [
+            {"name": "end", "chain": "rail", "at": [0, 0, 0]},
+            {"name": "post", "at": [9, 0, 0]},
+        ],
+        "closure": [
+            {"name": "bar", "kind": "distance", "between": ["end", "post"], "value": 500.0}
+        ],
+    }  # fmt: skip
+    (channel,) = Mechanism(values).channels
+    assert channel.gain == pytest.approx(20.0 * np.pi / 180)
+    assert (channel.offset, channel.limits) == (7.0, (0.0, 400.0))
+    assert Mechanism(values).to_dict()["channel"][0]["limits"] == [0.0, 400.0]
+
+
+def test_limits_of_a_description_are_in_the_unit_of_the_channel(tmp_path: Any) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        """<robot name="r"> <link name="base"/> <link name="arm"/>
+        <joint name="hinge" type="revolute"> <parent link="base"/> <child link="arm"/>
+        <axis xyz="0 0 1"/> <limit lower="-1.5" upper="2.5" effort="1" velocity="1"/> </joint>
+        </robot>"""
+    )
+    (tmp_path / "arm.toml").write_text(
+        """name = "arm"
+        length_unit = "m"
+        channel = [{name = "q", unit = "deg", gain = 1.0, offset = 0.0}]
+        point = [{name = "tip", chain = "arm", at = [0.3, 0, 0]}, {name = "post", at = [1, 0, 0]}]
+        closure = [{name = "bar", kind = "distance", between = ["tip", "post"], value = 0.8}]
+        [[chain]]
+        name = "arm"
+        urdf = "arm.urdf"
+        base = "base"
+        tip = "arm"
+        channels = {hinge = "q"}
+        """
+    )
+    mechanism = rsicalib.load_mechanism(tmp_path / "arm.toml")
+    assert mechanism.channels[0].limits == pytest.approx((-1.5, 2.5))
+    printed = mechanism.to_dict()["channel"][0]["limits"]
+    assert printed == pytest.approx(np.degrees([-1.5, 2.5]))
+
+
+def test_limits_in_radians_of_a_channel_in_degrees_are_named() -> None:
+    text = warned(changed(lambda c: in_degrees(c, "limits")), 180 / np.pi)
+    assert "limits" in text and "in degrees" in text
+
+
+def test_limits_in_degrees_of_a_channel_in_radians_are_named() -> None:
+    text = warned(changed(lambda c: c.update(limits=[-180.0, 180.0])))
+    assert "limits of" in text and "degrees" in text
+
+
+def test_noise_in_radians_of_a_channel_in_degrees_is_named() -> None:
+    text = warned(changed(lambda c: in_degrees(c, "noise")), 180 / np.pi)
+    assert "noise" in text and "in degrees" in text
+
+
+def test_an_offset_in_radians_of_a_channel_in_degrees_is_named() -> None:
+    device, _ = machine()
+    own = dict(zip(device.names, device.offsets, strict=True))
+    values = changed(lambda c: (c.update(offset=float(own[c["name"]])), in_degrees(c, "offset")))
+    assert "offsets of" in warned(values, 180 / np.pi)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("rad", 180 / np.pi), ("deg", 1.0)])
+def test_readings_in_the_other_unit_are_named(unit: str, factor: float) -> None:
+    values = changed(in_degrees if unit == "deg" else lambda _: None)
+    text = warned(values, factor)
+    assert "degrees" in text or "radians" in text, text
