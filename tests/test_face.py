@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import logging
 import pickle
 import re
@@ -19,6 +20,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, Calibration, InputError, Mechanism, Readings, Trace
 from rsicalib.labels import Labelled
+from rsicalib.plots import dots
 from rsicalib.tabular import html_table
 
 matplotlib.use("Agg")
@@ -253,6 +255,26 @@ def test_the_residuals_that_are_drawn_are_those_of_the_result(traced: Trace) -> 
     assert traced.after_residuals is not None
     np.testing.assert_allclose(after[:, 1], traced.after_residuals.ravel())
     assert after[:, 0].max() == traced.readings.poses
+
+
+def test_one_wild_residual_does_not_shrink_the_rest() -> None:
+    rng = np.random.default_rng(0)
+    rows = rng.normal(0, 1, (40, 3))
+    rows[7, 1] = 900.0
+    ax = dots(pyplot.subplots()[1], {"after": rows}, "pose")
+    assert ax.get_ylim()[1] < 15
+    (mark,) = ax.texts
+    assert mark.get_text() == "900" and mark.xy[0] == 8 and mark.xy[1] < ax.get_ylim()[1]
+    clean = dots(pyplot.subplots()[1], {"after": rng.normal(0, 1, (40, 3))}, "pose")
+    assert not clean.texts
+
+
+def test_two_calibrations_of_the_same_readings_are_equal(calibration: Calibration) -> None:
+    again = rsicalib.calibrate(READINGS, rest=REST)
+    assert again == calibration == pickle.loads(pickle.dumps(calibration))
+    assert hash(again) == hash(calibration) and len({again, calibration}) == 1
+    assert dataclasses.replace(calibration, note="another") != calibration
+    assert calibration != 1
 
 
 def test_the_curve_that_is_drawn_is_that_of_the_step(traced: Trace) -> None:

@@ -49,6 +49,23 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
         assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits
 
 
+@pytest.mark.parametrize("width", [60, 80, 97])
+def test_text_follows_the_width_of_the_terminal_without_a_broken_word(width: int) -> None:
+    found = rsicalib.demo()
+    wide = set(re.split(r"\s+", found.summary(whole=True)))
+    for text in (found.summary(width=width), found.summary(width=width, whole=True)):
+        assert max(map(len, text.splitlines())) <= width
+        assert set(re.split(r"\s+", text)) <= wide | {"…", "more", "lines"} | set("0123456789")
+
+
+def test_what_is_written_whole_has_every_parameter_and_every_row() -> None:
+    found = rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True)
+    text = found.summary(whole=True)
+    for name in ("a11", "a33", "held-out χ²", "20 check poses, aligned"):
+        assert name in text
+    assert "more" not in text.partition("Closure is not accuracy")[0]
+
+
 def test_the_command_prints_no_more_with_the_path_of_its_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -42,6 +42,10 @@ class Channel:
         """Nominal joint coordinate per reading: rad, or length."""
 
     @property
+    def label(self) -> Any:
+        """What people call it."""
+
+    @property
     def limits(self) -> tuple[float, float] | None:
         """Joint limits, in the joint's coordinate."""
 

@@ -71,11 +71,11 @@ class Result(Interactive):
         """
         write_text(path, self.to_json())
 
-    def summary(self) -> str:
-        """Summary for a terminal, 25 lines at most."""
+    def summary(self, *, width: int | None = None, whole: bool = False) -> str:
+        """Summary for a terminal of so many columns, 25 lines at most unless it is to be whole."""
         from rsicalib.report.terminal import summary
 
-        return summary(self)
+        return summary(self, width=width, whole=whole)
 
     def report(self) -> str:
         """Report as one HTML file that needs no network."""
@@ -100,6 +100,15 @@ class Result(Interactive):
         if worse_groups(measured) is None:
             return measured
         return replace(measured, verdict="partly_explained")
+
+    def __eq__(self, other: object) -> bool:
+        """Whether they are written alike; residuals, which are not written, do not count."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return self is other or self.to_dict() == other.to_dict()  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        return hash((self.FORMAT, self.mechanism, self.readings.sha256))
 
     def __repr__(self) -> str:
         fit = self.quality

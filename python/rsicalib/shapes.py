@@ -430,6 +430,8 @@ class Name(Record):
     """What the term belongs to."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
     """Where a searched term acts."""
+    label: str | None = field(default=None, metadata=IF_KNOWN)
+    """What people call the target."""
 
 
 @dataclass(frozen=True)
@@ -478,6 +480,8 @@ class Step(Effect, Record):
     """Estimates."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
     """Where a searched term acts."""
+    label: str | None = field(default=None, metadata=IF_KNOWN)
+    """What people call the target."""
     also_fits: tuple[Name, ...] = ()
     """Terms that these poses cannot tell from this one."""
     platform_rms: Rms | None = None
@@ -538,6 +542,8 @@ class Hidden(Absent, Record):
     """What an effect of that size does to the platform."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
     """Where a searched term would act: another channel."""
+    label: str | None = field(default=None, metadata=IF_KNOWN)
+    """What people call the target."""
 
 
 @dataclass(frozen=True)
@@ -854,6 +860,8 @@ class ResultShape(Record):
     """What has changed since an earlier result, and whether it is worth an update."""
     groups: Groups | None = field(default=None, metadata=IF_KNOWN)
     """How well points that are touched are repeated, where the mechanism has such."""
+    labels: Mapping[str, str] = field(default_factory=dict, metadata=OMIT)
+    """What people call channels and links, by target."""
     laws: tuple[OwnTerm, ...] = field(default=(), metadata=OMIT)
     """Terms that users wrote, as the mechanism file declared them."""
     before_residuals: FloatArray | None = field(default=None, metadata=NOT_WRITTEN)

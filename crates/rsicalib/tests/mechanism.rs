@@ -323,6 +323,19 @@ terms = ["offset", "gain"]
     }
 
     #[test]
+    fn degrees_are_kept_in_radians_and_written_as_they_were() {
+        let text = EXAMPLE.replacen("unit = \"rad\"", "unit = \"deg\"", 1);
+        let text = text.replacen("offset = 0.0\n", "offset = 12.3\nlimits = [-170.0, 33.3]\n", 1);
+        let kept = Mechanism::from_toml(&text).expect("a mechanism");
+        let channel = kept.channels.iter().find(|c| c.unit == "deg").expect("one in degrees");
+        assert_eq!(channel.offset, 12.3_f64.to_radians());
+        assert_eq!(channel.limits, Some([-170.0, 33.3].map(f64::to_radians)));
+        let written = kept.to_toml();
+        assert!(written.contains("offset = 12.3\n") && written.contains("[-170.0, 33.3]"));
+        assert_eq!(Mechanism::from_toml(&written), Ok(kept));
+    }
+
+    #[test]
     fn the_hand_controller_survives_being_written() {
         let text = Mechanism::rsi().to_toml();
         assert_eq!(Mechanism::from_toml(&text), Ok(Mechanism::rsi()), "{text}");
@@ -348,4 +361,20 @@ terms = ["offset", "gain"]
             "mechanism, closure \"wrist1-post\": found point \"pots\"; expected wrist1, post, socket"
         );
     }
+}
+
+#[test]
+fn a_link_of_a_urdf_has_axes_along_and_across_it() {
+    use nalgebra::Vector3;
+    let row = |xyz: [f64; 3], rpy: [f64; 3]| Row { xyz, rpy, ..Row::default() };
+    let axes = |row: &Row| [Vector3::x(), Vector3::z()].map(|axis| row.link() * axis);
+    let close = |a: Vector3<f64>, b: Vector3<f64>| (a - b).norm() < 1e-12;
+    let [along, across] = axes(&row([0.3, 0.0, 0.4], [0.0; 3]));
+    assert!(close(along, Vector3::new(0.6, 0.0, 0.8)));
+    assert!(close(across, Vector3::new(-0.8, 0.0, 0.6)));
+    // Along its own joint axis, it moves across along the next: y of this frame.
+    let [along, across] = axes(&row([0.0, 0.0, 0.4], [-std::f64::consts::FRAC_PI_2, 0.0, 0.0]));
+    assert!(close(along, Vector3::z()) && close(across, Vector3::y()));
+    let [along, across] = axes(&Row { a: 0.2, d: 0.1, ..Row::default() });
+    assert!(close(along, Vector3::x()) && close(across, Vector3::z()));
 }

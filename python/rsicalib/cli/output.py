@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from rsicalib.cli.colours import painted, wants_colour
 from rsicalib.cli.interruption import interruptible
-from rsicalib.cli.progress import progress_of
+from rsicalib.cli.progress import progress_of, terminal_width
 from rsicalib.cli.streams import emit, say
 from rsicalib.io.folders import MARK, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
@@ -28,7 +28,8 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     if args.json:
         emit(result.to_json())
     elif not args.quiet:
-        summary = printable(result.summary())
+        width = terminal_width(sys.stdout) if sys.stdout.isatty() else None
+        summary = printable(result.summary(width=width))
         if wants_colour(sys.stdout):
             summary = painted(summary, result.exit_code == 0)
         print(summary)
@@ -54,7 +55,7 @@ def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
 
     files = {
         RESULT: result.to_json(),
-        "report.txt": f"{result.summary()}\n\n{MARK} {result.version}\n",
+        "report.txt": f"{result.summary(whole=True)}\n\n{MARK} {result.version}\n",
         "report.html": f"{result.report()}<!-- {MARK} {result.version} -->\n",
         **calibrated_files(getattr(args, "mechanism", "rsi"), result),
     }

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TextIO
 
-__all__ = ["ProgressLine", "duration", "progress_of"]
+__all__ = ["ProgressLine", "duration", "progress_of", "terminal_width"]
 
 PATIENCE = 1.0
 """What takes less than this needs no progress [s]."""
@@ -63,7 +63,7 @@ class ProgressLine:
         done = f"{100 * share:.0f} %, {duration(spent)}" if share > 0.0 else duration(spent)
         left = f", about {duration(spent * (1 - share) / share)} left" if share > 0.02 else ""
         words = f"{what}: {done}{left}"
-        self._write(words[: max(20, _width(self.stream) - 1)])
+        self._write(words[: max(20, terminal_width(self.stream) - 1)])
 
     def counted(self, what: str, done: int, total: int) -> None:
         """Show progress that is counted."""
@@ -124,7 +124,8 @@ def duration(seconds: float) -> str:
     return f"{minutes // 60}:{minutes % 60:02d} h"
 
 
-def _width(stream: TextIO) -> int:
+def terminal_width(stream: TextIO) -> int:
+    """Columns of a terminal; 80 where there is none to ask."""
     try:
         return os.get_terminal_size(stream.fileno()).columns or 80
     except (OSError, ValueError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from rsicalib.report.words import (
     advice,
@@ -27,81 +28,113 @@ __all__ = ["summary"]
 LINES = 23
 """With a blank one and the path of a report they are 25."""
 WIDTH = 100
+NARROW = 40
+"""Columns that text is never made narrower than."""
 ADVICE = 5
 """Lines of what to do next that there is always room for."""
 
 
-def summary(result: ResultShape) -> str:
+@dataclass(frozen=True)
+class Look:
+    """How wide lines are, and whether everything is said, in as many lines as it takes."""
+
+    width: int = WIDTH
+    whole: bool = False
+
+
+def summary(result: ResultShape, *, width: int | None = None, whole: bool = False) -> str:
     """Write what was found in a few lines for a terminal.
 
     Parameters
     ----------
     result : Calibration or Trace
         What was found.
+    width : int, optional
+        Columns of the terminal, of which 100 are used at the most.
+    whole : bool
+        Say everything, in as many lines as it takes: for a file, or a pipe.
 
     Returns
     -------
     str
         Lines without a line feed at the end.
     """
-    head = textwrap.wrap(sentence(result), WIDTH)[:4]
+    look = Look(WIDTH if width is None else max(NARROW, min(width, WIDTH)), whole)
+    head = _most(textwrap.wrap(sentence(result), look.width), 4, look)
     data = result.readings
     head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
-    head += [f"  {'noise':10}{noise_words(result)}"]
-    head += _earlier(result)
-    head += _listed("warning", result.warnings, 1)
-    middle = _errors(result)
+    head += _entry("noise", noise_words(result), look)
+    head += _earlier(result, look)
+    head += _listed("warning", result.warnings, 1, look)
+    middle = _errors(result, look)
     if isinstance(result, TraceShape):
-        middle = [*_found(result), *_left_out(result), *middle, *_left(result)]
+        middle = [*_found(result, look), *_left_out(result, look), *middle, *_left(result, look)]
     else:
-        middle = [*_left_out(result), *middle]
+        middle = [*_left_out(result, look), *middle]
+    if whole:
+        tail = _advice(result, None, look)
+        middle += ["", *_parameters(result, None, look)]
+        return "\n".join([*head, "", *middle, *([""] * bool(tail)), *tail])
     free = LINES - len(head) - len(middle) - 2 if isinstance(result, TraceShape) else 0
-    tail = _advice(result, max(free, ADVICE))
+    tail = _advice(result, max(free, ADVICE), look)
     if tail:
         tail = ["", *tail]
     room = LINES - len(head) - len(tail) - 1
     if not isinstance(result, TraceShape):
-        middle += ["", *_parameters(result, room - len(middle) - 1)]
+        middle += ["", *_parameters(result, room - len(middle) - 1, look)]
     if len(middle) > room:
         middle = [*middle[: room - 1], f"  … {len(middle) - room + 1} more lines in the report"]
     return "\n".join([*head, "", *middle, *tail][:LINES])
 
 
-def _cut(line: str) -> str:
-    return line if len(line) <= WIDTH else f"{line[: WIDTH - 2].rstrip()} …"
+def _most(lines: list[str], most: int, look: Look) -> list[str]:
+    """The first lines; all where everything is said."""
+    return lines if look.whole else lines[:most]
 
 
-def _earlier(result: ResultShape) -> list[str]:
+def _cut(line: str, look: Look) -> list[str]:
+    """A line, cut at its end; whole lines, the next ones indented, where everything is said."""
+    if len(line) <= look.width:
+        return [line]
+    if look.whole:
+        return textwrap.wrap(line, look.width, subsequent_indent=" " * 12)
+    words = textwrap.wrap(line, look.width - 2, subsequent_indent=" " * 12)
+    return [f"{words[0]} …"]
+
+
+def _entry(label: str, text: str, look: Look) -> list[str]:
+    """A label with what it is about, in as many lines as that takes."""
+    first = f"  {label:10}"
+    return textwrap.wrap(text, look.width, initial_indent=first, subsequent_indent=" " * 12)
+
+
+def _earlier(result: ResultShape, look: Look) -> list[str]:
     """What has changed since an earlier result, and whether it is worth an update: whole."""
     if result.update is None:
         return []
-    return textwrap.wrap(
-        result.update.text, WIDTH, initial_indent=f"  {'earlier':10}", subsequent_indent=" " * 12
-    )[:4]
+    return _most(_entry("earlier", result.update.text, look), 4, look)
 
 
-def _listed(label: str, texts: Sequence[str], most: int) -> list[str]:
+def _listed(label: str, texts: Sequence[str], most: int, look: Look) -> list[str]:
     """A line for each of the first texts, and how many more there are."""
+    if look.whole:
+        most = len(texts)
     more = len(texts) - most
-    lines = [_cut(f"  {label:10}{text}") for text in texts[:most]]
+    lines = [line for text in texts[:most] for line in _cut(f"  {label:10}{text}", look)]
     return [*lines, f"  {'':10}and {more} more"] if more > 0 else lines
 
 
-def _advice(result: ResultShape, room: int) -> list[str]:
+def _advice(result: ResultShape, room: int | None, look: Look) -> list[str]:
     """What to do next: whole sentences, as many as there is room for, the first in any case."""
     lines: list[str] = []
-    for text in advice(result)[:3]:
-        more = _next(text)
-        if not lines or len(lines) + len(more) <= room:
+    for text in advice(result)[: None if room is None else 3]:
+        more = textwrap.wrap(text, look.width, initial_indent="→ ", subsequent_indent="  ")
+        if room is None or not lines or len(lines) + len(more) <= room:
             lines += more[:room]
     return lines
 
 
-def _next(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent="→ ", subsequent_indent="  ")
-
-
-def _errors(result: ResultShape) -> list[str]:
+def _errors(result: ResultShape, look: Look) -> list[str]:
     heads, rows = comparison(result)
     rows = [row for row in rows if row[0] != "p-value"]  # it stands in the first line
     # What has the least to say comes last, where lines are cut.
@@ -109,51 +142,68 @@ def _errors(result: ResultShape) -> list[str]:
     if not rows:
         return []
     if all(old == "–" for _, old, _ in rows):
-        return _columns([(name, new) for name, _, new in rows], 14)
-    return _columns([("", *heads), *rows], 14)
+        return _columns([(name, new) for name, _, new in rows], 14, look)
+    return _columns([("", *heads), *rows], 14, look)
 
 
-def _columns(rows: Sequence[Sequence[str]], least: int) -> list[str]:
-    """Names to the left, and what each has to the right, in columns that never touch."""
-    first = max(len(row[0]) for row in rows) + 2
-    wide = [max(least, max(map(len, cells)) + 2) for cells in zip(*rows, strict=True)][1:]
-    return [
-        f"  {row[0]:{first}}" + "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
-        for row in rows
-    ]
+def _columns(rows: Sequence[Sequence[str]], least: int, look: Look) -> list[str]:
+    """Names to the left, and what each has to the right, in columns that never touch.
 
-
-def _found(result: TraceShape) -> list[str]:
+    Where they are too wide, names stand above what they have.
+    """
+    needed = [max(map(len, cells)) + 2 for cells in zip(*rows, strict=True)]
+    room = look.width - 2
+    first, wide = needed[0], [max(least, n) for n in needed[1:]]
+    if first + sum(wide) > room:
+        wide = needed[1:]
+    if first + sum(wide) <= room:
+        return [
+            f"  {row[0]:{first}}" + "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
+            for row in rows
+        ]
     lines = []
-    for step in result.steps[:4]:
+    for row in rows:
+        lines += textwrap.wrap(row[0], room, initial_indent="  ", subsequent_indent="    ")
+        cells = "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
+        if len(cells) <= look.width:
+            lines.append(f"{cells:>{look.width}}")
+        else:
+            lines += [f"{cell:>{look.width}}" for cell in row[1:]]
+    return lines
+
+
+def _found(result: TraceShape, look: Look) -> list[str]:
+    lines: list[str] = []
+    for step in result.steps if look.whole else result.steps[:4]:
         where = labelled(step.target, step.label)
         line = f"  found     {name_of(step.term)} of {where}: {size_words(step)}"
         if step.platform_rms is not None:
             rms = step.platform_rms
             cost = f"{number(rms.position, 2)} {result.length_unit}"
             extra = f"; platform {cost}, {number(rms.orientation, 2)} rad"
-            line += extra if len(line) + len(extra) <= WIDTH else ""
-        lines.append(_cut(line))
+            line += extra if look.whole or len(line) + len(extra) <= look.width else ""
+        lines += _cut(line, look)
         if step.also_fits:
             names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
-            more = "" if len(names) < 4 else f" and {len(names) - 3} more"
-            lines.append(_cut(f"            fits as well: {', '.join(names[:3])}{more}"))
+            shown = names if look.whole else names[:3]
+            more = "" if len(names) == len(shown) else f" and {len(names) - 3} more"
+            lines += _cut(f"            fits as well: {', '.join(shown)}{more}", look)
         if step.curve_law is not None:
-            lines.append(_cut(f"            {law_words(step.curve_law)}"))
+            lines += _cut(f"            {law_words(step.curve_law)}", look)
     return lines if not lines or result.excluded else [*lines, ""]
 
 
-def _left_out(result: ResultShape) -> list[str]:
-    lines = _listed("left out", [excluded_words(e) for e in result.excluded], 3)
+def _left_out(result: ResultShape, look: Look) -> list[str]:
+    lines = _listed("left out", [excluded_words(e) for e in result.excluded], 3, look)
     return [*lines, ""] if lines else []
 
 
-def _left(result: TraceShape) -> list[str]:
-    lines = []
+def _left(result: TraceShape, look: Look) -> list[str]:
+    lines: list[str] = []
     # Where something is, it stands whole among what to do next.
     if result.unexplained is not None and result.unexplained.target is None:
-        lines.append(_cut(f"  left over {result.unexplained.text}"))
-    for hidden in result.could_hide[:1]:
+        lines += _cut(f"  left over {result.unexplained.text}", look)
+    for hidden in result.could_hide if look.whole else result.could_hide[:1]:
         rms = hidden.platform_rms
         cost = (
             ""
@@ -162,11 +212,11 @@ def _left(result: TraceShape) -> list[str]:
         )
         size = with_unit(number(hidden.detectable, 2), hidden.unit)
         name = f"{name_of(hidden.term)} of {labelled(hidden.target, hidden.label)}"
-        lines.append(_cut(f"  may hide  {name} up to {size}{cost}"))
+        lines += _cut(f"  may hide  {name} up to {size}{cost}", look)
     return ["", *lines] if lines else []
 
 
-def _parameters(result: ResultShape, room: int) -> list[str]:
+def _parameters(result: ResultShape, room: int | None, look: Look) -> list[str]:
     """Offsets and gains side by side, by channel; then the others."""
     sensors: dict[str, dict[str, Parameter]] = {}
     others = []
@@ -176,16 +226,16 @@ def _parameters(result: ResultShape, room: int) -> list[str]:
             sensors.setdefault(where, {})[p.term] = p
         else:
             others.append(p)
-    lines = _sensors(sensors) if sensors else []
+    lines = _sensors(sensors, look) if sensors else []
     for p in others:
         name = parameter_name(p.term, p.name)
-        lines.append(_cut(f"  {p.target:9} {name} = {with_unit(_estimate(p), p.unit)}"))
-    if len(lines) > room:
+        lines += _cut(f"  {p.target:9} {name} = {with_unit(_estimate(p), p.unit)}", look)
+    if room is not None and len(lines) > room:
         lines = [*lines[: max(room - 1, 0)], f"  … {len(lines) - room + 1} more in the report"]
     return lines
 
 
-def _sensors(sensors: Mapping[str, Mapping[str, Parameter]]) -> list[str]:
+def _sensors(sensors: Mapping[str, Mapping[str, Parameter]], look: Look) -> list[str]:
     """Offsets and gains by channel: their unit at the head, or beside each where units differ."""
     terms = [t for t in ("offset", "gain") if any(t in pair for pair in sensors.values())]
     rows = [["± 95 %"], *([target] for target in sensors)]
@@ -196,7 +246,7 @@ def _sensors(sensors: Mapping[str, Mapping[str, Parameter]]) -> list[str]:
         for row, pair in zip(rows[1:], sensors.values(), strict=True):
             p = pair.get(term)
             row.append("" if p is None else with_unit(_estimate(p), None if one else _unit(p)))
-    return _columns(rows, 28)
+    return _columns(rows, 28, look)
 
 
 def _unit(parameter: Parameter) -> str:

@@ -2,8 +2,11 @@
 
 use std::f64::consts::TAU;
 
+use crate::Error;
 use crate::estimate::observations::Observations;
-use crate::estimate::suspicion::{InDegrees, Suspicion};
+use crate::estimate::options::FitOptions;
+use crate::estimate::rewired::{DECISIVE, OTHER_UNIT, Rewired};
+use crate::estimate::suspicion::{Closes, InDegrees, Suspicion};
 use crate::mechanism::Channel;
 use crate::model::Model;
 use crate::terms::term::Role;
@@ -130,6 +133,31 @@ pub(crate) fn of_fit(observations: &Observations, model: &Model, beta: &[f64]) -
         found.push(Suspicion::Degrees { channels, of: InDegrees::Offset });
     }
     found
+}
+
+/// Readings in the other unit, where the loop closes with it and by far not as declared: `left` is χ²
+/// per degree of freedom, and `refit` that of a fit of other readings.
+pub(crate) fn in_other_unit(
+    observations: &Observations,
+    left: f64,
+    refit: impl Fn(&Observations) -> Result<f64, Error>,
+) -> Option<Suspicion> {
+    if observations.is_long() || left.is_nan() || left < DECISIVE {
+        return None;
+    }
+    let with = |times: f64| {
+        let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
+        let Rewired { readings, observations: of } = other;
+        let options = FitOptions { settled: true, ..of.options.clone() };
+        let table = readings.table;
+        let rest = of.rest.clone();
+        let there = Observations::new(&of.mechanism, table, rest, options).ok()?;
+        let with = refit(&Observations { weights: of.weights, ..there }).ok()?;
+        let of = InDegrees::Loop { times, closes: Closes { with, declared: left } };
+        (with * DECISIVE < left).then_some((with, Suspicion::Degrees { channels, of }))
+    };
+    let found = OTHER_UNIT.into_iter().filter_map(with);
+    found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)
 }
 
 /// Angle between two directions.

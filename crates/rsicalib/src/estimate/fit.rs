@@ -310,6 +310,14 @@ fn solve(
         if fit.plausible {
             fit.warnings.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
         }
+        if !fit.warnings.iter().any(Suspicion::of_wiring) {
+            let terms = || fit.model.instances.clone();
+            let refit = |other: &Observations| {
+                self::fit(other, terms(), None).map(|found| found.chi2 / found.dof)
+            };
+            let other = degrees::in_other_unit(observations, fit.chi2 / fit.dof, refit);
+            fit.warnings.extend(other);
+        }
     }
     Ok(fit)
 }

@@ -8,7 +8,7 @@ type Named<'n> = dyn FnMut(&str, Option<usize>) -> Result<usize, String> + 'n;
 use crate::numerics::formula::graph::{Func, Graph, Id, Pair};
 
 /// Longest formula, in characters.
-const LONGEST: usize = 1000;
+const LONGEST: usize = 8000;
 
 /// Deepest nesting of a formula.
 const DEEPEST: usize = 60;

@@ -1,0 +1,137 @@
+"""What plans say of themselves: nothing invented, no copies, what would help, how many more."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, InputError, Mechanism
+from rsicalib.cli import main
+from rsicalib.shapes import Name
+from rsicalib.worthwhile import worthwhile
+
+READINGS, REST = (DEMO / f"{name}.csv" for name in ("readings", "rest"))
+
+
+def numbers(value: Any) -> Iterator[float]:
+    """All numbers in a document."""
+    if isinstance(value, dict | list):
+        for one in value.values() if isinstance(value, dict) else value:
+            yield from numbers(one)
+    elif isinstance(value, float):
+        yield value
+
+
+def test_a_forecast_has_no_number_for_what_cannot_be_observed() -> None:
+    """All lengths free: a common scale moves the handle by inches, and no pose shows it."""
+    terms = ["offset", "gain", "link_length", "distance", "point_position", "base_position"]
+    found = rsicalib.calibrate(READINGS, rest=REST, terms=terms)
+    assert found.unobservable
+    forecast = rsicalib.plan(result=found, beside=READINGS, poses=3, candidates=300).forecast
+    assert forecast is not None
+    assert all(abs(value) < 10.0 for value in numbers(forecast.to_dict())), forecast
+
+
+def test_without_a_workspace_the_joint_limits_are_used() -> None:
+    values = Mechanism("rsi").to_dict()
+    del values["workspace"]
+    free = Mechanism(values)
+    plan = rsicalib.plan(free, poses=12, candidates=600, starts=1)
+    assert len(plan.poses) == 12 and plan.bound is not None
+    for channel, column in zip(free.channels, plan.readings.T, strict=True):
+        assert channel.limits is not None
+        angle = channel.gain * column + channel.offset
+        low, high = channel.limits
+        assert np.all((angle >= low - 1e-9) & (angle <= high + 1e-9))
+    # A witness: the poses that these readings hold the platform at.
+    held = rsicalib.Readings.from_arrays(free, plan.readings)
+    np.testing.assert_allclose(rsicalib.forward(held, free), plan.poses, atol=1e-6)
+
+
+def planned(gains: list[float], decides: float = 0.9, least: float = 20.0) -> dict[str, Any]:
+    """What the core gives of a plan that is to decide."""
+    purposes = [{"tells": ((0, 1), gain)} for gain in gains]
+    return {"purposes": purposes, "forecast": {"decides": decides, "least_lambda": least}}
+
+
+RIVALS = [
+    [Name(term="curvature", klass="sensor", target="a22")],
+    [Name(term="link_length", klass="geometry", target="arm2/3")],
+]
+
+
+def test_copies_of_a_pose_are_no_plan() -> None:
+    worth, advice = worthwhile(planned([8.0, 0.009, 6.0, 0.004]), RIVALS, 4)
+    assert worth == [True, False, True, False]
+    assert "2 of 4 poses" in advice[0]
+
+
+def test_poses_that_decide_nothing_are_no_plan_and_what_would_is_said() -> None:
+    worth, advice = worthwhile(planned([0.009] * 10, 0.01, 0.09), RIVALS, 10)
+    assert not any(worth)
+    text = " ".join(advice)
+    assert "no plan" in text and "a22" in text and "arm2/3" in text and "length" in text
+
+
+def test_poses_that_hardly_decide_say_how_many_would() -> None:
+    worth, advice = worthwhile(planned([1.0, 1.0, 1.0], 0.05, 3.0), RIVALS, 3)
+    assert all(worth)
+    assert "some 12 like them would be a decision" in " ".join(advice)
+    assert worthwhile(planned([9.0, 9.0, 9.0]), RIVALS, 3) == ([True] * 3, ())
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Any:
+    return rsicalib.calibrate(READINGS, rest=REST)
+
+
+def test_how_many_more_poses_is_one_call(calibration: Any) -> None:
+    """As few as reach it: one pose less does not."""
+    now = rsicalib.plan(result=calibration, beside=READINGS, poses=1, candidates=400)
+    assert now.forecast is not None and now.forecast.platform_sd is not None
+    before = now.forecast.platform_sd.before.position
+    assert before is not None
+    target = 0.75 * before
+    plan = rsicalib.plan(result=calibration, beside=READINGS, target=target, candidates=400)
+    count = len(plan.readings)
+    assert f"{count} more poses bring it to" in plan.advice[0]
+    assert plan.forecast is not None and plan.forecast.platform_sd is not None
+    reached = plan.forecast.platform_sd.after.position
+    assert reached is not None and reached <= target
+    fewer = rsicalib.plan(
+        result=calibration, beside=READINGS, poses=count - 1, candidates=400, criterion="platform"
+    )
+    assert fewer.forecast is not None and fewer.forecast.platform_sd is not None
+    assert (fewer.forecast.platform_sd.after.position or math.inf) > target
+    none = rsicalib.plan(result=calibration, beside=READINGS, target=9.0, candidates=400)
+    assert len(none.readings) == 0 and "No more poses are needed" in none.advice[0]
+    assert none.csv().count("\n") == 1
+
+
+def test_a_target_out_of_reach_says_what_it_would_take(calibration: Any) -> None:
+    plan = rsicalib.plan(result=calibration, beside=READINGS, target=1e-5, poses=2, candidates=300)
+    assert len(plan.readings) == 2 and "it would take some" in plan.advice[0]
+
+
+def test_the_command_has_it_too(
+    calibration: Any, tmp_path: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calibration.save(tmp_path / "result.json")
+    asked = ["plan", "--result", str(tmp_path / "result.json"), "--beside", str(READINGS)]
+    with pytest.raises(SystemExit) as done:
+        main([*asked, "--target", "9", "--json"])
+    assert done.value.code == 0
+    assert "No more poses" in json.loads(capsys.readouterr().out)["advice"][0]
+
+
+def test_a_target_needs_a_result() -> None:
+    with pytest.raises(InputError, match="target: found no result"):
+        rsicalib.plan(target=0.1)
+    with pytest.raises(InputError, match="target"):
+        rsicalib.plan(target=-1.0, result="x.json", beside=READINGS)
