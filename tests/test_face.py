@@ -211,7 +211,7 @@ def test_a_mechanism_comes_from_a_name_a_file_a_text_and_plain_values(tmp_path: 
 
 def test_a_gain_in_degrees_means_the_same_in_a_file_and_in_plain_values(tmp_path: Path) -> None:
     values = Mechanism("rsi").to_dict()
-    written = {"offset": 12.3, "range": [-170.0, 170.0], "limits": [-180.0, 33.3], "noise": 0.01}
+    written = {"offset": 12.3, "range": (-170.0, 170.0), "limits": (-180.0, 33.3), "noise": 0.01}
     values["channel"][0] |= {"unit": "deg", "gain": 1.0, **written}
     plain = Mechanism(values)
     assert plain.channels[0].gain == pytest.approx(np.pi / 180)  # what a degree is

@@ -15,6 +15,7 @@ import pytest
 
 from rsicalib.errors import InputError
 from rsicalib.io.urdf import UrdfExport, chain_from_urdf, masses_from_toml, write_urdf
+from rsicalib.io.urdf_tree import Robot
 
 MUKCA = Path(__file__).parents[2] / "shared" / "data" / "mukca"
 needs_mukca = pytest.mark.skipif(
@@ -249,7 +250,8 @@ def test_panda_rows_keep_the_numbers_of_the_document() -> None:
     masses = masses_from_toml(MUKCA / "panda_masses.toml")
     chain = chain_from_urdf(MUKCA / "panda.urdf", "panda_link0", "ball_link", channels, masses)
     xyz, rpy = [-0.0825, 0.384, 0.0], [-1.5707963267948966, 0.0, 0.0]
-    row = {"name": "panda_link4", "channel": "q4", "joint": "revolute", "xyz": xyz, "rpy": rpy}
+    row = {"channel": "q4", "joint": "revolute", "xyz": xyz, "rpy": rpy}
+    row["name"] = "panda_joint4 to panda_joint5"
     com = [-0.05317, 0.104419, 0.027454]
     assert chain.rows[4] == {**row, "mass": 3.587895, "com": com}
     assert chain.limits["q4"] == [-3.0718, -0.0698]
@@ -332,11 +334,11 @@ def test_masses_beyond_a_mimic_are_where_its_link_is(seed: int) -> None:
     frames = frames_of_rows(rows, {channels[n]: v for n, v in values.items()})
     links = base_from_link(text, base, values)
     joints = ET.fromstring(text).findall("joint")
-    child = {j.get("name"): j.find("child").get("link") for j in joints} | {base: base}
-    mine = {  # a row is named by the joints at its ends
-        child[row["name"].split(" to ")[0]]: (row, frame)
-        for row, frame in zip(rows, frames, strict=False)
-    }
+    moving = [step for step in Robot(text).path(base, tip) if step.joint.kind != "fixed"]
+    # A row is named by the joints at its ends, and has what the first of them leads to.
+    assert [row["name"].split(" to ")[0] for row in rows[1:]] == [s.joint.name for s in moving]
+    reached = [base, *(step.reached for step in moving)]
+    mine = dict(zip(reached, zip(rows, frames, strict=False), strict=True))
     fixed = {j.find(t).get("link") for j in joints if j.get("type") == "fixed" for t in ENDS}
     compared = 0
     for link in ET.fromstring(text).findall("link"):

@@ -228,7 +228,7 @@ def reached(
             break
         off = np.vstack([off, found.readings[~can]])
     assert found is not None
-    waits = np.array(found.waits) if found.waits else np.zeros(count)
+    waits = np.array(found.waits) if found.waits else np.zeros(len(found.poses))
     return found.poses, waits, found
 
 
