@@ -212,7 +212,7 @@ def _position(plan: Plan, *, after: bool) -> float:
 
 def _none_of(plan: Plan) -> Plan:
     """The same without its poses."""
-    keys = {name: () for name in plan.keys}
+    keys: dict[str, tuple[str, ...]] = dict.fromkeys(plan.keys, ())
     return replace(
         plan, poses=plan.poses[:0], readings=plan.readings[:0], why=(), waits=(), keys=keys
     )

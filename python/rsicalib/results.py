@@ -105,7 +105,7 @@ class Result(Interactive):
         """Whether they are written alike; residuals, which are not written, do not count."""
         if type(other) is not type(self):
             return NotImplemented
-        return self is other or self.to_dict() == other.to_dict()  # type: ignore[attr-defined]
+        return self is other or self.to_dict() == other.to_dict()
 
     def __hash__(self) -> int:
         return hash((self.FORMAT, self.mechanism, self.readings.sha256))
