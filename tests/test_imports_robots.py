@@ -246,7 +246,7 @@ def test_an_episode_without_positions_is_refused_with_what_it_has(tmp_path: Path
     episode(path)
     with h5py.File(path, "a") as root:
         root["action"][7, 3] = np.nan
-    with pytest.raises(InputError, match=r"row 8, /action\[3\]: found nan"):
+    with pytest.raises(InputError, match="row 8, column leader_left_forearm_roll: found nan"):
         rsicalib.import_log(path)
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(InputError, match="expected an HDF5 file"):

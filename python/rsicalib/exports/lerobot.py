@@ -9,7 +9,7 @@ import json
 
 from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
-from rsicalib.imports.lerobot import read_calibration
+from rsicalib.imports.lerobot_ranges import read_calibration
 from rsicalib.imports.teleop import FOLLOWER
 
 __all__ = ["write"]

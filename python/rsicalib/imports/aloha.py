@@ -99,17 +99,4 @@ def _positions(h5py: Any, file: Path) -> tuple[FloatArray, FloatArray]:
         found = f"shapes {state.shape} and {action.shape}"
         expected = f"the same shape [T, joints] of {STATE} and {ACTION}"
         raise InputError.at(str(file), found=found, expected=expected)
-    for name, values in ((STATE, state), (ACTION, action)):
-        bad = np.argwhere(~np.isfinite(values))
-        if bad.size:
-            row, column = bad[0].tolist()
-            raise InputError.at(
-                str(file),
-                line=row + 1,
-                column=f"{name}[{column}]",
-                found=str(values[row, column]),
-                expected="a finite number",
-                line_word="row",
-                column_word="",
-            )
     return state, action

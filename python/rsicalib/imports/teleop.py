@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Session
 from rsicalib.imports.stretches import Recording, session_of
@@ -84,6 +85,8 @@ class Teleop:
             )
             for r in self.recordings
         ]
+        for part in parts:
+            self._check(part)
         values = np.concatenate([part.values for part in parts])
         arms = [k for k, name in enumerate(places.values()) if not _is_gripper(names[name])]
         unit, steps, findings = self._unit(values, [names[k] for k in places.values()], arms)
@@ -105,6 +108,21 @@ class Teleop:
             findings += self._lag()
             text = self._mechanism(unit, steps)
         return tuple(session for session, _ in made), text, list(dict.fromkeys(findings))
+
+    def _check(self, part: Recording) -> None:
+        """Refuse what is no number."""
+        bad = np.argwhere(~np.isfinite(part.values))
+        if bad.size:
+            row, column = bad[0].tolist()
+            source = f"{self.source}, {part.name}" if part.name else self.source
+            raise InputError.at(
+                source,
+                line=int(part.lines[row]),
+                column=part.names[column],
+                found=str(part.values[row, column]),
+                expected="a finite number",
+                line_word="row",
+            )
 
     def _unit(
         self, values: FloatArray, names: list[str], arms: list[int]
