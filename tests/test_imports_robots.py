@@ -20,6 +20,7 @@ RANGES = {
     "follower": (2549, 2303, 2205, 2287, 3835, 1484),
 }
 LAG = 5
+SHARED = Path(__file__).parents[2] / "shared" / "data" / "so101"
 
 
 def percent(step: np.ndarray, ranges: tuple[int, ...]) -> np.ndarray:
@@ -142,6 +143,18 @@ def test_the_step_of_values_tells_the_ticks_of_their_range() -> None:
         some = rng.integers(1, count, 60)
         assert ticks(np.float32(some / count * 200 - 100).astype(float)) == count
     assert ticks(rng.uniform(-100, 100, 60)) is None, "values without a step tell nothing"
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the recordings of an arm are not beside this")
+def test_a_real_arm_has_ranges_that_differ_by_what_is_known_of_them() -> None:
+    data = np.genfromtxt(SHARED / "teleop_0.csv", delimiter=",", names=True)
+
+    def count(name: str) -> int:
+        return ticks(data[name]) or 0
+
+    lift = count("leader_shoulder_lift") / count("follower_shoulder_lift")
+    pan = count("leader_shoulder_pan") / count("follower_shoulder_pan")
+    assert lift == pytest.approx(1.06, abs=0.005) and pan == pytest.approx(1.025, abs=0.0005)
 
 
 def test_degrees_are_not_taken_for_percent(tmp_path: Path) -> None:

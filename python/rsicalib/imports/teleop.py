@@ -27,6 +27,9 @@ FULL = 100.0
 MOST_TICKS = 1 << 14
 """Encoders of such arms have 12 to 14 bits a turn."""
 
+TURN = 2 * np.pi / 4096
+"""What a tick turns where an encoder has 12 bits [rad]."""
+
 DEGREES = 4095.0
 """Steps of a turn where an arm writes degrees: 360° are so many."""
 
@@ -178,7 +181,10 @@ class Teleop:
         limits = f", range = [{-FULL:g}, {FULL:g}]" if unit == "percent" else ""
         out = [
             "# A follower that copies its leader, joint by joint. The leader is the reference.\n",
-            *(f"# {name}: {count} ticks in its range\n" for name, count in steps.items()),
+            *(
+                f"# {name}: {count} ticks in its range, {count * TURN / 200:.6g} rad a percent\n"
+                for name, count in steps.items()
+            ),
             'name = "leader and follower"\nlength_unit = "m"\nchannel = [\n',
         ]
         for joint in arms:
