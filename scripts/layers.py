@@ -72,6 +72,7 @@ PYTHON = (
 """Modules and folders of `python/rsicalib`, lowest first."""
 
 RUST = (
+    "text",
     "error",
     "numerics",
     "closures",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -17,7 +18,7 @@ ATTEMPTS = 3
 CHROMIUM = next(filter(None, map(shutil.which, NAMES)), None)
 
 needs_chromium = pytest.mark.skipif(
-    CHROMIUM is None, reason="chromium is not installed (Debian: apt install chromium)"
+    CHROMIUM is None, reason="no browser is installed (./check --browser fetches one)"
 )
 
 WATCH = """<script>window.wrong = [];
@@ -25,7 +26,7 @@ window.addEventListener("error", (e) => wrong.push(String(e.message)));
 </script>"""
 
 
-def look(page: str, probe: str, folder: Path, width: int = 1280) -> Any:
+def look(page: str, probe: str, folder: Path, width: int = 1280, fonts: Path | None = None) -> Any:
     """Open a page and return what a function of the page answers, and the errors of its scripts.
 
     Parameters
@@ -38,6 +39,8 @@ def look(page: str, probe: str, folder: Path, width: int = 1280) -> Any:
         For the file of the page.
     width : int
         Width of the window [px].
+    fonts : Path, optional
+        Folder with the only fonts that the browser has; those of the machine where not given.
 
     Returns
     -------
@@ -55,9 +58,14 @@ def look(page: str, probe: str, folder: Path, width: int = 1280) -> Any:
     command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
     command += [f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900"]
     command += ["--dump-dom", file.as_uri()]
+    env = dict(os.environ)
+    if fonts is not None:
+        conf, cache = folder / "fonts.conf", folder / "fonts-cache"
+        conf.write_text(f"<fontconfig><dir>{fonts}</dir><cachedir>{cache}</cachedir></fontconfig>")
+        env["FONTCONFIG_FILE"] = str(conf)
     # A browser that crashes says nothing of the page; one that crashes each time does.
     for _ in range(ATTEMPTS):
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=env)
         if done.returncode == 0:
             break
     found = re.search(r'<pre id="answer">(.*?)</pre>', done.stdout, flags=re.S)

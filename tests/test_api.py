@@ -224,7 +224,7 @@ def test_noise_is_declared_for_all_channels_or_by_name() -> None:
 
 @pytest.mark.parametrize(
     ("noise", "words"),
-    [({"a11": 1.0}, "none for 'a12'"), ({"b1": 1.0}, "no channel 'b1'"), (0.0, "above zero")],
+    [({"a11": 1.0}, "none for 'a12'"), ({"b1": 1.0}, "no channel 'b1'"), (0.0, "above 0")],
 )
 def test_noise_that_cannot_be_used_is_refused(noise: float | dict[str, float], words: str) -> None:
     with pytest.raises(InputError, match=words):

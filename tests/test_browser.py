@@ -111,6 +111,21 @@ def test_every_picture_is_drawn_at_every_width_without_a_script_error(
     assert found["images"] == 0  # the name of the device is text
 
 
+FAMILIES = sorted({path.parent for path in Path("/usr/share/fonts").rglob("*.ttf")})
+
+
+@pytest.mark.skipif(not FAMILIES, reason="no fonts in /usr/share/fonts")
+@pytest.mark.parametrize("fonts", FAMILIES[:4], ids=lambda folder: folder.name)
+def test_no_label_leaves_its_picture_in_any_font(
+    traced: Trace, tmp_path: Path, fonts: Path
+) -> None:
+    """The page cannot know how wide the letters of a reader's browser are."""
+    found, errors = look(traced.report(), PICTURES, tmp_path, 500, fonts)
+    assert errors == []
+    assert [s["figure"] for s in found["shown"] if not s["inside"]] == []
+    assert found["beyond"] <= 0
+
+
 @pytest.mark.parametrize(("family", "panels"), [("sockets", 2), ("gantry", 4)])
 def test_the_workspace_of_any_mechanism_is_drawn_on_a_phone(
     family: str, panels: int, tmp_path: Path

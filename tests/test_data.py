@@ -717,7 +717,7 @@ def test_the_published_hand_controllers_raise_no_suspicion(name):
 
 # A thousand malformed files
 
-NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 TEXTS = st.one_of(
     st.sampled_from(
         [

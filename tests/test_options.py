@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import inspect
 import math
 from collections.abc import Callable
 from typing import Any
@@ -24,22 +26,79 @@ def trace(**options: Any) -> Callable[[], Any]:
     return lambda: rsicalib.trace(READINGS, **options)
 
 
+def verbs() -> dict[str, Callable[..., Any]]:
+    """Public functions, and classes that take numbers when they are made."""
+    found: dict[str, Callable[..., Any]] = {}
+    for name in rsicalib.__all__:
+        one = getattr(rsicalib, name)
+        if inspect.isfunction(one):
+            found[name] = one
+        elif name == "Monitor":
+            found[name] = one.__init__
+    return found
+
+
+def numbers_of(verb: Callable[..., Any]) -> dict[str, str]:
+    """The arguments of a verb that are numbers, and their annotations."""
+    kinds = {n: str(p.annotation) for n, p in inspect.signature(verb).parameters.items()}
+    return {n: k for n, k in kinds.items() if k.removesuffix(" | None") in ("int", "float")}
+
+
+NO_NUMBERS = [10**400, -(10**30), math.nan, math.inf, "x", "١٢", True, [1], b"1", 1j, 1e308]
+
+
+@pytest.mark.parametrize("verb", [name for name, verb in verbs().items() if numbers_of(verb)])
+def test_no_verb_takes_what_is_no_number_of_its_own(verb: str) -> None:
+    call = verbs()[verb]
+    needed = [
+        n
+        for n, p in inspect.signature(call).parameters.items()
+        if p.default is inspect.Parameter.empty
+    ]
+    for name, kind in numbers_of(call).items():
+        bad: list[Any] = [*NO_NUMBERS, *([2.5] if "int" in kind else [])]
+        for value in [*bad, *([] if "None" in kind else [None])]:
+            # Numbers are checked before anything else: the other arguments are not looked at.
+            with pytest.raises(InputError) as caught:
+                call(**{**dict.fromkeys(needed), name: value})
+            assert name in str(caught.value) and "found" in str(caught.value)
+            assert len(str(caught.value)) < 200
+
+
+def test_no_option_of_the_command_takes_what_is_no_number_of_its_own() -> None:
+    parser = make_parser()
+    verbs_of = next(a for a in parser._actions if hasattr(a, "choices") and a.dest == "verb")
+    seen = 0
+    assert isinstance(verbs_of.choices, dict)
+    for name, verb in verbs_of.choices.items():
+        for action in verb._actions:
+            if action.type in (int, float):
+                raise AssertionError(f"{name} {action.option_strings}: no bounds")
+            if getattr(action.type, "__module__", "") != "rsicalib.options":
+                continue
+            seen += 1
+            for word in ("9" * 200, "1e999", "nan", "1_0", "١٢", "x" * 5000, "-3"):
+                with pytest.raises(argparse.ArgumentTypeError, match=r"found .* expected"):
+                    action.type(word)
+    assert seen >= 15
+
+
 VALUES: dict[str, tuple[Callable[[], Any], str]] = {
     "no terms": (calibrate(terms=[]), "terms: found none"),
     "no closures": (calibrate(closures=[]), "closures: found none"),
     "no groups": (calibrate(fit_groups=[]), "fit_groups: found none"),
-    "no noise": (calibrate(noise=0.0), "noise of a11: found 0, expected a number above zero"),
+    "no noise": (calibrate(noise=0.0), "noise: found 0.0, expected a number above 0"),
     "noise that is NaN": (calibrate(noise=math.nan), "found nan"),
     "infinite noise": (calibrate(noise={"a11": math.inf}), "found"),
     "no starts": (calibrate(starts=0), "starts: found 0, expected 1 to"),
     "no iterations": (calibrate(max_iterations=-1), "max_iterations: found -1"),
-    "no precision": (calibrate(xtol=0.0), "xtol: found 0, expected a number above 0"),
-    "xtol above 1": (calibrate(xtol=2.0), "option xtol: found 2"),
+    "no precision": (calibrate(xtol=0.0), "xtol: found 0.0, expected a number above 0"),
+    "xtol above 1": (calibrate(xtol=2.0), "xtol: found 2"),
     "an unknown method": (calibrate(method="guess"), "implicit_loop or algebraic"),
     "an unknown candidate": (trace(without=["nonsense"]), 'no term "nonsense"'),
     "no candidates": (trace(without=[]), "without: found none"),
-    "a level of 1": (trace(alpha=1.0), "option alpha: found 1; expected a probability"),
-    "a level that is NaN": (trace(alpha=math.nan), "option alpha: found NaN"),
+    "a level of 1": (trace(alpha=1.0), "alpha: found 1.0, expected a probability"),
+    "a level that is NaN": (trace(alpha=math.nan), "alpha: found nan"),
     "a negative seed": (trace(seed=-1), "seed: found -1, expected 0 to"),
     "a huge seed": (lambda: rsicalib.simulate(seed=2**70), "seed: found"),
     "no poses": (lambda: rsicalib.simulate(poses=0), "poses: found 0, expected 1 to"),

@@ -321,6 +321,20 @@ def check(
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
 
+def closing(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    values: Array,
+    covariance: Array | None = None,
+    *,
+    scale: Any = 1.0,
+    dof: Any = None,
+) -> Any:
+    """How the loops close under a result in readings of shape (n, channels): misclosure, root mean
+    square in units of length, and the probability of more by chance. None where the mechanism or
+    the result needs more than one row for that.
+    """
+
 def compared(
     mechanism: Mechanism, earlier: Sequence[Estimate], now: Sequence[Estimate]
 ) -> list[tuple[int, float, float, float, bool]]:

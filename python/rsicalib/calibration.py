@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
 from rsicalib.groups import measured
-from rsicalib.options import names, solver
+from rsicalib.options import checked, names
 from rsicalib.results import Calibration
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -22,6 +22,7 @@ from rsicalib.work.outcome import NOTHING, DateArg, about
 __all__ = ["calibrate"]
 
 
+@checked
 def calibrate(
     readings: SessionsArg,
     mechanism: MechanismArg = "rsi",
@@ -129,7 +130,9 @@ def calibrate(
         "method": method,
         "noise": job.noise(noise),
         "progress": listener(progress),
-        **solver(starts, max_iterations, xtol),
+        "starts": starts,
+        "max_iterations": max_iterations,
+        "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-from rsicalib.plain_text import printable
+from rsicalib.plain_text import printable, shortened
 
 __all__ = [
     "InputError",
     "InputTypeError",
+    "OpenLoopsWarning",
     "ResultError",
     "RsicalibError",
     "UndeterminedError",
@@ -62,7 +63,7 @@ class InputError(RsicalibError, ValueError):
     """
 
     def __init__(self, message: str, where: Where | None = None) -> None:
-        message = printable(message)
+        message = printable(shortened(message))
         super().__init__(message)
         self.message = message
         self.where = where
@@ -126,6 +127,10 @@ class ResultError(RsicalibError, ValueError):
         self.place = place
         self.found = found
         self.expected = expected
+
+
+class OpenLoopsWarning(UserWarning):
+    """The loops of readings do not close under the result that is applied to them."""
 
 
 class UndeterminedError(RsicalibError):

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib.records import Record
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, open_mechanism
@@ -96,6 +96,7 @@ class Identifiable(Tabular, Record):
         return "\n".join(lines)
 
 
+@options.checked
 def identifiable(
     mechanism: MechanismArg = "rsi", terms: Sequence[str] | None = None, *, seed: int = 0
 ) -> Identifiable:

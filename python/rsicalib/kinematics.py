@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError, InputTypeError
+from rsicalib.errors import InputError, InputTypeError, OpenLoopsWarning
 from rsicalib.places import Places, places, readings_for
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -16,6 +18,7 @@ from rsicalib.work.arguments import (
     earlier_result,
     open_mechanism,
 )
+from rsicalib.work.closing import open_loops
 
 __all__ = ["forward", "forward_sd", "inverse"]
 
@@ -51,6 +54,11 @@ def forward(
     ------
     InputError
         The mechanism has neither, or the result is not of this mechanism.
+
+    Warns
+    -----
+    OpenLoopsWarning
+        The loops of the readings do not close under the result: the poses are wrong.
 
     See Also
     --------
@@ -102,6 +110,10 @@ def _placed(
     result = None
     if calibration is not None:
         result, loaded = earlier_result(calibration, loaded)
+    if result is not None and not sd:
+        said = open_loops(one, loaded, result)
+        if said is not None:
+            warnings.warn(said, OpenLoopsWarning, stacklevel=3)
     return places(one, loaded, result, sd=sd)
 
 

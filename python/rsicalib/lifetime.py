@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.measures import parameters_of
+from rsicalib.plain_text import meant
 from rsicalib.report.past import Forecast, History, LeftOut, Past, Series
 from rsicalib.results import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -36,6 +37,7 @@ HORIZON_DAYS = 3650
 """Beyond ten years nothing is said."""
 
 
+@options.checked
 def history(
     folder: str | os.PathLike[str],
     mechanism: MechanismArg = "rsi",
@@ -68,10 +70,8 @@ def history(
         There is no such folder, or no result in it that can be used.
     """
     place = Path(folder)
-    if not place.is_dir():
+    if not os.path.isdir(place):
         raise InputError.at(str(folder), found="no such folder", expected="a folder of results")
-    if target is not None and not (np.isfinite(target) and target > 0.0):
-        raise InputError(f"target: found {target}, expected a length above zero")
     opened = open_mechanism(mechanism)
     read, left_out, opened = _read(place, opened)
     if not read:
@@ -85,8 +85,10 @@ def history(
         if result.device != chosen
     ]
     if not own:
-        known = ", ".join(sorted({_called(result.device) for _, result in read}))
-        raise InputError(f"device: found no result of {_called(chosen)}, expected one of {known}")
+        known = sorted({result.device or "" for _, result in read})
+        found = f"no result of {_called(chosen)}{meant(chosen or '', known)}"
+        expected = f"one of {', '.join(_called(name or None) for name in known)}"
+        raise InputError(f"device: found {found}, expected {expected}")
     own.sort(key=lambda one: _day(one[1]))
     lasting, session_only = _lasting([result for _, result in own], opened)
     series = [_series(key, own) for key in lasting]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib.errors import InputError
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.opening import import_log
@@ -213,6 +213,7 @@ class Monitor:
     ...     assert monitor.update(row) == []
     """
 
+    @options.checked
     def __init__(
         self,
         calibration: CalibrationArg,
@@ -224,7 +225,7 @@ class Monitor:
         applied = as_applied(result, self.mechanism)
         noise = result.noise
         assert noise is not None  # as_applied has refused it
-        self.false_alarms = _core.FALSE_ALARMS if false_alarms is None else float(false_alarms)
+        self.false_alarms = _core.FALSE_ALARMS if false_alarms is None else false_alarms
         covariance = covariance_of(result)
         if covariance is None:
             raise InputError("calibration: found no covariance, expected one of its parameters")

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+import difflib
+import re
 import unicodedata
+from collections.abc import Iterable
 
-__all__ = ["printable"]
+__all__ = ["encodable", "meant", "printable", "quoted", "shortened"]
+
+LINE = 40
+"""Longer values are cut in messages."""
+
+ESCAPED = ("utf-8", "backslashreplace")
+
+WORD = 160
+"""Words of messages that are longer are cut: paths may be long."""
+
+LONG = re.compile(r"""[^\s"']{2000,}|"[^"]{2000,}"|'[^']{2000,}'""".replace("2000", str(2 * WORD)))
 
 HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories of characters that act on a terminal, or that no one sees."""
@@ -21,6 +34,63 @@ def printable(text: str) -> str:
     if text.isascii() and text.replace("\n", "").replace("\t", "").isprintable():
         return text
     return "".join(_written(c) for c in text)
+
+
+def quoted(value: object) -> str:
+    """A value as a message shows it: as Python writes it, and no longer than a line.
+
+    Examples
+    --------
+    >>> quoted("x" * 1000)
+    "'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...' (1000 characters)"
+    """
+    if isinstance(value, str):
+        return (
+            repr(value)
+            if len(value) <= LINE
+            else f"{value[:37] + '...'!r} ({len(value)} characters)"
+        )
+    try:
+        shown = repr(value)
+    except Exception:  # of any class that a caller may have
+        return f"a {type(value).__name__}"
+    return shown if len(shown) <= 2 * LINE else f"{shown[:LINE]}... ({type(value).__name__})"
+
+
+def encodable(text: str) -> str:
+    r"""Text that UTF-8 can write: bytes of a name that are no text are written out.
+
+    Examples
+    --------
+    >>> encodable(b"caf\xe9".decode("utf-8", "surrogateescape"))
+    'caf\\xe9'
+    """
+    if text.isascii():
+        return text
+    data = text.encode("utf-8", "surrogateescape") if _bytes_in(text) else text.encode(*ESCAPED)
+    return data.decode("utf-8", "backslashreplace")
+
+
+def _bytes_in(text: str) -> bool:
+    """Whether all surrogates of a text stand for bytes."""
+    return all(not "\ud800" <= c <= "\udfff" or "\udc80" <= c <= "\udcff" for c in text)
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """The known name that may have been meant, in brackets; empty where none is near.
+
+    Examples
+    --------
+    >>> meant("calibarte", ["calibrate", "trace"])
+    " (did you mean 'calibrate'?)"
+    """
+    near = difflib.get_close_matches(name[:200], [k for k in known if k != name], 1, 0.7)
+    return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def shortened(message: str) -> str:
+    """A message whose long words, and long texts in quotation marks, are cut: no one reads them."""
+    return LONG.sub(lambda found: f"{found[0][:WORD]}... ({len(found[0])} characters)", message)
 
 
 def _written(character: str) -> str:

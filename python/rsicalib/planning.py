@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 
@@ -37,6 +36,7 @@ the joint coordinates averaged over the workspace (I-optimal), or the volume of 
 ellipsoid (D-optimal)."""
 
 
+@options.checked
 def bound(
     poses: npt.ArrayLike,
     mechanism: MechanismArg = "rsi",
@@ -79,6 +79,7 @@ def bound(
     return _bound(noise, _core.bound_at(opened, *parameters_of(calibration, opened), wanted, noise))
 
 
+@options.checked
 def plan(
     mechanism: MechanismArg = "rsi",
     poses: int | None = None,
@@ -155,8 +156,6 @@ def plan(
     if target is not None and (result is None or criterion not in (None, "platform")):
         found = "no result" if result is None else f"criterion {criterion!r}"
         raise InputError(f"target: found {found}, expected a result, and the criterion 'platform'")
-    if target is not None and not (math.isfinite(target) and target > 0.0):
-        raise InputError(f"target: found {target!r}, expected a length above 0")
     if poses is None:
         poses = USUAL if target is None else MOST
     if result is not None:
@@ -181,7 +180,7 @@ def plan(
         criterion=wanted,
         candidates=3000 if candidates is None else candidates,
         starts=starts,
-        seed=options.seed(seed),
+        seed=seed,
     )
     count = len(found_plan["poses"])
     return Plan(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import Device, Within, draw_poses
@@ -128,6 +128,7 @@ class Workspace(Tabular, Record):
         )
 
 
+@options.checked
 def workspace(
     calibration: CalibrationArg,
     mechanism: MechanismArg = "rsi",
@@ -179,8 +180,6 @@ def workspace(
     (50, 6)
     """
     opened = open_mechanism(mechanism)
-    if poses < 1:
-        raise InputError(f"poses: found {poses}, expected at least 1")
     values = opened.to_dict()
     if within is not None and not values.get("platform"):
         raise InputError(f"within: found {opened.name!r} without a platform, expected one")

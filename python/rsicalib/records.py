@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.labels import Labelled
+from rsicalib.plain_text import encodable
 
 __all__ = ["IF_KNOWN", "NOT_WRITTEN", "OMIT", "Record", "plain", "to_json"]
 
@@ -76,7 +77,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, Record):
         return value.to_dict()
     if isinstance(value, Mapping):
-        return {str(key): plain(v) for key, v in value.items()}
+        return {encodable(str(key)): plain(v) for key, v in value.items()}
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, list | tuple):
@@ -85,6 +86,8 @@ def plain(value: Any) -> Any:
         return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
+    if isinstance(value, str):
+        return encodable(value)
     return value
 
 

@@ -95,6 +95,7 @@ class Simulated:
         return write_folder(folder, files, seal=TRUTH, force=force)
 
 
+@options.checked
 def simulate(
     out: PathLike | None = None,
     mechanism: MechanismArg = "rsi",
@@ -147,12 +148,10 @@ def simulate(
     >>> made.readings.n_poses, len(made.readings)
     (30, 240)
     """
-    for name, value in (("poses", poses), ("samples", samples), ("check", check)):
-        options.whole(name, value, 1, options.MOST_ROWS)
     options.rows(poses + check, samples)
-    options.number("noise", noise, "a number of readings, 0 or more", least=0.0, open_end=False)
-    rng = np.random.default_rng(options.seed(seed))
+    rng = np.random.default_rng(seed)
     device = device or Device.drawn(open_mechanism(mechanism), rng)
+    options.noise_of(noise, device.mechanism.channels, "simulate.noise")
     _, exact = draw_poses(device, poses, rng, within=within)
     elsewhere, exact_check = draw_poses(device, check, rng, within=within)
     rest = None

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
 from rsicalib.groups import measured
-from rsicalib.options import names, solver
-from rsicalib.options import seed as check_seed
+from rsicalib.options import checked, names
 from rsicalib.results import Trace
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -23,6 +22,7 @@ from rsicalib.work.outcome import NOTHING, DateArg, about
 __all__ = ["trace"]
 
 
+@checked
 def trace(
     readings: SessionsArg,
     mechanism: MechanismArg = "rsi",
@@ -90,8 +90,6 @@ def trace(
     >>> [(step.klass, step.target) for step in found.steps]
     [('sensor', 'a22')]
     """
-    if seed is not None:
-        check_seed(seed)
     readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
     job.take(readings, fit_groups, hold_out_groups)
@@ -99,7 +97,9 @@ def trace(
         "closures": names("closures", closures),
         "noise": job.noise(noise),
         "progress": listener(progress),
-        **solver(starts, max_iterations, xtol),
+        "starts": starts,
+        "max_iterations": max_iterations,
+        "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
     known = job.known(check)

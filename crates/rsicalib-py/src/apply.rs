@@ -12,6 +12,7 @@ use rsicalib::model::Spec;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::observations::{PyTable, poses_of};
+use crate::threads::work;
 
 /// Term, target and place.
 type PySpec = (String, Option<String>, Option<String>);
@@ -74,11 +75,10 @@ pub fn places<'py>(
 ) -> PyResult<PyPlaces<'py>> {
     let (applied, table) = (applied.into(), table.table());
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
-    let found = py
-        .detach(|| {
-            rsicalib::apply::places::places(&mechanism.0, &applied, covariance.as_deref(), table)
-        })
-        .map_err(PyError::from)?;
+    let found = work(py, || {
+        rsicalib::apply::places::places(&mechanism.0, &applied, covariance.as_deref(), table)
+    })?
+    .map_err(PyError::from)?;
     let columns = found.names.len();
     let matrix = |values: Vec<f64>| {
         let rows = values.len() / columns.max(1);
@@ -100,9 +100,9 @@ pub fn spread(
     groups: Option<Vec<String>>,
 ) -> PyResult<Vec<(String, f64)>> {
     let (applied, table) = (applied.into(), table.table());
-    let found = py.detach(|| {
+    let found = work(py, || {
         rsicalib::apply::groups::spread(&mechanism.0, &applied, &table, groups.as_deref())
-    });
+    })?;
     Ok(found.map_err(PyError::from)?)
 }
 
@@ -116,7 +116,7 @@ pub fn exported<'py>(
 ) -> PyResult<(PyMechanism, Bound<'py, PyAny>, Vec<String>)> {
     let applied = applied.into();
     let Exported { mechanism, tips, notes } =
-        py.detach(|| export::exported(&mechanism.0, &applied)).map_err(PyError::from)?;
+        work(py, || export::exported(&mechanism.0, &applied))?.map_err(PyError::from)?;
     let tips: std::collections::BTreeMap<_, _> = tips.into_iter().collect();
     let notes = notes.iter().map(ToString::to_string).collect();
     Ok((mechanism.into(), pythonize(py, &tips)?, notes))
@@ -128,9 +128,10 @@ pub fn calibrated_sensors(
     py: Python<'_>,
     mechanism: &PyMechanism,
     applied: PyApplied,
-) -> Result<PyMechanism, PyError> {
+) -> PyResult<PyMechanism> {
     let applied = applied.into();
-    Ok(py.detach(|| export::with_sensors(&mechanism.0, &applied))?.into())
+    let found = work(py, || export::with_sensors(&mechanism.0, &applied))?;
+    Ok(found.map_err(PyError::from)?.into())
 }
 
 /// The terms of a result that a later session is identified with: `curvature@a22`, each once.
@@ -180,8 +181,7 @@ pub fn check<'py>(
     align: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (applied, table, poses) = (applied.into(), table.table(), poses_of(&poses));
-    let found = py
-        .detach(|| earlier::check(&mechanism.0, &applied, &table, &poses, align))
+    let found = work(py, || earlier::check(&mechanism.0, &applied, &table, &poses, align))?
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
 }
@@ -195,8 +195,7 @@ pub fn fixture<'py>(
     poses: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (table, poses) = (table.table(), poses_of(&poses));
-    let found = py
-        .detach(|| rsicalib::apply::fixture::fixture(&mechanism.0, &table, &poses))
+    let found = work(py, || rsicalib::apply::fixture::fixture(&mechanism.0, &table, &poses))?
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
 }

@@ -17,6 +17,7 @@ use crate::error::PyError;
 use crate::experiments::{flat, six, vector};
 use crate::mechanism::PyMechanism;
 use crate::observations::PyObservations;
+use crate::threads::work;
 
 /// Counts what readings of a mechanism can and cannot tell.
 ///
@@ -29,11 +30,10 @@ pub fn identifiable<'py>(
     terms: Option<Vec<String>>,
     seed: i64,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let found: Identifiable = py
-        .detach(|| {
-            identifiability::identifiable(&mechanism.0, Counting::of(terms), seed.cast_unsigned())
-        })
-        .map_err(PyError::from)?;
+    let found: Identifiable = work(py, || {
+        identifiability::identifiable(&mechanism.0, Counting::of(terms), seed.cast_unsigned())
+    })?
+    .map_err(PyError::from)?;
     let out = PyDict::new(py);
     let terms = found.terms.iter().map(|c| (c.term, c.parameters, c.alone, c.beside));
     out.set_item("model", found.model.name())?;
@@ -79,8 +79,7 @@ pub fn plan<'py>(
         noise,
     };
     let (offsets, gains) = (vector(&offsets), vector(&gains));
-    let found = py
-        .detach(|| planning::plan(&mechanism.0, &offsets, &gains, &options))
+    let found = work(py, || planning::plan(&mechanism.0, &offsets, &gains, &options))?
         .map_err(PyError::from)?;
     let (n, channels) = (found.poses.len(), mechanism.0.channels.len());
     let poses = PyArray1::from_iter(py, found.poses.into_iter().flatten());
@@ -104,9 +103,9 @@ pub fn bound_at<'py>(
     noise: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (offsets, gains, poses) = (vector(&offsets), vector(&gains), six(&poses)?);
-    let found: information::Bound = py
-        .detach(|| planning::bound(&mechanism.0, &offsets, &gains, &poses, noise))
-        .map_err(PyError::from)?;
+    let found: information::Bound =
+        work(py, || planning::bound(&mechanism.0, &offsets, &gains, &poses, noise))?
+            .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
 }
 
@@ -163,8 +162,7 @@ pub fn further<'py>(
             *weight = 0.0;
         }
     }
-    let found = py
-        .detach(|| planning_further::further(&observations, &rivals, &options))
+    let found = work(py, || planning_further::further(&observations, &rivals, &options))?
         .map_err(PyError::from)?;
     let (n, channels) = (found.waits.len(), observations.mechanism.channels.len());
     let out = PyDict::new(py);

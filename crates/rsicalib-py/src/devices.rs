@@ -15,6 +15,7 @@ use rsicalib::report::device::{DeviceOptions, DeviceReport, report};
 
 use crate::mechanism::PyMechanism;
 use crate::observations::{PyTable, fit_options};
+use crate::threads::work;
 
 /// Readings of one device: a table, and readings of its rest pose.
 type Readings = (Table, Option<Vec<f64>>);
@@ -49,9 +50,9 @@ pub fn calibrate_devices<'py>(
     let fit = fit_options(terms, closures, None, noise)?;
     let options = DeviceOptions { trace: trace.then(SearchOptions::default), held_out };
     let mechanism = mechanism.0.clone();
-    let found: Vec<Outcome> = py.detach(|| {
+    let found: Vec<Outcome> = work(py, || {
         readings.into_iter().map(|one| calibrate(&mechanism, one, &fit, &options)).collect()
-    });
+    })?;
     columns(py, &found, held_out)
 }
 

@@ -19,6 +19,7 @@ use serde::Serialize;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
+use crate::threads::work;
 
 /// Offsets, gains, `½ fᵀf`, linearisations, termination.
 type Minimum<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64, usize, String);
@@ -77,9 +78,9 @@ pub fn minimize<'py>(
     let mut options = lm::SolverOptions::default();
     options.xtol = xtol.unwrap_or(options.xtol);
     options.max_iterations = max_iterations.unwrap_or(options.max_iterations);
-    let found = py
-        .detach(|| paper(mechanism, &counts, closures)?.minimize(&offsets, &gains, &options))
-        .map_err(PyError::from)?;
+    let found =
+        work(py, || paper(mechanism, &counts, closures)?.minimize(&offsets, &gains, &options))?
+            .map_err(PyError::from)?;
     Ok((
         PyArray1::from_vec(py, found.offsets),
         PyArray1::from_vec(py, found.gains),
@@ -146,13 +147,12 @@ pub fn observability<'py>(
     let scaling = Scaling::find(scaling).map_err(PyError::from)?;
     let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (counts, offsets, gains) = (flat(&counts), vector(&offsets), vector(&gains));
-    let found = py
-        .detach(|| {
-            rsicalib::design::observability::observability(
-                &mechanism, &counts, &offsets, &gains, scaling,
-            )
-        })
-        .map_err(PyError::from)?;
+    let found = work(py, || {
+        rsicalib::design::observability::observability(
+            &mechanism, &counts, &offsets, &gains, scaling,
+        )
+    })?
+    .map_err(PyError::from)?;
     let words = |all: &[Direction]| all.iter().map(words::direction).collect();
     let view = ObservabilityView {
         singular_values: &found.singular_values,
@@ -177,12 +177,11 @@ pub fn readings_at<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (poses, offsets, gains) = (six(&poses)?, vector(&offsets), vector(&gains));
     let channels = mechanism.0.channels.len();
-    let found: Vec<Option<Vec<f64>>> = py
-        .detach(|| {
-            let at = |pose| reach::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
-            poses.iter().map(at).collect::<Result<_, _>>()
-        })
-        .map_err(PyError::from)?;
+    let found: Vec<Option<Vec<f64>>> = work(py, || {
+        let at = |pose| reach::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
+        poses.iter().map(at).collect::<Result<_, _>>()
+    })?
+    .map_err(PyError::from)?;
     let nothing = vec![f64::NAN; channels];
     let rows = found.iter().flat_map(|row| row.as_ref().unwrap_or(&nothing)).copied().collect();
     PyArray1::from_vec(py, rows).reshape([poses.len(), channels])
@@ -199,8 +198,7 @@ pub fn within_limits<'py>(
     seed: i64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let channels = mechanism.0.channels.len();
-    let found = py
-        .detach(|| configurations(&mechanism.0, count, seed.cast_unsigned()))
+    let found = work(py, || configurations(&mechanism.0, count, seed.cast_unsigned()))?
         .map_err(PyError::from)?;
     let rows = found.len() / channels.max(1);
     PyArray1::from_vec(py, found).reshape([rows, channels])
@@ -220,10 +218,13 @@ pub fn bound<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
-    let poses = Candidates::new(&mechanism, flat(&counts), &offsets, &gains, &sigma)
-        .map_err(PyError::from)?;
-    let all: Vec<usize> = (0..poses.len()).collect();
-    Ok(pythonize(py, &poses.bound(&all))?)
+    let counts = flat(&counts);
+    let found = work(py, || {
+        let poses = Candidates::new(&mechanism, counts, &offsets, &gains, &sigma)?;
+        let all: Vec<usize> = (0..poses.len()).collect();
+        Ok::<_, rsicalib::Error>(poses.bound(&all))
+    })?;
+    Ok(pythonize(py, &found.map_err(PyError::from)?)?)
 }
 
 /// Means of samples of exact readings of shape (n, channels), with noise `sigma` [readings], rounded to
@@ -238,17 +239,10 @@ pub fn means_of_samples<'py>(
     seed: u64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (shape, exact) = (exact.as_array().dim(), flat(&exact));
-    let means = py
-        .detach(|| {
-            rsicalib::readings::sampled::means_of_samples(
-                &mechanism.0,
-                &exact,
-                sigma,
-                samples,
-                seed,
-            )
-        })
-        .map_err(PyError::from)?;
+    let means = work(py, || {
+        rsicalib::readings::sampled::means_of_samples(&mechanism.0, &exact, sigma, samples, seed)
+    })?
+    .map_err(PyError::from)?;
     PyArray1::from_vec(py, means).reshape([shape.0, shape.1])
 }
 

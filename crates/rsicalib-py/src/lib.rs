@@ -11,6 +11,7 @@ mod mechanism;
 mod monitor;
 mod numbers;
 mod observations;
+mod threads;
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -77,6 +78,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(faults::steps, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
+    module.add_function(wrap_pyfunction!(monitor::closing, module)?)?;
     module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
 }

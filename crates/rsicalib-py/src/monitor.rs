@@ -5,11 +5,13 @@ use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
 use pythonize::pythonize;
 use rsicalib::Error;
+use rsicalib::monitor::closing::closing as closes;
 use rsicalib::monitor::{Alarm, Monitor, MonitorOptions, Quiet};
 
 use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
+use crate::threads::work;
 
 /// A calibrated mechanism that is watched at work.
 #[pyclass(name = "Monitor", module = "rsicalib._core")]
@@ -28,6 +30,7 @@ impl PyMonitor {
     #[pyo3(signature = (mechanism, applied, covariance, *, false_alarms=None, dof=None,
                         correlation=0.0, interval=None))]
     fn new(
+        py: Python<'_>,
         mechanism: &PyMechanism,
         applied: PyApplied,
         covariance: PyReadonlyArray2<'_, f64>,
@@ -35,13 +38,14 @@ impl PyMonitor {
         dof: Option<f64>,
         correlation: f64,
         interval: Option<f64>,
-    ) -> Result<Self, PyError> {
+    ) -> PyResult<Self> {
         let covariance: Vec<f64> = covariance.as_array().iter().copied().collect();
         let mut options = MonitorOptions::default();
         options.false_alarms = false_alarms.unwrap_or(options.false_alarms);
         options.quiet = Quiet { dof, correlation, interval };
         let applied = applied.into();
-        let monitor = Monitor::new(&mechanism.0, &applied, &covariance, &options)?;
+        let monitor = work(py, || Monitor::new(&mechanism.0, &applied, &covariance, &options))?
+            .map_err(PyError::from)?;
         Ok(Self { monitor, channels: mechanism.0.channels.len() })
     }
 
@@ -58,7 +62,8 @@ impl PyMonitor {
         if found != expected {
             return Err(PyError::from(shape(found, expected)).into());
         }
-        let alarms = self.monitor.update(readings.as_slice()?, time);
+        let row = readings.as_slice()?;
+        let alarms = work(py, || self.monitor.update(row, time).to_vec())?;
         alarms.iter().map(|alarm| plain(py, alarm)).collect()
     }
 
@@ -76,9 +81,9 @@ impl PyMonitor {
         }
         let values = readings.as_slice()?;
         let times = times.as_ref().map(|t| t.as_slice()).transpose()?;
-        let alarms: Vec<Alarm> = py
-            .detach(|| self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))
-            .map_err(PyError::from)?;
+        let alarms: Vec<Alarm> =
+            work(py, || self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))?
+                .map_err(PyError::from)?;
         alarms.iter().map(|alarm| plain(py, alarm)).collect()
     }
 
@@ -97,6 +102,32 @@ impl PyMonitor {
     #[getter]
     fn interval(&self) -> Option<f64> {
         self.monitor.interval()
+    }
+}
+
+/// How the loops close under a result in readings of shape (n, channels): misclosure, root mean
+/// square in units of length, and the probability of more by chance. None where the mechanism or
+/// the result needs more than one row for that.
+#[pyfunction]
+#[pyo3(signature = (mechanism, applied, values, covariance=None, *, scale=1.0, dof=None))]
+pub fn closing(
+    py: Python<'_>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+    values: PyReadonlyArray2<'_, f64>,
+    covariance: Option<PyReadonlyArray2<'_, f64>>,
+    scale: f64,
+    dof: Option<f64>,
+) -> PyResult<Option<(f64, f64)>> {
+    let values: Vec<f64> = values.as_array().iter().copied().collect();
+    let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
+    let applied = applied.into();
+    let found =
+        work(py, || closes(&mechanism.0, &applied, covariance.as_deref(), &values, scale, dof))?;
+    match found {
+        Ok(found) => Ok(Some((found.rms_misclosure, found.p_value))),
+        Err(Error::Missing { .. } | Error::Context { .. }) => Ok(None),
+        Err(error) => Err(PyError::from(error).into()),
     }
 }
 

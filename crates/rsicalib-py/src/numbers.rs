@@ -3,6 +3,8 @@
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 
+use crate::threads::work;
+
 /// Columns of a text that is a plain table of numbers from byte `first` on; None on any doubt.
 #[pyfunction]
 pub fn plain_numbers<'py>(
@@ -10,8 +12,8 @@ pub fn plain_numbers<'py>(
     data: &[u8],
     first: usize,
     columns: usize,
-) -> Option<Vec<Bound<'py, PyArray1<f64>>>> {
-    let body = data.get(first..)?;
-    let found = py.detach(|| rsicalib::readings::plain::plain_numbers(body, columns))?;
-    Some(found.into_iter().map(|column| column.into_pyarray(py)).collect())
+) -> PyResult<Option<Vec<Bound<'py, PyArray1<f64>>>>> {
+    let Some(body) = data.get(first..) else { return Ok(None) };
+    let found = work(py, || rsicalib::readings::plain::plain_numbers(body, columns))?;
+    Ok(found.map(|all| all.into_iter().map(|column| column.into_pyarray(py)).collect()))
 }

@@ -27,6 +27,7 @@ use serde::Serialize;
 use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
+use crate::threads::work;
 
 /// Readings of one mechanism, with what is known beside them.
 #[pyclass(frozen, skip_from_py_object, name = "Session", module = "rsicalib._core")]
@@ -153,6 +154,7 @@ impl PyObservations {
                         noise=None, starts=None, max_iterations=None, xtol=None, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new(
+        py: Python<'_>,
         mechanism: &PyMechanism,
         table: PyTable<'_>,
         rest: Option<PyReadonlyArray2<'_, f64>>,
@@ -164,8 +166,8 @@ impl PyObservations {
         max_iterations: Option<usize>,
         xtol: Option<f64>,
         progress: Option<Py<PyAny>>,
-    ) -> Result<Self, PyError> {
-        let mut options = fit_options(terms, closures, method, noise)?;
+    ) -> PyResult<Self> {
+        let mut options = fit_options(terms, closures, method, noise).map_err(PyError::from)?;
         options.starts = starts.unwrap_or(options.starts);
         options.lm.max_iterations = max_iterations.unwrap_or(options.lm.max_iterations);
         options.lm.xtol = xtol.unwrap_or(options.lm.xtol);
@@ -174,7 +176,9 @@ impl PyObservations {
             options.progress = listener.progress();
         }
         let rest = rest.map(|r| r.as_array().iter().copied().collect());
-        let observations = Observations::new(&mechanism.0, table.table(), rest, options)?;
+        let table = table.table();
+        let observations = work(py, || Observations::new(&mechanism.0, table, rest, options))?
+            .map_err(PyError::from)?;
         Ok(Self { observations: Arc::new(observations), listener })
     }
 
@@ -196,13 +200,12 @@ impl PyObservations {
     /// What effects would do in these poses: `supposed` as in `curvature@a22.c2=0.02`.
     fn suppose<'py>(&self, py: Python<'py>, supposed: Vec<String>) -> PyResult<Bound<'py, PyAny>> {
         let session = Arc::clone(&self.observations);
-        let found = py
-            .detach(|| {
-                let all: Result<Vec<Supposed>, _> =
-                    supposed.iter().map(|text| Supposed::parse(text)).collect();
-                rsicalib::design::suppose::suppose(&session, &all?)
-            })
-            .map_err(PyError::from)?;
+        let found = work(py, || {
+            let all: Result<Vec<Supposed>, _> =
+                supposed.iter().map(|text| Supposed::parse(text)).collect();
+            rsicalib::design::suppose::suppose(&session, &all?)
+        })?
+        .map_err(PyError::from)?;
         Ok(pythonize(py, &found)?)
     }
 
@@ -225,7 +228,7 @@ impl PyObservations {
         };
         let session = Arc::clone(&self.observations);
         let found =
-            py.detach(|| rsicalib::report::traced::traced(&session, &search, known.as_ref()));
+            work(py, || rsicalib::report::traced::traced(&session, &search, known.as_ref()))?;
         self.heard()?;
         let (report, traced) = found.map_err(PyError::from)?;
         let equations = traced.last.residuals.equations;
@@ -248,7 +251,7 @@ impl PyObservations {
     ) -> PyResult<Calibration<'py>> {
         let observations = Arc::clone(&self.observations);
         let known = known(check, align);
-        let found = py.detach(|| calibrated::report(&observations, known.as_ref()));
+        let found = work(py, || calibrated::report(&observations, known.as_ref()))?;
         self.heard()?;
         let (report, calibrated) = found.map_err(PyError::from)?;
         let with = calibrated.with.map(|fit| PyFit { observations, fit: Arc::new(fit) });
@@ -264,8 +267,7 @@ impl PyObservations {
     /// Fits the terms that the options ask for.
     fn fit(&self, py: Python<'_>) -> PyResult<PyFit> {
         let session = Arc::clone(&self.observations);
-        let fit = py
-            .detach(|| session.instances().and_then(|i| rsicalib::fit(&session, i, None)))
+        let fit = work(py, || session.instances().and_then(|i| rsicalib::fit(&session, i, None)))?
             .map_err(PyError::from)?;
         Ok(PyFit { observations: session, fit: Arc::new(fit) })
     }
@@ -306,14 +308,13 @@ pub struct PyEvidenceSource(Found);
 impl PyEvidenceSource {
     /// The evidence in the shape of its schema.
     fn gather<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let found = py
-            .detach(|| match &self.0 {
-                Found::Traced(traced) => gather::of_trace(traced),
-                Found::Calibrated(observations, fit, excluded) => {
-                    gather::of_calibration(observations, fit, excluded)
-                }
-            })
-            .map_err(PyError::from)?;
+        let found = work(py, || match &self.0 {
+            Found::Traced(traced) => gather::of_trace(traced),
+            Found::Calibrated(observations, fit, excluded) => {
+                gather::of_calibration(observations, fit, excluded)
+            }
+        })?
+        .map_err(PyError::from)?;
         Ok(pythonize(py, &found)?)
     }
 
@@ -348,12 +349,14 @@ struct FitView {
 impl PyFit {
     /// The fit in the shape of the JSON.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let directions = directions(&self.observations, &self.fit);
-        let view = FitView {
-            fit: FitReport::of(&self.fit),
-            warnings: result::warnings(&self.observations, &self.fit, &self.fit),
-            estimates: estimates(&self.observations, &self.fit, &directions),
-        };
+        let view = work(py, || {
+            let directions = directions(&self.observations, &self.fit);
+            FitView {
+                fit: FitReport::of(&self.fit),
+                warnings: result::warnings(&self.observations, &self.fit, &self.fit),
+                estimates: estimates(&self.observations, &self.fit, &directions),
+            }
+        })?;
         Ok(pythonize(py, &view)?)
     }
 
@@ -368,16 +371,12 @@ impl PyFit {
         let covariance: Option<Vec<f64>> =
             covariance.map(|c| c.as_array().iter().copied().collect());
         let (applied, noise) = (applied.into(), &self.fit.noise);
-        let found = py
-            .detach(|| {
-                let judged = Judged {
-                    noise: self.fit.assumed(),
-                    inflation: noise.inflation,
-                    dof: noise.dof,
-                };
-                compare(&applied, covariance.as_deref(), &self.observations, &judged)
-            })
-            .map_err(PyError::from)?;
+        let found = work(py, || {
+            let judged =
+                Judged { noise: self.fit.assumed(), inflation: noise.inflation, dof: noise.dof };
+            compare(&applied, covariance.as_deref(), &self.observations, &judged)
+        })?
+        .map_err(PyError::from)?;
         Ok(pythonize(py, &found)?)
     }
 
@@ -403,9 +402,10 @@ impl PyFit {
         align: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (table, poses) = (table.table(), poses_of(&poses));
-        let check =
+        let check = work(py, || {
             rsicalib::apply::check::check(&self.observations, &self.fit, &table, &poses, align)
-                .map_err(PyError::from)?;
+        })?
+        .map_err(PyError::from)?;
         Ok(pythonize(py, &check)?)
     }
 
@@ -415,25 +415,32 @@ impl PyFit {
         py: Python<'py>,
         table: PyTable<'_>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let poses = rsicalib::apply::poses::platform_poses(
-            &self.observations,
-            &self.fit,
-            &self.fit.beta,
-            table.table(),
-        )
+        let table = table.table();
+        let poses = work(py, || {
+            let beta = &self.fit.beta;
+            rsicalib::apply::poses::platform_poses(&self.observations, &self.fit, beta, table)
+        })?
         .map_err(PyError::from)?;
         let flat: Vec<f64> = poses.iter().flatten().copied().collect();
         PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
     }
 
     /// Platform pose of every row and its standard deviations: shapes (n, 6).
-    fn forward_with_sd(&self, table: PyTable<'_>) -> Result<Uncertain, PyError> {
-        Ok(rsicalib::apply::poses::poses_with_sd(&self.observations, &self.fit, table.table())?)
+    fn forward_with_sd(&self, py: Python<'_>, table: PyTable<'_>) -> PyResult<Uncertain> {
+        let table = table.table();
+        let found = work(py, || {
+            rsicalib::apply::poses::poses_with_sd(&self.observations, &self.fit, table)
+        })?;
+        Ok(found.map_err(PyError::from)?)
     }
 
     /// Where the chains carry their points: shape (points, n, 3).
-    fn carried_points(&self, table: PyTable<'_>) -> Result<Vec<Vec<[f64; 3]>>, PyError> {
-        Ok(rsicalib::apply::poses::carried_points(&self.observations, &self.fit, table.table())?)
+    fn carried_points(&self, py: Python<'_>, table: PyTable<'_>) -> PyResult<Vec<Vec<[f64; 3]>>> {
+        let table = table.table();
+        let found = work(py, || {
+            rsicalib::apply::poses::carried_points(&self.observations, &self.fit, table)
+        })?;
+        Ok(found.map_err(PyError::from)?)
     }
 
     /// Whitened residuals: shape (samples, equations), standard normal if the model is right.

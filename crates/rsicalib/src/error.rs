@@ -1,5 +1,7 @@
 //! The errors of this crate.
 
+use crate::text::{meant, quoted};
+
 /// Input from which no answer can be computed.
 ///
 /// The message says what was found and what was needed. A solver that runs out of
@@ -62,7 +64,7 @@ pub enum Error {
     #[error("no readings: {0}")]
     Empty(String),
     /// An unknown name.
-    #[error("there is no {kind} {found:?}; there are {known}")]
+    #[error("there is no {kind} {}{}; there are {known}", quoted(found), meant(found, known))]
     Unknown {
         /// The kind of name: term, channel, target, ...
         kind: &'static str,

@@ -82,6 +82,7 @@
 extern crate self as rsicalib; // the tests' devices name the crate as users do
 
 mod error;
+mod text;
 
 // Layers: each uses those above it and none below.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from rsicalib import _core, options
+from rsicalib import _core
 from rsicalib.cli.completion import SHELLS
 from rsicalib.cli.verbs import (
     Args,
@@ -35,6 +35,8 @@ from rsicalib.errors import InputError
 from rsicalib.exports.kinds import EXPORTS
 from rsicalib.imports.asked import HOLD
 from rsicalib.imports.kinds import KINDS
+from rsicalib.options import NUMBERS, parsed
+from rsicalib.plain_text import meant, quoted
 
 __all__ = ["make_parser"]
 
@@ -42,6 +44,26 @@ __all__ = ["make_parser"]
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message}. See `{self.prog} --help`.")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse what is no choice, with the one that may have been meant."""
+        if action.choices is not None and value not in action.choices:
+            known = [str(choice) for choice in action.choices]
+            found = f"found {quoted(value)}{meant(str(value), known)}"
+            raise argparse.ArgumentError(action, f"{found}, expected one of {', '.join(known)}")
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse all words; one that is no option is refused with the one that may be meant."""
+        found, rest = self.parse_known_args(args, namespace)
+        if rest:
+            word = rest[0].split("=", 1)[0]
+            verbs = next(a for a in self._actions if isinstance(a, argparse._SubParsersAction))
+            verb = verbs.choices[found.verb]
+            known = [option for action in verb._actions for option in action.option_strings]
+            verb.error(
+                f"found {quoted(word)}{meant(word, known)}, expected an option of {found.verb}"
+            )
+        return found
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print help; argparse's own would hide that standard output is full."""
@@ -75,22 +97,18 @@ def _numbers(text: str) -> list[int]:
 
 
 def _noise(text: str) -> float | dict[str, float]:
+    one: Callable[[str], float] = parsed("noise")
     try:
         if "=" not in text:
-            return float(text)
+            return one(text)
         pairs = (item.split("=", 1) for item in _names(text))
-        return {name.strip(): float(value) for name, value in pairs}
-    except ValueError:
-        expected = "a number, or a11=1.2,a12=1.1,…"
-        raise argparse.ArgumentTypeError(f"found {text!r}, expected {expected}") from None
+        return {name.strip(): one(value.strip()) for name, value in pairs}
+    except (ValueError, argparse.ArgumentTypeError):
+        expected = f"{NUMBERS['noise'].expected}, or a11=1.2,a12=1.1,…"
+        raise argparse.ArgumentTypeError(f"found {quoted(text)}, expected {expected}") from None
 
 
-def _seed(text: str) -> int:
-    expected = f"an integer from 0 to {options.LARGEST_SEED}"
-    try:
-        return options.seed(int(text))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"found {text!r}, expected {expected}") from None
+_seed = parsed("seed")
 
 
 def _folder(text: str) -> Path:
@@ -188,25 +206,37 @@ def make_parser() -> argparse.ArgumentParser:
     sub = verb(simulate)
     sub.add_argument("out", metavar="OUT", type=_folder, help="folder for the files")
     _add_mechanism(sub)
-    sub.add_argument("--poses", type=int, default=48, help="held poses (48)")
-    sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
-    sub.add_argument("--noise", type=float, default=1.0, help="of one sample, in readings (1)")
-    sub.add_argument("--check-poses", type=int, default=20, help="other poses, known (20)")
+    sub.add_argument("--poses", type=parsed("poses"), default=48, help="held poses (48)")
+    sub.add_argument("--samples", type=parsed("samples"), default=8, help="of each pose (8)")
+    sub.add_argument(
+        "--noise",
+        type=parsed("simulate.noise"),
+        default=1.0,
+        help="of one sample, in readings (1)",
+    )
+    sub.add_argument(
+        "--check-poses", type=parsed("check"), default=20, help="other poses, known (20)"
+    )
     sub.add_argument("--seed", type=_seed, default=0, help="same seed, same files (0)")
     _add_force(sub)
 
     sub = verb(plan)
     _add_mechanism(sub)
     words = "how many to visit (12; with --target at most 64)"
-    sub.add_argument("--poses", type=int, default=None, help=words)
+    sub.add_argument("--poses", type=parsed("plan.poses"), default=None, help=words)
     words = "as few poses as bring the platform to this standard deviation, beside a result"
-    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
+    sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
     sub.add_argument(
         "--result", metavar="FILE", help="what the poses complement: result.json of a trace"
     )
     words = "poses that are visited already; with --result its readings"
     sub.add_argument("--beside", metavar="READINGS", nargs="+", help=words)
-    sub.add_argument("--noise", type=float, default=1.0, help="of one reading, for the bound (1)")
+    sub.add_argument(
+        "--noise",
+        type=parsed("noise"),
+        default=1.0,
+        help="of one reading, for the bound (1)",
+    )
     words = "what is made small; decide where the result leaves something open, else platform"
     sub.add_argument("--criterion", choices=_core.CRITERIA, help=words)
     words = "readings of poses that are struck off: rows of a plan will do"
@@ -229,7 +259,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--no-trace", dest="trace", action="store_false", help=words)
     words = "add the error on poses that are left out in turn"
     sub.add_argument("--held-out", action="store_true", help=words)
-    sub.add_argument("--workers", type=int, help="threads; all cores where not given")
+    sub.add_argument("--workers", type=parsed("workers"), help="threads; all cores where not given")
     sub.add_argument("--dask", metavar="ADDRESS", help="the workers of this scheduler compute")
     words = "keep the rows of devices whose readings are the same"
     sub.add_argument("--resume", action="store_true", help=words)
@@ -242,16 +272,16 @@ def make_parser() -> argparse.ArgumentParser:
     words = "samples.csv, readings.csv, held_out.csv and result.json grow there"
     sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
     words = "standard deviation of the platform to reach; a hundredth of the travel where not given"
-    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
+    sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
     words = "where samples come from, as CSV: standard input (-), a file that grows, a command"
     sub.add_argument("--source", metavar="-|FILE|COMMAND", default="-", help=words)
     sub.add_argument("--resume", action="store_true", help="go on with the session in --out")
     words = "of the page, on this machine alone; a free one where not given"
-    sub.add_argument("--port", type=int, default=0, help=words)
+    sub.add_argument("--port", type=parsed("port"), default=0, help=words)
     sub.add_argument("--no-browser", action="store_true", help="do not open the page")
-    sub.add_argument("--samples", type=int, default=8, help="of each pose (8)")
+    sub.add_argument("--samples", type=parsed("guide.samples"), default=8, help="of each pose (8)")
     words = "for which a pose is held (0.6)"
-    sub.add_argument("--seconds", type=float, default=0.6, help=words)
+    sub.add_argument("--seconds", type=parsed("seconds"), default=0.6, help=words)
     sub.add_argument("--seed", type=_seed, default=0, help="of the candidates (0)")
 
     sub = verb(watch)
@@ -267,7 +297,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_mechanism(sub)
     sub.add_argument("--device", metavar="NAME", help="whose results; else of the most frequent")
     words = "error of the platform's position that is too much, in units of length"
-    sub.add_argument("--target", metavar="LENGTH", type=float, help=words)
+    sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
     words = "write history.json, history.txt and history.html there"
     sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
     _add_force(sub)
@@ -292,9 +322,9 @@ def make_parser() -> argparse.ArgumentParser:
 
     sub = verb(paper)
     words = "of every simulated cell (1000)"
-    sub.add_argument("--trials", type=int, default=1000, help=words)
+    sub.add_argument("--trials", type=parsed("trials"), default=1000, help=words)
     sub.add_argument("--seed", type=_seed, default=1995, help="same seed, same figures (1995)")
-    sub.add_argument("--workers", type=int, help="threads; all cores where not given")
+    sub.add_argument("--workers", type=parsed("workers"), help="threads; all cores where not given")
     sub.add_argument(
         "--out", metavar="DIR", type=_folder, help="write paper.json, paper.txt and paper.html"
     )
@@ -334,8 +364,8 @@ def make_parser() -> argparse.ArgumentParser:
     words = "of ROS: only rows under a condition, '/wrench.force.z>2'"
     sub.add_argument("--when", metavar="CONDITION", help=words)
     words = f"for how long a held pose is still ({HOLD:g}); 0: a recording as it is"
-    sub.add_argument("--hold", metavar="SECONDS", type=float, help=words)
-    sub.add_argument("--rate", metavar="HZ", type=float, help="of a log without times")
+    sub.add_argument("--hold", metavar="SECONDS", type=parsed("hold"), help=words)
+    sub.add_argument("--rate", metavar="HZ", type=parsed("rate"), help="of a log without times")
     words = "of a data set: only these, 0,3,…; all where not given"
     sub.add_argument("--episodes", metavar="N,…", type=_numbers, help=words)
     words = "of LeRobot: calibration of the leader and of the follower, or of the follower"

@@ -69,7 +69,7 @@ def emit(text: str) -> None:
     if buffer is None:
         sys.stdout.write(text)
     else:
-        buffer.write(text.encode("utf-8"))
+        buffer.write(text.encode("utf-8", "backslashreplace"))
 
 
 def is_of_streams(error: OSError) -> bool:

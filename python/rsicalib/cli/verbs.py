@@ -21,7 +21,7 @@ from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import emit, say
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
-from rsicalib.plain_text import printable
+from rsicalib.plain_text import meant, printable
 from rsicalib.records import plain, to_json
 
 __all__ = [
@@ -52,6 +52,9 @@ T = TypeVar("T")
 
 ALARMED = 4
 """Exit code of a watch that raised an alarm."""
+
+OPEN_LOOPS = 4
+"""Exit code where the loops of readings do not close under the result that is applied."""
 
 
 def calibrate(args: Args) -> int:
@@ -134,6 +137,7 @@ def forward(args: Args) -> int:
 
     from rsicalib.places import places, readings_for
     from rsicalib.work.arguments import earlier_result
+    from rsicalib.work.closing import open_loops
 
     mechanism = api.load_mechanism(args.mechanism)
     readings = readings_for(args.readings, mechanism, args.skip_bad_rows)
@@ -142,6 +146,11 @@ def forward(args: Args) -> int:
     if args.calibration is not None:
         result, mechanism = earlier_result(args.calibration, mechanism)
     found = _heard(args, lambda _: places(readings, mechanism, result), "place the readings")
+    code = 0
+    said = None if result is None else open_loops(readings, mechanism, result)
+    if said is not None:
+        warn(args, [said])
+        code = OPEN_LOOPS
     labels: dict[str, Any] = {"pose": readings.pose.tolist()}
     if readings.sample is not None:
         labels["sample"] = readings.sample.tolist()
@@ -156,14 +165,14 @@ def forward(args: Args) -> int:
         document = {"format": "rsicalib.poses/1", "version": _core.__version__}
         document |= {"mechanism": mechanism.name, "length_unit": mechanism.length_unit}
         emit(to_json({**document, "columns": columns}))
-        return 0
+        return code
     digits = [12] * len(found.names) + [3] * (len(names) - len(found.names))
     lines = [",".join([*labels, *names])]
     for head, row in zip(zip(*labels.values(), strict=True), values.tolist(), strict=True):
         cells = (f"{v:.{d}g}" for v, d in zip(row, digits, strict=True))
         lines.append(",".join([*map(str, head), *cells]))
     emit("\n".join(lines) + "\n")
-    return 0
+    return code
 
 
 def simulate(args: Args) -> int:
@@ -353,7 +362,8 @@ def terms(args: Args) -> int:
     """What can be identified."""
     known = {term["id"]: term for term in api.terms(args.mechanism)}
     if args.id is not None and args.id not in known:
-        raise InputError(f"found no term {args.id!r}, expected one of {', '.join(known)}")
+        found = f"no term {args.id!r}{meant(args.id, known)}"
+        raise InputError(f"found {found}, expected one of {', '.join(known)}")
     if args.json:
         chosen = list(known.values()) if args.id is None else [known[args.id]]
         document = {"format": "rsicalib.terms/1", "version": _core.__version__, "terms": chosen}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from rsicalib.errors import InputError
 from rsicalib.fleets.frames import Runs, joined, runs_of, select
 from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, read_table, text
+from rsicalib.plain_text import encodable
 
 __all__ = ["Dataset", "Partition", "pyarrow_modules"]
 
@@ -59,9 +61,13 @@ class Dataset:
 
     def __init__(self, path: Path, by: str) -> None:
         self.path, self.by = path, by
-        if not path.exists():
+        if not os.path.exists(path):
             raise InputError.at(str(path), found="no such file", expected="a file or a folder")
-        files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+        try:
+            files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+        except OSError as error:
+            found = f"what cannot be read ({error.strerror}: {error.filename})"
+            raise InputError.at(str(path), found=found, expected="a file or a folder") from None
         tables = [p for p in files if p.stem != "rest" or path.is_file()]
         self.parquet = [p for p in tables if p.suffix.lower() in PARQUET]
         self.folders = sorted(p.parent for p in tables if p.name == "readings.csv")
@@ -87,7 +93,7 @@ class Dataset:
             frames = [_columns(table, self.by) for table in tables]
             last = dict.fromkeys((label for f in frames for label in _labels(f, self.by)), 0)
             return self._cut([(joined(frames), last)], size)
-        return self._of_files(((p.stem, p, None) for p in self.csv), size)
+        return self._of_files(((encodable(p.stem), p, None) for p in self.csv), size)
 
     def _cut(
         self, groups: Iterable[tuple[Columns, dict[Any, int]]], size: int
@@ -117,7 +123,9 @@ class Dataset:
         def rest(folder: Path) -> Path | None:
             return folder / "rest.csv" if (folder / "rest.csv").is_file() else None
 
-        return self._of_files(((f.name, f / "readings.csv", rest(f)) for f in self.folders), size)
+        return self._of_files(
+            ((encodable(f.name), f / "readings.csv", rest(f)) for f in self.folders), size
+        )
 
     def _of_files(
         self, devices: Iterable[tuple[str, Path, Path | None]], size: int

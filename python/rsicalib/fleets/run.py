@@ -18,7 +18,7 @@ from rsicalib.fleets.engines import Job, Rows, over_dask, over_threads
 from rsicalib.fleets.frames import runs_of
 from rsicalib.fleets.page import page
 from rsicalib.fleets.store import Store
-from rsicalib.options import names
+from rsicalib.options import checked, names
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
@@ -86,6 +86,7 @@ class Fleet(Tabular):
         return "\n".join([f"{len(self)} devices: {counts}", *map(str, self.files)]) + "\n"
 
 
+@checked
 def fleet(
     dataset: PathLike,
     mechanism: MechanismArg = "rsi",
@@ -145,8 +146,6 @@ def fleet(
         "trace": trace,
         "held_out": held_out,
     }
-    if workers is not None and workers < 1:
-        raise InputError(f"workers: found {workers}, expected 1 or more")
     job = Job(open_mechanism(mechanism), by, options)
     source = Dataset(Path(dataset), by)
     store = Store(Path(out), by, _run(job))

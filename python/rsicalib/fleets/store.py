@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,11 @@ class Store:
     def begin(self, resume: bool) -> dict[Any, str]:
         """Open the folder; the digest of each device whose row is kept."""
         earlier = self._earlier()
-        old = sorted(self.parts.glob("*.parquet"))
-        if not resume and earlier is None and self.table.exists():
+        try:
+            old = sorted(self.parts.glob("*.parquet"))
+        except (OSError, ValueError) as error:
+            raise self._no_folder(error) from None
+        if not resume and earlier is None and os.path.exists(self.table):
             found = f"'{self.table}', which no run of this command has made"
             raise InputError(f"--out: found {found}, expected a folder of its own")
         if not resume and old:
@@ -58,9 +62,8 @@ class Store:
                     raise InputError(f"--resume: found {found}, expected {expected}")
         try:
             self.parts.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            found = f"'{self.folder}', which cannot be made ({error.strerror})"
-            raise InputError(f"--out: found {found}, expected a folder") from None
+        except (OSError, ValueError) as error:
+            raise self._no_folder(error) from None
         if not resume:
             self.table.unlink(missing_ok=True)
             old = []
@@ -75,6 +78,11 @@ class Store:
             pairs = zip(rows[self.by], rows["sha256"], strict=True)
             known |= {label: sha for label, sha in pairs if sha is not None}
         return known
+
+    def _no_folder(self, error: Exception) -> InputError:
+        reason = getattr(error, "strerror", None) or error
+        found = f"'{self.folder}', which cannot be a folder ({reason})"
+        return InputError(f"--out: found {found}, expected a folder")
 
     def _earlier(self) -> dict[str, Any] | None:
         try:

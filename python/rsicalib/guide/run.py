@@ -16,6 +16,7 @@ from rsicalib.guide.server import Page
 from rsicalib.guide.session import Session, Settings
 from rsicalib.guide.source import Lines, open_source
 from rsicalib.guide.terminal import Screen
+from rsicalib.options import checked
 from rsicalib.results import Trace
 from rsicalib.work.arguments import Bare, MechanismArg, PathLike, ReadingsArg, load, open_mechanism
 
@@ -27,6 +28,7 @@ SHOW_S = 0.15
 """Between two pictures on a terminal."""
 
 
+@checked
 def guide(
     out: PathLike,
     mechanism: MechanismArg = "rsi",
@@ -94,11 +96,6 @@ def guide(
     if target is None:
         bounds = workspace(opened, None)[:3]
         target = TRAVEL * float((bounds[:, 1] - bounds[:, 0]).max())
-    if not 0.0 < target < float("inf"):
-        raise InputError(f"target: found {target}, expected a length above zero")
-    if samples < 2 or not seconds >= 0.0:
-        found = f"{samples} samples in {seconds} s"
-        raise InputError(f"guide: found {found}, expected at least 2 samples in 0 s or more")
     at_rest = None if rest is None else load(rest, Bare(opened), False)
     names = [c.name for c in opened.channels]
     lines = open_source(source)
@@ -113,7 +110,7 @@ def guide(
                 told(page.url)
             if browser:
                 webbrowser.open(page.url)
-        skip = len(log.samples) if resume and Path(source).exists() else 0
+        skip = len(log.samples) if resume and os.path.exists(source) else 0
         _measure(session, lines, Columns(names), Screen(quiet=quiet), skip)
         result = session.finish()
         if page is not None:

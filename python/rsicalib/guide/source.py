@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import queue
 import shlex
@@ -14,18 +15,22 @@ from pathlib import Path
 from typing import IO
 
 from rsicalib.errors import InputError
+from rsicalib.io.sources import LONGEST_LINE
 
 __all__ = ["Lines", "open_source"]
 
 POLL_S = 0.05
 """Between two looks at a file that grows."""
 
+WAITING = 100_000
+"""Lines that wait to be taken, at most: a source that is faster waits itself."""
+
 
 class Lines:
     """Lines of a source, read by a thread of their own so that nobody waits for them."""
 
     def __init__(self, lines: Iterator[str], stop: threading.Event) -> None:
-        self._queue: queue.Queue[str | None] = queue.Queue()
+        self._queue: queue.Queue[str | None] = queue.Queue(WAITING)
         self._stop = stop
         self.ended = False
         threading.Thread(target=self._read, args=(lines,), daemon=True).start()
@@ -79,13 +84,19 @@ def open_source(source: str) -> Lines:
     """
     stop = threading.Event()
     if source == "-":
-        return Lines(iter(sys.stdin), stop)
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(encoding="utf-8", errors="replace")
+        return Lines(_whole(sys.stdin), stop)
     path = Path(source)
-    if path.exists():
+    if os.path.exists(path):
         return Lines(_growing(path, stop), stop)
     try:
         process = subprocess.Popen(
-            shlex.split(source), stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+            shlex.split(source),
+            stdout=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
+            encoding="utf-8",
+            errors="replace",
         )
     except (OSError, ValueError) as error:
         found = f"{source!r}, which is no file and cannot be run ({error})"
@@ -98,7 +109,7 @@ def _of_process(
     process: subprocess.Popen[str], out: IO[str], stop: threading.Event
 ) -> Iterator[str]:
     try:
-        for line in out:
+        for line in _whole(out):
             if stop.is_set():
                 break
             yield line
@@ -106,18 +117,23 @@ def _of_process(
         process.terminate()
 
 
+def _whole(file: IO[str]) -> Iterator[str]:
+    """Lines until the end; a line that is too long comes in parts, none of which is a sample."""
+    return iter(lambda: file.readline(LONGEST_LINE), "")
+
+
 def _growing(path: Path, stop: threading.Event) -> Iterator[str]:
     """Whole lines of a file, for ever; a line that is half written is waited for."""
     half = ""
     with path.open(encoding="utf-8", errors="replace") as file:
         while not stop.is_set():
-            text = file.readline()
+            text = file.readline(LONGEST_LINE)
             if not text:
                 if path.exists() and os.stat(path).st_size < file.tell():
                     file.seek(0)  # begun anew
                 time.sleep(POLL_S)
                 continue
-            half += text
+            half = (half + text)[-LONGEST_LINE:]  # a longer one is no line
             if half.endswith("\n"):
                 yield half
                 half = ""

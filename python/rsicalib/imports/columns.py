@@ -7,6 +7,7 @@ file, a row has cells of one series only: rows in which all channels are blank a
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ def read(source: str, asked: Asked) -> Log:
 
 
 def _files(path: Path) -> list[Path]:
-    if not path.is_dir():
+    if not os.path.isdir(path):
         return [path]
     found = sorted(file for file in path.rglob("*") if file.suffix.lower() in PARQUET)
     if not found:

@@ -44,7 +44,7 @@ PARQUET = (".parquet", ".pq")
 
 def _columns(path: Path, head: bytes) -> bool:
     """Whether a plotting program wrote a table, or a folder is one of Parquet files."""
-    if path.is_dir():
+    if os.path.isdir(path):
         return any(file.suffix.lower() in PARQUET for file in path.iterdir())
     return bool(PLOTTED.match(head))
 
@@ -92,7 +92,7 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
     """
     path = Path(source)
     head = b""
-    if path.is_file():
+    if os.path.isfile(path):
         try:
             with path.open("rb") as file:
                 head = file.read(HEAD)
@@ -100,6 +100,6 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
                 head = head.decode("utf-16", "ignore").encode()
         except OSError:
             return None  # who reads it says why it cannot be read
-    elif not path.is_dir():
+    elif not os.path.isdir(path):
         return None
     return next((name for name, kind in KINDS.items() if kind.looks_like(path, head)), None)

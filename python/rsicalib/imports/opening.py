@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from rsicalib import options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.kinds import KINDS, format_of
 from rsicalib.imports.log import Log
+from rsicalib.options import checked
+from rsicalib.plain_text import meant
 
 __all__ = ["import_log"]
 
 
+@checked
 def import_log(
     source: str | os.PathLike[str],
     *,
@@ -77,27 +78,25 @@ def import_log(
     if format is None:
         format = format_of(name)
         if format is None:
-            found = "no such file" if not Path(name).exists() else "no log of a known kind"
+            found = "no such file" if not os.path.exists(name) else "no log of a known kind"
             expected = f"one of: {', '.join(f'{k} ({f.words})' for k, f in KINDS.items())}"
             hint = "A CSV or Parquet file with other names: --format columns."
             raise InputError.at(name, found=found, expected=expected, hint=hint)
     elif format not in KINDS:
-        found, expected = f"no format {format!r}", f"one of {', '.join(KINDS)}"
+        found = f"no format {format!r}{meant(format, KINDS)}"
+        expected = f"one of {', '.join(KINDS)}"
         raise InputError.at(name, found=found, expected=expected)
     given = {"topic": topic, "when": when, "rate": rate, "episodes": episodes, "ranges": ranges}
     useless = [k for k, v in given.items() if v and k not in KINDS[format].takes.split()]
     if useless:
         expected = f"one of: {KINDS[format].takes or 'none'}"
         raise InputError(f"{useless[0]}: found it for a {KINDS[format].words}, expected {expected}")
-    above, seconds = "a number above zero", "seconds, or 0 for a recording as it is"
     asked = Asked(
         channels=_wanted(mechanism, channels),
         topic=topic,
         when=when,
-        hold=None
-        if hold is None
-        else options.number("hold", hold, seconds, open_end=False, least=0.0),
-        rate=None if rate is None else options.number("rate", rate, above, least=0.0),
+        hold=hold,
+        rate=rate,
         episodes=None if episodes is None else tuple(episodes),
         ranges=tuple(map(os.fsdecode, ranges)),
         skip_bad_rows=skip_bad_rows,

@@ -6,7 +6,7 @@ Nothing is raised for a cell: faults are collected by row, and the caller refuse
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -17,6 +17,7 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
+from rsicalib.plain_text import meant
 
 __all__ = [
     "COLUMNS",
@@ -129,7 +130,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     for name in needed:
         if name not in index:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
-            raise refuse(name, "no such column", expected, _header_hint(name, table.names))
+            raise refuse(name, "no such column", expected, _header_hint(name, table.names, used))
     poses = [name for name in POSE if name in index and name not in needed]
     missing = [name for name in POSE if name not in index]
     if poses and missing and not set(POSE) & set(needed):
@@ -152,7 +153,7 @@ def _role(name: str, mechanism: MechanismLike) -> str:
     return f"a channel of '{mechanism.name}'"
 
 
-def _header_hint(name: str, names: list[str]) -> str:
+def _header_hint(name: str, names: list[str], known: Container[str]) -> str:
     """Advice on what may be wrong with the header."""
     for other in names:
         if other.lower() == name.lower():
@@ -161,7 +162,8 @@ def _header_hint(name: str, names: list[str]) -> str:
         return "The header has one column only; separate columns by commas."
     if names and np.isfinite(numbers(names)).all():
         return "The first line holds numbers; put a header line above it."
-    return f"The columns are: {', '.join(names)[:200]}."
+    hint = meant(name, [other for other in names if other not in known])
+    return f"The columns are: {', '.join(names)[:200]}{hint}."
 
 
 def read_cells(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +12,11 @@ from typing import TextIO
 from rsicalib.errors import InputError
 
 __all__ = ["forget_parts", "whole_file", "write_bytes", "write_text"]
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 _parts: set[Path] = set()
 
@@ -38,10 +44,13 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[TextIO]:
         The file cannot be written there.
     """
     path = Path(path)
+    _remove_left(path.parent)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     _parts.add(part)
     try:
-        with part.open("w", encoding="utf-8", newline="") as file:
+        # A name may have bytes that are no text: they are written out.
+        with part.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+            _lock(file.fileno())
             yield file
         part.replace(path)
     except OSError as error:
@@ -82,6 +91,37 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     with whole_file(path) as file:
         file.buffer.write(data)
     return Path(path)
+
+
+def _lock(descriptor: int) -> bool:
+    """Mark a file as being written, until its process ends; False where another one writes it."""
+    if fcntl is None:  # Windows: nobody removes a file there that is open
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
+
+
+def _remove_left(folder: Path) -> None:
+    """Remove parts of processes that were killed: no process holds them any more."""
+    with contextlib.suppress(OSError):
+        for part in folder.glob(".*.*.part"):
+            with contextlib.suppress(OSError):
+                if part not in _parts and part.is_file() and _is_left(part):
+                    part.unlink()
+
+
+def _is_left(part: Path) -> bool:
+    """Whether no process writes a part: none of its number here, and none elsewhere locks it."""
+    number = part.name.split(".")[-2]
+    if fcntl is not None and number.isdecimal() and Path(f"/proc/{number}").exists():
+        return False
+    with part.open("rb") as file:
+        return _lock(file.fileno())
 
 
 def forget_parts() -> None:

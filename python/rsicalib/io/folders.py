@@ -99,7 +99,7 @@ def refuse_foreign(
     folder = Path(folder)
     for name in () if force else names:
         path = folder / name
-        if path.exists() and not _is_ours(path):
+        if os.path.exists(path) and not _is_ours(path):
             found = "a file that rsicalib did not write"
             hint = "Choose another folder, or replace the file with --force (force=True)."
             raise InputError.at(str(path), found=found, expected="no file", hint=hint)
@@ -128,8 +128,9 @@ def _is_sealed(path: Path, seal: str) -> bool:
 def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        found = f"'{folder}', which cannot be a folder ({error.strerror})"
+    except (OSError, ValueError) as error:  # a NUL is no OSError
+        reason = getattr(error, "strerror", None) or error
+        found = f"'{folder}', which cannot be a folder ({reason})"
         raise InputError(f"found {found}, expected a place for files") from None
 
 

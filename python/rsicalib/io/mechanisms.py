@@ -23,6 +23,7 @@ from rsicalib.io.urdf import (
     parse_toml,
 )
 from rsicalib.io.urdf_tree import listed, refuse
+from rsicalib.plain_text import meant
 from rsicalib.tabular import html_table
 
 __all__ = [
@@ -198,9 +199,9 @@ def read_mechanism(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _read(file: str) -> str:
-    if not Path(file).is_file():
+    if not os.path.isfile(file):
         expected = f"a mechanism file, or a built-in mechanism: {listed(BUILTIN)}"
-        refuse(file, "mechanism", found="no such file", expected=expected)
+        refuse(file, "mechanism", found=f"no such file{meant(file, BUILTIN)}", expected=expected)
     return read_text(file, "a mechanism file")
 
 

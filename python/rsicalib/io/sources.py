@@ -11,19 +11,40 @@ import io
 import os
 import sys
 import zlib
+from typing import IO
 
 from rsicalib.errors import InputError
 
-__all__ = ["STANDARD_INPUT", "decoded", "read_bytes", "read_text", "unpacked"]
+__all__ = [
+    "LARGEST_FILE",
+    "LIMIT",
+    "LONGEST_LINE",
+    "STANDARD_INPUT",
+    "decoded",
+    "read_bytes",
+    "read_text",
+    "refuse_larger",
+    "unpacked",
+]
 
 STANDARD_INPUT = "-"
 """The path that stands for standard input."""
 
-MOST = 4 * 2**30
-"""A compressed file that grows beyond this many bytes is refused: a few kB can hold terabytes."""
+LIMIT = "RSICALIB_LARGEST_FILE"
+"""Variable of the environment with the bytes that a file may hold, as `8e9`."""
+
+LARGEST_FILE = 1e9
+"""A file of more bytes is refused where the variable does not say otherwise: what is read whole
+must fit into memory several times, a few kB of gzip can hold terabytes, and a device never ends."""
+
+LONGEST_LINE = 1 << 20
+"""A line of a stream that has more bytes is none."""
 
 MARKS = {b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
 """What other encodings begin with."""
+
+PIECE = 1 << 26
+"""Bytes that are read at a time."""
 
 ENOUGH = 4096
 """So many bytes tell what a file is."""
@@ -49,7 +70,7 @@ def read_bytes(path: str | os.PathLike[str], expected: str, place: str | None = 
     Raises
     ------
     InputError
-        There is no such file, or it cannot be read.
+        There is no such file, it cannot be read, or it holds too much.
     """
     source = os.fsdecode(path)
 
@@ -58,9 +79,9 @@ def read_bytes(path: str | os.PathLike[str], expected: str, place: str | None = 
 
     try:
         if source == STANDARD_INPUT:
-            return sys.stdin.buffer.read()
+            return _within(sys.stdin.buffer, source)
         with open(source, "rb") as file:
-            return file.read()
+            return _within(file, source)
     except FileNotFoundError:
         raise refuse("no such file", expected) from None
     except IsADirectoryError:
@@ -82,14 +103,54 @@ def unpacked(data: bytes, source: str) -> bytes:
         return data
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-            whole = file.read(MOST + 1)
+            return _within(file, source, " in a gzip file")
     except (OSError, EOFError, zlib.error) as error:
         found = f"a gzip file that is damaged ({error})"
         raise InputError.at(source, found=found, expected="a whole gzip file") from None
-    if len(whole) > MOST:
-        found = f"more than {MOST / 2**30:.0f} GB in a gzip file"
-        raise InputError.at(source, found=found, expected="less")
-    return whole
+
+
+def refuse_larger(size: float, source: str, where: str = "") -> None:
+    """Refuse more bytes than a file may hold.
+
+    Raises
+    ------
+    InputError
+        With the limit, and how it is raised.
+    """
+    most = largest_file()
+    if size > most:
+        hint = f"Where so much is meant, set {LIMIT} to the bytes that may be read, as 8e9."
+        found, expected = f"more than {most:g} bytes{where}", f"at most {most:g}"
+        raise InputError.at(source, found=found, expected=expected, hint=hint)
+
+
+def largest_file() -> int:
+    """The bytes that a file may hold.
+
+    Raises
+    ------
+    InputError
+        The variable of the environment is no number of bytes.
+    """
+    text = os.environ.get(LIMIT, "")
+    if not text:
+        return int(LARGEST_FILE)
+    try:
+        return int(float(text))
+    except (ValueError, OverflowError):
+        raise InputError(f"{LIMIT}: found {text!r}, expected bytes such as 8e9") from None
+
+
+def _within(file: IO[bytes] | gzip.GzipFile, source: str, where: str = "") -> bytes:
+    """All bytes of a file, if they are not too many."""
+    most = largest_file()
+    pieces: list[bytes] = []
+    size = 0
+    while piece := file.read(min(PIECE, most + 1 - size)):
+        pieces.append(piece)
+        size += len(piece)
+        refuse_larger(size, source, where)
+    return b"".join(pieces)
 
 
 def decoded(data: bytes, source: str, *, hint: str = "Save the file in UTF-8.") -> str:

@@ -20,6 +20,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.io.sources import LONGEST_LINE
 from rsicalib.io.tables import PARQUET
 
 __all__ = ["Rows", "rows_of"]
@@ -89,6 +90,9 @@ def _lines(descriptor: int, label: str, channels: Sequence[str]) -> Iterator[Row
     while True:
         chunk = os.read(descriptor, CHUNK)
         *lines, rest = (rest + chunk).split(b"\n") if chunk else (rest, b"")
+        if len(rest) > LONGEST_LINE:
+            found = f"a line of more than {LONGEST_LINE:,} bytes"
+            raise InputError.at(label, found=found, expected="one line per sample")
         if columns is None and lines:
             columns, time = _header(lines.pop(0), label, channels)
         lines = [line for line in lines if line.strip()]

@@ -22,7 +22,7 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
-from rsicalib.io.sources import decoded, read_bytes, unpacked
+from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
 
 __all__ = [
     "File",
@@ -91,6 +91,11 @@ class Table:
     def numbers(self, position: int) -> FloatArray:
         """A column as numbers, shape (n,); NaN where a cell is none."""
         cells = self.columns[position]
+        if isinstance(cells, np.ndarray) and cells.dtype == np.float16:
+            name = self.names[position]
+            found = "float16, which has no number between 2048 and 2050"
+            expected = "float32 or float64"
+            raise InputError.at(self.source, column=name, found=found, expected=expected)
         if self.decimal == ".":
             return numbers(cells)
         # With decimal commas, a point is no part of a number.
@@ -217,8 +222,13 @@ def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
         found = "a Parquet file, and no pyarrow to read it"
         raise InputError.at(source, found=found, expected="pyarrow", hint=hint) from None
     try:
-        table = parquet.ParquetFile(io.BytesIO(data)).read()
+        file = parquet.ParquetFile(io.BytesIO(data))
+        # A column that repeats one number takes no room in the file.
+        refuse_larger(8.0 * file.metadata.num_rows * file.metadata.num_columns, source, " in cells")
+        table = file.read()
         columns = [_parquet_cells(column, pyarrow.types) for column in table.columns]
+    except InputError:
+        raise
     except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
         found = f"what pyarrow cannot read ({_first_line(error)})"
         raise InputError.at(source, found=found, expected="a Parquet file") from error
@@ -302,12 +312,14 @@ def numbers(cells: Sequence[Any] | npt.NDArray[Any]) -> FloatArray:
     """Cells as numbers, shape (n,), an array of numbers as it is; NaN where a cell is none.
 
     What `float` accepts, but no underscores: `1_5` is more likely a slip than
-    fifteen. Spaces around a number are no part of it.
+    fifteen. Digits are 0 to 9, as everywhere else in files and commands. Spaces around a number
+    are no part of it.
     """
     if isinstance(cells, np.ndarray):
         return cells.astype(np.float64, copy=False)
     try:
-        if "_" not in "".join(cells):
+        together = "".join(cells)
+        if "_" not in together and together.isascii():
             return np.fromiter(map(float, cells), np.float64, len(cells))
     except (TypeError, ValueError):
         pass  # some cell is no number: go one by one
@@ -315,12 +327,16 @@ def numbers(cells: Sequence[Any] | npt.NDArray[Any]) -> FloatArray:
 
 
 def _number(cell: Any) -> float:
-    if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):
+    if isinstance(cell, bool) or (isinstance(cell, str) and not _plain(cell)):
         return math.nan
     try:
         return float(cell)
     except (TypeError, ValueError, OverflowError):
         return math.nan
+
+
+def _plain(cell: str) -> bool:
+    return "_" not in cell and cell.strip().isascii()
 
 
 def text(cell: Any) -> str:
@@ -344,4 +360,6 @@ def quoted(cell: Any) -> str:
     if isinstance(cell, np.floating | float):
         return "NaN" if math.isnan(value) else str(value)
     shown = str(cell).strip()
-    return repr(shown if len(shown) <= 40 else f"{shown[:37]}...")
+    other = " in digits other than 0 to 9" if any(map(str.isdecimal, shown)) else ""
+    other = "" if shown.isascii() else other
+    return repr(shown if len(shown) <= 40 else f"{shown[:37]}...") + other

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import TypeAlias
+from unicodedata import east_asian_width
 
 __all__ = ["LETTER", "NARROW", "WIDE", "Axis", "Canvas", "Chart", "Draw", "bounds", "ticks"]
 
@@ -19,6 +20,9 @@ WIDE, NARROW = 560.0, 320.0
 
 LETTER = 6.9
 """Width of a letter of a label, at most on average."""
+
+WIDEST = 9.5
+"""The same in bold letters of the widest font that a browser may take: it is not known here."""
 
 Draw: TypeAlias = Callable[[float], str]
 """A figure: an `<svg>` element for a width."""
@@ -74,6 +78,15 @@ def bounds(values: Iterable[float], room: float = 0.05) -> tuple[float, float]:
     return low - more, high + more
 
 
+def _length(words: str, room: float) -> str:
+    """The attribute that keeps words within so much room, where a font could take more."""
+    letters = sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
+    if letters * WIDEST <= room:
+        return ""
+    length = max(min(room, letters * LETTER), 1.0)
+    return f' textLength="{length:.1f}" lengthAdjust="spacingAndGlyphs"'
+
+
 @dataclass
 class Canvas:
     """Room for one figure."""
@@ -85,10 +98,11 @@ class Canvas:
     def text(
         self, x: float, y: float, words: str, *, anchor: str = "start", kind: str = "tick"
     ) -> None:
-        """Write words, which may be anything."""
+        """Write words, which may be anything, and stay on the canvas in any font."""
+        ends = {"start": self.width - x, "end": x, "middle": 2 * min(x, self.width - x)}
         self.parts.append(
-            f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">'
-            f"{escape(words)}</text>"
+            f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
+            f"{_length(words, ends[anchor])}>{escape(words)}</text>"
         )
 
     def line(self, x1: float, y1: float, x2: float, y2: float, kind: str) -> None:
@@ -195,7 +209,8 @@ class Chart:
         half = (up.start + up.end) / 2
         canvas.parts.append(
             f'<text class="label" x="11" y="{half:.1f}" text-anchor="middle" '
-            f'transform="rotate(-90 11 {half:.1f})">{escape(words[1])}</text>'
+            f'transform="rotate(-90 11 {half:.1f})"{_length(words[1], 2 * (half - top))}>'
+            f"{escape(words[1])}</text>"
         )
         return cls(canvas, across, up)
 

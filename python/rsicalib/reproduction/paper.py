@@ -24,6 +24,7 @@ from rsicalib.reproduction.tables_parameters import parameters, table_vi, table_
 __all__ = ["paper"]
 
 
+@options.checked
 def paper(
     trials: int = 1000,
     *,
@@ -54,10 +55,6 @@ def paper(
     InputError
         There are not enough trials.
     """
-    options.whole("trials", trials, 2, 10_000_000)
-    options.seed(seed)
-    if workers is not None:
-        options.whole("workers", workers, 1, 1024)
     printed = printed_numbers()
     study = Study(printed, trials, seed, progress or (lambda _what, _done, _of: None), workers)
     found = calibrations(study)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,6 +17,7 @@ from rsicalib.imports.opening import import_log
 from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.frames import TableArg, in_memory
 from rsicalib.io.readings import Readings, load_readings
+from rsicalib.plain_text import meant
 from rsicalib.results import Result, load_calibration
 
 __all__ = [
@@ -78,6 +79,14 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[R
             raise InputError.at(
                 where, found="null", expected="a number", column=place, column_word=""
             )
+    names = {channel.name for channel in mechanism.channels}
+    if result.noise is not None and result.noise.sigma.keys() != names:
+        odd = min(names ^ result.noise.sigma.keys())
+        found = f"{'none for' if odd in names else 'one for'} {odd!r}"
+        expected = f"one for each channel of {mechanism.name!r}"
+        raise InputError.at(
+            where, found=found, expected=expected, column="noise.sigma", column_word=""
+        )
     return result, _with_laws(mechanism, result)
 
 
@@ -114,6 +123,8 @@ def with_logs(
     A mechanism that such a log brings along is the one that holds where none was chosen.
     """
     single = isinstance(readings, str | os.PathLike | Readings | Log) or in_memory(readings)
+    if not single and not isinstance(readings, Iterable):
+        return readings, mechanism  # refused where readings are taken
     several: list[Any] = [readings] if single else list(readings)  # type: ignore[arg-type]
     logs = {k: log for k, one in enumerate(several) if (log := _log(one, mechanism, skip))}
     if not logs:
@@ -184,7 +195,8 @@ def grouped(
     source = ", ".join(one.source for one in readings)
     for name in [*(keep or []), *(leave or [])]:
         if name not in known:
-            found, expected = f"no group {name!r}", f"one of {', '.join(known)}"
+            found = f"no group {name!r}{meant(name, known)}"
+            expected = f"one of {', '.join(known)}"
             raise InputError.at(source, column="group", found=found, expected=expected)
     used = {g for g in known if (keep is None or g in keep) and (leave is None or g not in leave)}
     masks = [np.array([g in used for g in one.keys["group"]]) for one in readings]
@@ -207,9 +219,10 @@ def noise_of_channels(
         sigma = {**own, **noise}
         missing = [name for name in names if name not in sigma]
         if unknown or missing:
-            what = f"no channel {unknown[0]!r}" if unknown else f"none for {missing[0]!r}"
+            what = f"none for {missing[0]!r}" if missing else ""
+            if unknown:
+                what = f"no channel {unknown[0]!r}{meant(str(unknown[0]), names)}"
             raise InputError(f"noise: found {what}, expected one for each of {', '.join(names)}")
     else:
         sigma = dict.fromkeys(names, noise)
-    expected = "a number above zero"
-    return [options.number(f"noise of {n}", sigma[n], expected, least=0.0) for n in names]
+    return [options.noise_of(sigma[c.name], [c]) for c in mechanism.channels]

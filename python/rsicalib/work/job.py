@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
@@ -30,6 +29,7 @@ from rsicalib.work.arguments import (
     noise_of_channels,
     open_mechanism,
 )
+from rsicalib.work.closing import first_rows
 from rsicalib.work.outcome import (
     beside_earlier,
     described,
@@ -154,7 +154,7 @@ class Work:
 
     def by_pose(self, whitened: FloatArray) -> FloatArray:
         """Residuals of poses from those of samples, in units of noise: (poses, equations)."""
-        first = [_first_rows(r.pose, len(r)) for r in self.readings]
+        first = [first_rows(r.pose, len(r)) for r in self.readings]
         ends = np.cumsum([0] + [len(r) for r in self.readings])
         starts = np.concatenate([f + end for f, end in zip(first, ends, strict=False)])
         sizes = np.diff(np.append(starts, len(whitened)))
@@ -224,10 +224,3 @@ def _moved(rest: Readings, mechanism: Mechanism) -> list[str]:
                 f"{channel.unit} in {channel.name}, and their mean is taken: is it the right file?"
             ]
     return []
-
-
-def _first_rows(pose: npt.NDArray[Any] | None, n: int) -> npt.NDArray[np.intp]:
-    """First row of each pose; every row where there are none."""
-    if pose is None:
-        return np.arange(n)
-    return np.flatnonzero(np.r_[True, pose[1:] != pose[:-1]])

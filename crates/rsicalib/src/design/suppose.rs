@@ -19,8 +19,10 @@ use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::estimate::directions::{place, unit};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::{Instance, Spec, instances_of};
+use crate::numerics::bounds;
 use crate::numerics::distributions::{chi2_beyond, chi2_quantile};
 use crate::terms::term::Class;
+use crate::text::quoted;
 
 /// A parameter of an effect, and its supposed value: `curvature@a22.c2=0.02`.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,11 +95,11 @@ impl Supposed {
     pub fn parse(text: &str) -> Result<Self, Error> {
         let wrong = || Error::Option {
             name: "term",
-            found: format!("{text:?}"),
+            found: quoted(text),
             expected: "TERM@TARGET.PARAMETER=VALUE, as in curvature@a22.c2=0.02".into(),
         };
         let (left, value) = text.rsplit_once('=').ok_or_else(wrong)?;
-        let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+        let value = value.trim().parse::<f64>().ok().filter(|v| bounds::usable(*v));
         let value = value.ok_or_else(wrong)?;
         let left = left.trim();
         // What follows a point may be a parameter, or the joint of `each.2`.

@@ -6,6 +6,7 @@ use crate::Error;
 use crate::numerics::bounds;
 use crate::numerics::formula::{Graph, Id, Program, parse};
 use crate::numerics::lanes::Lanes;
+use crate::text::quoted;
 
 /// Most parameters that one term may have.
 pub const MOST_PARAMETERS: usize = 64;
@@ -207,7 +208,7 @@ impl Law {
         };
         let value = parse(text, &mut graph, &mut input).map_err(|misread| {
             let place = format!("term {:?}, {key}", self.id);
-            refuse(place, format!("{misread} in {text:?}"), misread.expected)
+            refuse(place, format!("{misread} in {}", quoted(text)), misread.expected)
         })?;
         Ok(Formula { graph, value, variables })
     }
@@ -317,7 +318,7 @@ impl Law {
         };
         let at_zero = at(&graph, value);
         if at_zero.0.iter().any(|v| *v != 0.0) {
-            let found = format!("an effect at parameters of zero, from {text:?}");
+            let found = format!("an effect at parameters of zero, from {}", quoted(text));
             return Err(refuse(place, found, "0: no effect".into()));
         }
         for (k, name) in self.parameters.keys().enumerate() {

@@ -1,10 +1,11 @@
 //! Checks of a mechanism: names that are known and unique, numbers that can be used.
 
 use crate::Error;
-use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row};
+use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
+use crate::text::{meant, quoted};
 
 impl Mechanism {
     /// Checks that every name is known and unique, and that every number can be used.
@@ -146,8 +147,12 @@ impl Mechanism {
         };
         if !usable {
             let expected = "a positive `value` for a distance, none for a touch";
-            let (kind, value) = (closure.kind, &closure.value);
-            return Err(refuse(place(), format!("{kind:?} with {value:?}"), expected.into()));
+            let value = match &closure.value {
+                None => "no value".into(),
+                Some(Value::Known(value)) => format!("a value of {value}"),
+                Some(Value::Column(name)) => format!("a value in column {}", quoted(name)),
+            };
+            return Err(refuse(place(), value, expected.into()));
         }
         let [a, b] = &closure.between;
         if a == b {
@@ -206,7 +211,8 @@ fn refuse(place: String, found: String, expected: String) -> Error {
 pub(crate) fn known(found: Result<usize, Error>, place: impl Fn() -> String) -> Result<(), Error> {
     match found {
         Err(Error::Unknown { kind, found, known }) => {
-            Err(refuse(place(), format!("{kind} {found:?}"), known))
+            let hint = meant(&found, &known);
+            Err(refuse(place(), format!("{kind} {}{hint}", quoted(&found)), known))
         }
         other => other.map(|_| ()),
     }

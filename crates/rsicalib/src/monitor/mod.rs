@@ -39,6 +39,7 @@
 //! | ρ | `drift` | its rate, (106) |
 
 pub mod alarm;
+pub mod closing;
 pub mod compare;
 mod drift;
 mod estimating;

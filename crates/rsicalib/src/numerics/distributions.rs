@@ -26,8 +26,19 @@ pub fn f_tail(x: f64, d1: f64, d2: f64) -> f64 {
 }
 
 /// `P(χ²(dof, λ) > x)` of noncentrality `λ`: a mixture of central ones with Poisson weights.
+///
+/// Far out it is 0 or 1 by `P(χ² < m - 2√(v t)) ≤ e⁻ᵗ` and `P(χ² > m + 2√(v t) + 2t) ≤ e⁻ᵗ` with
+/// `m = dof + λ` and `v = dof + 2λ` (Birgé 2001, lemma 8.1).
 #[must_use]
 pub fn chi2_beyond(x: f64, dof: f64, noncentrality: f64) -> f64 {
+    const T: f64 = 80.0; // e⁻ᵗ = 2e-35
+    let (mean, room) = (dof + noncentrality, 2.0 * ((dof + 2.0 * noncentrality) * T).sqrt());
+    if mean.is_infinite() || x < mean - room {
+        return 1.0;
+    }
+    if x > mean + room + 2.0 * T {
+        return 0.0;
+    }
     let half = 0.5 * noncentrality.max(0.0);
     // Beyond 12 standard deviations weights are below 1e-30.
     let reach = 12.0 * half.sqrt() + 30.0;
@@ -116,11 +127,13 @@ mod tests {
         }
     }
 
-    const CASES: [(f64, f64, f64, f64); 5] = [
+    const CASES: [(f64, f64, f64, f64); 7] = [
         (20.0, 1.0, 25.0, 0.701203149232944),
         (30.0, 3.0, 60.0, 0.992285652682591),
         (180.0, 126.0, 100.0, 0.970721516745651),
         (5.0, 2.0, 0.0, 0.0820849986238988),
         (900.0, 4.0, 1000.0, 0.952686535361452),
+        (1e4, 3.0, 1e30, 1.0),
+        (1e30, 3.0, 1e4, 0.0),
     ];
 }

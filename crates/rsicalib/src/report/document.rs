@@ -131,6 +131,12 @@ macro_rules! result {
             fn reference(&self) -> Option<&Reference> {
                 self.reference.as_ref()
             }
+            fn fits(&self) -> Vec<(&'static str, &FitQuality)> {
+                Self::own_fits(self)
+            }
+            fn steps(&self) -> &[Step] {
+                Self::own_steps(self)
+            }
         }
     };
 }
@@ -145,6 +151,10 @@ pub(crate) trait Parts {
     fn noise(&self) -> Option<&Noise>;
     /// The readings that the parameters refer to.
     fn reference(&self) -> Option<&Reference>;
+    /// How well the models fit, by their keys.
+    fn fits(&self) -> Vec<(&'static str, &FitQuality)>;
+    /// Effects that were found.
+    fn steps(&self) -> &[Step];
 }
 
 result! {
@@ -178,6 +188,26 @@ result! {
         /// Terms that could not be tried, and what the readings or the mechanism lack for them.
         #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
         not_candidates: BTreeMap<String, String>,
+    }
+}
+
+impl Calibration {
+    fn own_fits(&self) -> Vec<(&'static str, &FitQuality)> {
+        vec![("fit", &self.fit)]
+    }
+
+    fn own_steps(&self) -> &[Step] {
+        &[]
+    }
+}
+
+impl Trace {
+    fn own_fits(&self) -> Vec<(&'static str, &FitQuality)> {
+        vec![("before", &self.before), ("after", &self.after)]
+    }
+
+    fn own_steps(&self) -> &[Step] {
+        &self.steps
     }
 }
 
@@ -506,7 +536,7 @@ pub struct Step {
     pub platform_rms: Option<Rms>,
     /// Rows of reading and correction, in `curve_unit`; see `curve_over`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub curve: Vec<Vec<f64>>,
+    pub curve: Vec<[f64; 2]>,
     /// Standard deviation of each correction.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curve_sd: Vec<f64>,

@@ -1,8 +1,14 @@
 //! Results read back: a text is refused by the place at which it is no result.
 
+use faer::{Mat, Side};
 use serde::Deserialize;
 
+use crate::numerics::bounds;
 use crate::report::document::{Calibration, FORMATS, Parameter, Parts, Trace};
+
+/// Numbers of a result that are one agree to this: they are written with all their digits, and
+/// computed one from the other.
+const AGREE: f64 = 1e-6;
 
 /// A result read back from its JSON.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,29 +103,11 @@ fn checked<'de, T: Deserialize<'de> + Parts>(text: &'de str) -> Result<T, Refuse
     Ok(read)
 }
 
-/// Checks that names are not doubled, and that covariance, noise and reference fit each other.
+/// Checks that the parts of a result agree, and that each is what it can be.
 fn check(result: &impl Parts) -> Result<(), Refused> {
-    let (parameters, covariance) = (result.parameters(), result.covariance());
-    let refuse =
-        |place: String, found: String, expected: String| Err(Refused { place, found, expected });
-    let key = |p: &Parameter| (p.term.clone(), p.target.clone(), p.place.clone(), p.name.clone());
-    let mut seen = std::collections::HashSet::new();
-    for (k, p) in parameters.iter().enumerate() {
-        if !seen.insert(key(p)) {
-            let found = format!("{} {} {} again", p.term, p.target, p.name);
-            return refuse(format!("parameters[{k}]"), found, "each parameter once".into());
-        }
-        if p.sd.is_some_and(|sd| sd < 0.0) {
-            let found = format!("{:?}", p.sd.unwrap_or_default());
-            return refuse(format!("parameters[{k}].sd"), found, "0 or more, or null".into());
-        }
-    }
-    let n = parameters.len();
-    let square = covariance.len() == n && covariance.iter().all(|row| row.len() == n);
-    if !square {
-        let found = format!("{} rows", covariance.len());
-        return refuse("covariance".into(), found, format!("{n} rows of {n} numbers"));
-    }
+    check_parameters(result)?;
+    check_covariance(result)?;
+    check_fit(result)?;
     let (Some(noise), Some(reference)) = (result.noise(), result.reference()) else {
         return Ok(());
     };
@@ -129,13 +117,125 @@ fn check(result: &impl Parts) -> Result<(), Refused> {
     {
         if found != channels {
             let expected = format!("{channels}, one for each channel of noise.sigma");
-            return refuse(place.into(), format!("{found} entries"), expected);
+            return refuse(place, format!("{found} entries"), expected);
         }
     }
-    match noise.sigma.iter().find(|(_, sigma)| **sigma <= 0.0 || !sigma.is_finite()) {
+    for (k, (centre, [low, high])) in reference.centre.iter().zip(&reference.span).enumerate() {
+        let room = 1e-9 * (1.0 + low.abs().max(high.abs())); // a mean may be rounded
+        if !(low - room <= *centre && *centre <= high + room) {
+            let place = format!("reference.centre[{k}]");
+            return refuse(&place, centre.to_string(), format!("{low} to {high}, its span"));
+        }
+    }
+    match noise.sigma.iter().find(|(_, sigma)| !bounds::positive(**sigma)) {
         Some((name, sigma)) => {
-            refuse(format!("noise.sigma.{name}"), sigma.to_string(), "a number above 0".into())
+            refuse(&format!("noise.sigma.{name}"), sigma.to_string(), "a number above 0")
         }
         None => Ok(()),
     }
+}
+
+fn refuse<T>(
+    place: &str,
+    found: impl Into<String>,
+    expected: impl Into<String>,
+) -> Result<T, Refused> {
+    Err(Refused { place: place.into(), found: found.into(), expected: expected.into() })
+}
+
+/// Refuses a parameter that stands twice, and numbers that none can have.
+fn check_parameters(result: &impl Parts) -> Result<(), Refused> {
+    let key = |p: &Parameter| (p.term.clone(), p.target.clone(), p.place.clone(), p.name.clone());
+    let mut seen = std::collections::HashSet::new();
+    for (k, p) in result.parameters().iter().enumerate() {
+        if !seen.insert(key(p)) {
+            let found = format!("{} {} {} again", p.term, p.target, p.name);
+            return refuse(&format!("parameters[{k}]"), found, "each parameter once");
+        }
+        if let Some(value) = p.value.filter(|value| !bounds::usable(*value)) {
+            let place = format!("parameters[{k}].value");
+            return refuse(&place, value.to_string(), bounds::expected(value));
+        }
+        if let Some(sd) = p.sd.filter(|sd| !(*sd >= 0.0 && bounds::usable(*sd))) {
+            return refuse(&format!("parameters[{k}].sd"), sd.to_string(), "0 or more, or null");
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a covariance that no parameters have: not square, not symmetric, not positive, or not
+/// of these standard deviations.
+fn check_covariance(result: &impl Parts) -> Result<(), Refused> {
+    let (parameters, covariance) = (result.parameters(), result.covariance());
+    let n = parameters.len();
+    if covariance.len() != n || covariance.iter().any(|row| row.len() != n) {
+        let found = format!("{} rows", covariance.len());
+        return refuse("covariance", found, format!("{n} rows of {n} numbers"));
+    }
+    let at = |i: usize, j: usize| covariance[i][j];
+    let known: Vec<usize> = (0..n).filter(|&i| at(i, i).is_some()).collect();
+    for &i in &known {
+        let variance = at(i, i).unwrap_or_default();
+        let sd = parameters[i].sd.unwrap_or(variance.max(0.0).sqrt());
+        if variance < 0.0 || (sd * sd - variance).abs() > AGREE * variance {
+            let expected = format!("{}, the square of the standard deviation", sd * sd);
+            return refuse(&format!("covariance[{i}][{i}]"), variance.to_string(), expected);
+        }
+    }
+    let scale =
+        |i: usize, j: usize| (at(i, i).unwrap_or_default() * at(j, j).unwrap_or_default()).sqrt();
+    for (i, j) in (0..n).flat_map(|i| (0..i).map(move |j| (i, j))) {
+        let (here, there) = (at(i, j), at(j, i));
+        let same = match (here, there) {
+            (Some(a), Some(b)) => (a - b).abs() <= AGREE * scale(i, j),
+            (a, b) => a == b,
+        };
+        if !same || here.is_some_and(|c| c.abs() > (1.0 + AGREE) * scale(i, j)) {
+            let text = |c: Option<f64>| c.map_or("null".into(), |c| c.to_string());
+            let expected = format!("the same as in [{j}][{i}], at most {}", scale(i, j));
+            return refuse(&format!("covariance[{i}][{j}]"), text(here), expected);
+        }
+    }
+    let spread: Vec<usize> = known.into_iter().filter(|&i| scale(i, i) > 0.0).collect();
+    let unit = Mat::from_fn(spread.len(), spread.len(), |i, j| {
+        at(spread[i], spread[j]).unwrap_or_default() / scale(spread[i], spread[j])
+    });
+    let least = unit.self_adjoint_eigenvalues(Side::Lower).ok();
+    let least = least.and_then(|all| all.first().copied()).unwrap_or(0.0);
+    if least < -AGREE * n as f64 {
+        let found = format!("a variance of {least:.3} in units of its own along some direction");
+        return refuse("covariance", found, "none below 0");
+    }
+    Ok(())
+}
+
+/// Refuses numbers that no fit has.
+fn check_fit(result: &impl Parts) -> Result<(), Refused> {
+    for (place, fit) in result.fits() {
+        if let Some(p) = fit.p_value.filter(|p| !(0.0..=1.0).contains(p)) {
+            return refuse(&format!("{place}.p_value"), p.to_string(), "0 to 1, or null");
+        }
+        let sizes = [("chi2", fit.chi2), ("dof", fit.dof), ("rms_misclosure", fit.rms_misclosure)];
+        for (name, value) in sizes {
+            if let Some(value) = value.filter(|v| !(*v >= 0.0)) {
+                let place = format!("{place}.{name}");
+                return refuse(&place, value.to_string(), "0 or more, or null");
+            }
+        }
+    }
+    let Some(noise) = result.noise() else { return Ok(()) };
+    if let Some(dof) = noise.dof.filter(|dof| !(*dof > 0.0)) {
+        return refuse("noise.dof", dof.to_string(), "a number above 0, or null");
+    }
+    if let Some(rho) = noise.correlation.filter(|rho| !(-1.0..=1.0).contains(rho)) {
+        return refuse("noise.correlation", rho.to_string(), "-1 to 1, or null");
+    }
+    for (k, step) in result.steps().iter().enumerate() {
+        if !step.curve_sd.is_empty() && step.curve_sd.len() != step.curve.len() {
+            let (found, expected) = (step.curve_sd.len(), step.curve.len());
+            let expected = format!("{expected}, one for each row of the curve, or none");
+            return refuse(&format!("steps[{k}].curve_sd"), format!("{found} entries"), expected);
+        }
+    }
+    Ok(())
 }

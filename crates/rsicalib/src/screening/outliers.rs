@@ -65,13 +65,16 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
         for (pose, rows) in groups.iter().enumerate().filter(|(_, rows)| rows.len() >= 2) {
             let share = (rows.len() - 1) as f64 / rows.len() as f64;
             dof += k * (rows.len() - 1) as f64;
+            let mean = mean_of(fit, rows);
             for &row in rows {
-                let off: f64 = apart(fit, row, rows).iter().map(|v| v * v).sum();
-                scatter += off * share * share; // of the mean of all, itself included
+                // Of the mean of all, itself included: (n_p - 1)/n_p times that of the others.
+                let off: f64 =
+                    of_row(fit, row).iter().zip(&mean).map(|(r, m)| (r - m).powi(2)).sum();
+                scatter += off;
                 if rows.len() >= 3 {
                     tests += 1.0;
-                    if worst.is_none_or(|w| off * share > w.2) {
-                        worst = Some((pose, row, off * share));
+                    if worst.is_none_or(|w| off / share > w.2) {
+                        worst = Some((pose, row, off / share));
                     }
                 }
             }
@@ -140,14 +143,26 @@ fn moved(
     (p_value <= MOVED && observations.readings.held).then(|| (pose, times.sqrt()))
 }
 
+/// Whitened residuals of a row.
+fn of_row(fit: &Fit, row: usize) -> &[f64] {
+    let k = fit.residuals.equations;
+    &fit.residuals.whitened[row * k..(row + 1) * k]
+}
+
+/// Mean residual of rows.
+fn mean_of(fit: &Fit, rows: &[usize]) -> Vec<f64> {
+    let mut mean = vec![0.0; fit.residuals.equations];
+    for &row in rows {
+        mean.iter_mut().zip(of_row(fit, row)).for_each(|(sum, r)| *sum += r);
+    }
+    mean.iter_mut().for_each(|sum| *sum /= rows.len() as f64);
+    mean
+}
+
 /// Residual of a row less the mean of its siblings.
 fn apart(fit: &Fit, row: usize, rows: &[usize]) -> Vec<f64> {
-    let k = fit.residuals.equations;
-    let at = |row: usize, e: usize| fit.residuals.whitened[row * k + e];
-    let others = (rows.len() - 1) as f64;
-    let mean =
-        |e: usize| rows.iter().filter(|&&r| r != row).map(|&r| at(r, e)).sum::<f64>() / others;
-    (0..k).map(|e| at(row, e) - mean(e)).collect()
+    let others: Vec<usize> = rows.iter().copied().filter(|&r| r != row).collect();
+    of_row(fit, row).iter().zip(mean_of(fit, &others)).map(|(r, m)| r - m).collect()
 }
 
 /// The channel whose error would move the misclosure so, as far as it can be told.

@@ -1,0 +1,70 @@
+//! Names and texts of users, as messages show them.
+
+/// Longer texts are cut.
+const LONGEST: usize = 40;
+
+/// A text in quotation marks, of which no more than a line is shown.
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    let whole = text.chars().count();
+    if whole <= LONGEST {
+        return format!("{text:?}");
+    }
+    let start: String = text.chars().take(LONGEST).collect();
+    format!("{start:?}… ({whole} characters)")
+}
+
+/// The known name that may have been meant, in brackets; empty where none is near.
+///
+/// `known` are the names with commas between them. A name is near that differs by a third of its
+/// letters at most: one left out, one too many, one wrong, or two that changed places.
+#[must_use]
+pub fn meant(found: &str, known: &str) -> String {
+    let near = known.split(", ").map(|name| (distance(found, name), name));
+    let near = near.filter(|(d, name)| *d > 0 && 3 * d <= found.len().max(name.len()));
+    near.min_by_key(|(d, _)| *d)
+        .map_or(String::new(), |(_, name)| format!(" (did you mean {}?)", quoted(name)))
+}
+
+/// Letters left out, added, exchanged or changed between two names (optimal string alignment).
+fn distance(a: &str, b: &str) -> usize {
+    let a: Vec<char> = a.chars().take(2 * LONGEST).collect();
+    let b: Vec<char> = b.chars().take(2 * LONGEST).collect();
+    let width = b.len() + 1;
+    let mut cost = vec![0; (a.len() + 1) * width];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            let at = |i: usize, j: usize| cost[i * width + j];
+            cost[i * width + j] = if i == 0 || j == 0 {
+                i + j
+            } else {
+                let differs = usize::from(a[i - 1] != b[j - 1]);
+                let best = (at(i - 1, j) + 1).min(at(i, j - 1) + 1).min(at(i - 1, j - 1) + differs);
+                let swapped = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+                if swapped { best.min(at(i - 2, j - 2) + 1) } else { best }
+            };
+        }
+    }
+    cost[a.len() * width + b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_with_a_slip_is_recognised() {
+        let known = "offset, gain, curvature, link_length";
+        for (found, name) in [("ofset", "offset"), ("curvatre", "curvature"), ("gian", "gain")] {
+            assert_eq!(meant(found, known), format!(" (did you mean \"{name}\"?)"));
+        }
+        assert_eq!(meant("nonsense", known), "");
+        assert_eq!(meant("", known), "");
+    }
+
+    #[test]
+    fn a_long_text_is_cut() {
+        assert_eq!(quoted("a\n"), "\"a\\n\"");
+        assert!(quoted(&"x".repeat(200_000)).len() < 80);
+    }
+}

@@ -1,0 +1,107 @@
+"""Whether the loops close under a result, in readings that it is applied to.
+
+A result that was edited, or that is of another device, gives poses like any other. But the loops
+of the readings do not close under it as they did in its own session, and that is told.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
+from rsicalib.io.readings import Readings
+from rsicalib.results import Result
+from rsicalib.work.applying import as_applied, covariance_of
+
+__all__ = ["first_rows", "open_loops"]
+
+LEVEL = 1e-6
+"""Probability that the loops of a sound device are called open: of a million uses one."""
+
+MOST = 200
+"""Poses that are compared at the most: enough to tell, and soon done."""
+
+
+def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str | None:
+    """Say that the loops do not close as they did in the result's own session.
+
+    Parameters
+    ----------
+    readings : Readings
+        What the result is applied to.
+    mechanism : Mechanism
+        What the readings are of.
+    result : Result
+        A calibration of it.
+
+    Returns
+    -------
+    str or None
+        None where they do, or where that cannot be told from readings alone: of chains whose
+        points are free or touch unknown places, or of terms that need more than one row.
+    """
+    noise = result.noise
+    if noise is None:
+        return None
+    poses = _of_poses(readings)
+    applied = as_applied(result, mechanism)
+    # In the mean of `n` samples the part of the noise that all share stays whole, and an `n`-th of
+    # the rest. How much is shared is not known here: the variance is taken to fall by √n.
+    less = (len(poses) / len(readings)) ** 0.25
+    applied["sigma"] = [less * sigma for sigma in applied["sigma"]]
+    fit = result.quality
+    judged = fit.chi2 is not None and fit.dof
+    scale = fit.chi2 / fit.dof if judged and fit.chi2 and fit.dof else 1.0
+    found = _core.closing(
+        mechanism,
+        applied,
+        thinned(poses),
+        covariance_of(result),
+        scale=max(1.0, scale),
+        dof=noise.dof,
+    )
+    if found is None:
+        return None
+    rms, p_value = found
+    if p_value >= LEVEL:
+        return None
+    unit, own = mechanism.length_unit, _own(result)
+    as_own = "" if own is None else f", in the session of the result it was {own:.2g} {unit}"
+    return (
+        f"the loops of {readings.source} do not close under this result: misclosure {rms:.2g} "
+        f"{unit}{as_own}. Something has changed since, the result is of another device, or its "
+        "numbers were edited: identify again with --calibration, which says what has changed"
+    )
+
+
+def _own(result: Result) -> float | None:
+    if result.misclosure is None or not result.misclosure.rms:
+        return None
+    return float(np.sqrt(np.mean(np.square(list(result.misclosure.rms.values())))))
+
+
+def _of_poses(readings: Readings) -> FloatArray:
+    """Mean reading of each pose: shape (n, C)."""
+    values = readings.values
+    if readings.held:
+        starts = first_rows(readings.pose, len(readings))
+        sizes = np.diff(np.append(starts, len(values)))
+        values = np.add.reduceat(values, starts, axis=0) / sizes[:, None]
+    return values
+
+
+def thinned(values: FloatArray) -> FloatArray:
+    """Not more rows than are compared."""
+    if len(values) > MOST:
+        values = values[np.linspace(0, len(values) - 1, MOST).astype(np.intp)]
+    return np.ascontiguousarray(values)
+
+
+def first_rows(pose: npt.NDArray[np.integer] | None, n: int) -> npt.NDArray[np.intp]:
+    """First row of each pose; every row where there are none."""
+    if pose is None:
+        return np.arange(n)
+    return np.flatnonzero(np.r_[True, pose[1:] != pose[:-1]])
