@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
@@ -136,7 +135,7 @@ def still_stretches(
     values : ndarray, shape (n, C)
         Readings.
     time : ndarray, shape (n,)
-        Time [s]; a gap of more than `hold` ends a stretch.
+        Time [s]; a gap of more than `hold`, or a step back, ends a stretch.
     hold : float
         Least length [s].
     inside : ndarray of bool, shape (n,), optional
@@ -149,17 +148,17 @@ def still_stretches(
     """
     n = len(values)
     steps = np.diff(time)
-    rows = max(2, int(np.ceil(hold / np.median(steps) - 1e-9)) + 1) if n > 1 else 2
+    going = steps[steps > 0.0]
+    rows = max(2, int(np.ceil(hold / np.median(going) - 1e-9)) + 1) if going.size else n + 1
     if n < rows:
         return []
-    windows = sliding_window_view(values, rows, axis=0)
-    ranges = windows.max(axis=-1) - windows.min(axis=-1)
+    ranges = _running(np.maximum, values, rows) - _running(np.minimum, values, rows)
     variance = np.cumsum(np.vstack([np.zeros(values.shape[1]), np.diff(values, axis=0) ** 2]), 0)
     noise = np.sqrt((variance[rows - 1 :] - variance[: n - rows + 1]) / (2 * (rows - 1)))
     sigma = np.quantile(noise, QUIET, axis=0)
     step = np.array([step_of(column) for column in values.T])
     quiet = (ranges <= _limit(rows, sigma, step)).all(axis=1)
-    broken = np.flatnonzero(steps > hold) + 1
+    broken = np.flatnonzero((steps > hold) | (steps < 0.0)) + 1
     if inside is not None:
         broken = np.union1d(broken, np.flatnonzero(np.diff(inside.astype(int))) + 1)
         quiet &= inside[: n - rows + 1]
@@ -172,6 +171,15 @@ def still_stretches(
         begin = max(start, found[-1][1] if found else 0)
         if last - 1 + rows - begin >= rows:
             found.append((begin, last - 1 + rows))
+    return found
+
+
+def _running(pick: np.ufunc, values: FloatArray, rows: int) -> FloatArray:
+    """Greatest or least of so many rows, from each row on: windows of twice the width in turn."""
+    out, width = values, 1
+    while 2 * width <= rows:
+        out, width = pick(out[:-width], out[width:]), 2 * width
+    found: FloatArray = pick(out[: len(values) - rows + 1], out[rows - width :])
     return found
 
 
