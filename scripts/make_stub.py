@@ -127,6 +127,7 @@ RETURNS = {
     "Mechanism.rsi": "Mechanism",
     "Mechanism.to_dict": "dict[str, Any]",
     "Mechanism.to_toml": "str",
+    "Mechanism.distance_columns": "list[str]",
     "Mechanism.value_columns": "list[str]",
     "Mechanism.terms": "list[Term]",
     "Mechanism.with_sensors": "Mechanism",

@@ -38,6 +38,7 @@ class Mechanism:
     channels: tuple[Channel, ...]
     name: str = "stub"
     key_columns: tuple[str, ...] = ()
+    distance_columns: tuple[str, ...] = ()
     value_columns: tuple[str, ...] = ()
 
 
@@ -47,6 +48,7 @@ BAR = Mechanism(
     (Channel("q1", "rad", None, 1.0), Channel("q2", "rad", None, 1.0)),
     name="ball bar",
     key_columns=("group", "at"),
+    distance_columns=("bar",),
     value_columns=("bar",),
 )
 HEADER = ["pose", "sample", "time_s", "temperature_c", *NAMES]

@@ -217,6 +217,12 @@ impl PyMechanism {
 
     /// Columns of the readings that hold measured distances.
     #[getter]
+    fn distance_columns(&self) -> Vec<String> {
+        self.0.distance_columns()
+    }
+
+    /// Columns of the readings with numbers that its closures, points and laws need.
+    #[getter]
     fn value_columns(&self) -> Vec<String> {
         self.0.value_columns()
     }

@@ -164,10 +164,10 @@ impl Case {
         model.scales.clone_from(&self.model.scales);
         let terms = self.model.term_parameters;
         let mut beta = self.beta[..terms].to_vec();
-        if let Some(name) = model.unknown_names.first() {
-            let names = &self.model.unknown_names;
-            let at = names.iter().position(|n| n == name).expect("the same point");
-            beta.extend(&self.beta[terms + 3 * at..terms + 3 * at + 3]);
+        if let Some(own) = model.unknowns.first() {
+            let same = self.model.unknowns.iter().find(|known| known.name == own.name);
+            let at = terms + same.expect("the same point").first;
+            beta.extend(&self.beta[at..at + 3]);
         }
         // Play goes with the mean of a measured distance, over all rows.
         Self { model, readings, beta, noise: self.noise.clone(), play: self.play.clone() }

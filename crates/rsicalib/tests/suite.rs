@@ -1,6 +1,7 @@
 //! Tests of the library as its users have it, in one program: the library is linked once.
 
 mod algebraic;
+mod closures;
 mod devices;
 #[path = "devices/differences.rs"]
 mod differences;

@@ -85,8 +85,12 @@ class MechanismLike(Protocol):
         """Text columns that its unknown points need."""
 
     @property
-    def value_columns(self) -> Sequence[str]:
+    def distance_columns(self) -> Sequence[str]:
         """Columns that its closures take their distance from."""
+
+    @property
+    def value_columns(self) -> Sequence[str]:
+        """Columns of numbers that its closures, points and laws need."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,8 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
             raise refuse(name, "no such column", expected, _header_hint(name, table.names, used))
     poses = [name for name in POSE if name in index and name not in needed]
     missing = [name for name in POSE if name not in index]
+    if poses == ["x", "y", "z"] and len(missing) == len("xyz"):
+        poses = []  # places without orientation: no pose of the platform
     if poses and missing and not set(POSE) & set(needed):
         found = f"'{poses[0]}' without '{missing[0]}'"
         expected = f"all six columns {' '.join(POSE)}, or none"
@@ -149,7 +155,9 @@ def _role(name: str, mechanism: MechanismLike) -> str:
     if name in mechanism.key_columns:
         return f"text that the unknown points of '{mechanism.name}' need"
     if name in mechanism.value_columns:
-        return f"a distance that the closures of '{mechanism.name}' need"
+        if name in mechanism.distance_columns:
+            return f"a distance that the closures of '{mechanism.name}' need"
+        return f"a number that the points or laws of '{mechanism.name}' need"
     return f"a channel of '{mechanism.name}'"
 
 
@@ -213,7 +221,7 @@ def _unusable(
     name: str, values: FloatArray, mechanism: MechanismLike
 ) -> tuple[npt.NDArray[np.bool_], str]:
     bad, expected = _too_large(values)
-    if name in mechanism.value_columns:
+    if name in mechanism.distance_columns:
         return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
         return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"

@@ -112,6 +112,7 @@ class Bare:
         self.name = mechanism.name
         self.channels = mechanism.channels
         self.key_columns: list[str] = []
+        self.distance_columns: list[str] = []
         self.value_columns: list[str] = []
 
 

@@ -101,7 +101,7 @@ pub fn predicted(
 
 /// True where a pose of the platform follows from the readings.
 fn is_placed(observations: &Observations, fit: &Fit) -> bool {
-    !observations.mechanism.platform.is_empty() && fit.model.unknown_names.is_empty()
+    !observations.mechanism.platform.is_empty() && fit.model.unknowns.is_empty()
 }
 
 /// Derivatives of the platform's pose, or of where chains carry points, at the rows of a table.

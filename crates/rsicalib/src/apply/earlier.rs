@@ -6,7 +6,7 @@
 use crate::apply::check::{Check, compare};
 use crate::apply::poses::poses_of;
 use crate::mechanism::{Closure, Mechanism, Point, Target};
-use crate::model::{Instance, Model, Spec, UNKNOWN_POINT, Want, Workspace, instances_of};
+use crate::model::{Instance, Model, Spec, Want, Workspace, instances_of, is_unknown_thing};
 use crate::readings::{Readings, Table};
 use crate::terms::term::{Outlasts, Per, Role, Term};
 use crate::{Error, terms};
@@ -76,7 +76,7 @@ pub struct Applied {
 /// [`Error::Unknown`] where there is no such term.
 pub fn outlasts(mechanism: &Mechanism, spec: &Spec) -> Result<Outlasts, Error> {
     match spec.term.as_str() {
-        UNKNOWN_POINT => Ok(Outlasts::Nothing),
+        id if is_unknown_thing(id) => Ok(Outlasts::Nothing),
         id => terms::find_in(mechanism, id).map(Term::outlasts),
     }
 }
@@ -279,11 +279,11 @@ impl Under {
             }
         }
         let mut model = Model::new(mechanism, &readings, instances)?;
-        for ((scale, &centre), &span) in
-            model.scales.iter_mut().zip(&reference.centre).zip(&reference.span)
-        {
+        for (c, (&centre, &span)) in reference.centre.iter().zip(&reference.span).enumerate() {
+            let scale = &mut model.scales[c];
+            let centre = mechanism.centre(c, centre);
             scale.angle += scale.gain * (centre - scale.centre);
-            (scale.centre, scale.span) = (centre, span);
+            *scale = scale.referred_to(mechanism, c, centre, span);
         }
         let columns = acting
             .into_iter()
@@ -350,7 +350,7 @@ fn acting_as(
     spec: &Spec,
     own: bool,
 ) -> Result<Vec<Instance>, Error> {
-    if spec.term == UNKNOWN_POINT {
+    if is_unknown_thing(&spec.term) {
         return Ok(Vec::new());
     }
     match outlasts(mechanism, spec)? {

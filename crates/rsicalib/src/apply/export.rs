@@ -19,7 +19,7 @@ use crate::Error;
 use crate::apply::earlier::{Applied, outlasts, parameter_index};
 use crate::kinematics::elements::{Axis, Way};
 use crate::mechanism::{Chain, Mechanism, Row, Target, Value};
-use crate::model::{Spec, UNKNOWN_POINT};
+use crate::model::{Spec, is_unknown_thing};
 use crate::terms::Ratio;
 use crate::terms::term::{Acts, Freedom, Outlasts, Role, Spot, Term};
 
@@ -135,7 +135,7 @@ pub fn with_sensors(mechanism: &Mechanism, applied: &Applied) -> Result<Mechanis
 /// The effects of a result, in the order of its parameters.
 fn effects(mechanism: &Mechanism, applied: &Applied) -> Result<Vec<Effect>, Error> {
     let mut effects: Vec<Effect> = Vec::new();
-    for p in applied.parameters.iter().filter(|p| p.spec.term != UNKNOWN_POINT) {
+    for p in applied.parameters.iter().filter(|p| !is_unknown_thing(&p.spec.term)) {
         let (term, targets) = p.spec.targets(mechanism)?;
         let k = parameter_index(term, &p.name)?;
         for target in targets.into_iter().flat_map(|target| mechanism.parts(target)) {

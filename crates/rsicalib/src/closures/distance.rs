@@ -1,13 +1,17 @@
 //! [`Distance`].
 
-use crate::closures::kind::{At, Kind};
+use crate::closures::kind::{At, Given, Kind, Part};
 use crate::numerics::lanes::{Lanes, Vec3, dot};
 
 /// Two points are a known length apart, eq. (10).
 ///
 /// ```text
 /// f = |a - b|² - d²
+/// f = |a - b| - d             where a channel measures d
 /// ```
+///
+/// What a sensor of the length reads differs from pose to pose, and so would the scale of an
+/// area.
 #[derive(Debug, Clone, Copy)]
 pub struct Distance;
 
@@ -16,13 +20,17 @@ impl Kind for Distance {
         1
     }
 
-    fn has_value(&self) -> bool {
-        true
+    fn between(&self) -> [Part; 2] {
+        [Part::Point; 2]
     }
 
-    /// To first order `f` is `2 d` times the error of the distance.
-    fn per_length(&self, value: f64) -> f64 {
-        2.0 * value
+    fn given(&self) -> Given {
+        Given::Value
+    }
+
+    /// To first order `|a - b|² - d²` is `2 d` times the error of the distance.
+    fn per_length(&self, value: Option<f64>) -> f64 {
+        value.map_or(1.0, |value| 2.0 * value)
     }
 
     fn dimension(&self) -> i32 {
@@ -35,16 +43,23 @@ impl Kind for Distance {
 
     #[inline(always)]
     fn misclosure(at: &At, _row: usize) -> Lanes {
-        dot(&at.apart, &at.apart) - at.value * at.value
+        let square = dot(&at.apart, &at.apart);
+        if at.measured { square.sqrt() - at.value } else { square - at.value * at.value }
     }
 
     #[inline(always)]
     fn by_end(at: &At, _row: usize, moved: &Vec3, sign: f64) -> Lanes {
-        dot(&at.apart, moved) * (2.0 * sign)
+        let along = dot(&at.apart, moved);
+        if at.measured {
+            // No direction where the points coincide.
+            let square = dot(&at.apart, &at.apart).map(|square| square.max(f64::MIN_POSITIVE));
+            return along * sign / square.sqrt();
+        }
+        along * (2.0 * sign)
     }
 
     #[inline(always)]
     fn by_value(at: &At, _row: usize) -> Lanes {
-        at.value * -2.0
+        if at.measured { -Lanes::ONE } else { at.value * -2.0 }
     }
 }

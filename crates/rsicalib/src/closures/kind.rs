@@ -9,8 +9,49 @@ pub struct At<'a> {
     pub apart: Vec3,
     /// The value, with what terms add to it, in length units.
     pub value: Lanes,
+    /// How the value changes as the first end moves: the shape of a surface.
+    pub shape: Option<Vec3>,
+    /// True for a value that a channel reads.
+    pub measured: bool,
     /// Directions along which the equations count; none: the three axes of the base.
     pub along: Option<&'a [[f64; 3]]>,
+}
+
+/// What an end of a closure is the name of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// A point.
+    Point,
+    /// A plane, whose second end is the origin of the base, and whose value is its offset.
+    Plane,
+    /// A line, whose second end is a point of it.
+    Line,
+    /// A channel, whose end is the coordinate of its joint.
+    Channel,
+}
+
+impl Part {
+    /// The word for it, in files and messages.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Point => "point",
+            Self::Plane => "plane",
+            Self::Line => "line",
+            Self::Channel => "channel",
+        }
+    }
+}
+
+/// The value that a closure is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Given {
+    /// None, and terms can add to none.
+    Nothing,
+    /// A number, a column of the readings, or a channel.
+    Value,
+    /// None, but what it is between has one: terms can add to it.
+    Offset,
 }
 
 impl At<'_> {
@@ -34,8 +75,11 @@ pub trait Kind: Sync {
     /// Scalar equations of one sample.
     fn equations(&self) -> usize;
 
-    /// True for a kind with a value, to which terms can add: a length.
-    fn has_value(&self) -> bool;
+    /// What it is between.
+    fn between(&self) -> [Part; 2];
+
+    /// The value that it has.
+    fn given(&self) -> Given;
 
     /// True for equations that are the components of one vector: they may be taken along any
     /// directions, and those left out that say nothing.
@@ -43,8 +87,11 @@ pub trait Kind: Sync {
         false
     }
 
-    /// Change of an equation per change of a length, where the closure has this value.
-    fn per_length(&self, value: f64) -> f64;
+    /// Change of an equation per change of a length, where the closure has this value; `None` where a
+    /// channel measures it.
+    fn per_length(&self, _value: Option<f64>) -> f64 {
+        1.0
+    }
 
     /// How often a length is multiplied in an equation: 2 where it is an area.
     fn dimension(&self) -> i32 {

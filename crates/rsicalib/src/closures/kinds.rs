@@ -1,7 +1,10 @@
 //! The kinds that there are.
 
 use crate::closures::distance::Distance;
-use crate::closures::kind::{At, Kind};
+use crate::closures::equal::Equal;
+use crate::closures::kind::{At, Given, Kind, Part};
+use crate::closures::line::Line;
+use crate::closures::plane::Plane;
 use crate::closures::touch::Touch;
 use crate::numerics::lanes::{Lanes, Vec3};
 
@@ -63,6 +66,12 @@ kinds! {
     Distance,
     /// `a - b = 0`: three equations.
     Touch,
+    /// `normal · p = offset`, of a point and a plane: one equation.
+    Plane,
+    /// A point on a line: two equations.
+    Line,
+    /// The coordinates of two channels are equal: one equation.
+    Equal,
 }
 
 impl ClosureKind {
@@ -75,6 +84,12 @@ impl ClosureKind {
     /// True for a kind with a value, to which terms can add.
     #[must_use]
     pub fn has_value(self) -> bool {
-        self.facts().has_value()
+        self.facts().given() != Given::Nothing
+    }
+
+    /// True for a kind between points alone.
+    #[must_use]
+    pub fn is_between_points(self) -> bool {
+        self.facts().between() == [Part::Point; 2]
     }
 }

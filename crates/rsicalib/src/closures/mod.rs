@@ -5,8 +5,11 @@
 //! name. A new kind is a file in this folder and a line in `kinds.rs`.
 
 pub mod distance;
+pub mod equal;
 pub mod kind;
 mod kinds;
+pub mod line;
+pub mod plane;
 pub mod touch;
 
 pub use kinds::ClosureKind;

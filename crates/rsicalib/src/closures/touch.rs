@@ -1,6 +1,6 @@
 //! [`Touch`].
 
-use crate::closures::kind::{At, Kind};
+use crate::closures::kind::{At, Given, Kind, Part};
 use crate::numerics::lanes::{Lanes, Vec3};
 
 /// Two points coincide.
@@ -16,16 +16,16 @@ impl Kind for Touch {
         3
     }
 
-    fn has_value(&self) -> bool {
-        false
+    fn between(&self) -> [Part; 2] {
+        [Part::Point; 2]
+    }
+
+    fn given(&self) -> Given {
+        Given::Nothing
     }
 
     fn is_vector(&self) -> bool {
         true
-    }
-
-    fn per_length(&self, _value: f64) -> f64 {
-        1.0
     }
 
     fn words(&self) -> &'static str {

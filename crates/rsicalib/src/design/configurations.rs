@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::closures::kind::Kind;
 use crate::mechanism::Mechanism;
-use crate::model::{Model, Prior, Want, Workspace};
+use crate::model::{Model, Prior, Thing, Unknown, Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::random::Random;
 use crate::numerics::rank::RANK;
@@ -41,7 +41,7 @@ const LONGEST_STEP: f64 = 0.3;
 const CLOSED: f64 = 1e-10;
 
 /// Place of an unknown point: its number in the mechanism, its keys, where it is.
-type Placed = (usize, Vec<String>, [f64; 3]);
+type Placed = (Thing, Vec<String>, Vec<f64>);
 
 /// The model of readings, and its parameters.
 pub(crate) type Under<'a> = dyn Fn(&Readings) -> Result<(Model, Vec<f64>), Error> + 'a;
@@ -176,11 +176,11 @@ impl Configurations {
     /// The drawing's parameters, with the unknown points in their places.
     pub(crate) fn nominal(&self, model: &Model) -> Vec<f64> {
         let mut beta = model.nominal();
-        for (k, (point, keys)) in model.unknown_points.iter().enumerate() {
-            let known = |p: &&Placed| p.0 == *point && p.1 == *keys;
+        for unknown in &model.unknowns {
+            let known = |p: &&Placed| p.0 == unknown.thing && p.1 == unknown.keys;
             if let Some((_, _, at)) = self.places.iter().find(known) {
-                let first = model.term_parameters + 3 * k;
-                beta[first..first + 3].copy_from_slice(at);
+                let first = model.term_parameters + unknown.first;
+                beta[first..first + unknown.width].copy_from_slice(at);
             }
         }
         beta
@@ -324,9 +324,10 @@ impl Configurations {
                 *beta -= step;
             }
         }
-        let at = |k: usize| std::array::from_fn(|i| beta[model.term_parameters + 3 * k + i]);
-        let points = model.unknown_points.iter().enumerate();
-        Ok(points.map(|(k, (point, keys))| (*point, keys.clone(), at(k))).collect())
+        let at = |unknown: &Unknown| {
+            beta[model.term_parameters + unknown.first..][..unknown.width].to_vec()
+        };
+        Ok(model.unknowns.iter().map(|u| (u.thing, u.keys.clone(), at(u))).collect())
     }
 }
 

@@ -188,7 +188,7 @@ fn play(mechanism: &Mechanism) -> Vec<f64> {
         .closures
         .iter()
         .flat_map(|c| {
-            let value = c.value.as_ref().and_then(Value::known).unwrap_or(0.0);
+            let value = c.value.as_ref().and_then(Value::known);
             let variance = (c.noise.unwrap_or(0.0) * c.kind.facts().per_length(value)).powi(2);
             std::iter::repeat_n(variance, c.kind.equations())
         })

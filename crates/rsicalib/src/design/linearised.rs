@@ -7,8 +7,8 @@ use faer::Mat;
 
 use crate::Error;
 use crate::estimate::{Fit, Implicit, Noise, Observations, Part, carry_over};
-use crate::mechanism::Mechanism;
-use crate::model::{Instance, Model};
+use crate::mechanism::{Mechanism, list};
+use crate::model::{Instance, Model, Unknown};
 use crate::readings::Readings;
 
 /// Rows `W = L⁻¹ X` of some samples.
@@ -145,15 +145,16 @@ impl<'a> Linearised<'a> {
     ) -> Result<(Model, Vec<usize>), Error> {
         let model = Model::like(&self.model, mechanism, readings)?;
         let mut columns: Vec<usize> = (0..self.model.term_parameters).collect();
-        for (point, name) in model.unknown_points.iter().zip(&model.unknown_names) {
-            let k = self.model.unknown_points.iter().position(|known| known == point);
-            let first = self.model.term_parameters
-                + 3 * k.ok_or_else(|| Error::Unknown {
-                    kind: "point",
-                    found: name.clone(),
-                    known: self.model.unknown_names.join(", "),
-                })?;
-            columns.extend(first..first + 3);
+        for unknown in &model.unknowns {
+            let same =
+                |known: &&Unknown| known.thing == unknown.thing && known.keys == unknown.keys;
+            let own = self.model.unknowns.iter().find(same).ok_or_else(|| Error::Unknown {
+                kind: "point",
+                found: unknown.name.clone(),
+                known: list(self.model.unknowns.iter().map(|known| &known.name)),
+            })?;
+            let first = self.model.term_parameters + own.first;
+            columns.extend(first..first + own.width);
         }
         Ok((model, columns))
     }

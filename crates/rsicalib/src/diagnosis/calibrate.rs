@@ -45,7 +45,7 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
     let mut rest = observations.clone();
     let (clean, excluded) = sound(&mut rest, &all)?;
     // Points that are touched are judged by placement.
-    let searched = all.model.unknown_names.is_empty() && observations.readings.poses() <= MOST;
+    let searched = all.model.unknowns.is_empty() && observations.readings.poses() <= MOST;
     if searched && looks_bad(&rest, &clean)? {
         let traced = trace(observations, &SearchOptions::default())?;
         let data: Vec<Instance> =

@@ -28,7 +28,7 @@ pub fn curve(fit: &Fit, instance: &Instance, first: usize) -> Option<Curve> {
     let mechanism = &fit.model.mechanism;
     let channel = match (instance.term.acts(), instance.target) {
         // Sensors of one make have one curve; others have none in common.
-        (Acts::Sensor(_), Target::Channel(_) | Target::EachJoint(..)) => {
+        (Acts::Sensor(_), Target::Channel(_) | Target::EachJoint(..) | Target::Together(_)) => {
             mechanism.channels_at(instance.target).first().copied()?
         }
         (Acts::Sensor(_), _) => return None,

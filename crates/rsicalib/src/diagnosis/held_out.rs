@@ -66,8 +66,8 @@ fn errors(
         // A point that was left out whole is where the others' terms touch it.
         let mut placed = trained.beta.clone();
         trained.model.place_unknowns(readings, &mut placed);
-        for first in trained.model.untouched(readings, &training.weights) {
-            trained.beta[first..first + 3].copy_from_slice(&placed[first..first + 3]);
+        for k in trained.model.untouched(readings, &training.weights) {
+            trained.beta[k] = placed[k];
         }
         Some((trained, out))
     };

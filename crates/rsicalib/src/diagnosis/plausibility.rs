@@ -7,7 +7,7 @@ use crate::diagnosis::curve::curve;
 use crate::estimate::noise::source::Source;
 use crate::estimate::search::ratios;
 use crate::estimate::{Fit, Observations};
-use crate::mechanism::{Channel, Mechanism, Target, Value};
+use crate::mechanism::{Mechanism, Target, Value};
 use crate::model::Instance;
 use crate::terms::targets::typical;
 use crate::terms::term::{Over, Role};
@@ -62,8 +62,8 @@ pub enum Absurdity {
 #[must_use]
 pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -> Vec<Absurdity> {
     let mechanism = &observations.mechanism;
-    let noisy = mechanism.channels.iter().enumerate().filter_map(|(channel, declared)| {
-        let (sigma, span) = (fit.noise.sigma[channel], span(declared));
+    let noisy = (0..mechanism.channels.len()).filter_map(|channel| {
+        let (sigma, span) = (fit.noise.sigma[channel], span(mechanism, channel));
         (sigma > NOISE * span).then_some(Absurdity::Noise { channel, sigma, span })
     });
     let (rms, length) = (fit.rms_misclosure, smallest_length(mechanism));
@@ -82,9 +82,13 @@ fn is_declared(fit: &Fit) -> bool {
 }
 
 /// Readings between the ends of a channel's range or of its joint's limits.
-fn span(channel: &Channel) -> f64 {
+fn span(mechanism: &Mechanism, channel: usize) -> f64 {
+    let turns = mechanism.turns(channel);
+    let channel = &mechanism.channels[channel];
     let limits = channel.limits.map(|[low, high]| (high - low) / channel.gain.abs());
-    limits.unwrap_or(f64::INFINITY).min(2.0 * channel.half_range())
+    let bounded = turns || channel.ends().is_some();
+    let range = if bounded { 2.0 * channel.half_range() } else { f64::INFINITY };
+    limits.unwrap_or(f64::INFINITY).min(range)
 }
 
 /// The smallest length that keeps a loop open: of a link, or of a distance.
@@ -134,14 +138,14 @@ const COUNTS: f64 = 2047.5;
 /// A radian; of a joint that slides, half its way.
 fn travel(mechanism: &Mechanism, channel: usize) -> f64 {
     let declared = &mechanism.channels[channel];
-    let half = 0.5 * span(declared) * declared.gain.abs();
+    let half = 0.5 * span(mechanism, channel) * declared.gain.abs();
     if mechanism.slides(channel) && half.is_finite() { half } else { 1.0 }
 }
 
 /// The channel that a sensor's law is of; of sensors of one make, which share it, the first.
 fn sensor(mechanism: &Mechanism, target: Target) -> Option<usize> {
     match target {
-        Target::Channel(_) | Target::EachJoint(..) => {
+        Target::Channel(_) | Target::EachJoint(..) | Target::Together(_) => {
             mechanism.channels_at(target).first().copied()
         }
         _ => None,

@@ -262,7 +262,7 @@ impl<'a> Settled<'a> {
     fn at(&mut self, row: usize, channel: usize) -> f64 {
         let (block, lane) = self.lane_of[row];
         if self.block.replace(block) != Some(block) {
-            self.a_hat = self.part.readings.raw(block).to_vec();
+            self.a_hat = self.part.start(block);
             self.room.settle(&self.part, block, &self.fit.beta, &mut self.a_hat, false);
         }
         self.a_hat[channel].0[lane]

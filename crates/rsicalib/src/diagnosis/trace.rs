@@ -263,7 +263,7 @@ fn judge_again(
 ) -> Result<Option<(Observations, Fit, Vec<Excluded>)>, Error> {
     let found = searched.found.iter().map(|step| stepwise.in_all(&step.scored.instance));
     let effects: Vec<Instance> = found.filter(|i| !scored::is_data(i)).collect();
-    if searched.current.model.unknown_names.is_empty() || effects.is_empty() {
+    if searched.current.model.unknowns.is_empty() || effects.is_empty() {
         return Ok(None);
     }
     let mut again = all.clone();

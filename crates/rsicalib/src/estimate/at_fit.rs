@@ -56,7 +56,7 @@ impl<'a> AtFit<'a> {
             add_scaled(&mut pull, *r, q.col_as_slice(e));
         }
         let inverse = &root * root.transpose();
-        if fit.model.unknown_names.is_empty() {
+        if fit.model.unknowns.is_empty() {
             // Of a long recording they are gigabytes, and only what touches unknown points needs them.
             residuals.by_parameter = Vec::new();
         }

@@ -5,7 +5,7 @@ use faer::{Mat, Side};
 use crate::estimate::fit::Fit;
 use crate::estimate::note::Note;
 use crate::estimate::observations::Observations;
-use crate::model::{Instance, Spec, UNKNOWN_POINT, place_name};
+use crate::model::{Instance, Spec, place_name};
 use crate::terms::term::{Placed, Role};
 
 /// Unobservable and weak directions in the space of parameters.
@@ -89,7 +89,7 @@ impl Label {
 pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     let untouched = fit.model.untouched(&observations.readings, &observations.weights);
     // No sample in use touches these points: what was left out is not to be known.
-    let out = |i: usize| untouched.iter().any(|&first| (first..first + 3).contains(&i));
+    let out = |i: usize| untouched.contains(&i);
     let kept: Vec<usize> = (0..fit.gram.nrows()).filter(|&i| !out(i)).collect();
     let names = parameter_names(observations, fit);
     let label = |&i: &usize| {
@@ -265,16 +265,16 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
             });
         }
     }
-    for point in &fit.model.unknown_names {
-        for axis in ["x", "y", "z"] {
+    for unknown in &fit.model.unknowns {
+        for (name, length) in unknown.thing.coordinates(mechanism) {
             names.push(ParameterReport {
-                term: UNKNOWN_POINT.into(),
-                target: point.clone(),
+                term: unknown.thing.term().into(),
+                target: unknown.name.clone(),
                 place: None,
-                name: axis.into(),
+                name: name.into(),
                 value: f64::NAN,
                 sd: None,
-                unit: mechanism.length_unit.clone(),
+                unit: if length { mechanism.length_unit.clone() } else { "rad".into() },
                 note: None,
             });
         }

@@ -22,6 +22,7 @@ use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
 use crate::estimate::progress::Heard;
 use crate::estimate::residuals::Residuals;
+use crate::estimate::sized::sized;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Start, Try};
 use crate::estimate::{search, start};
@@ -129,7 +130,7 @@ pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
         }
     }
     let (old, new) = (fit.model.term_parameters, model.term_parameters);
-    if fit.model.unknown_names == model.unknown_names {
+    if fit.model.unknowns == model.unknowns {
         beta[new..].copy_from_slice(&fit.beta[old..]);
     }
     beta
@@ -138,11 +139,12 @@ pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
 /// A start by the search, or, for a mechanism with unknown points, the best anchor with each
 /// unknown point at the mean of the positions at which chains touch it.
 fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
-    if model.unknown_names.is_empty() {
+    if model.unknowns.is_empty() && model.pose_unknowns() == 0 {
         return start::search(observations, model, noise);
     }
     let mut beta = search::anchored(observations, model, &vec![1.0; model.scales.len()]);
     model.place_unknowns(&observations.readings, &mut beta);
+    let beta = sized(observations, model, noise, beta);
     Start { beta, ..Start::default() }
 }
 
@@ -389,7 +391,7 @@ fn conclude(
     let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
     let part = Part { model: &model, readings, weights };
     let squares = part.mean_square_lengths(&outcome.x);
-    let rms_misclosure = (squares.iter().sum::<f64>() / k.max(1) as f64).sqrt();
+    let rms_misclosure = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
     let plausible = !search::collapsed(&model, &outcome.x);
     if observations.is_long() {
         residuals.by_reading = Vec::new();

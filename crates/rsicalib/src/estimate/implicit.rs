@@ -53,7 +53,7 @@ impl<'a> Implicit<'a> {
         let mut adjusted = lock(&self.adjusted);
         for ((part, _), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
             if adjusted.is_empty() {
-                adjusted.extend_from_slice(part.readings.all_raw());
+                *adjusted = part.starts();
             }
         }
         adjusted
@@ -100,8 +100,8 @@ impl<'a> Implicit<'a> {
     ) -> Residuals {
         let (part, noise) = &self.parts[0];
         let (model, readings) = (part.model, part.readings);
-        let channels = readings.channels;
-        let sizes = Sizes::of(model, channels, by_parameter);
+        let channels = part.stride();
+        let sizes = Sizes::of(model, readings.channels, by_parameter);
         let mut out = Residuals::zero(&sizes, readings.samples, kept);
         let mut adjusted = self.adjusted();
         // So many blocks at a time: their residuals stand beside those of all rows until they are
@@ -154,8 +154,10 @@ impl Implicit<'_> {
             let bare = Want { x: false, a: false };
             model.evaluate(readings, block, readings.raw(block), x, bare, &mut room.ws);
             for lane in lanes {
-                for ((w, f), length) in room.w.iter().zip(&room.ws.f).zip(&lengths) {
+                for w in &room.w {
                     sum.chi2 += (w.0[lane] * weight.0[lane]).powi(2);
+                }
+                for (f, length) in room.ws.f.iter().zip(&lengths) {
                     sum.square += (f.0[lane] * length).powi(2);
                 }
                 sum.equations += room.w.len() as f64;
@@ -178,7 +180,7 @@ impl Implicit<'_> {
         merge: impl FnMut(&mut S, S),
     ) -> S {
         let (part, noise) = &self.parts[0];
-        let channels = part.readings.channels;
+        let channels = part.stride();
         let mut adjusted = self.adjusted();
         let one = |first: usize, chunk: &mut [Lanes]| {
             let mut room = Room::new(part.model, noise);
@@ -219,7 +221,7 @@ impl Implicit<'_> {
                     let mut settling = Room::new(own.model, noise);
                     let mut room = Room::new(part.model, noise);
                     let mut sums = zero();
-                    for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(readings.channels)) {
+                    for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(part.stride())) {
                         settling.settle(&own, block, beta, a_hat, false);
                         room.linearise(part, block, readings.raw(block), x, a_hat, 0);
                         room.weigh(part.weight(block));
@@ -230,7 +232,7 @@ impl Implicit<'_> {
                 },
             )
         };
-        over_chunks(&mut adjusted[0], readings.channels, one, merge)
+        over_chunks(&mut adjusted[0], part.stride(), one, merge)
     }
 }
 
@@ -243,7 +245,7 @@ impl Problem for Implicit<'_> {
         let mut total = Total::new(self.parameters());
         let mut adjusted = self.adjusted();
         for ((part, noise), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
-            let (model, readings, channels) = (part.model, part.readings, part.readings.channels);
+            let (model, readings, channels) = (part.model, part.readings, part.stride());
             let one = |first: usize, chunk: &mut [Lanes]| {
                 dispatch(
                     #[inline(always)]

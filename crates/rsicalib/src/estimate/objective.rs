@@ -37,6 +37,25 @@ pub struct Part<'a> {
 }
 
 impl Part<'_> {
+    /// Entries of one block of what a fit settles: readings, and what is unknown in their poses.
+    pub(crate) fn stride(&self) -> usize {
+        self.model.stride()
+    }
+
+    /// A block before it is settled: its readings as they are, and nothing known of its poses.
+    pub(crate) fn start(&self, block: usize) -> Vec<Lanes> {
+        let raw = self.readings.raw(block).iter().copied();
+        raw.chain(vec![Lanes::splat(f64::NAN); self.stride() - self.readings.channels]).collect()
+    }
+
+    /// All blocks before they are settled.
+    pub(crate) fn starts(&self) -> Vec<Lanes> {
+        match self.stride() == self.readings.channels {
+            true => self.readings.all_raw().to_vec(),
+            false => (0..self.readings.blocks().len()).flat_map(|b| self.start(b)).collect(),
+        }
+    }
+
     /// Weight of each sample of a block.
     #[inline(always)]
     pub(crate) fn weight(&self, block: usize) -> Lanes {
@@ -57,7 +76,7 @@ impl Part<'_> {
         // The sum of each equation, and last the number of samples.
         let one = |first: usize, chunk: &mut [()]| {
             let mut ws = Workspace::default();
-            let mut sums = vec![0.0; model.equations() + 1];
+            let mut sums = vec![0.0; model.rows() + 1];
             for block in first..first + chunk.len() {
                 let weight = self.weight(block);
                 let bare = Want { x: false, a: false };

@@ -160,6 +160,10 @@ impl Layout {
         let missing = |needs, why| Error::Missing { mechanism: mechanism.name.clone(), needs, why };
         let mut equation = 0;
         for closure in &mechanism.closures {
+            if !closure.kind.is_between_points() {
+                let why = "the paper's problem has distances and touches alone";
+                return Err(missing("closure of its kinds", why));
+            }
             let mut ends = [0; 2];
             for (end, name) in ends.iter_mut().zip(&closure.between) {
                 let point = &mechanism.points[mechanism.point_index(name)?];
@@ -177,9 +181,9 @@ impl Layout {
                 });
             }
             let square = match (closure.kind, &closure.value) {
-                (ClosureKind::Touch, _) => 0.0,
                 (ClosureKind::Distance, Some(Value::Known(d))) => d * d,
-                (ClosureKind::Distance, _) => {
+                (kind, _) if kind.facts().is_vector() => 0.0,
+                _ => {
                     let why = "the paper's problem has no measured distances";
                     return Err(missing("constant value for every distance", why));
                 }
@@ -432,7 +436,7 @@ impl Paper {
                         }
                     }
                 }
-                ClosureKind::Touch => {
+                _ => {
                     for axis in 0..3 {
                         room.f[pair.equation + axis] = apart[axis];
                         for (moves, sign) in sides {

@@ -1,5 +1,6 @@
 //! Estimated readings without noise: eq. (52), block by block.
 
+use crate::estimate::eliminated::Eliminated;
 use crate::estimate::objective::{Noise, Part};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
@@ -25,22 +26,33 @@ const COARSE: f64 = 0.1;
 /// Readings `â` of one block at parameters `x`, moved onto the closures by (52): one [`Lanes`] per
 /// channel.
 pub(crate) fn settled(part: &Part, noise: &Noise, block: usize, x: &[f64]) -> Vec<Lanes> {
-    let mut a_hat = part.readings.raw(block).to_vec();
+    let mut a_hat = part.start(block);
     Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false);
     a_hat
 }
 
+/// Standard deviations that what is unknown in one pose may be off before it is looked for again.
+const ASTRAY: f64 = 1e4;
+
 /// Buffers for the readings of one block.
 pub(crate) struct Room {
     pub(crate) ws: Workspace,
-    /// Whitened misclosure, `L⁻¹ w`.
+    /// Whitened misclosure, `L⁻¹ w`, of which what is unknown in one pose alone is eliminated: `g` of
+    /// (59).
     pub(crate) w: Vec<Lanes>,
+    /// The same equation by equation, `N g`: what each closure leaves.
+    pub(crate) of_closures: Vec<Lanes>,
+    eliminated: Eliminated,
     /// Cholesky factor of `S`, row by row, full square.
     l: Vec<Lanes>,
+    /// What was eliminated of the whitened misclosure: the next step of the unknowns of the pose.
+    taken: Vec<Lanes>,
     lambda: Vec<Lanes>,
     variance: Vec<f64>,
     play: Vec<f64>,
     still: Vec<f64>,
+    /// Change of what is unknown in one pose, in its standard deviations, below which it has converged.
+    settled: f64,
     /// [`beyond`] of each channel, and the largest part of its variance that this is.
     beyond: Vec<f64>,
     beyond_most: f64,
@@ -78,7 +90,7 @@ fn beyond(model: &Model, noise: &Noise) -> Vec<f64> {
 
 impl Room {
     pub(crate) fn new(model: &Model, noise: &Noise) -> Self {
-        let k = model.equations();
+        let k = model.rows();
         let limit = |(sigma, scale): (&f64, &Scale)| still(STILL * sigma, scale);
         let beyond = beyond(model, noise);
         let parts = beyond.iter().zip(&noise.sigma).map(|(beyond, sigma)| beyond / (sigma * sigma));
@@ -86,7 +98,11 @@ impl Room {
         Self {
             ws: Workspace::default(),
             w: vec![Lanes::ZERO; k],
+            of_closures: Vec::new(),
+            eliminated: Eliminated::new(model.pose_unknowns()),
+            settled: STILL,
             l: vec![Lanes::ZERO; k * k],
+            taken: Vec::new(),
             lambda: vec![Lanes::ZERO; k],
             variance: noise.sigma.iter().map(|s| s * s).collect(),
             play: model.play().iter().map(|p| p * noise.play).collect(),
@@ -104,7 +120,7 @@ impl Room {
         let least = COARSE * angles.fold(f64::INFINITY, f64::min);
         let limit = |scale: &Scale| still(least / scale.gain.abs(), scale);
         let limits = model.scales.iter().map(limit).collect();
-        Self { still: limits, ..Self::new(model, noise) }
+        Self { still: limits, settled: COARSE, ..Self::new(model, noise) }
     }
 
     /// Adds a variance of its own to each equation, as play does.
@@ -127,7 +143,9 @@ impl Room {
         let (model, readings) = (part.model, part.readings);
         let raw = readings.raw(block);
         if a_hat.iter().any(|a| a.0.iter().any(|a| !a.is_finite())) {
-            a_hat.copy_from_slice(raw);
+            let place = model.pose_unknowns() > 0;
+            let start = if place { self.place(part, block, x) } else { raw.to_vec() };
+            a_hat.copy_from_slice(&start);
         }
         let mut repeats = 0;
         loop {
@@ -135,7 +153,13 @@ impl Room {
             // `X` of many parameters is computed once, after `â` has converged.
             let want = Want { x: want_x && model.width() <= CHEAP, a: true };
             model.evaluate(readings, block, a_hat, x, want, &mut self.ws);
-            if !self.step(raw, a_hat) || repeats == INNER {
+            let moved = self.step(raw, a_hat);
+            if repeats == 1 && self.astray() {
+                let start = self.place(part, block, x);
+                a_hat.copy_from_slice(&start);
+                continue;
+            }
+            if !moved || repeats == INNER {
                 break;
             }
         }
@@ -147,6 +171,17 @@ impl Room {
             self.whiten_parameters(model.width());
         }
         repeats
+    }
+
+    /// The readings as they are, and what is unknown in their poses where it is looked for.
+    fn place(&mut self, part: &Part, block: usize, x: &[f64]) -> Vec<Lanes> {
+        part.model.placed(part.readings, block, part.readings.raw(block), x, &mut self.ws)
+    }
+
+    /// True where what is unknown in a pose is so far from where it was that the search begins again.
+    fn astray(&self) -> bool {
+        let far = |w: &Lanes| w.0.iter().any(|w| w.is_nan() || w.abs() > ASTRAY);
+        !self.eliminated.is_none() && self.taken.iter().any(far)
     }
 
     /// So many repeats of (52), then `L⁻¹ w` and `L⁻¹ X`: none of settled readings. After one from the
@@ -176,16 +211,53 @@ impl Room {
         }
     }
 
-    /// One repeat of (52); true where the readings have changed.
+    /// One repeat of (52), and of (59); true where the readings have changed, or what is unknown in
+    /// their poses.
     fn step(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
+        if self.eliminated.is_none() {
+            return dispatch(
+                #[inline(always)]
+                || {
+                    self.misclosure(raw, a_hat);
+                    self.factor();
+                    self.adjust(raw, a_hat)
+                },
+            );
+        }
+        let (n, k) = (a_hat.len() - raw.len(), self.play.len());
+        self.w.resize(k, Lanes::ZERO);
         dispatch(
             #[inline(always)]
             || {
                 self.misclosure(raw, a_hat);
                 self.factor();
-                self.adjust(raw, a_hat)
             },
-        )
+        );
+        let mut b = std::mem::take(&mut self.ws.b);
+        whiten_rows(&self.l, k, &mut b, n);
+        self.eliminated.factor(&b, k);
+        self.ws.b = b;
+        self.eliminated.turn(&mut self.w, 1);
+        let g = self.w.split_off(n);
+        self.taken.clone_from(&self.w);
+        let (read, xi) = a_hat.split_at_mut(raw.len());
+        let rounding = self.eliminated.rounding(xi);
+        let still = |w: &Lanes| {
+            w.0.iter().zip(rounding).all(|(w, least)| w.abs() <= self.settled.max(least))
+        };
+        let mut moved = !self.taken.iter().all(still);
+        let step = self.eliminated.step(&self.w);
+        xi.iter_mut().zip(step).for_each(|(xi, step)| *xi += step);
+        self.w.fill(Lanes::ZERO);
+        self.w.extend_from_slice(&g);
+        self.eliminated.turn_back(&mut self.w);
+        self.of_closures.clone_from(&self.w);
+        moved |= dispatch(
+            #[inline(always)]
+            || self.adjust(raw, read),
+        );
+        self.w = g;
+        moved
     }
 
     /// `w = f(â) + A (a - â)`
@@ -273,11 +345,21 @@ impl Room {
 
     /// `X ← L⁻¹ X`
     fn whiten_parameters(&mut self, columns: usize) {
-        let (l, n, x) = (&self.l, self.w.len(), &mut self.ws.x);
+        let (l, n, x) = (&self.l, self.play.len(), &mut self.ws.x);
         dispatch(
             #[inline(always)]
             || whiten_rows(l, n, x, columns),
         );
+        self.eliminate(columns, |ws| &mut ws.x);
+    }
+
+    /// `Nᵀ` of whitened rows.
+    fn eliminate(&mut self, columns: usize, rows: impl Fn(&mut Workspace) -> &mut Vec<Lanes>) {
+        if !self.eliminated.is_none() {
+            let rows = rows(&mut self.ws);
+            self.eliminated.turn(rows, columns);
+            rows.drain(..(self.play.len() - self.w.len()) * columns);
+        }
     }
 
     /// What the readings of the first samples of a block add to the variance of its whitened
@@ -294,12 +376,13 @@ impl Room {
 
     /// `A ← L⁻¹ A`
     pub(crate) fn whiten_readings(&mut self) {
-        let (l, n, a) = (&self.l, self.w.len(), &mut self.ws.a);
+        let (l, n, a) = (&self.l, self.play.len(), &mut self.ws.a);
         let columns = self.variance.len();
         dispatch(
             #[inline(always)]
             || whiten_rows(l, n, a, columns),
         );
+        self.eliminate(columns, |ws| &mut ws.a);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Chains that are drawn alike, and what they share.
 
 use crate::mechanism::drawing::{Chain, Mechanism, Row};
-use crate::mechanism::target::Target;
+use crate::mechanism::target::{Target, bits};
 
 /// Numbers of drawings that differ by less than this, in parts of the larger, are the same.
 const SAME: f64 = 1e-6;
@@ -49,6 +49,7 @@ impl Mechanism {
                 let channels = self.group_of(first).into_iter().filter_map(channel);
                 channels.map(Target::Channel).collect()
             }
+            Target::Together(channels) => bits(channels).map(Target::Channel).collect(),
             single => vec![single],
         }
     }
@@ -60,7 +61,9 @@ impl Mechanism {
             (Target::EachRow(first, row), Target::Row(c, own)) => {
                 row == own && self.group_of(first).contains(&c)
             }
-            (Target::EachJoint(..), Target::Channel(_)) => self.parts(target).contains(&part),
+            (Target::EachJoint(..) | Target::Together(_), Target::Channel(_)) => {
+                self.parts(target).contains(&part)
+            }
             _ => target == part,
         }
     }
@@ -87,7 +90,25 @@ impl Mechanism {
             let joints = self.channels_of(first).len();
             targets.extend((0..joints).map(|joint| Target::EachJoint(first, joint)));
         }
+        targets.extend(self.lengths_together());
         targets
+    }
+
+    /// The channels that read lengths, two by two, and all of them.
+    fn lengths_together(&self) -> Vec<Target> {
+        let all = self.measuring();
+        if all.len() < 2 {
+            return Vec::new();
+        }
+        let pair = |(i, a): (usize, &usize)| {
+            let a = *a;
+            all[i + 1..].iter().map(move |b| [a, *b]).collect::<Vec<_>>()
+        };
+        let pairs = all.iter().enumerate().flat_map(pair).map(|pair| pair.to_vec());
+        let mut sets: Vec<Target> =
+            pairs.chain([all.clone()]).filter_map(Target::together).collect();
+        sets.dedup();
+        sets
     }
 
     /// True where the sensors of all parts of a target may be of one make: the same unit and

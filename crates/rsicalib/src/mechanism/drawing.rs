@@ -10,6 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 
 use crate::closures::ClosureKind;
 use crate::mechanism::law::Law;
+use crate::mechanism::places::{Column, Frame, Line, Plane};
 
 /// Serial chains with sensed joints, and the closures between the chains.
 ///
@@ -30,12 +31,30 @@ pub struct Mechanism {
     /// Sensors, in the order of the columns of readings.
     #[cfg_attr(feature = "serde", serde(rename = "channel"))]
     pub channels: Vec<Channel>,
-    /// Serial chains of joints.
-    #[cfg_attr(feature = "serde", serde(rename = "chain"))]
+    /// Serial chains of joints; a sled on belts has none.
+    #[cfg_attr(feature = "serde", serde(rename = "chain", default))]
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub chains: Vec<Chain>,
     /// Points on the chains, points fixed in the base, and unknown points.
-    #[cfg_attr(feature = "serde", serde(rename = "point"))]
+    #[cfg_attr(feature = "serde", serde(rename = "point", default))]
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub points: Vec<Point>,
+    /// Planes that points touch.
+    #[cfg_attr(feature = "serde", serde(rename = "plane", default))]
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub planes: Vec<Plane>,
+    /// Lines that points touch.
+    #[cfg_attr(feature = "serde", serde(rename = "line", default))]
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub lines: Vec<Line>,
+    /// Frames in which other instruments measure points.
+    #[cfg_attr(feature = "serde", serde(rename = "frame", default))]
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub frames: Vec<Frame>,
+    /// Columns of the readings that laws use.
+    #[cfg_attr(feature = "serde", serde(rename = "column", default))]
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub columns: Vec<Column>,
     /// Equations that hold in every pose.
     #[cfg_attr(feature = "serde", serde(rename = "closure"))]
     pub closures: Vec<Closure>,
@@ -319,13 +338,27 @@ pub struct Point {
     /// The chain that carries the point; `None` for a point fixed in the base.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub chain: Option<String>,
-    /// Position in length units, in the frame at the end of the chain, or in the base.
+    /// Position in length units, in the frame at the end of the chain, or in the base. Of an unknown
+    /// point where it is looked for, and what stays as drawn.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub at: Option<[f64; 3]>,
-    /// Key columns of the readings: each distinct combination of their values is one unknown point.
+    /// Key columns of the readings: each distinct combination of their values is one unknown point;
+    /// `[]` is one point for all rows, `["pose"]` one for each pose.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub unknown: Option<Vec<String>>,
+    /// The coordinates that are unknown, of `x`, `y` and `z`; all three where it is left out.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub free: Option<Vec<String>>,
+    /// Columns of the readings with its measured coordinates, in length units.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub columns: Option<[String; 3]>,
+    /// The frame of the measured coordinates; the base where it is left out.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub frame: Option<String>,
 }
+
+/// In the place of a key column: one unknown for each pose.
+const EACH_POSE: &str = "pose";
 
 impl Point {
     /// True for a point whose place is not known.
@@ -334,10 +367,24 @@ impl Point {
         self.unknown.is_some()
     }
 
+    /// True for a point that is somewhere else in each pose: it is no parameter.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.unknown.as_deref().is_some_and(|keys| keys.iter().any(|key| key == EACH_POSE))
+    }
+
     /// Columns that tell the unknown places of this point apart; none for one place in all rows.
     #[must_use]
     pub fn keys(&self) -> &[String] {
-        self.unknown.as_deref().unwrap_or_default()
+        if self.moves() { &[] } else { self.unknown.as_deref().unwrap_or_default() }
+    }
+
+    /// For each of `x`, `y` and `z` whether it is unknown.
+    #[must_use]
+    pub fn frees(&self) -> [bool; 3] {
+        let named =
+            |axis: &str| self.free.as_ref().is_none_or(|free| free.iter().any(|f| f == axis));
+        ["x", "y", "z"].map(|axis| self.is_unknown() && named(axis))
     }
 }
 
@@ -364,7 +411,7 @@ impl Value {
     }
 }
 
-/// An equation between two points that holds in every pose.
+/// An equation that holds in every pose.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
@@ -372,14 +419,18 @@ impl Value {
 pub struct Closure {
     /// Name of the closure in reports.
     pub name: String,
-    /// Distance or touch.
+    /// What holds.
     pub kind: ClosureKind,
-    /// Names of the two points.
+    /// Names of what it is between: two points, a point and a plane or a line, or two channels.
     pub between: [String; 2],
-    /// The distance; `None` for a touch.
+    /// The distance; `None` for a kind without, or where a channel measures it.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub value: Option<Value>,
-    /// Play: standard deviation of the closure itself, per equation, in length units.
+    /// The channel that measures the distance itself: a belt, a wire, a ruler.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub channel: Option<String>,
+    /// How well the closure itself holds: standard deviation per equation, in length units, of
+    /// equal channels in the unit of their coordinates.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub noise: Option<f64>,
     /// Standard deviation of the value, in length units.

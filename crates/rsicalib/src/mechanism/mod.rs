@@ -1,10 +1,12 @@
-//! Mechanisms as data: channels, chains, points, closures, platform, rest.
+//! Mechanisms as data: channels, chains, points, planes, closures, platform, rest.
 
 mod alike;
+mod checked_places;
 mod degrees;
 mod drawing;
 pub mod hand_controller;
 mod law;
+mod places;
 mod queries;
 mod target;
 #[cfg(feature = "toml")]
@@ -23,5 +25,7 @@ pub use drawing::{
     Chain, Channel, Closure, Mechanism, ModelSection, Motion, Point, Rest, Row, Value, Workspace,
 };
 pub use law::{Class, Formula, Law, MOST_PARAMETERS, MOST_VARIABLES, Moves, Per, Variable};
+pub(crate) use places::around;
+pub use places::{Column, Frame, Line, Plane};
 pub(crate) use queries::list;
 pub use target::Target;

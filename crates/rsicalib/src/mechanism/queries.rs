@@ -1,7 +1,9 @@
 //! Queries of a mechanism: indices of names, columns that it needs, channels of a chain.
 
 use crate::Error;
+use crate::closures::kind::Part;
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
+use crate::mechanism::places::{Frame, Plane};
 use crate::mechanism::target::Target;
 
 impl Mechanism {
@@ -41,6 +43,33 @@ impl Mechanism {
         index(&self.closures, |c| &c.name, "closure", name)
     }
 
+    /// Index of a plane.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mechanism::channel_index`].
+    pub fn plane_index(&self, name: &str) -> Result<usize, Error> {
+        index(&self.planes, |p| &p.name, "plane", name)
+    }
+
+    /// Index of a line.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mechanism::channel_index`].
+    pub fn line_index(&self, name: &str) -> Result<usize, Error> {
+        index(&self.lines, |l| &l.name, "line", name)
+    }
+
+    /// Index of a frame.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mechanism::channel_index`].
+    pub fn frame_index(&self, name: &str) -> Result<usize, Error> {
+        index(&self.frames, |f| &f.name, "frame", name)
+    }
+
     /// Number of scalar equations of one sample.
     #[must_use]
     pub fn equations(&self) -> usize {
@@ -72,27 +101,77 @@ impl Mechanism {
     /// Key columns of the readings, which tell the unknown points apart, in the order of the points.
     #[must_use]
     pub fn key_columns(&self) -> Vec<String> {
-        let mut columns: Vec<String> = Vec::new();
-        for column in self.points.iter().flat_map(Point::keys) {
-            if !columns.contains(column) {
-                columns.push(column.clone());
-            }
-        }
-        columns
+        let points = self.points.iter().flat_map(Point::keys);
+        let planes = self.planes.iter().flat_map(Plane::keys);
+        let frames = self.frames.iter().flat_map(Frame::keys);
+        each_once(points.chain(planes).chain(frames))
     }
 
-    /// Value columns of the readings, which hold measured distances, in the order of the closures.
+    /// Columns of the readings which hold measured distances, in the order of the closures.
+    #[must_use]
+    pub fn distance_columns(&self) -> Vec<String> {
+        each_once(self.closures.iter().filter_map(|closure| match &closure.value {
+            Some(Value::Column(column)) => Some(column),
+            _ => None,
+        }))
+    }
+
+    /// Columns of the readings with numbers: measured distances, coordinates of measured points, and
+    /// what laws use.
     #[must_use]
     pub fn value_columns(&self) -> Vec<String> {
-        let mut columns: Vec<String> = Vec::new();
-        for closure in &self.closures {
-            if let Some(Value::Column(column)) = &closure.value
-                && !columns.contains(column)
-            {
-                columns.push(column.clone());
+        let distances = self.distance_columns();
+        let points = self.points.iter().filter_map(|p| p.columns.as_ref()).flatten();
+        let declared = self.columns.iter().map(|column| &column.name);
+        each_once(distances.iter().chain(points).chain(declared))
+    }
+
+    /// The channels that read the length of a distance.
+    pub(crate) fn measures(&self, channel: usize) -> bool {
+        let name = self.channels.get(channel).map(|c| &c.name);
+        self.closures.iter().any(|c| c.channel.is_some() && c.channel.as_ref() == name)
+    }
+
+    /// The channels that read lengths.
+    pub(crate) fn measuring(&self) -> Vec<usize> {
+        (0..self.channels.len()).filter(|&c| self.measures(c)).collect()
+    }
+
+    /// The reading at which the offset of a channel is defined: the middle of its readings, and zero
+    /// where it reads a length, which begins there.
+    pub(crate) fn centre(&self, channel: usize, mean: f64) -> f64 {
+        if self.measures(channel) { 0.0 } else { mean }
+    }
+
+    /// True for a closure whose value the drawing alone says.
+    pub(crate) fn is_drawn(&self, closure: usize) -> bool {
+        let closure = &self.closures[closure];
+        match closure.kind.facts().between()[1] {
+            Part::Plane => {
+                let mut planes = self.planes.iter();
+                planes.any(|p| p.name == closure.between[1] && p.unknown.is_none())
             }
+            Part::Channel => false,
+            Part::Point | Part::Line => closure.channel.is_none(),
         }
-        columns
+    }
+
+    /// True for a length that is read by no channel, and is no place of a plane.
+    pub(crate) fn slips(&self, closure: usize) -> bool {
+        let closure = &self.closures[closure];
+        closure.channel.is_none() && closure.kind.is_between_points()
+    }
+
+    /// True for a point on a plane.
+    pub(crate) fn is_on_plane(&self, closure: usize) -> bool {
+        self.closures[closure].kind.facts().between()[1] == Part::Plane
+    }
+
+    /// True for a channel of a joint.
+    pub(crate) fn moves_joint(&self, channel: usize) -> bool {
+        let name = self.channels.get(channel).map(|c| &c.name);
+        let mut rows = self.chains.iter().flat_map(|c| &c.rows);
+        rows.any(|r| r.channel.is_some() && r.channel.as_ref() == name)
     }
 
     /// The same mechanism with the named closures only.
@@ -148,10 +227,13 @@ impl Mechanism {
         self.chains.len() == 1 && !self.closures.iter().any(|c| c.between.iter().any(fixed))
     }
 
-    /// True for a channel that senses a prismatic joint, whose coordinate is a length; false for an
-    /// index beyond the last channel.
+    /// True for a channel whose coordinate is a length, of a prismatic joint or of a distance itself;
+    /// false for an index beyond the last channel.
     #[must_use]
     pub fn slides(&self, channel: usize) -> bool {
+        if self.measures(channel) {
+            return true;
+        }
         let Some(Channel { name, .. }) = self.channels.get(channel) else { return false };
         let mut rows = self.chains.iter().flat_map(|c| &c.rows);
         rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
@@ -160,14 +242,20 @@ impl Mechanism {
     /// True for a target whose joint, or each of whose joints, slides.
     #[must_use]
     pub fn slides_at(&self, target: Target) -> bool {
-        matches!(target, Target::Channel(_) | Target::EachJoint(..))
+        matches!(target, Target::Channel(_) | Target::EachJoint(..) | Target::Together(_))
             && self.channels_at(target).into_iter().all(|c| self.slides(c))
     }
 
     /// The unit of the coordinates of a target's joints: the unit of length where they slide.
     #[must_use]
     pub fn coordinate_unit(&self, target: Target) -> &str {
-        if self.slides_at(target) { &self.length_unit } else { "rad" }
+        match target {
+            Target::Channel(c) if c < self.channels.len() && !self.moves_joint(c) => {
+                if self.measures(c) { &self.length_unit } else { &self.channels[c].unit }
+            }
+            _ if self.slides_at(target) => &self.length_unit,
+            _ => "rad",
+        }
     }
 
     /// The chain that a channel belongs to; `None` for an index beyond the last channel.
@@ -191,9 +279,20 @@ impl Mechanism {
     pub fn turns(&self, channel: usize) -> bool {
         let Some(Channel { name, .. }) = self.channels.get(channel) else { return false };
         let rows = self.chains.iter().flat_map(|c| &c.rows);
-        rows.filter(|row| row.channel.as_ref() == Some(name))
-            .all(|row| row.joint == Motion::Revolute)
+        let mut own = rows.filter(|row| row.channel.as_ref() == Some(name)).peekable();
+        own.peek().is_some() && own.all(|row| row.joint == Motion::Revolute)
     }
+}
+
+/// The names, each once, in order of appearance.
+fn each_once<'a>(names: impl Iterator<Item = &'a String>) -> Vec<String> {
+    let mut once: Vec<String> = Vec::new();
+    for name in names {
+        if !once.contains(name) {
+            once.push(name.clone());
+        }
+    }
+    once
 }
 
 /// `at=socket0,group=front` as the index of each column and its value.

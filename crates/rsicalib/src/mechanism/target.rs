@@ -21,6 +21,8 @@ pub enum Target {
     EachRow(usize, usize),
     /// The same joint of all of them, from 0.
     EachJoint(usize, usize),
+    /// Several channels: a bit for each of the first 64.
+    Together(u64),
 }
 
 impl Target {
@@ -48,6 +50,11 @@ impl Target {
             Self::EachJoint(first, joint) => {
                 format!("{}.{}", group_name(mechanism, first), joint.saturating_add(1))
             }
+            Self::Together(_) if self.is_each(mechanism) => "each".into(),
+            Self::Together(channels) => {
+                let names = bits(channels).map(|c| Self::Channel(c).name(mechanism));
+                names.collect::<Vec<_>>().join("+")
+            }
         }
     }
 
@@ -61,10 +68,33 @@ impl Target {
         }
     }
 
+    /// Several channels together, by their indices; none for an index beyond the 64th.
+    #[must_use]
+    pub fn together(channels: impl IntoIterator<Item = usize>) -> Option<Self> {
+        let bit = |all: u64, c: usize| 1_u64.checked_shl(u32::try_from(c).ok()?).map(|b| all | b);
+        channels.into_iter().try_fold(0, bit).map(Self::Together)
+    }
+
+    /// True for all channels that read a length, where no chains are called so.
+    fn is_each(self, mechanism: &Mechanism) -> bool {
+        mechanism.alike().is_empty() && Self::together(mechanism.measuring()) == Some(self)
+    }
+
+    /// The channels that stand together, by a name such as `bl+br`; none for another name.
+    #[must_use]
+    pub fn named_together(mechanism: &Mechanism, name: &str) -> Option<Self> {
+        let index = |name: &str| mechanism.channel_index(name).ok();
+        let channels: Option<Vec<usize>> = name.split('+').map(index).collect();
+        Self::together(channels?).filter(|target| target.is_in(mechanism))
+    }
+
     /// True for a target that several chains share.
     #[must_use]
     pub fn is_shared(self) -> bool {
-        matches!(self, Self::EachChain(_) | Self::EachRow(..) | Self::EachJoint(..))
+        matches!(
+            self,
+            Self::EachChain(_) | Self::EachRow(..) | Self::EachJoint(..) | Self::Together(_)
+        )
     }
 
     /// True where the mechanism has this target.
@@ -76,9 +106,18 @@ impl Target {
             Self::Chain(c) => c < mechanism.chains.len(),
             Self::Row(c, row) => mechanism.chains.get(c).is_some_and(|c| row < c.rows.len()),
             Self::Closure(c) => c < mechanism.closures.len(),
+            Self::Together(channels) => {
+                let all = mechanism.channels.len();
+                channels.count_ones() > 1 && bits(channels).all(|channel| channel < all)
+            }
             shared => mechanism.shared_targets().contains(&shared),
         }
     }
+}
+
+/// The numbers of the bits that are set.
+pub(super) fn bits(set: u64) -> impl Iterator<Item = usize> {
+    (0..u64::BITS).filter(move |bit| set >> bit & 1 == 1).map(|bit| bit as usize)
 }
 
 fn group_name(mechanism: &Mechanism, first: usize) -> String {

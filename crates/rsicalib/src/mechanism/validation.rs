@@ -1,6 +1,7 @@
 //! Checks of a mechanism: names that are known and unique, numbers that can be used.
 
 use crate::Error;
+use crate::closures::kind::{Given, Part};
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
@@ -20,9 +21,16 @@ impl Mechanism {
                 return Err(refuse("gravity".into(), "[0, 0, 0]".into(), "a direction".into()));
             }
         }
+        if self.channels.is_empty() {
+            return Err(refuse("channel".into(), "none".into(), "at least one".into()));
+        }
         unique("channel", self.channels.iter().map(|c| &c.name))?;
         unique("chain", self.chains.iter().map(|c| &c.name))?;
         unique("point", self.points.iter().map(|p| &p.name))?;
+        unique("plane", self.planes.iter().map(|p| &p.name))?;
+        unique("line", self.lines.iter().map(|l| &l.name))?;
+        unique("frame", self.frames.iter().map(|f| &f.name))?;
+        unique("column", self.columns.iter().map(|c| &c.name))?;
         unique("closure", self.closures.iter().map(|c| &c.name))?;
         for channel in &self.channels {
             check_channel(channel)?;
@@ -31,6 +39,7 @@ impl Mechanism {
         for point in &self.points {
             self.check_point(point)?;
         }
+        self.check_places()?;
         for closure in &self.closures {
             self.check_closure(closure)?;
         }
@@ -108,11 +117,21 @@ impl Mechanism {
                 return Err(refuse(place(), found, expected.into()));
             }
         }
-        match self.channels.iter().find(|c| seen.iter().all(|(name, ..)| **name != c.name)) {
+        let senses = |channel: &Channel| {
+            let between = |c: &Closure| {
+                let parts = c.kind.facts().between().into_iter().zip(&c.between);
+                let named =
+                    |(part, name): (Part, &String)| part == Part::Channel && *name == channel.name;
+                c.channel.as_ref() == Some(&channel.name) || parts.into_iter().any(named)
+            };
+            seen.iter().any(|(name, ..)| **name == channel.name)
+                || self.closures.iter().any(between)
+        };
+        match self.channels.iter().find(|channel| !senses(channel)) {
             Some(channel) => Err(refuse(
                 format!("channel {:?}", channel.name),
                 "no joint that it senses".into(),
-                "a row of a chain that names it".into(),
+                "a row of a chain that names it, or a closure".into(),
             )),
             None => Ok(()),
         }
@@ -123,13 +142,17 @@ impl Mechanism {
         if let Some(chain) = &point.chain {
             known(self.chain_index(chain), place)?;
         }
-        match (&point.at, !point.is_unknown()) {
-            (Some(at), true) => finite(at.iter(), place),
-            (None, false) if point.chain.is_none() => Ok(()),
+        finite(point.at.iter().flatten(), place)?;
+        self.check_where(point)?;
+        let own = point.is_unknown() && point.chain.is_none() && point.columns.is_none();
+        match (&point.at, &point.columns) {
+            _ if own => Ok(()),
+            (Some(_), None) if !point.is_unknown() && point.frame.is_none() => Ok(()),
+            (None, Some(_)) if !point.is_unknown() && point.chain.is_none() => Ok(()),
             _ => Err(refuse(
                 place(),
                 "neither a place nor an unknown, or both".into(),
-                "`at = [x, y, z]`, or `unknown = [columns]` without a chain".into(),
+                "`at = [x, y, z]`, or `unknown = [columns]` without a chain, or `columns`".into(),
             )),
         }
     }
@@ -141,28 +164,45 @@ impl Mechanism {
                 return Err(refuse(place(), format!("{noise}"), "a length of 0 or more".into()));
             }
         }
-        let usable = match (closure.kind.has_value(), &closure.value) {
-            (has_value, None) => !has_value,
-            (has_value, Some(value)) => has_value && value.known().is_none_or(bounds::positive),
+        let given = closure.kind.facts().given() == Given::Value;
+        let usable = match (&closure.value, &closure.channel) {
+            (None, None) => !given,
+            (Some(value), None) => given && value.known().is_none_or(bounds::positive),
+            (None, Some(_)) => given,
+            (Some(_), Some(_)) => false,
         };
         if !usable {
-            let expected = "a positive `value` for a distance, none for a touch";
-            let value = match &closure.value {
-                None => "no value".into(),
-                Some(Value::Known(value)) => format!("a value of {value}"),
-                Some(Value::Column(name)) => format!("a value in column {}", quoted(name)),
+            let expected = "a positive `value` for a distance, or the `channel` that reads it; \
+                            neither for any other kind";
+            let found = match (&closure.value, &closure.channel) {
+                (None, None) => "no value".into(),
+                (Some(Value::Known(value)), None) => format!("a value of {value}"),
+                (Some(Value::Column(column)), None) => format!("a value in column {}", quoted(column)),
+                (None, Some(channel)) => format!("channel {}", quoted(channel)),
+                (Some(_), Some(channel)) => format!("a value, and channel {}", quoted(channel)),
             };
-            return Err(refuse(place(), value, expected.into()));
+            return Err(refuse(place(), found, expected.into()));
         }
         let [a, b] = &closure.between;
         if a == b {
-            return Err(refuse(place(), format!("{a:?} twice"), "two points".into()));
+            return Err(refuse(place(), format!("{a:?} twice"), "two of them".into()));
         }
         if self.is_link(closure) {
             return self.check_unknowns(closure);
         }
-        known(self.point_index(a), place)?;
-        known(self.point_index(b), place)
+        if let Some(channel) = &closure.channel {
+            known(self.channel_index(channel), place)?;
+        }
+        for (part, name) in closure.kind.facts().between().into_iter().zip(&closure.between) {
+            let index = match part {
+                Part::Point => self.point_index(name),
+                Part::Plane => self.plane_index(name),
+                Part::Line => self.line_index(name),
+                Part::Channel => self.channel_index(name),
+            };
+            known(index, place)?;
+        }
+        Ok(())
     }
 
     /// Checks that both ends of a distance between unknown points name a point and its columns.
@@ -203,7 +243,7 @@ impl Mechanism {
     }
 }
 
-fn refuse(place: String, found: String, expected: String) -> Error {
+pub(super) fn refuse(place: String, found: String, expected: String) -> Error {
     Error::Mechanism { place, found, expected }
 }
 
@@ -227,13 +267,10 @@ fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Result<(),
         }
         seen.push(name);
     }
-    if seen.is_empty() {
-        return Err(refuse(kind.into(), "none".into(), "at least one".into()));
-    }
     Ok(())
 }
 
-fn finite<'a>(
+pub(super) fn finite<'a>(
     mut numbers: impl Iterator<Item = &'a f64>,
     place: impl Fn() -> String,
 ) -> Result<(), Error> {

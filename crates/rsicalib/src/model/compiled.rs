@@ -3,30 +3,21 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::Error;
+use crate::closures::kind::Part;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::kinematics::posture::Lever;
-use crate::mechanism::{ClosureKind, Mechanism, Target, Value, Variable};
+use crate::mechanism::{Closure, ClosureKind, Mechanism, Target, Value, Variable, around};
 use crate::model::drives::Drives;
+use crate::model::ends::{self, End, Measured, Posed};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
-use crate::model::numbering::{number_unknowns, unknown_name};
+use crate::model::numbering::{Owned, Thing, Unknown, number_unknowns};
 use crate::model::prior::Prior;
 use crate::model::specification::check_names;
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Block, Readings};
 use crate::terms::targets::provided;
-use crate::terms::term::{Acts, Electronics, Needs, Placed, Role, Scale, Sensor, Spot};
-
-/// One end of a closure.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum End {
-    /// On a chain: index of the chain, and position in the frame at its end.
-    Carried(usize, [f64; 3]),
-    /// Fixed in the base.
-    Fixed([f64; 3]),
-    /// Unknown: index among the unknown points of the mechanism.
-    Unknown(usize),
-}
+use crate::terms::term::{Acts, Electronics, Needs, Placed, Role, Scale, Sensor, Spot, Surface};
 
 /// A parameter that is added to the value of a distance.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +27,25 @@ pub(crate) struct Added {
     pub(crate) gate: Option<usize>,
 }
 
-#[derive(Debug, Clone)]
+/// The shape of a plane, by one term.
+#[derive(Clone, Copy)]
+pub(crate) struct ShapeAt {
+    pub(crate) term: &'static dyn Surface,
+    pub(crate) first: usize,
+    pub(crate) width: usize,
+    /// Number of its gate; none where it acts in all samples.
+    pub(crate) gate: Option<usize>,
+}
+
+/// Where a plane is touched: its axes, and middle and half extent along each of them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Patch {
+    pub(crate) axes: [[f64; 3]; 2],
+    pub(crate) middle: [f64; 2],
+    pub(crate) half: [f64; 2],
+}
+
+#[derive(Clone)]
 pub(crate) struct CompiledClosure {
     pub(crate) kind: ClosureKind,
     /// Scalar equations where none is left out.
@@ -45,8 +54,14 @@ pub(crate) struct CompiledClosure {
     /// Known value; for a measured distance the mean of its column.
     pub(crate) value: f64,
     pub(crate) column: Option<usize>,
+    /// The channel that reads the value.
+    pub(crate) channel: Option<usize>,
+    /// Number of the unknown plane of its equation, among what is unknown.
+    pub(crate) plane: Option<usize>,
     /// What terms add to the value.
     pub(crate) added: Vec<Added>,
+    /// Shapes of its plane.
+    pub(crate) shapes: Vec<ShapeAt>,
     /// Coordinates of the laws of this closure.
     pub(crate) laws: Vec<usize>,
     /// Number of the first equation.
@@ -57,6 +72,8 @@ pub(crate) struct CompiledClosure {
     pub(crate) along: Option<Vec<[f64; 3]>>,
     /// Play, in length units.
     pub(crate) noise: f64,
+    /// Where its plane is touched in the samples of each group; empty where no term asks for it.
+    pub(crate) patches: Vec<Patch>,
 }
 
 impl CompiledClosure {
@@ -68,7 +85,8 @@ impl CompiledClosure {
 
     /// Change of an equation per change of a length.
     pub(crate) fn per_length(&self) -> f64 {
-        self.kind.facts().per_length(self.value)
+        let value = Some(self.value).filter(|_| self.channel.is_none());
+        self.kind.facts().per_length(value)
     }
 }
 
@@ -161,14 +179,18 @@ pub struct Model {
     pub parameters: usize,
     /// Constants of each channel.
     pub scales: Vec<Scale>,
-    /// For each unknown point and combination of keys, its number.
-    pub(crate) unknown: Vec<Vec<usize>>,
+    /// Unknown points, planes and frames among the columns of `X`.
+    pub(crate) owned: Vec<Owned>,
     /// For each combination of keys, the parameters of its samples.
     columns: Vec<Vec<usize>>,
-    /// Names of the unknown points, one per combination of keys.
-    pub unknown_names: Vec<String>,
-    /// For each unknown point: index of the mechanism's point, and values of the key columns.
-    pub unknown_points: Vec<(usize, Vec<String>)>,
+    /// What is unknown and no term, one per combination of keys.
+    pub unknowns: Vec<Unknown>,
+    /// For each of them, the axes from which the normal of a plane leans.
+    pub(crate) axes: Vec<[[f64; 3]; 3]>,
+    /// Points that are somewhere else in each pose.
+    pub(crate) posed: Vec<Posed>,
+    /// Number of their coordinates: unknowns of one pose alone.
+    pub(crate) pose_unknowns: usize,
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
@@ -323,24 +345,21 @@ impl Model {
             first.push(term_parameters);
             term_parameters += instance.width();
         }
-        let scales = mechanism
-            .channels
-            .iter()
-            .enumerate()
-            .map(|(c, channel)| Scale::of(channel, centre[c], readings.span[c]))
-            .collect();
-        let (unknown, unknown_points) = number_unknowns(mechanism, readings);
-        let columns = (0..readings.groups.len())
-            .map(|group| {
-                let points = unknown.iter().map(|of_group: &Vec<usize>| of_group[group]);
-                let own = points.flat_map(|p| (0..3).map(move |k| term_parameters + 3 * p + k));
-                (0..term_parameters).chain(own).collect()
+        let scales = (0..mechanism.channels.len())
+            .map(|c| {
+                let centre = mechanism.centre(c, centre[c]);
+                Scale::of(mechanism, c, centre, readings.span[c])
             })
             .collect();
-        let unknown_names: Vec<String> = unknown_points
-            .iter()
-            .map(|(point, keys)| unknown_name(mechanism, *point, keys))
+        let (owned, unknowns) = number_unknowns(mechanism, readings);
+        let columns = (0..readings.groups.len())
+            .map(|group| {
+                let things = owned.iter().map(|thing: &Owned| &unknowns[thing.numbers[group]]);
+                let own = things.flat_map(|u| u.first..u.first + u.width);
+                (0..term_parameters).chain(own.map(|k| term_parameters + k)).collect()
+            })
             .collect();
+        let (posed, pose_unknowns) = ends::posed_points(mechanism);
         let gravity = mechanism
             .gravity
             .map_or(Vector3::zeros(), |g| Vector3::from(g).try_normalize(0.0).unwrap_or_default());
@@ -359,7 +378,7 @@ impl Model {
             amounts: 0,
             torques: Vec::new(),
             moving,
-            parameters: term_parameters + 3 * unknown_names.len(),
+            parameters: term_parameters + unknowns.iter().map(|u| u.width).sum::<usize>(),
             mechanism: mechanism.clone(),
             equations: mechanism.equations(),
             gravity: std::array::from_fn(|i| Lanes::splat(gravity[i])),
@@ -367,14 +386,19 @@ impl Model {
             first,
             term_parameters,
             scales,
-            unknown,
+            axes: unknowns.iter().map(|u| leaning_from(mechanism, u.thing)).collect(),
+            owned,
             columns,
-            unknown_names,
-            unknown_points,
+            unknowns,
+            posed,
+            pose_unknowns,
         };
         model.compile_terms(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
+        model.face_planes(readings);
+        model.leave_out_loose_coordinates(readings);
+        model.find_patches(readings);
         let hangs = |law: &LawAt| law.term.has(Variable::Torque);
         if !model.loads.is_empty() || model.laws.iter().any(hangs) {
             model.drives = Drives::of(mechanism, readings)?;
@@ -447,10 +471,12 @@ impl Model {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
-                Acts::Geometry(_) | Acts::Distance if instance.term.placed() == Placed::AtPose => {
+                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_)
+                    if instance.term.placed() == Placed::AtPose =>
+                {
                     self.gates.push(Gate { instance: number, place, session });
                 }
-                Acts::Geometry(_) | Acts::Distance => {}
+                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) => {}
             }
         }
         let channels = self.mechanism.channels.len();
@@ -553,14 +579,19 @@ impl Model {
             if self.mechanism.is_link(closure) {
                 continue; // no sample takes part: see `links`
             }
-            let ends = [self.end(&closure.between[0])?, self.end(&closure.between[1])?];
+            let ends = ends::ends(&self.mechanism, closure, &self.owned)?;
+            let (plane, along, offset) = self.surface(closure);
             let (value, column) = match &closure.value {
                 Some(Value::Known(value)) => (*value, None),
                 Some(Value::Column(name)) => {
                     let column = value_columns.iter().position(|column| column == name);
                     (column.map_or(0.0, mean), column)
                 }
-                None => (0.0, None),
+                None => (offset, None),
+            };
+            let channel = match &closure.channel {
+                Some(name) => Some(self.mechanism.channel_index(name)?),
+                None => None,
             };
             let added = self.added_to(k);
             let noise = closure.noise.unwrap_or(0.0);
@@ -572,14 +603,31 @@ impl Model {
                 value,
                 column,
                 added,
+                shapes: self.shapes_of(k),
                 laws: self.laws.iter().filter(|law| law.of_closure(k)).map(|l| l.to).collect(),
                 equation,
-                along: None,
+                along,
+                channel,
+                plane,
                 noise,
+                patches: Vec::new(),
             });
             equation += kind.equations();
         }
         Ok(())
+    }
+
+    /// Shapes that terms give the plane of a closure of the mechanism.
+    fn shapes_of(&self, closure: usize) -> Vec<ShapeAt> {
+        let instances = self.instances.iter().zip(&self.first).enumerate();
+        let shape = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
+            let Acts::Surface(term) = instance.term.acts() else { return None };
+            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let width = instance.width();
+            let own = instance.target == Target::Closure(closure);
+            own.then_some(ShapeAt { term, first, width, gate })
+        };
+        instances.filter_map(shape).collect()
     }
 
     /// What terms add to the distance of a closure of the mechanism.
@@ -632,23 +680,64 @@ impl Model {
             .map_or(0, |c| c.equations())
     }
 
-    fn end(&self, name: &str) -> Result<End, Error> {
-        let index = self.mechanism.point_index(name)?;
-        let point = &self.mechanism.points[index];
-        Ok(match (&point.chain, point.at) {
-            (Some(chain), Some(at)) => End::Carried(self.mechanism.chain_index(chain)?, at),
-            (None, Some(at)) => End::Fixed(at),
-            _ => {
-                let before = &self.mechanism.points[..index];
-                End::Unknown(before.iter().filter(|p| p.is_unknown()).count())
+    /// The unknown plane of a closure, or the directions across what its point is on, and the offset
+    /// of a known plane.
+    fn surface(&self, closure: &Closure) -> (Option<usize>, Option<Vec<[f64; 3]>>, f64) {
+        let mechanism = &self.mechanism;
+        let name = &closure.between[1];
+        match closure.kind.facts().between()[1] {
+            Part::Plane => {
+                let index = mechanism.planes.iter().position(|p| p.name == *name);
+                let unknown = |o: &Owned| index.is_some_and(|i| o.thing == Thing::Plane(i));
+                if let Some(number) = self.owned.iter().position(unknown) {
+                    return (Some(number), None, 0.0);
+                }
+                let known = index.and_then(|i| mechanism.planes[i].known());
+                known.map_or((None, None, 0.0), |(n, offset)| (None, Some(vec![n]), offset))
             }
-        })
+            Part::Line => {
+                let line = mechanism.lines.iter().find(|l| l.name == *name);
+                (None, line.map(|line| line.across().to_vec()), 0.0)
+            }
+            Part::Point | Part::Channel => (None, None, 0.0),
+        }
     }
 
-    /// Number of scalar equations of one sample.
+    /// Number of scalar equations of one sample that say something of the parameters: what is unknown
+    /// in one pose alone takes one equation for each of its coordinates.
     #[must_use]
     pub fn equations(&self) -> usize {
+        self.equations.saturating_sub(self.pose_unknowns)
+    }
+
+    /// Number of scalar equations of one sample, before what is unknown in its pose is eliminated.
+    #[must_use]
+    pub fn rows(&self) -> usize {
         self.equations
+    }
+
+    /// Number of coordinates that are unknown in one pose alone.
+    #[must_use]
+    pub fn pose_unknowns(&self) -> usize {
+        self.pose_unknowns
+    }
+
+    /// What a sample has: a reading of each channel, then the coordinates of its own pose.
+    #[must_use]
+    pub fn stride(&self) -> usize {
+        self.scales.len() + self.pose_unknowns
+    }
+
+    /// First parameter of something unknown, in the samples of a group.
+    #[inline(always)]
+    pub(crate) fn unknown_first(&self, number: usize, group: usize) -> usize {
+        self.term_parameters + self.unknowns[self.owned[number].numbers[group]].first
+    }
+
+    /// First column of something unknown.
+    #[inline(always)]
+    pub(crate) fn unknown_column(&self, number: usize) -> usize {
+        self.term_parameters + self.owned[number].column
     }
 
     /// For each group of the readings, the parameters of the columns of `X`: those of the terms,
@@ -663,7 +752,7 @@ impl Model {
     /// Number of columns of `X`, the same for every group.
     #[must_use]
     pub fn width(&self) -> usize {
-        self.term_parameters + 3 * self.unknown.len()
+        self.term_parameters + self.owned.iter().map(|o| o.width).sum::<usize>()
     }
 
     /// The same terms and parameters with other closures and readings.
@@ -705,16 +794,28 @@ impl Model {
         let mut active = Vec::with_capacity(self.equations);
         for closure in &self.closures {
             let mut columns: Vec<usize> = closure.added.iter().map(|a| a.parameter).collect();
+            columns.extend(closure.shapes.iter().flat_map(|s| s.first..s.first + s.width));
             let laws = self.laws.iter().filter(|law| closure.laws.contains(&law.to));
             columns.extend(laws.flat_map(|law| law.first..law.first + law.term.width));
+            let own = |number: usize| {
+                let first = self.unknown_column(number);
+                first..first + self.owned[number].width
+            };
+            columns.extend(closure.plane.into_iter().flat_map(own));
+            if let Some(channel) = closure.channel {
+                self.columns_of_channels(&[channel], None, &mut columns);
+            }
             for end in &closure.ends {
                 match end {
-                    End::Carried(chain, _) => self.columns_of_chain(*chain, &mut columns),
-                    End::Unknown(point) => {
-                        let first = self.term_parameters + 3 * point;
-                        columns.extend(first..first + 3);
+                    End::Carried(chain, _) => {
+                        let channels = self.mechanism.channels_of(*chain);
+                        self.columns_of_channels(&channels, Some(*chain), &mut columns);
                     }
-                    End::Fixed(_) => {}
+                    End::Unknown(number, ..) | End::Seen(_, Measured::Unknown(number)) => {
+                        columns.extend(own(*number));
+                    }
+                    End::Coordinate(c) => self.columns_of_channels(&[*c], None, &mut columns),
+                    End::Fixed(_) | End::Posed(_) | End::Seen(..) => {}
                 }
             }
             columns.sort_unstable();
@@ -724,17 +825,22 @@ impl Model {
         active
     }
 
-    fn columns_of_chain(&self, chain: usize, columns: &mut Vec<usize>) {
-        let channels = self.mechanism.channels_of(chain);
+    /// Columns of the terms of some channels, and of the chain that they are of.
+    fn columns_of_channels(
+        &self,
+        channels: &[usize],
+        chain: Option<usize>,
+        columns: &mut Vec<usize>,
+    ) {
         for (instance, &first) in self.instances.iter().zip(&self.first) {
             let on_chain = match instance.target {
                 Target::Channel(c) => channels.contains(&c),
-                Target::Chain(c) | Target::Row(c, _) => c == chain,
+                Target::Chain(c) | Target::Row(c, _) => Some(c) == chain,
                 Target::All => true,
                 Target::Closure(_) => false,
                 shared => self.mechanism.parts(shared).into_iter().any(|part| match part {
                     Target::Channel(c) => channels.contains(&c),
-                    Target::Chain(c) | Target::Row(c, _) => c == chain,
+                    Target::Chain(c) | Target::Row(c, _) => Some(c) == chain,
                     _ => false,
                 }),
             };
@@ -744,10 +850,30 @@ impl Model {
         }
     }
 
-    /// The parameters of the mechanism as drawn: zeros.
+    /// The parameters of the mechanism as drawn: zeros, and what is unknown where it is drawn.
     #[must_use]
     pub fn nominal(&self) -> Vec<f64> {
-        vec![0.0; self.parameters]
+        let mut beta = vec![0.0; self.parameters];
+        for unknown in &self.unknowns {
+            let own = &mut beta[self.term_parameters + unknown.first..];
+            match unknown.thing {
+                Thing::Point(p) => {
+                    let point = &self.mechanism.points[p];
+                    let at = point.at.unwrap_or_default().into_iter().zip(point.frees());
+                    let free = at.filter(|(_, free)| *free).map(|(at, _)| at);
+                    own.iter_mut().zip(free).for_each(|(own, at)| *own = at);
+                }
+                Thing::Plane(p) => {
+                    let known = self.mechanism.planes[p].known();
+                    own[2] = known.map_or(0.0, |(_, offset)| offset);
+                }
+                Thing::Frame(f) => {
+                    let pose = self.mechanism.frames[f].pose.unwrap_or_default();
+                    own[..6].copy_from_slice(&pose);
+                }
+            }
+        }
+        beta
     }
 
     /// Factor from the misclosure of each equation to a length.
@@ -781,6 +907,15 @@ impl Model {
         }
         play
     }
+}
+
+/// The axes from which the normal of an unknown plane leans, as drawn.
+fn leaning_from(mechanism: &Mechanism, thing: Thing) -> [[f64; 3]; 3] {
+    let drawn = match thing {
+        Thing::Plane(p) => mechanism.planes[p].normal,
+        _ => None,
+    };
+    around(drawn.unwrap_or([0.0, 0.0, 1.0]))
 }
 
 /// Refuses readings of another mechanism, and a `centre` without one reading per channel.

@@ -23,8 +23,9 @@ use crate::closures::kind::At;
 use crate::kinematics::elements::{Element, Source, Way};
 use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::MOST_PARAMETERS;
-use crate::model::compiled::{CompiledClosure, End, Model};
+use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
+use crate::model::ends::{End, Measured, leaning, rotate, turn_axes, turned};
 use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
@@ -39,6 +40,10 @@ pub struct Workspace {
     pub a: Vec<Lanes>,
     /// `X`: equation by equation, one entry per column of [`Model::columns`].
     pub x: Vec<Lanes>,
+    /// `B = ∂f/∂ξ` by what is unknown in one pose alone: equation by equation.
+    pub b: Vec<Lanes>,
+    /// `ξ`, where the misclosure is of.
+    pub xi: Vec<Lanes>,
     /// Joint coordinates after all corrections, one per channel.
     pub angles: Vec<Lanes>,
     pub(crate) corrected: Vec<Lanes>,
@@ -71,9 +76,55 @@ pub struct Want {
     pub a: bool,
 }
 
+/// The unit vector of an axis of the base.
+#[inline(always)]
+fn unit(axis: usize) -> Vec3 {
+    let mut unit = [Lanes::ZERO; 3];
+    unit[axis] = Lanes::ONE;
+    unit
+}
+
+/// A point of a frame, in base coordinates.
+#[inline(always)]
+fn moved(rotation: &[f64; 9], origin: &[f64; 3], point: &Vec3) -> Vec3 {
+    let mut out = rotate(rotation, point);
+    for (out, origin) in out.iter_mut().zip(origin) {
+        *out += Lanes::splat(*origin);
+    }
+    out
+}
+
+impl Patch {
+    /// Where a point is on the patch, ±1 at its edges.
+    #[inline(always)]
+    fn place(&self, point: &Vec3) -> [Lanes; 2] {
+        let mut place = [Lanes::ZERO; 2];
+        for (k, place) in place.iter_mut().enumerate() {
+            let axis = &self.axes[k];
+            let along = point[0] * axis[0] + point[1] * axis[1] + point[2] * axis[2];
+            *place = (along - Lanes::splat(self.middle[k])) * (1.0 / self.half[k]);
+        }
+        place
+    }
+
+    /// A derivative by that place as one by the point.
+    #[inline(always)]
+    fn slope(&self, by: [Lanes; 2]) -> Vec3 {
+        let mut slope = [Lanes::ZERO; 3];
+        for (i, slope) in slope.iter_mut().enumerate() {
+            for (k, by) in by.iter().enumerate() {
+                *slope += *by * (self.axes[k][i] / self.half[k]);
+            }
+        }
+        slope
+    }
+}
+
 impl Model {
     /// Misclosure and derivatives of one block at readings `a` and parameters `beta`, written to
-    /// `ws`. `a` holds one [`Lanes`] per channel, `beta` one number per parameter.
+    /// `ws`. `a` holds one [`Lanes`] per channel, and after them what is unknown in one pose alone;
+    /// without it, that is where the closures are nearest to closed. `beta` holds one number per
+    /// parameter.
     ///
     /// This is the only place where the kernel is dispatched, so that there is one copy of the
     /// kernel for each vector width.
@@ -90,6 +141,10 @@ impl Model {
         want: Want,
         ws: &mut Workspace,
     ) {
+        if a.len() < self.stride() {
+            let a = self.placed(readings, block, a, beta, ws);
+            return self.evaluate(readings, block, &a, beta, want, ws);
+        }
         dispatch(
             #[inline(always)]
             || self.evaluate_as_compiled(readings, block, a, beta, want, ws),
@@ -108,6 +163,9 @@ impl Model {
         want: Want,
         ws: &mut Workspace,
     ) {
+        let (a, xi) = a.split_at(self.scales.len());
+        ws.xi.clear();
+        ws.xi.extend_from_slice(xi);
         self.joint_angles(readings, block, a, beta, want, ws);
         ws.gates.clear();
         ws.gates.extend(self.gates.iter().map(|gate| gate.of(&readings.blocks()[block])));
@@ -357,13 +415,17 @@ impl Model {
             ws.x.clear();
             ws.x.resize(self.equations * width, Lanes::ZERO);
         }
-        let group = readings.blocks()[block].group;
+        if self.pose_unknowns > 0 && (want.x || want.a) {
+            ws.b.clear();
+            ws.b.resize(self.equations * self.pose_unknowns, Lanes::ZERO);
+        }
+        let (group, seen) = (readings.blocks()[block].group, readings.columns(block));
         for closure in self.closures.iter().filter(|closure| closure.equations() > 0) {
             // Not `map`, which calls its closure: that is not compiled for vector instructions.
             let [one, other] = &closure.ends;
             let ends = [
-                self.end_point(one, group, beta, &ws.postures),
-                self.end_point(other, group, beta, &ws.postures),
+                self.end_point(one, group, seen, beta, ws),
+                self.end_point(other, group, seen, beta, ws),
             ];
             let apart = minus(&ends[0], &ends[1]);
             let mut distance = closure
@@ -374,19 +436,62 @@ impl Model {
                     added.gate.map_or(Lanes::splat(1.0), |g| ws.gates[g]) * beta[added.parameter];
             }
             closure.laws.iter().for_each(|&to| distance += ws.angles[to]);
-            let at = At { apart, value: distance, along: closure.along.as_deref() };
+            closure.channel.iter().for_each(|&channel| distance += ws.angles[channel]);
+            let mut normal = [[0.0; 3]; 3];
+            let mut along = closure.along.as_deref();
+            if let Some(plane) = closure.plane {
+                let (number, first) =
+                    (self.owned[plane].numbers[group], self.unknown_first(plane, group));
+                normal = leaning(&self.axes[number], [beta[first], beta[first + 1]]);
+                distance += Lanes::splat(beta[first + 2]);
+                along = Some(&normal[..1]);
+            }
+            let mut shape = None;
+            let mut place = [Lanes::ZERO; 2];
+            if let Some(patch) = closure.patches.get(group) {
+                place = patch.place(&apart);
+                let mut slopes = [Lanes::ZERO; 2];
+                for term in &closure.shapes {
+                    let p = &beta[term.first..term.first + term.width];
+                    let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
+                    distance += term.term.correction(p, place) * acts;
+                    let by = term.term.slopes(p, place);
+                    slopes[0] += by[0] * acts;
+                    slopes[1] += by[1] * acts;
+                }
+                shape = Some(patch.slope(slopes));
+            }
+            let measured = closure.channel.is_some();
+            let at = At { apart, value: distance, shape, measured, along };
             for row in 0..closure.equations() {
                 ws.f[closure.equation + row] = closure.kind.misclosure(&at, row);
             }
             if !(want.x || want.a) {
                 continue;
             }
-            if !(closure.added.is_empty() && closure.laws.is_empty()) {
+            let bare = closure.added.is_empty() && closure.laws.is_empty();
+            if !(bare && closure.channel.is_none() && closure.plane.is_none()) {
                 self.add_value_columns(closure, &at, want, ws);
+            }
+            for term in closure.shapes.iter().filter(|_| want.x) {
+                let mut out = [Lanes::ZERO; MOST_PARAMETERS];
+                term.term.partials(place, &mut out[..term.width]);
+                let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
+                let slope = closure.kind.by_value(&at, 0) * acts;
+                for (k, partial) in out[..term.width].iter().enumerate() {
+                    ws.x[closure.equation * width + term.first + k] += *partial * slope;
+                }
+            }
+            if let Some(plane) = closure.plane.filter(|_| want.x) {
+                for (tilt, lean) in normal[1..].iter().enumerate() {
+                    let leaned = At { along: Some(std::slice::from_ref(lean)), ..at };
+                    let column = self.unknown_column(plane) + tilt;
+                    ws.x[closure.equation * width + column] += leaned.along(0, &apart);
+                }
             }
             for (end, sign) in closure.ends.iter().zip([1.0, -1.0]) {
                 match end {
-                    End::Fixed(_) => {}
+                    End::Fixed(_) | End::Seen(_, Measured::Base | Measured::Known(..)) => {}
                     End::Carried(chain, _) => {
                         let point = if sign > 0.0 { &ends[0] } else { &ends[1] };
                         for lever in 0..ws.postures[*chain].levers.len() {
@@ -398,14 +503,47 @@ impl Model {
                             self.add_column(closure, source, &moved, &at, sign, want, ws);
                         }
                     }
-                    End::Unknown(point) => {
-                        let first = self.term_parameters + 3 * point;
+                    End::Unknown(number, _, free) => {
+                        let mut source = self.unknown_column(*number);
                         for axis in 0..3 {
-                            let mut unit = [Lanes::ZERO; 3];
-                            unit[axis] = Lanes::ONE;
-                            let source = Source::Parameter(first + axis);
-                            self.add_column(closure, source, &unit, &at, sign, want, ws);
+                            if free[axis] {
+                                let unit = unit(axis);
+                                let parameter = Source::Parameter(source);
+                                self.add_column(closure, parameter, &unit, &at, sign, want, ws);
+                                source += 1;
+                            }
                         }
+                    }
+                    End::Posed(number) => {
+                        for (axis, slot) in self.posed[*number].slots.iter().enumerate() {
+                            let Some(slot) = slot else { continue };
+                            let unit = unit(axis);
+                            for row in 0..closure.equations() {
+                                let entry = (closure.equation + row) * self.pose_unknowns + slot;
+                                ws.b[entry] += closure.kind.by_end(&at, row, &unit, sign);
+                            }
+                        }
+                    }
+                    End::Seen(_, Measured::Unknown(number)) => {
+                        let first = self.unknown_first(*number, group);
+                        let source = self.unknown_column(*number);
+                        let point = if sign > 0.0 { &ends[0] } else { &ends[1] };
+                        let mut arm = *point;
+                        for (axis, arm) in arm.iter_mut().enumerate() {
+                            *arm -= Lanes::splat(beta[first + axis]);
+                            let parameter = Source::Parameter(source + axis);
+                            self.add_column(closure, parameter, &unit(axis), &at, sign, want, ws);
+                        }
+                        let axes = turn_axes(&beta[first + 3..first + 6]);
+                        for (turn, axis) in axes.iter().enumerate() {
+                            let moved = cross(&axis.map(Lanes::splat), &arm);
+                            let parameter = Source::Parameter(source + 3 + turn);
+                            self.add_column(closure, parameter, &moved, &at, sign, want, ws);
+                        }
+                    }
+                    End::Coordinate(channel) => {
+                        let source = Source::Channel(*channel);
+                        self.add_column(closure, source, &unit(0), &at, sign, want, ws);
                     }
                 }
             }
@@ -455,6 +593,13 @@ impl Model {
             for &to in &closure.laws {
                 self.add_entry(closure.equation + row, Source::Law(to), slope, want, ws);
             }
+            if let Some(channel) = closure.channel {
+                self.add_entry(closure.equation + row, Source::Channel(channel), slope, want, ws);
+            }
+            if let Some(plane) = closure.plane {
+                let offset = Source::Parameter(self.unknown_column(plane) + 2);
+                self.add_entry(closure.equation + row, offset, slope, want, ws);
+            }
         }
     }
 
@@ -484,21 +629,48 @@ impl Model {
         &self,
         end: &End,
         group: usize,
+        seen: &[Lanes],
         beta: &[f64],
-        postures: &[Posture],
+        ws: &Workspace,
     ) -> Vec3 {
         match end {
-            End::Carried(chain, at) => postures[*chain].tip.point(at),
+            End::Carried(chain, at) => ws.postures[*chain].tip.point(at),
             End::Fixed(at) => at.map(Lanes::splat),
-            End::Unknown(point) => {
-                let first = self.unknown_first(*point, group);
-                std::array::from_fn(|axis| Lanes::splat(beta[first + axis]))
+            End::Unknown(number, at, free) => {
+                let mut point = at.map(Lanes::splat);
+                let mut parameter = self.unknown_first(*number, group);
+                for (point, free) in point.iter_mut().zip(free) {
+                    if *free {
+                        *point = Lanes::splat(beta[parameter]);
+                        parameter += 1;
+                    }
+                }
+                point
             }
+            End::Posed(number) => {
+                let posed = &self.posed[*number];
+                let mut point = posed.at.map(Lanes::splat);
+                for (point, slot) in point.iter_mut().zip(&posed.slots) {
+                    if let Some(slot) = slot {
+                        *point = ws.xi[*slot];
+                    }
+                }
+                point
+            }
+            End::Seen(columns, frame) => {
+                let point = [seen[columns[0]], seen[columns[1]], seen[columns[2]]];
+                match frame {
+                    Measured::Base => point,
+                    Measured::Known(rotation, origin) => moved(rotation, origin, &point),
+                    Measured::Unknown(number) => {
+                        let first = self.unknown_first(*number, group);
+                        let origin = [beta[first], beta[first + 1], beta[first + 2]];
+                        moved(&turned(&beta[first + 3..first + 6]), &origin, &point)
+                    }
+                }
+            }
+            End::Coordinate(channel) => [ws.angles[*channel], Lanes::ZERO, Lanes::ZERO],
         }
-    }
-
-    fn unknown_first(&self, point: usize, group: usize) -> usize {
-        self.term_parameters + 3 * self.unknown[point][group]
     }
 
     /// Eq. (44), and the columns of `X` that act through joint coordinates.

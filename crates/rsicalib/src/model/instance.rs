@@ -37,7 +37,10 @@ impl Instance {
     pub(crate) fn check(&self, mechanism: &Mechanism) -> Result<(), Error> {
         let kind = match self.term.info().per {
             Per::All => matches!(self.target, Target::All),
-            Per::Channel => matches!(self.target, Target::Channel(_) | Target::EachJoint(..)),
+            Per::Channel => matches!(
+                self.target,
+                Target::Channel(_) | Target::EachJoint(..) | Target::Together(_)
+            ),
             Per::Row => matches!(self.target, Target::Row(..) | Target::EachRow(..)),
             Per::Chain => matches!(self.target, Target::Chain(_) | Target::EachChain(_)),
             Per::ChainOrAll => matches!(self.target, Target::Chain(_) | Target::All),

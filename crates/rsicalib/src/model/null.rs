@@ -18,7 +18,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use crate::model::compiled::{End, Model};
+use crate::model::compiled::Model;
+use crate::model::ends::{End, Measured};
 use crate::model::evaluation::{Want, Workspace};
 use crate::model::prior::Prior;
 use crate::readings::Readings;
@@ -44,6 +45,7 @@ impl Model {
     pub(crate) fn leave_out_null_equations(&mut self, readings: &Readings) {
         let touches: Vec<usize> = (0..self.closures.len())
             .filter(|&k| self.closures[k].kind.facts().is_vector())
+            .filter(|&k| !self.tells_of_places(k))
             .filter(|&k| self.unknown_of(k).is_none_or(|point| self.touched_once(point)))
             .collect();
         let found: Vec<_> =
@@ -61,8 +63,18 @@ impl Model {
     /// The unknown point that a closure touches.
     fn unknown_of(&self, closure: usize) -> Option<usize> {
         self.closures[closure].ends.iter().find_map(|end| match end {
-            End::Unknown(point) => Some(*point),
+            End::Unknown(point, ..) => Some(*point),
             _ => None,
+        })
+    }
+
+    /// True for a closure that tells where something is in one pose alone, where a frame is, or where
+    /// a point is that is known in part.
+    fn tells_of_places(&self, closure: usize) -> bool {
+        self.closures[closure].ends.iter().any(|end| match end {
+            End::Posed(_) | End::Seen(_, Measured::Unknown(_)) => true,
+            End::Unknown(.., free) => free.contains(&false),
+            _ => false,
         })
     }
 
@@ -78,7 +90,7 @@ impl Model {
         let want = Want { x: closure.noise > 0.0, a: true };
         // An unknown point is where the chain touches it: its own columns say nothing.
         let own = unknown.map_or(width..width, |point| {
-            let first = self.term_parameters + 3 * point;
+            let first = self.unknown_column(point);
             first..first + 3
         });
         let mut ws = Workspace::default();
@@ -129,7 +141,7 @@ impl Model {
     fn settled_along(&self, closure: usize, readings: &Readings, parted: &Parted) -> Vec<Prior> {
         let closure = &self.closures[closure];
         let (touching, point) = match closure.ends {
-            [End::Unknown(point), other] | [other, End::Unknown(point)] => (other, point),
+            [End::Unknown(point, ..), other] | [other, End::Unknown(point, ..)] => (other, point),
             _ => return Vec::new(),
         };
         let sd = closure.noise.max(SETTLED * parted.largest);
@@ -137,15 +149,16 @@ impl Model {
         let (mut ws, mut settled) = (Workspace::default(), Vec::new());
         let mut known: Vec<usize> = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
-            let number = self.unknown[point][meta.group];
+            let number = self.owned[point].numbers[meta.group];
             if known.contains(&number) {
                 continue;
             }
             known.push(number);
             self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
-            let at = self.end_point(&touching, meta.group, &beta, &ws.postures);
+            let seen = readings.columns(block);
+            let at = self.end_point(&touching, meta.group, seen, &beta, &ws);
             settled.extend(parted.null.iter().map(|direction| Prior::Along {
-                point: self.term_parameters + 3 * number,
+                point: self.term_parameters + self.unknowns[number].first,
                 direction: *direction,
                 mean: (0..3).map(|k| direction[k] * at[k].0[0]).sum(),
                 sd,

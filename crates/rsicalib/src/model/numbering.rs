@@ -1,41 +1,139 @@
-//! Numbers of the unknown points: one for each distinct combination of key values.
+//! What is unknown and no term: points, planes and frames, one for each distinct combination of key
+//! values. Their coordinates come after the parameters of the terms.
 
 use crate::mechanism::Mechanism;
 use crate::readings::Readings;
 
-/// What results call an unknown point, in the place of a term.
-pub const UNKNOWN_POINT: &str = "unknown_point";
+/// What results call unknown things, in the place of a term.
+const NAMES: [&str; 3] = ["unknown_point", "unknown_plane", "unknown_frame"];
 
-/// Name of an unknown point: `socket[group=front,at=socket0]`.
-pub(crate) fn unknown_name(mechanism: &Mechanism, point: usize, keys: &[String]) -> String {
-    let point = &mechanism.points[point];
-    let keys: Vec<String> =
-        point.keys().iter().zip(keys).map(|(column, key)| format!("{column}={key}")).collect();
-    format!("{}[{}]", point.name, keys.join(","))
+/// True for what results call an unknown thing, which is no term.
+#[must_use]
+pub fn is_unknown_thing(id: &str) -> bool {
+    NAMES.contains(&id)
 }
 
-/// Index of a point of the mechanism, and the key values that distinguish one unknown point.
-type Keyed = (usize, Vec<String>);
+/// A part of a mechanism whose place is not known: its index among those of its kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Thing {
+    /// A point.
+    Point(usize),
+    /// A plane.
+    Plane(usize),
+    /// A frame in which points are measured.
+    Frame(usize),
+}
 
-/// Numbers the unknown points. The first result holds, for each point of the mechanism with keys
-/// and for each group, the number of the unknown point; the second describes each number.
+impl Thing {
+    /// What results call it, in the place of a term.
+    #[must_use]
+    pub fn term(self) -> &'static str {
+        let [point, plane, frame] = NAMES;
+        match self {
+            Self::Point(_) => point,
+            Self::Plane(_) => plane,
+            Self::Frame(_) => frame,
+        }
+    }
+
+    /// Its unknown coordinates, and whether each is a length; tilts and turns are angles.
+    #[must_use]
+    pub fn coordinates(self, mechanism: &Mechanism) -> Vec<(&'static str, bool)> {
+        match self {
+            Self::Point(p) => {
+                let axes = ["x", "y", "z"].into_iter().zip(mechanism.points[p].frees());
+                axes.filter(|(_, free)| *free).map(|(axis, _)| (axis, true)).collect()
+            }
+            Self::Plane(_) => vec![("tilt1", false), ("tilt2", false), ("offset", true)],
+            Self::Frame(_) => {
+                let place = ["x", "y", "z"].map(|axis| (axis, true));
+                let turn = ["rx", "ry", "rz"].map(|axis| (axis, false));
+                place.into_iter().chain(turn).collect()
+            }
+        }
+    }
+
+    /// Its name, and the columns that tell its places apart.
+    fn identity(self, mechanism: &Mechanism) -> (&str, &[String]) {
+        match self {
+            Self::Point(p) => (&mechanism.points[p].name, mechanism.points[p].keys()),
+            Self::Plane(p) => (&mechanism.planes[p].name, mechanism.planes[p].keys()),
+            Self::Frame(f) => (&mechanism.frames[f].name, mechanism.frames[f].keys()),
+        }
+    }
+
+    /// All of a mechanism, points first.
+    fn all(mechanism: &Mechanism) -> impl Iterator<Item = Self> {
+        let points = mechanism.points.iter().enumerate().filter(|(_, p)| p.is_unknown());
+        let points = points.filter(|(_, p)| !p.moves()).map(|(k, _)| Self::Point(k));
+        let planes = mechanism.planes.iter().enumerate().filter(|(_, p)| p.unknown.is_some());
+        let frames = mechanism.frames.iter().enumerate().filter(|(_, f)| f.unknown.is_some());
+        points.chain(planes.map(|(k, _)| Self::Plane(k))).chain(frames.map(|(k, _)| Self::Frame(k)))
+    }
+}
+
+/// One unknown place of a thing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unknown {
+    /// The thing.
+    pub thing: Thing,
+    /// Values of the columns that tell its places apart.
+    pub keys: Vec<String>,
+    /// `socket[group=front,at=socket0]`; the name alone where there is one for all rows.
+    pub name: String,
+    /// Its first parameter, counted from the first after those of the terms.
+    pub first: usize,
+    /// Number of its parameters.
+    pub width: usize,
+}
+
+/// A thing among the columns of `X`.
+#[derive(Debug, Clone)]
+pub(crate) struct Owned {
+    pub(crate) thing: Thing,
+    /// Its first column, counted from the first after those of the terms.
+    pub(crate) column: usize,
+    pub(crate) width: usize,
+    /// For each combination of keys, the number of its unknown.
+    pub(crate) numbers: Vec<usize>,
+}
+
+fn name_of(thing: Thing, mechanism: &Mechanism, keys: &[String]) -> String {
+    let (name, columns) = thing.identity(mechanism);
+    if columns.is_empty() {
+        return name.into();
+    }
+    let keys: Vec<String> =
+        columns.iter().zip(keys).map(|(column, key)| format!("{column}={key}")).collect();
+    format!("{name}[{}]", keys.join(","))
+}
+
+/// Numbers what is unknown: each thing with its numbers by combination of keys, and each number.
 pub(crate) fn number_unknowns(
     mechanism: &Mechanism,
     readings: &Readings,
-) -> (Vec<Vec<usize>>, Vec<Keyed>) {
+) -> (Vec<Owned>, Vec<Unknown>) {
     let columns = mechanism.key_columns();
-    let mut numbers = Vec::new();
-    let mut points: Vec<Keyed> = Vec::new();
-    for (p, point) in mechanism.points.iter().enumerate().filter(|(_, p)| p.is_unknown()) {
+    let mut owned = Vec::new();
+    let mut unknowns: Vec<Unknown> = Vec::new();
+    let (mut column, mut first) = (0, 0);
+    for thing in Thing::all(mechanism) {
+        let width = thing.coordinates(mechanism).len();
+        let (_, own) = thing.identity(mechanism);
         let of_group = readings.groups.iter().map(|group| {
             let key = |c: &String| columns.iter().position(|k| k == c).map(|i| group[i].clone());
-            let own = (p, point.keys().iter().filter_map(key).collect::<Vec<String>>());
-            points.iter().position(|known| *known == own).unwrap_or_else(|| {
-                points.push(own);
-                points.len() - 1
+            let keys: Vec<String> = own.iter().filter_map(key).collect();
+            let known = unknowns.iter().position(|u| u.thing == thing && u.keys == keys);
+            known.unwrap_or_else(|| {
+                let name = name_of(thing, mechanism, &keys);
+                unknowns.push(Unknown { thing, keys, name, first, width });
+                first += width;
+                unknowns.len() - 1
             })
         });
-        numbers.push(of_group.collect());
+        let numbers = of_group.collect();
+        owned.push(Owned { thing, column, width, numbers });
+        column += width;
     }
-    (numbers, points)
+    (owned, unknowns)
 }

@@ -16,7 +16,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::model::compiled::{CompiledClosure, End, Model};
+use crate::model::compiled::{CompiledClosure, Model};
+use crate::model::ends::End;
 use crate::model::evaluation::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
@@ -193,7 +194,8 @@ impl Slopes {
 
 /// For each equation of a closure, whether it may vary while no reading does.
 fn varies_by_itself(closure: &CompiledClosure) -> Vec<bool> {
-    let unknown = closure.ends.iter().any(|end| matches!(end, End::Unknown(_)));
+    let told = |end: &End| matches!(end, End::Unknown(..) | End::Posed(_) | End::Seen(..));
+    let unknown = closure.ends.iter().any(told) || closure.plane.is_some();
     let measured = closure.column.is_some();
     vec![unknown || measured || closure.noise > 0.0; closure.equations()]
 }

@@ -8,7 +8,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::instance::{Instance, bound_to_session, place_name, places};
 use crate::readings::Readings;
 use crate::terms::targets::{shared, targets};
-use crate::terms::term::{ORDER_STEP, ORDERS, Placed, Term};
+use crate::terms::term::{ORDER_STEP, ORDERS, Per, Placed, Term};
 use crate::{Error, terms};
 
 /// A term, where it acts, and which of its places that is: `curvature@a22`, `slip@a22:17`.
@@ -83,6 +83,11 @@ impl Spec {
             // One parameter for all of several is asked for by its name alone.
             all.extend(shared(term, mechanism));
             let named = all.iter().find(|t| t.name(mechanism) == *name).copied();
+            let together = || match term.info().per {
+                Per::Channel => Target::named_together(mechanism, name),
+                _ => None,
+            };
+            let named = named.or_else(together);
             let known = || all.iter().map(|t| t.name(mechanism)).collect::<Vec<_>>().join(", ");
             let unknown = || Error::Unknown { kind: "target", found: name.clone(), known: known() };
             all = vec![named.ok_or_else(unknown)?];

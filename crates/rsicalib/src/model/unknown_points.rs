@@ -1,9 +1,16 @@
-//! Unknown points: placements, known distances between them, and starting positions.
+//! What is unknown: placements, known distances between unknown points, and starting positions.
 
+use nalgebra::Vector3;
+
+use crate::kinematics::rigid::rigid_fit;
 use crate::mechanism::Value;
-use crate::model::compiled::{End, Model};
+use crate::model::compiled::Model;
+use crate::model::ends::{End, Measured};
 use crate::model::evaluation::{Want, Workspace};
+use crate::model::numbering::{Owned, Thing};
+use crate::model::places::plane_through;
 use crate::model::prior::Prior;
+use crate::numerics::lanes::Vec3;
 use crate::readings::Readings;
 
 impl Model {
@@ -11,11 +18,15 @@ impl Model {
     /// Unknown points that known distances link belong to one placement.
     #[must_use]
     pub fn placements(&self, readings: &Readings) -> Option<Vec<usize>> {
-        let points = self.unknown.first()?;
-        let mut root: Vec<usize> = (0..self.unknown_names.len()).collect();
+        let points = &self.owned.iter().find(|o| matches!(o.thing, Thing::Point(_)))?.numbers;
+        let mut root: Vec<usize> = (0..self.unknowns.len()).collect();
         for link in self.links() {
             if let Prior::Apart { points: [a, b], .. } = link {
-                let [a, b] = [a, b].map(|c| root[(c - self.term_parameters) / 3]);
+                let number = |c: usize| {
+                    let first = c - self.term_parameters;
+                    self.unknowns.iter().position(|u| u.first == first).unwrap_or_default()
+                };
+                let [a, b] = [a, b].map(|c| root[number(c)]);
                 root.iter_mut().filter(|r| **r == b).for_each(|r| *r = a);
             }
         }
@@ -37,12 +48,16 @@ impl Model {
             let sd = closure.sd.or(closure.noise).unwrap_or(1e-3 * value);
             let ends = closure.between.each_ref().map(|end| self.mechanism.unknown_end(end));
             let [Some((a, fixed_a)), Some((b, fixed_b))] = ends else { continue };
-            for (i, (first, keys_a)) in self.unknown_points.iter().enumerate() {
-                for (j, (second, keys_b)) in self.unknown_points.iter().enumerate() {
-                    let (mine, theirs) =
-                        (self.free_keys(a, keys_a, &fixed_a), self.free_keys(b, keys_b, &fixed_b));
-                    if i != j && *first == a && *second == b && mine.is_some() && mine == theirs {
-                        let points = [i, j].map(|k| self.term_parameters + 3 * k);
+            let of = |point: usize| {
+                let own = self.unknowns.iter().enumerate();
+                own.filter(move |(_, unknown)| unknown.thing == Thing::Point(point))
+            };
+            for (i, one) in of(a) {
+                for (j, other) in of(b) {
+                    let mine = self.free_keys(a, &one.keys, &fixed_a);
+                    let theirs = self.free_keys(b, &other.keys, &fixed_b);
+                    if i != j && mine.is_some() && mine == theirs {
+                        let points = [one, other].map(|u| self.term_parameters + u.first);
                         links.push(Prior::Apart { points, value, sd });
                     }
                 }
@@ -70,50 +85,94 @@ impl Model {
         Some(rest)
     }
 
-    /// Sets each unknown point to the mean of the positions at which chains touch it. `beta` holds
-    /// one number per parameter.
+    /// Sets each unknown point to the mean of the positions at which chains touch it, each unknown
+    /// plane through the points that are on it, and each unknown frame where its points are nearest
+    /// to those that they touch. `beta` holds one number per parameter.
     pub fn place_unknowns(&self, readings: &Readings, beta: &mut [f64]) {
-        let mut sums = vec![[0.0; 4]; self.unknown_names.len()];
+        let mut touched: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); self.unknowns.len()];
+        let mut pairs: Vec<[Vec<Vector3<f64>>; 2]> =
+            vec![[Vec::new(), Vec::new()]; self.unknowns.len()];
         let mut ws = Workspace::default();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: false };
             self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-            for closure in &self.closures {
-                let (touching, point) = match closure.ends {
-                    [End::Unknown(point), other] | [other, End::Unknown(point)] => (other, point),
-                    _ => continue,
-                };
-                if !closure.kind.facts().is_vector() || matches!(touching, End::Unknown(_)) {
-                    continue;
-                }
-                let at = self.end_point(&touching, meta.group, beta, &ws.postures);
-                let sum = &mut sums[self.unknown[point][meta.group]];
-                for lane in 0..meta.live {
-                    for axis in 0..3 {
-                        sum[axis] += at[axis].0[lane];
+            let seen = readings.columns(block);
+            let at = |end: &End| self.end_point(end, meta.group, seen, beta, &ws);
+            let put = |into: &mut Vec<Vector3<f64>>, at: &Vec3| {
+                into.extend((0..meta.live).map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
+            };
+            for closure in self.closures.iter().filter(|c| c.kind.facts().is_vector()) {
+                for (end, other) in
+                    [(0, 1), (1, 0)].map(|(i, j)| (closure.ends[i], closure.ends[j]))
+                {
+                    if !is_known(&other) {
+                        continue;
                     }
-                    sum[3] += 1.0;
+                    match end {
+                        End::Unknown(point, ..) => {
+                            put(&mut touched[self.owned[point].numbers[meta.group]], &at(&other));
+                        }
+                        End::Seen(columns, Measured::Unknown(frame)) => {
+                            let [own, there] = &mut pairs[self.owned[frame].numbers[meta.group]];
+                            put(own, &columns.map(|column| seen[column]));
+                            put(there, &at(&other));
+                        }
+                        _ => {}
+                    }
                 }
             }
         }
-        for (k, sum) in sums.iter().enumerate().filter(|(_, s)| s[3] > 0.0) {
-            for axis in 0..3 {
-                beta[self.term_parameters + 3 * k + axis] = sum[axis] / sum[3];
+        let planes = self.points_on_planes(readings, beta);
+        for (k, unknown) in self.unknowns.iter().enumerate() {
+            let own = &mut beta[self.term_parameters + unknown.first..][..unknown.width];
+            match unknown.thing {
+                Thing::Point(p) if !touched[k].is_empty() => {
+                    let mean = touched[k].iter().sum::<Vector3<f64>>() / touched[k].len() as f64;
+                    let free = self.mechanism.points[p].frees();
+                    let free = (0..3).filter(|&axis| free[axis]).map(|axis| mean[axis]);
+                    own.iter_mut().zip(free).for_each(|(own, at)| *own = at);
+                }
+                Thing::Plane(_) => {
+                    let Some((normal, offset)) = plane_through(&planes[k]) else { continue };
+                    let [lean, one, other] =
+                        self.axes[k].map(|axis| normal.dot(&Vector3::from(axis)));
+                    // A plane along the axis has no finite tilt.
+                    if lean.abs() > 0.1 {
+                        own.copy_from_slice(&[one / lean, other / lean, offset * lean.signum()]);
+                    }
+                }
+                Thing::Frame(_) if pairs[k][0].len() >= 3 => {
+                    own.copy_from_slice(&rigid_fit(&pairs[k][0], &pairs[k][1]));
+                }
+                Thing::Point(_) | Thing::Frame(_) => {}
             }
         }
     }
 
-    /// First parameters of the unknown points that no sample with a weight above zero touches.
-    /// `weights` holds one number per sample.
+    /// First parameters of the wholly unknown points that the samples of a group touch.
+    #[must_use]
+    pub(crate) fn free_points(&self, group: usize) -> Vec<usize> {
+        let points = self.owned.iter().enumerate();
+        let whole = |o: &Owned| matches!(o.thing, Thing::Point(_)) && o.width == 3;
+        points.filter(|(_, o)| whole(o)).map(|(k, _)| self.unknown_first(k, group)).collect()
+    }
+
+    /// Parameters of what is unknown that no sample with a weight above zero tells of. `weights` holds
+    /// one number per sample.
     #[must_use]
     pub fn untouched(&self, readings: &Readings, weights: &[f64]) -> Vec<usize> {
-        let mut touched = vec![false; self.unknown_names.len()];
+        let mut touched = vec![false; self.unknowns.len()];
         for block in readings.blocks() {
             if block.rows[..block.live].iter().any(|&r| weights[r] > 0.0) {
-                self.unknown.iter().for_each(|of_group| touched[of_group[block.group]] = true);
+                self.owned.iter().for_each(|thing| touched[thing.numbers[block.group]] = true);
             }
         }
-        let left = touched.iter().enumerate().filter(|(_, touched)| !**touched);
-        left.map(|(k, _)| self.term_parameters + 3 * k).collect()
+        let left = self.unknowns.iter().zip(touched).filter(|(_, touched)| !*touched);
+        left.flat_map(|(u, _)| (0..u.width).map(|k| self.term_parameters + u.first + k)).collect()
     }
+}
+
+/// True for an end whose place is told by readings and terms alone.
+fn is_known(end: &End) -> bool {
+    !matches!(end, End::Unknown(..) | End::Posed(_) | End::Seen(_, Measured::Unknown(_)))
 }

@@ -251,9 +251,8 @@ impl<'a> Looking<'a> {
     /// where its place is a term of the model.
     fn movable(&self, row: usize) -> Vec<(bool, [usize; 3])> {
         let group = self.at.observations.readings.blocks().iter().find(|b| b.rows.contains(&row));
-        let columns = group.map_or(&[][..], |b| &self.at.fit.model.columns()[b.group]);
-        let points = columns.get(self.at.fit.model.term_parameters..).unwrap_or_default();
-        let points = points.chunks_exact(3).map(|c| (false, [c[0], c[1], c[2]]));
+        let own = group.map_or_else(Vec::new, |b| self.at.fit.model.free_points(b.group));
+        let points = own.into_iter().map(|first| (false, [first, first + 1, first + 2]));
         let tip = |acts: Acts| match acts {
             Acts::Geometry(freedoms) => {
                 freedoms.iter().all(|f| f.0 == Spot::Tip) && freedoms.len() == 3

@@ -1,5 +1,6 @@
 //! [`Distance`].
 
+use crate::mechanism::{Mechanism, Target};
 use crate::terms::term::{Acts, Info, Term};
 
 term! {
@@ -18,5 +19,10 @@ impl Term for Distance {
 
     fn acts(&self) -> Acts {
         Acts::Distance
+    }
+
+    /// What a channel reads has an offset, and what is unknown a place.
+    fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
+        matches!(target, Target::Closure(k) if mechanism.is_drawn(k))
     }
 }

@@ -26,9 +26,10 @@ impl Term for DistanceSlip {
         Placed::AtPose
     }
 
-    /// A distance between unknown points is of no pose.
+    /// A distance between unknown points is of no pose, and what a channel reads slips with it.
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
-        matches!(target, Target::Closure(k) if !mechanism.is_link(&mechanism.closures[k]))
+        matches!(target, Target::Closure(k)
+            if mechanism.slips(k) && !mechanism.is_link(&mechanism.closures[k]))
     }
 
     fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {

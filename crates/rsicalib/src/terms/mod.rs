@@ -131,6 +131,8 @@ mod link_offset;
 mod n_per_turn;
 mod offset;
 mod once_per_turn;
+mod plane_bend;
+mod plane_slip;
 mod point_position;
 mod ratio;
 mod reference_drift;
@@ -184,4 +186,6 @@ registry! {
     gear_play::GearPlay,
     distance::Distance,
     distance_slip::DistanceSlip,
+    plane_bend::PlaneBend,
+    plane_slip::PlaneSlip,
 }

@@ -49,20 +49,23 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
 #[must_use]
 pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
     let info = term.info();
-    let once = term.placed() == Placed::Once && term.role() == Role::Other;
+    let once = term.placed() == Placed::Once;
+    let other = term.role() == Role::Other;
     let needs_order = term.needs().contains(&Needs::Order);
     if !once || needs_order || info.penalised || term.on_request_only() {
         return Vec::new();
     }
     let single = targets(term, mechanism);
     let fits = |target: &Target| match (target, info.per) {
-        (Target::EachRow(..), Per::Row) => true,
+        (Target::EachRow(..), Per::Row) => other,
         (Target::EachChain(first), Per::Chain) => {
-            !term.moves_only(&[Spot::Base]) && carry_alike(mechanism, *first)
+            other && !term.moves_only(&[Spot::Base]) && carry_alike(mechanism, *first)
         }
         (Target::EachJoint(..), Per::Channel) => {
-            info.class == Class::Load || mechanism.one_make(*target)
+            other && (info.class == Class::Load || mechanism.one_make(*target))
         }
+        // Belts of one make may all begin elsewhere, or all stretch.
+        (Target::Together(_), Per::Channel) => mechanism.one_make(*target),
         _ => false,
     };
     let there = |target: &Target| mechanism.parts(*target).iter().all(|t| single.contains(t));
@@ -81,6 +84,13 @@ fn carry_alike(mechanism: &Mechanism, first: usize) -> bool {
     let mut carried = chains.map(points);
     let first = carried.next();
     carried.all(|points| Some(points) == first)
+}
+
+/// What a gain of a channel without a joint is to be multiplied by: three parts in a thousand are
+/// typical of a length, three per cent of anything else.
+fn own_gain(mechanism: &Mechanism, channel: usize) -> f64 {
+    let parts = if mechanism.measures(channel) { 100.0 } else { 1000.0 };
+    mechanism.channels.get(channel).map_or(1.0, |c| parts * c.gain.abs())
 }
 
 fn carries_mass(mechanism: &Mechanism, channel: usize) -> bool {
@@ -131,13 +141,35 @@ pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f6
     let rows = || mechanism.chains.iter().flat_map(|c| &c.rows);
     let at = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
     let lengths = rows().flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]).chain(at.flatten());
-    let longest = lengths.fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
+    let longest = match mechanism.chains.is_empty() {
+        // Without links, by what lies between the points.
+        true => mechanism.points.iter().filter_map(|p| p.at).flatten().collect::<Vec<_>>(),
+        false => lengths.collect(),
+    };
+    let longest = longest.into_iter().fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
     // Where no link has a mass, a torque is that of a unit weight.
     let mass = rows().filter_map(|r| r.mass).reduce(|a, b| a + b).unwrap_or(1.0);
     let slides = mechanism.slides_at(target);
+    // A coordinate of no joint and no length has its channel's range as its size.
+    let own = match target {
+        Target::Channel(c) if !slides && !mechanism.moves_joint(c) => {
+            mechanism.channels.get(c).map(|c| c.half_range() * c.gain.abs())
+        }
+        _ => None,
+    };
     let scale = |unit: &str| match unit {
         "rad" | "rad/session" | "rad/K" if slides => longest,
+        "rad" | "rad/session" | "rad/K" => own.unwrap_or(1.0),
         "length" => longest,
+        // A typical gain is declared of the counts of a potentiometer: two per cent of its own.
+        "rad/reading" => match target {
+            Target::Channel(c) if !mechanism.moves_joint(c) => own_gain(mechanism, c),
+            Target::Together(_) => {
+                let channels = mechanism.channels_at(target);
+                channels.first().map_or(1.0, |c| own_gain(mechanism, *c))
+            }
+            _ => 1.0,
+        },
         "rad/length" => 1.0 / longest,
         "rad/torque" => 1.0 / (longest * mass),
         _ => 1.0,

@@ -13,8 +13,8 @@
 //! of this one. Its parameters are zero where the effect is absent.
 
 use crate::kinematics::elements::{Axis, Way, Weight};
-use crate::mechanism::{Channel, Mechanism, Target};
 pub use crate::mechanism::{Class, Per};
+use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::coupled::Coupled;
 
@@ -113,17 +113,44 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Scales of a channel whose readings spread over `span` about `centre`.
+    /// Scales of a channel of a mechanism whose readings spread over `span` about `centre`.
     #[must_use]
-    pub fn of(channel: &Channel, centre: f64, span: [f64; 2]) -> Self {
-        Self {
+    pub fn of(mechanism: &Mechanism, channel: usize, centre: f64, span: [f64; 2]) -> Self {
+        let turns = mechanism.turns(channel);
+        let channel = &mechanism.channels[channel];
+        let mut scale = Self {
             centre,
             middle: channel.middle(),
             half_range: channel.half_range(),
             gain: channel.gain,
             angle: channel.angle(centre),
             span,
+        };
+        if channel.ends().is_none() && !turns {
+            scale.unbounded();
         }
+        scale
+    }
+
+    /// A length has no turn: without ends its range is what the readings span.
+    fn unbounded(&mut self) {
+        let [low, high] = self.span;
+        self.middle = 0.5 * (low + high);
+        self.half_range =
+            (0.5 * (high - low)).max(f64::EPSILON * self.middle.abs()).max(f64::MIN_POSITIVE);
+    }
+
+    /// The same with centre and span of other readings, in which its parameters are told.
+    #[must_use]
+    pub fn referred_to(
+        self,
+        mechanism: &Mechanism,
+        channel: usize,
+        centre: f64,
+        span: [f64; 2],
+    ) -> Self {
+        let own = Self::of(mechanism, channel, centre, span);
+        Self { middle: own.middle, half_range: own.half_range, centre, span, ..self }
     }
 
     /// Joint coordinates of readings, as drawn.
@@ -218,6 +245,19 @@ pub trait Sensor: Sync {
     fn slope(&self, p: &[f64], site: &Site) -> Lanes;
 }
 
+/// A term that acts on a plane that points touch: its shape.
+///
+/// `u` and `v` are the place of the point along the plane's own axes, from the middle of all places of
+/// the session to half their extent: ±1 at the edges.
+pub trait Surface: Sync {
+    /// What it adds to the offset of the plane, in length units.
+    fn correction(&self, p: &[f64], place: [Lanes; 2]) -> Lanes;
+    /// Derivatives of the correction by `p`.
+    fn partials(&self, place: [Lanes; 2], out: &mut [Lanes]);
+    /// Derivatives of the correction by `u` and `v`.
+    fn slopes(&self, p: &[f64], place: [Lanes; 2]) -> [Lanes; 2];
+}
+
 /// Spot on a chain at which a geometry term moves the chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Spot {
@@ -254,6 +294,8 @@ pub enum Acts {
     Load(Weight),
     /// Corrects the value of a distance.
     Distance,
+    /// Corrects the offset of a plane by where it is touched.
+    Surface(&'static dyn Surface),
     /// Corrects joint coordinates, moves a frame, or corrects the value of a distance, by a formula
     /// of what all stages before it left.
     Coupled(&'static Coupled),

@@ -25,14 +25,15 @@ pub fn is_move(instance: &Instance) -> bool {
 }
 
 fn moves_once(term: &dyn Term) -> bool {
-    term.placed() == Placed::AtPose && matches!(term.acts(), Acts::Geometry(_) | Acts::Distance)
+    term.placed() == Placed::AtPose
+        && matches!(term.acts(), Acts::Geometry(_) | Acts::Distance | Acts::Surface(_))
 }
 
 /// False where a move changes no reading, or would pass for another: a point that closes a loop is
 /// no tool in a clamp, and a chain that nothing ties to its base has none.
 fn meaningful(mechanism: &Mechanism, fit: &Fit, term: &dyn Term) -> bool {
     if term.moves_tool() {
-        return !fit.model.unknown_names.is_empty();
+        return !fit.model.unknowns.is_empty();
     }
     !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats())
 }

@@ -93,6 +93,10 @@ fn effect(traced: &Traced, found: &Found) -> Result<EffectEvidence, Error> {
 
 /// Name of the closure of each equation.
 fn equations(fit: &Fit) -> Vec<String> {
+    if fit.model.pose_unknowns() > 0 {
+        // Each is a combination of closures.
+        return (1..=fit.model.equations()).map(|k| format!("loop {k}")).collect();
+    }
     let closures = fit.model.mechanism.closures.iter().enumerate();
     let names = closures.flat_map(|(k, closure)| {
         std::iter::repeat_n(closure.name.clone(), fit.model.equations_of(k))

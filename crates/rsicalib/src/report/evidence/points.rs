@@ -20,7 +20,7 @@ pub struct Row {
 /// True where the closures place what is carried: on a platform. Elsewhere each chain places its
 /// own points.
 pub fn has_platform(model: &Model) -> bool {
-    !model.mechanism.platform.is_empty() && model.unknown_names.is_empty()
+    !model.mechanism.platform.is_empty() && model.unknowns.is_empty()
 }
 
 /// Nodes in every `stride`-th block: for each chain its joints, base first, then the points that

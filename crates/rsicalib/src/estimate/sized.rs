@@ -1,0 +1,83 @@
+//! Starts of a mechanism whose unknown points distances alone tell: a sled on belts between anchors
+//! that nobody has measured.
+//!
+//! A frame of half the size closes its loops far from the drawing, and what is unknown in each pose
+//! has mirror solutions on the way. So the unknown points are tried where they are drawn, then on
+//! drawings that are larger and smaller about the points that are known, until one start is good.
+
+use crate::estimate::implicit::Implicit;
+use crate::estimate::objective::{Noise, Part};
+use crate::estimate::observations::Observations;
+use crate::model::{Model, Thing};
+use crate::numerics::lm;
+
+/// Sizes of the drawing, the nearest to 1 first.
+const SIZES: [f64; 7] = [1.0, 0.75, 1.35, 0.5, 2.0, 0.35, 2.8];
+
+/// The best of these starts, from one with everything else in its place; the same where no distance
+/// tells where an unknown point is.
+pub(crate) fn sized(
+    observations: &Observations,
+    model: &Model,
+    noise: &Noise,
+    start: Vec<f64>,
+) -> Vec<f64> {
+    let free = coordinates(model);
+    if free.is_empty() {
+        return start;
+    }
+    let centre = centre(model);
+    let readings = &observations.readings;
+    let part = Part { model, readings, weights: Some(&observations.weights) };
+    let live = observations.weights.iter().filter(|w| **w > 0.0).count();
+    let good = observations.options.good_start * (model.equations() * live) as f64;
+    let priors = model.priors();
+    let mut best: Option<lm::Outcome> = None;
+    for size in SIZES {
+        let mut beta = start.clone();
+        for &(parameter, axis) in &free {
+            beta[parameter] = centre[axis] + size * (beta[parameter] - centre[axis]);
+        }
+        let problem = Implicit::new(vec![(part, noise.clone())], &priors).coarse();
+        let end = lm::minimize(&problem, &beta, &observations.options.lm);
+        if end.cost.is_finite() && best.as_ref().is_none_or(|best| end.cost < best.cost) {
+            best = Some(end);
+        }
+        if best.as_ref().is_some_and(|best| 2.0 * best.cost < good) {
+            break;
+        }
+    }
+    best.map_or(start, |best| best.x)
+}
+
+/// Parameters of the points that distances tell of, and the axis of each.
+fn coordinates(model: &Model) -> Vec<(usize, usize)> {
+    let mechanism = &model.mechanism;
+    let told = |name: &String| {
+        let mut own = mechanism.closures.iter().filter(|c| c.between.contains(name)).peekable();
+        own.peek().is_some()
+            && own.all(|c| c.kind.facts().given() == crate::closures::kind::Given::Value)
+    };
+    let mut found = Vec::new();
+    for unknown in &model.unknowns {
+        let Thing::Point(p) = unknown.thing else { continue };
+        let point = &mechanism.points[p];
+        if !told(&point.name) {
+            continue;
+        }
+        let free = point.frees();
+        let axes = (0..3).filter(|&axis| free[axis]);
+        found.extend(
+            axes.enumerate().map(|(k, axis)| (model.term_parameters + unknown.first + k, axis)),
+        );
+    }
+    found
+}
+
+/// The middle of the points that are fixed in the base; its origin where there is none.
+fn centre(model: &Model) -> [f64; 3] {
+    let fixed = model.mechanism.points.iter().filter(|p| p.chain.is_none() && !p.is_unknown());
+    let fixed: Vec<[f64; 3]> = fixed.filter_map(|p| p.at).collect();
+    let count = fixed.len().max(1) as f64;
+    std::array::from_fn(|axis| fixed.iter().map(|at| at[axis]).sum::<f64>() / count)
+}

@@ -1,0 +1,77 @@
+//! Checks of where points, planes, lines and frames are.
+
+use crate::Error;
+use crate::mechanism::drawing::{Mechanism, Point};
+use crate::mechanism::validation::{finite, known, refuse};
+
+impl Mechanism {
+    /// Checks the keys of a point that say where it is unknown or measured.
+    pub(super) fn check_where(&self, point: &Point) -> Result<(), Error> {
+        let place = || format!("point {:?}", point.name);
+        if let Some(keys) = point.unknown.as_ref().filter(|keys| point.moves() && keys.len() > 1) {
+            let expected = "`pose` alone: every pose has a place of its own";
+            return Err(refuse(place(), format!("unknown = {keys:?}"), expected.into()));
+        }
+        if let Some(free) = &point.free {
+            let axes = ["x", "y", "z"];
+            let strange = free.iter().find(|f| !axes.contains(&f.as_str()));
+            let found = match strange {
+                Some(name) => format!("free coordinate {name:?}"),
+                None if free.is_empty() => "no free coordinate".into(),
+                None if !point.is_unknown() => "free coordinates of a known point".into(),
+                None if point.at.is_none() && point.frees().contains(&false) => {
+                    "no `at` for the coordinates that are not free".into()
+                }
+                None => String::new(),
+            };
+            if !found.is_empty() {
+                let expected = "some of x, y and z of an unknown point, and `at` for the others";
+                return Err(refuse(place(), found, expected.into()));
+            }
+        }
+        match &point.frame {
+            Some(frame) if point.columns.is_some() => known(self.frame_index(frame), place),
+            Some(frame) => {
+                let expected = "`columns` of a point that is measured in a frame";
+                Err(refuse(place(), format!("frame {frame:?}"), expected.into()))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Checks planes, lines and frames.
+    pub(super) fn check_places(&self) -> Result<(), Error> {
+        let direction = |what: String, direction: &[f64; 3]| {
+            finite(direction.iter(), || what.clone())?;
+            match direction.iter().any(|d| *d != 0.0) {
+                true => Ok(()),
+                false => Err(refuse(what, "[0, 0, 0]".into(), "a direction".into())),
+            }
+        };
+        for plane in &self.planes {
+            let place = || format!("plane {:?}", plane.name);
+            finite(plane.offset.iter(), place)?;
+            if let Some(normal) = &plane.normal {
+                direction(place(), normal)?;
+            }
+            if plane.unknown.is_none() && (plane.normal.is_none() || plane.offset.is_none()) {
+                let expected = "`normal` and `offset`, or `unknown = [columns]`";
+                return Err(refuse(place(), "no place".into(), expected.into()));
+            }
+        }
+        for line in &self.lines {
+            let place = || format!("line {:?}", line.name);
+            finite(line.at.iter(), place)?;
+            direction(place(), &line.direction)?;
+        }
+        for frame in &self.frames {
+            let place = || format!("frame {:?}", frame.name);
+            finite(frame.pose.iter().flatten(), place)?;
+            if frame.pose.is_none() && frame.unknown.is_none() {
+                let expected = "`pose = [x, y, z, rx, ry, rz]`, or `unknown = [columns]`";
+                return Err(refuse(place(), "no place".into(), expected.into()));
+            }
+        }
+        Ok(())
+    }
+}

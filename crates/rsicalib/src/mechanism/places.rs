@@ -1,0 +1,117 @@
+//! Planes, lines and frames of a mechanism, and columns that laws may use.
+
+use nalgebra::Vector3;
+
+/// A plane that points touch: `normal · p = offset`.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
+pub struct Plane {
+    /// Name of the plane, for closures.
+    pub name: String,
+    /// The normal, in base coordinates; any length but zero. Of an unknown plane the direction from
+    /// which its tilts are counted; the nearest axis of the base where it is left out.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub normal: Option<[f64; 3]>,
+    /// Distance of the plane from the origin of the base along the unit normal, in length units.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub offset: Option<f64>,
+    /// Key columns of the readings: each distinct combination of their values is one unknown plane;
+    /// `[]` is one plane for all rows.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub unknown: Option<Vec<String>>,
+}
+
+/// A straight line that points touch.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Line {
+    /// Name of the line, for closures.
+    pub name: String,
+    /// A point of the line, in base coordinates, in length units.
+    pub at: [f64; 3],
+    /// Direction of the line, in base coordinates; any length but zero.
+    pub direction: [f64; 3],
+}
+
+/// A frame in which another instrument measures points.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
+pub struct Frame {
+    /// Name of the frame, for points.
+    pub name: String,
+    /// Where it is in the base: `x y z` in length units, `rx ry rz` in radians, eq. (1).
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub pose: Option<[f64; 6]>,
+    /// Key columns of the readings: each distinct combination of their values is one unknown frame;
+    /// `[]` is one frame for all rows.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub unknown: Option<Vec<String>>,
+}
+
+/// A numeric column of the readings, for laws: a force, a current, the humidity.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Column {
+    /// Name of the column.
+    pub name: String,
+    /// Unit of its numbers, for reports.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub unit: Option<String>,
+}
+
+/// Columns that tell unknown things apart.
+fn keys(unknown: Option<&Vec<String>>) -> &[String] {
+    unknown.map(Vec::as_slice).unwrap_or_default()
+}
+
+impl Plane {
+    /// Columns that tell its unknown places apart; none for one place in all rows.
+    #[must_use]
+    pub fn keys(&self) -> &[String] {
+        keys(self.unknown.as_ref())
+    }
+
+    /// The unit normal of a known plane, and its distance from the origin along it.
+    #[must_use]
+    pub fn known(&self) -> Option<([f64; 3], f64)> {
+        let normal = Vector3::from(self.normal?);
+        let long = normal.norm();
+        (long > 0.0).then(|| ((normal / long).into(), self.offset.unwrap_or(0.0) / long))
+    }
+}
+
+impl Frame {
+    /// Columns that tell its unknown places apart; none for one place in all rows.
+    #[must_use]
+    pub fn keys(&self) -> &[String] {
+        keys(self.unknown.as_ref())
+    }
+}
+
+impl Line {
+    /// Two unit vectors across the line and each other.
+    #[must_use]
+    pub fn across(&self) -> [[f64; 3]; 2] {
+        let [_, u, v] = around(self.direction);
+        [u, v]
+    }
+}
+
+/// A vector made a unit vector, and two more that make a right-handed frame with it: for an axis of
+/// the base the next two axes.
+#[must_use]
+pub(crate) fn around(vector: [f64; 3]) -> [[f64; 3]; 3] {
+    let n = Vector3::from(vector).normalize();
+    let next = (n.iamax() + 1) % 3;
+    let axis = Vector3::from_fn(|i, _| f64::from(u8::from(i == next)));
+    let u = (axis - n * n.dot(&axis)).normalize();
+    [n, u, n.cross(&u)].map(Into::into)
+}

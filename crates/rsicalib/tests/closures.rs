@@ -1,0 +1,350 @@
+//! Closures of every kind against plain products, and what is unknown in one pose alone against a
+//! minimisation of its own.
+
+use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
+use rsicalib::estimate::{FitOptions, Implicit, Noise, Observations, Part, fit};
+use rsicalib::mechanism::Mechanism;
+use rsicalib::model::{Model, Want, Workspace, parse};
+use rsicalib::numerics::linearization::Problem;
+use rsicalib::readings::{Readings, Table};
+
+use crate::devices::{Rng, derivative};
+use crate::differences::{check_parameters, check_readings, evaluated};
+
+/// An arm of two joints that turn about z, at height `d`, and of one that slides along it: the tip is
+/// `[cos q1 + 0.7 cos(q1+q2), sin q1 + 0.7 sin(q1+q2), q3]`.
+const ARM: &str = r#"
+name = "arm"
+length_unit = "m"
+channel = [
+  {name = "q1", unit = "rad", gain = 1.0, offset = 0.1},
+  {name = "q2", unit = "rad", gain = 0.9, offset = 0.0},
+  {name = "q3", unit = "m", gain = 1.1, offset = 0.2},
+  {name = "wire", unit = "m", gain = 1.02, offset = 0.03},
+  {name = "copy", unit = "rad", gain = 1.0, offset = -0.2},
+]
+point = [
+  {name = "tip", chain = "arm", at = [0.0, 0.0, 0.0]},
+  {name = "post", unknown = [], at = [0.3, -0.2, 0.9], free = ["x", "z"]},
+  {name = "seen", columns = ["x", "y", "z"]},
+  {name = "tracked", columns = ["x", "y", "z"], frame = "tracker"},
+  {name = "scanned", columns = ["x", "y", "z"], frame = "scanner"},
+]
+plane = [
+  {name = "bed", normal = [0.0, 3.0, 4.0], offset = 2.0},
+  {name = "table", unknown = ["surface"], normal = [0.1, 0.2, 1.0]},
+]
+line = [{name = "edge", at = [0.5, 0.1, -0.3], direction = [1.0, 2.0, -2.0]}]
+frame = [
+  {name = "tracker", unknown = []},
+  {name = "scanner", pose = [0.1, -0.2, 0.3, 0.4, -0.5, 0.6]},
+]
+closure = [
+  {name = "on bed", kind = "plane", between = ["tip", "bed"]},
+  {name = "on table", kind = "plane", between = ["tip", "table"], noise = 1e-3},
+  {name = "on edge", kind = "line", between = ["tip", "edge"]},
+  {name = "wire", kind = "distance", between = ["tip", "post"], channel = "wire"},
+  {name = "tip seen", kind = "touch", between = ["tip", "seen"]},
+  {name = "tip tracked", kind = "touch", between = ["tip", "tracked"]},
+  {name = "tip scanned", kind = "touch", between = ["scanned", "tip"]},
+  {name = "same", kind = "equal", between = ["q1", "copy"]},
+]
+[[chain]]
+name = "arm"
+dh = [{channel = "q1", a = 1.0}, {channel = "q2", a = 0.7}, {channel = "q3", joint = "prismatic"}]
+"#;
+
+const SURFACES: [&str; 2] = ["floor", "wall"];
+
+/// Readings of the arm anywhere: nothing closes.
+fn anywhere(mechanism: &Mechanism, rows: usize) -> Readings {
+    let mut rng = Rng::new(5);
+    let values = (0..rows * 5).map(|_| rng.uniform(-1.0, 1.0)).collect();
+    let columns = (0..3).map(|_| (0..rows).map(|_| rng.uniform(-1.0, 1.0)).collect()).collect();
+    let surfaces = (0..rows).map(|row| SURFACES[row % 3 % 2].to_owned()).collect();
+    let table = Table { values, columns, keys: vec![surfaces], ..Table::default() };
+    Readings::new(mechanism, table).expect("readings")
+}
+
+/// What is unknown of the arm: the post, two tables, and the tracker.
+fn unknowns(model: &Model) -> Vec<f64> {
+    let names: Vec<_> = model.unknowns.iter().map(|u| u.name.as_str()).collect();
+    assert_eq!(names, ["post", "table[surface=floor]", "table[surface=wall]", "tracker"]);
+    let mut beta = model.nominal();
+    let own = [0.4, 0.8, 0.2, -0.1, 0.3, -0.3, 0.15, -0.2, 0.3, 0.1, -0.4, 0.5, -0.7, 1.1];
+    let first = model.term_parameters;
+    beta[first..].copy_from_slice(&own);
+    beta
+}
+
+fn turned(rpy: [f64; 3]) -> Rotation3<f64> {
+    Rotation3::from_axis_angle(&Vector3::z_axis(), rpy[2])
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), rpy[1])
+        * Rotation3::from_axis_angle(&Vector3::x_axis(), rpy[0])
+}
+
+/// The misclosure of one row, equation by equation.
+fn plain(readings: &Readings, row: usize) -> Vec<f64> {
+    let a = readings.row(row);
+    let q = [a[0] + 0.1, 0.9 * a[1], 1.1 * a[2] + 0.2];
+    let both = q[0] + q[1];
+    let tip = Vector3::new(q[0].cos() + 0.7 * both.cos(), q[0].sin() + 0.7 * both.sin(), q[2]);
+    let mut f = vec![(3.0 * tip.y + 4.0 * tip.z - 2.0) / 5.0];
+    // The table leans from its normal towards the next axes of the base, made orthogonal.
+    let n = Vector3::new(0.1, 0.2, 1.0).normalize();
+    let x = Vector3::x();
+    let one = (x - n * n.x).normalize();
+    let other = n.cross(&one);
+    let [t1, t2, offset] = if row % 3 % 2 == 0 { [0.2, -0.1, 0.3] } else { [-0.3, 0.15, -0.2] };
+    f.push((n + one * t1 + other * t2).normalize().dot(&tip) - offset);
+    // Across the edge: what is left of it without its part along the line, in any base.
+    let along = Vector3::new(1.0, 2.0, -2.0) / 3.0;
+    let off = tip - Vector3::new(0.5, 0.1, -0.3);
+    f.push((off - along * along.dot(&off)).norm());
+    f.push((tip - Vector3::new(0.4, -0.2, 0.8)).norm() - (1.02 * a[3] + 0.03));
+    let seen = Vector3::from_fn(|k, _| readings.table.columns[k][row]);
+    f.extend((tip - seen).iter());
+    let tracked = turned([0.5, -0.7, 1.1]) * seen + Vector3::new(0.3, 0.1, -0.4);
+    f.extend((tip - tracked).iter());
+    let scanned = turned([0.4, -0.5, 0.6]) * seen + Vector3::new(0.1, -0.2, 0.3);
+    f.extend((scanned - tip).iter());
+    f.push(q[0] - (a[4] - 0.2));
+    f
+}
+
+#[test]
+fn every_kind_agrees_with_plain_products() {
+    let mechanism = Mechanism::from_toml(ARM).expect("the arm");
+    let readings = anywhere(&mechanism, 21);
+    let model = Model::new(&mechanism, &readings, Vec::new()).expect("a model");
+    let beta = unknowns(&model);
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let ws = evaluated(&model, &readings, block, readings.raw(block), &beta);
+        for (lane, &row) in meta.rows[..meta.live].iter().enumerate() {
+            let mut own: Vec<f64> = ws.f.iter().map(|f| f.0[lane]).collect();
+            // Two equations across the line, in a base of their own.
+            let across = own.remove(3).hypot(own[2]);
+            own[2] = across;
+            let expected = plain(&readings, row);
+            assert_eq!(own.len(), expected.len());
+            for (k, (own, expected)) in own.iter().zip(expected).enumerate() {
+                assert!((own - expected).abs() < 1e-13, "equation {k}: {own} for {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn derivatives_of_every_kind_agree_with_differences() {
+    let mechanism = Mechanism::from_toml(ARM).expect("the arm");
+    let readings = anywhere(&mechanism, 21);
+    let terms = ["offset", "gain", "curvature", "link_length", "distance"];
+    let specs = terms.map(String::from);
+    let instances = parse(&mechanism, &readings, &specs).expect("terms");
+    let model = Model::new(&mechanism, &readings, instances).expect("a model");
+    let mut beta = unknowns(&model);
+    let mut rng = Rng::new(8);
+    beta[..model.term_parameters].iter_mut().for_each(|p| *p = rng.uniform(0.02, 0.1));
+    check_parameters(&model, &readings, &beta, 0..model.parameters);
+    check_readings(&model, &readings, &beta);
+}
+
+// --- what is unknown in one pose alone -------------------------------------
+
+const BELTS: &str = r#"
+name = "sled"
+length_unit = "mm"
+channel = [
+  {name = "tl", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.4},
+  {name = "tr", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.6},
+  {name = "bl", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.4},
+  {name = "br", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.4},
+]
+point = [
+  {name = "sled", unknown = ["pose"], at = [1500.0, 1000.0, 0.0], free = ["x", "y"]},
+  {name = "top left", unknown = [], at = [0.0, 2000.0, 100.0], free = ["x", "y"]},
+  {name = "top right", unknown = [], at = [3000.0, 2000.0, 56.0], free = ["x", "y"]},
+  {name = "bottom left", at = [0.0, 0.0, 34.0]},
+  {name = "bottom right", unknown = [], at = [3000.0, 0.0, 78.0], free = ["x"]},
+]
+closure = [
+  {name = "belt tl", kind = "distance", between = ["sled", "top left"], channel = "tl", noise = 0.8},
+  {name = "belt tr", kind = "distance", between = ["sled", "top right"], channel = "tr", noise = 0.8},
+  {name = "belt bl", kind = "distance", between = ["sled", "bottom left"], channel = "bl", noise = 0.8},
+  {name = "belt br", kind = "distance", between = ["sled", "bottom right"], channel = "br", noise = 1.6},
+]
+[model]
+terms = []
+"#;
+
+/// Variances of the four belts: their readings' and their own.
+const VARIANCES: [f64; 4] = [0.16 + 0.64, 0.36 + 0.64, 0.16 + 0.64, 0.16 + 2.56];
+
+/// Where the anchors are, and the sled in its poses.
+fn frame(size: f64) -> ([Vector3<f64>; 4], Vec<Vector3<f64>>) {
+    let anchors = [
+        Vector3::new(-12.0, 2010.0, 100.0),
+        Vector3::new(2990.0, 2025.0, 56.0),
+        Vector3::new(0.0, 0.0, 34.0),
+        Vector3::new(3015.0, 0.0, 78.0),
+    ];
+    let anchors = anchors.map(|a| Vector3::new(a.x * size, a.y * size, a.z));
+    let grid = |n: usize, count: usize| (n as f64 + 0.5) / count as f64;
+    let place = |k: usize| {
+        Vector3::new(600.0 + 1800.0 * grid(k % 6, 6), 500.0 + 1000.0 * grid(k / 6, 4), 0.0)
+    };
+    (anchors, (0..24).map(|k| place(k) * size).collect())
+}
+
+/// Readings of the belts of a frame, with so many standard deviations of noise.
+fn belts(mechanism: &Mechanism, size: f64, noise: f64) -> Readings {
+    let (anchors, places) = frame(size);
+    let mut rng = Rng::new(11);
+    let mut values = Vec::new();
+    for place in &places {
+        for (anchor, variance) in anchors.iter().zip(VARIANCES) {
+            values.push((place - anchor).norm() + noise * variance.sqrt() * rng.normal());
+        }
+    }
+    let pose = Some((1..=places.len() as i64).collect());
+    Readings::new(mechanism, Table { values, pose, ..Table::default() }).expect("readings")
+}
+
+fn noise() -> Noise {
+    Noise { sigma: vec![0.4, 0.6, 0.4, 0.4], play: 1.0 }
+}
+
+/// The parameters: four coordinates of the upper anchors and one of the lower right.
+fn anchors_of(beta: &[f64]) -> [Vector3<f64>; 4] {
+    [
+        Vector3::new(beta[0], beta[1], 100.0),
+        Vector3::new(beta[2], beta[3], 56.0),
+        Vector3::new(0.0, 0.0, 34.0),
+        Vector3::new(beta[4], 0.0, 78.0),
+    ]
+}
+
+/// The place of the sled and the least half sum of squares, by Gauss-Newton in plain products.
+fn nearest(row: &[f64], anchors: &[Vector3<f64>; 4], variances: &[f64; 4]) -> (Vector3<f64>, f64) {
+    let mut at = Vector3::new(1500.0, 1000.0, 0.0);
+    let residual = |at: &Vector3<f64>| {
+        DVector::from_fn(4, |k, _| ((at - anchors[k]).norm() - row[k]) / variances[k].sqrt())
+    };
+    for _ in 0..40 {
+        let slope = DMatrix::from_fn(4, 2, |k, axis| {
+            let off = at - anchors[k];
+            off[axis] / off.norm() / variances[k].sqrt()
+        });
+        let normal = slope.transpose() * &slope;
+        let step = normal.lu().solve(&(slope.transpose() * residual(&at))).expect("two directions");
+        at -= Vector3::new(step[0], step[1], 0.0);
+    }
+    (at, 0.5 * residual(&at).norm_squared())
+}
+
+fn belt_model() -> (Mechanism, Readings, Model) {
+    let mechanism = Mechanism::from_toml(BELTS).expect("belts");
+    let readings = belts(&mechanism, 1.0, 4.0);
+    let model = Model::new(&mechanism, &readings, Vec::new()).expect("a model");
+    (mechanism, readings, model)
+}
+
+const ANCHORS: [f64; 5] = [-30.0, 1990.0, 3020.0, 2040.0, 2980.0];
+
+#[test]
+fn the_cost_is_the_least_over_the_places_of_every_pose() {
+    let (_, readings, model) = belt_model();
+    assert_eq!((model.rows(), model.equations(), model.pose_unknowns()), (4, 2, 2));
+    let part = Part { model: &model, readings: &readings, weights: None };
+    let implicit = Implicit::new(vec![(part, noise())], &[]);
+    let found = implicit.linearize(&ANCHORS);
+    let anchors = anchors_of(&ANCHORS);
+    let rows = 0..readings.samples;
+    let plain: f64 = rows.map(|r| nearest(readings.row(r), &anchors, &VARIANCES).1).sum();
+    // Both places stand still to 1e-6 of their deviation, where the cost is flat.
+    assert!((found.cost - plain).abs() < 1e-9 * plain, "{} for {plain}", found.cost);
+    // The residuals make up that cost, two for each sample.
+    let left = implicit.residuals(&ANCHORS, true);
+    assert_eq!((left.equations, left.whitened.len()), (2, 2 * readings.samples));
+    let half: f64 = left.whitened.iter().map(|r| 0.5 * r * r).sum();
+    assert!((half - plain).abs() < 1e-9 * plain);
+}
+
+#[test]
+fn the_gradient_is_exact_where_the_places_have_settled() {
+    let (_, readings, model) = belt_model();
+    let part = Part { model: &model, readings: &readings, weights: None };
+    let implicit = Implicit::new(vec![(part, noise())], &[]);
+    let found = implicit.linearize(&ANCHORS);
+    let cost = |beta: &[f64]| -> f64 {
+        let anchors = anchors_of(beta);
+        (0..readings.samples).map(|r| nearest(readings.row(r), &anchors, &VARIANCES).1).sum()
+    };
+    for k in 0..5 {
+        let along = |by: f64| {
+            let mut beta = ANCHORS;
+            beta[k] += by;
+            vec![cost(&beta)]
+        };
+        let difference = derivative(along, 0.1)[0];
+        // Rounding of a cost of 1e4 over 0.1: 1e-10 of it.
+        let off = (found.gradient[k] - difference).abs();
+        assert!(off < 1e-7 * difference.abs().max(1.0), "{k}: {} {difference}", found.gradient[k]);
+    }
+}
+
+#[test]
+fn a_belt_machine_starts_from_a_drawing_of_twice_its_size() {
+    let mechanism = Mechanism::from_toml(BELTS).expect("belts");
+    for size in [0.5, 1.0, 1.6] {
+        let readings = belts(&mechanism, size, 1.0);
+        let options = FitOptions { terms: Some(Vec::new()), ..FitOptions::default() };
+        let all =
+            Observations::new(&mechanism, readings.table.clone(), None, options).expect("all");
+        let found = fit(&all, Vec::new(), None).expect("a fit");
+        let (anchors, _) = frame(size);
+        let truth = [anchors[0].x, anchors[0].y, anchors[1].x, anchors[1].y, anchors[3].x];
+        for (k, (own, truth)) in found.beta.iter().zip(truth).enumerate() {
+            let sd = found.covariance[(k, k)].sqrt();
+            // Five of these in three sessions: beyond 4.5 in one of a hundred thousand.
+            assert!((own - truth).abs() < 4.5 * sd, "{size}, {k}: {own} for {truth}, sd {sd}");
+        }
+        assert!(found.dof == 2.0 * 24.0 - 5.0 && found.chi2 < 90.0, "{} {}", found.chi2, found.dof);
+    }
+}
+
+#[test]
+fn of_two_mirror_places_the_one_near_where_it_is_looked_for_is_taken() {
+    for (y, expected) in [("300.0", 800.0), ("3700.0", 3200.0)] {
+        let text = BELTS.replace("at = [1500.0, 1000.0, 0.0]", &format!("at = [1500.0, {y}, 0.0]"));
+        // Two belts alone, to anchors at one height.
+        let mut mechanism = Mechanism::from_toml(&text).expect("belts");
+        mechanism.closures.truncate(2);
+        mechanism.channels.truncate(2);
+        let long = |z: f64| (1500.0_f64.powi(2) + 1200.0_f64.powi(2) + z * z).sqrt();
+        let table = Table { values: vec![long(100.0), long(56.0)], ..Table::default() };
+        let readings = Readings::new(&mechanism, table).expect("one row");
+        let model = Model::new(&mechanism, &readings, Vec::new()).expect("a model");
+        let mut ws = Workspace::default();
+        let bare = Want { x: false, a: false };
+        model.evaluate(&readings, 0, readings.raw(0), &model.nominal(), bare, &mut ws);
+        assert!((ws.xi[1].0[0] - expected).abs() < 1e-6, "{} for {expected}", ws.xi[1].0[0]);
+        assert_eq!(model.equations(), 0);
+    }
+}
+
+#[test]
+fn a_direction_that_no_closure_tells_takes_no_equation() {
+    // On the line between its two anchors a sled may move across without a change of any length.
+    let mut mechanism = Mechanism::from_toml(BELTS).expect("belts");
+    mechanism.closures.truncate(2);
+    mechanism.channels.truncate(2);
+    for point in &mut mechanism.points {
+        let at = point.at.expect("all are drawn");
+        point.at = Some([at[0], 2000.0, 0.0]);
+    }
+    let table = Table { values: vec![1200.0, 1800.0, 700.0, 2300.0], ..Table::default() };
+    let readings = Readings::new(&mechanism, table).expect("two rows");
+    let model = Model::new(&mechanism, &readings, Vec::new()).expect("a model");
+    assert_eq!((model.rows(), model.pose_unknowns(), model.equations()), (2, 1, 1));
+}
