@@ -35,7 +35,6 @@ fn names_are_there_and_each_is_one_things_own() {
     assert_eq!(refusal(|m| m.closures[1].name = name.into()), own("closure \"wrist1-wrist2\""));
     let none = |place: &str| [place, "none", "at least one"].map(String::from);
     assert_eq!(refusal(|m| m.channels.clear()), none("channel"));
-    assert_eq!(refusal(|m| m.chains.clear()), none("chain"));
     assert_eq!(refusal(|m| m.closures.clear()), none("closure"));
 }
 
@@ -80,7 +79,11 @@ fn each_channel_senses_one_joint() {
     );
     assert_eq!(
         refusal(|m| m.chains[1].rows[3].channel = None),
-        ["channel \"a23\"", "no joint that it senses", "a row of a chain that names it"]
+        [
+            "channel \"a23\"",
+            "no joint that it senses",
+            "a row of a chain that names it, or a closure"
+        ]
     );
 }
 
@@ -149,7 +152,7 @@ fn a_point_is_known_or_unknown_but_not_both() {
     let either = [
         place.clone(),
         "neither a place nor an unknown, or both".into(),
-        "`at = [x, y, z]`, or `unknown = [columns]` without a chain".into(),
+        "`at = [x, y, z]`, or `unknown = [columns]` without a chain, or `columns`".into(),
     ];
     assert_eq!(refusal(|m| m.points[1].at = None), either);
     assert_eq!(refusal(|m| m.points[1].unknown = Some(vec!["at".into()])), either);
@@ -183,16 +186,17 @@ fn a_closure_joins_two_points_that_are_there() {
     );
     assert_eq!(
         refusal(|m| m.closures[1].between[1] = "wrist2".into()),
-        at("\"wrist2\" twice", "two points")
+        at("\"wrist2\" twice", "two of them")
     );
-    let value = "a positive `value` for a distance, none for a touch";
-    assert_eq!(refusal(|m| m.closures[1].value = None), at("Distance with None", value));
+    let value = "a positive `value` for a distance, or the `channel` that reads it; neither for \
+                 any other kind";
+    assert_eq!(refusal(|m| m.closures[1].value = None), at("no value", value));
     for d in [0.0, -1.0, f64::NAN] {
-        let found = format!("Distance with Some(Known({d:?}))");
+        let found = format!("a value of {d}");
         assert_eq!(refusal(|m| m.closures[1].value = Some(Value::Known(d))), at(&found, value));
     }
     let [_, found, _] = refusal(|m| m.closures[1].kind = ClosureKind::Touch);
-    assert!(found.starts_with("Touch with Some"), "{found}");
+    assert!(found.starts_with("a value of"), "{found}");
     assert_eq!(refusal(|m| m.closures[1].noise = Some(-0.1)), at("-0.1", "a length of 0 or more"));
     assert_eq!(refusal(|m| m.closures[1].sd = Some(f64::NAN)), at("NaN", "a length of 0 or more"));
 }

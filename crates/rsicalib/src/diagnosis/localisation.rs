@@ -135,7 +135,15 @@ fn locate(traced: &Traced) -> Structure {
     let of_chain: Vec<Vec<usize>> =
         (0..mechanism.chains.len()).map(|c| mechanism.channels_of(c)).collect();
     let chains: Vec<f64> = of_chain.iter().map(|channels| excess(channels)).collect();
-    let chain = best(&chains).unwrap_or(0);
+    let Some(chain) = best(&chains) else {
+        // Without a chain, of all channels.
+        let each: Vec<f64> = (0..mechanism.channels.len()).map(|c| excess(&[c])).collect();
+        let channel = best(&each).unwrap_or(0);
+        let everything: Vec<usize> = (0..each.len()).collect();
+        let percent = (100.0 * each[channel] / excess(&everything)).clamp(0.0, 100.0);
+        let (share, location) = (Share::Channel(channel), location(traced, channel));
+        return Structure { share, percent, location, likely: Vec::new() };
+    };
     let channels: Vec<f64> = of_chain[chain].iter().map(|&c| excess(&[c])).collect();
     let channel = best(&channels).unwrap_or(0);
     let beside = traced.found.iter().any(|found| match found.instance.target {

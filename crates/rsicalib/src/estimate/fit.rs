@@ -391,7 +391,10 @@ fn conclude(
     let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
     let part = Part { model: &model, readings, weights };
     let squares = part.mean_square_lengths(&outcome.x);
-    let rms_misclosure = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+    let counted: Vec<f64> = (squares.into_iter().zip(model.in_one_unit()))
+        .filter_map(|(square, counts)| counts.then_some(square))
+        .collect();
+    let rms_misclosure = (counted.iter().sum::<f64>() / counted.len().max(1) as f64).sqrt();
     let plausible = !search::collapsed(&model, &outcome.x);
     if observations.is_long() {
         residuals.by_reading = Vec::new();

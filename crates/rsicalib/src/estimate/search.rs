@@ -57,9 +57,8 @@ fn about(anchor: &Anchor, model: &Model, factors: &[f64]) -> Vec<f64> {
 /// Ratio of each channel's gain to the nominal gain.
 pub fn ratios(model: &Model, beta: &[f64]) -> impl Iterator<Item = f64> {
     model.scales.iter().enumerate().map(|(c, scale)| {
-        let gain =
-            model.column(Role::Gain, c).map_or(scale.gain, |column| scale.gain + beta[column]);
-        gain / scale.gain
+        let own = model.gains_of(c).map(|column| beta[column]).sum::<f64>();
+        (scale.gain + own) / scale.gain
     })
 }
 

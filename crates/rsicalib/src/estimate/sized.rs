@@ -32,22 +32,59 @@ pub(crate) fn sized(
     let live = observations.weights.iter().filter(|w| **w > 0.0).count();
     let good = observations.options.good_start * (model.equations() * live) as f64;
     let priors = model.priors();
+    let end = |beta: &[f64]| {
+        let problem = Implicit::new(vec![(part, noise.clone())], &priors).coarse();
+        lm::minimize(&problem, beta, &observations.options.lm)
+    };
     let mut best: Option<lm::Outcome> = None;
     for size in SIZES {
         let mut beta = start.clone();
         for &(parameter, axis) in &free {
             beta[parameter] = centre[axis] + size * (beta[parameter] - centre[axis]);
         }
-        let problem = Implicit::new(vec![(part, noise.clone())], &priors).coarse();
-        let end = lm::minimize(&problem, &beta, &observations.options.lm);
-        if end.cost.is_finite() && best.as_ref().is_none_or(|best| end.cost < best.cost) {
-            best = Some(end);
+        let here = end(&beta);
+        if here.cost.is_finite() && best.as_ref().is_none_or(|best| here.cost < best.cost) {
+            best = Some(here);
         }
         if best.as_ref().is_some_and(|best| 2.0 * best.cost < good) {
             break;
         }
     }
-    best.map_or(start, |best| best.x)
+    let Some(best) = best else { return start };
+    // The whole in a mirror has the same distances.
+    let mirrored = (0..3).map(|flipped| {
+        let mut beta = best.x.clone();
+        for &(parameter, axis) in free.iter().filter(|(_, axis)| *axis == flipped) {
+            beta[parameter] = 2.0 * centre[axis] - beta[parameter];
+        }
+        beta
+    });
+    let unlike = |x: &[f64]| unlikeness(&start, x, &free, &centre);
+    let mut nearest = best.x.clone();
+    for beta in mirrored {
+        if unlike(&beta) < unlike(&nearest) {
+            let there = end(&beta);
+            if there.cost <= SAME * best.cost && unlike(&there.x) < unlike(&nearest) {
+                nearest = there.x;
+            }
+        }
+    }
+    nearest
+}
+
+/// Costs that differ by this factor are of one solution and its mirror.
+const SAME: f64 = 1.01;
+
+/// How far a solution is from the drawing at whatever size, in parts of itself.
+fn unlikeness(drawing: &[f64], x: &[f64], free: &[(usize, usize)], centre: &[f64; 3]) -> f64 {
+    let of = |all: &[f64]| -> Vec<f64> {
+        free.iter().map(|&(parameter, axis)| all[parameter] - centre[axis]).collect()
+    };
+    let (drawn, found) = (of(drawing), of(x));
+    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    let size = (dot(&drawn, &found) / dot(&drawn, &drawn).max(f64::MIN_POSITIVE)).max(0.0);
+    let off: f64 = drawn.iter().zip(&found).map(|(d, f)| (f - size * d).powi(2)).sum();
+    off / dot(&found, &found).max(f64::MIN_POSITIVE)
 }
 
 /// Parameters of the points that distances tell of, and the axis of each.

@@ -132,6 +132,21 @@ impl Mechanism {
         self.closures.iter().any(|c| c.channel.is_some() && c.channel.as_ref() == name)
     }
 
+    /// True where some length is known beside what channels read: of a link, between points, or between
+    /// places in the base. What is drawn of a point that is unknown in part is no such length.
+    pub(crate) fn has_scale(&self) -> bool {
+        let rows = self.chains.iter().flat_map(|c| &c.rows);
+        let mut links = rows.map(|row| row.body().translation.vector.norm());
+        let known = |c: &Closure| c.value.as_ref().is_some_and(|v| v.known().is_some());
+        let fixed = self.points.iter().filter(|p| p.chain.is_none() && !p.is_unknown());
+        let mut places = fixed.filter_map(|p| p.at);
+        let first = places.next();
+        links.any(|long| long > 0.0)
+            || self.closures.iter().any(known)
+            || places.any(|at| Some(at) != first)
+            || self.points.iter().any(|p| p.columns.is_some())
+    }
+
     /// The channels that read lengths.
     pub(crate) fn measuring(&self) -> Vec<usize> {
         (0..self.channels.len()).filter(|&c| self.measures(c)).collect()

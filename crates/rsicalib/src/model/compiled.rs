@@ -83,6 +83,11 @@ impl CompiledClosure {
         self.along.as_ref().map_or(self.all, Vec::len)
     }
 
+    /// True for coordinates that are equal, whatever their unit.
+    fn is_of_coordinates(&self) -> bool {
+        matches!(self.ends[0], End::Coordinate(_))
+    }
+
     /// Change of an equation per change of a length.
     pub(crate) fn per_length(&self) -> f64 {
         let value = Some(self.value).filter(|_| self.channel.is_none());
@@ -788,6 +793,16 @@ impl Model {
         self.instances.iter().position(at).map(|k| self.first[k])
     }
 
+    /// Parameters of all gains of a channel: its own, and what it shares.
+    pub(crate) fn gains_of(&self, channel: usize) -> impl Iterator<Item = usize> {
+        let instances = self.instances.iter().zip(&self.first);
+        let own = move |i: &Instance| {
+            i.term.role() == Role::Gain
+                && self.mechanism.has_part(i.target, Target::Channel(channel))
+        };
+        instances.filter(move |(i, _)| own(i)).map(|(_, first)| *first)
+    }
+
     /// For each equation, the columns of `X` that are not always zero, ascending.
     #[must_use]
     pub fn active(&self) -> Vec<Vec<usize>> {
@@ -885,6 +900,35 @@ impl Model {
             lengths.extend(std::iter::repeat_n(scale, closure.equations()));
         }
         lengths
+    }
+
+    /// Unit of the misclosure: of length where any closure is of lengths, else of the coordinates
+    /// that are equal.
+    #[must_use]
+    pub fn misclosure_unit(&self) -> &str {
+        let coordinate = self.closures.iter().find_map(|closure| match closure.ends {
+            [End::Coordinate(channel), _] => Some(channel),
+            _ => None,
+        });
+        match coordinate {
+            Some(channel) if !self.is_of_lengths() => {
+                self.mechanism.coordinate_unit(Target::Channel(channel))
+            }
+            _ => &self.mechanism.length_unit,
+        }
+    }
+
+    fn is_of_lengths(&self) -> bool {
+        self.closures.iter().any(|closure| !closure.is_of_coordinates())
+    }
+
+    /// For each equation whether its misclosure is in the [unit](Self::misclosure_unit) of all.
+    #[must_use]
+    pub fn in_one_unit(&self) -> Vec<bool> {
+        let lengths = self.is_of_lengths();
+        let own = |closure: &CompiledClosure| closure.is_of_coordinates() != lengths;
+        let rows = |closure| std::iter::repeat_n(own(closure), closure.equations());
+        self.closures.iter().flat_map(rows).collect()
     }
 
     /// How each joint that a channel senses moves, and the channel.

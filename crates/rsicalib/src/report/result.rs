@@ -48,8 +48,10 @@ pub struct FitReport {
     pub dof: f64,
     /// Probability of a larger one by chance.
     pub p_value: Option<f64>,
-    /// Error of the closures, length units.
+    /// Error of the closures, in `misclosure_unit`.
     pub rms_misclosure: f64,
+    /// The unit of length; of equal coordinates theirs, where nothing else closes.
+    pub misclosure_unit: String,
     /// Error on poses left out.
     pub held_out: Option<HeldOut>,
     /// Error on known poses.
@@ -68,6 +70,7 @@ impl FitReport {
             dof: fit.dof,
             p_value: fit.p_value,
             rms_misclosure: fit.rms_misclosure,
+            misclosure_unit: fit.model.misclosure_unit().into(),
             held_out: None,
             check: None,
             aligned: None,

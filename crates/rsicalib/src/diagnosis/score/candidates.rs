@@ -5,7 +5,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::{Instance, places};
 use crate::terms;
 use crate::terms::targets::{provided, shared, targets};
-use crate::terms::term::{Per, Placed, Spot, Term};
+use crate::terms::term::{Per, Placed, Role, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
 #[must_use]
@@ -56,6 +56,11 @@ fn carries_body(mechanism: &Mechanism, chain: usize) -> bool {
 /// free shape is any shape.
 fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let mechanism = &observations.mechanism;
+    // Without a length that is known a gain of all lengths is the scale, and nothing else.
+    let all = || Target::together(mechanism.measuring()) == Some(target);
+    if term.role() == Role::Gain && all() && !mechanism.has_scale() {
+        return false;
+    }
     if target.is_shared() {
         // What all parts have by themselves, they do not share beside that.
         let parts = mechanism.parts(target);
