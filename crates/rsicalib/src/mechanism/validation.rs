@@ -177,7 +177,9 @@ impl Mechanism {
             let found = match (&closure.value, &closure.channel) {
                 (None, None) => "no value".into(),
                 (Some(Value::Known(value)), None) => format!("a value of {value}"),
-                (Some(Value::Column(column)), None) => format!("a value in column {}", quoted(column)),
+                (Some(Value::Column(column)), None) => {
+                    format!("a value in column {}", quoted(column))
+                }
                 (None, Some(channel)) => format!("channel {}", quoted(channel)),
                 (Some(_), Some(channel)) => format!("a value, and channel {}", quoted(channel)),
             };

@@ -17,7 +17,8 @@ use crate::Error;
 use crate::kinematics::elements::{Source, Weight};
 use crate::kinematics::posture::Posture;
 use crate::mechanism::Mechanism;
-use crate::model::compiled::{CompiledClosure, End, LoadAt, Model};
+use crate::model::compiled::{CompiledClosure, LoadAt, Model};
+use crate::model::ends::End;
 use crate::model::evaluation::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, dot};
 use crate::readings::Readings;
@@ -103,7 +104,8 @@ impl Model {
     /// Equations of the closures that hold the mechanism together: not of those by which it touches
     /// what stands elsewhere.
     fn inner_equations(&self) -> Vec<usize> {
-        let inner = |c: &&CompiledClosure| !c.ends.iter().any(|e| matches!(e, End::Unknown(_)));
+        let inside = |end: &End| matches!(end, End::Carried(..) | End::Fixed(_));
+        let inner = |c: &&CompiledClosure| c.plane.is_none() && c.ends.iter().all(inside);
         let closures = self.closures.iter().filter(inner);
         closures.flat_map(|c| c.equation..c.equation + c.equations()).collect()
     }

@@ -140,7 +140,7 @@ pub(crate) fn rotate(rotation: &[f64; 9], vector: &Vec3) -> Vec3 {
 /// A unit normal that leans from the first axis of a frame by two tilts, and its derivatives by them.
 ///
 /// ```text
-/// m = e₁ + τ₁ e₂ + τ₂ e₃,   n = m / |m|,   ∂n/∂τ = (e - n (n · e)) / |m|          (46)
+/// m = e₁ + τ₁ e₂ + τ₂ e₃,   n = m / |m|,   ∂n/∂τ = (e - n (n · e)) / |m|          (48)
 /// ```
 #[inline(always)]
 pub(crate) fn leaning(axes: &[[f64; 3]; 3], tilts: [f64; 2]) -> [[f64; 3]; 3] {
