@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -12,6 +13,7 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
+from rsicalib.imports.extras import EXTRAS
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.stretches import _running, still_stretches
 
@@ -402,3 +404,14 @@ def test_what_is_no_log_is_refused_with_those_that_are_known(tmp_path: Path) -> 
         rsicalib.import_log(path)
     with pytest.raises(InputError, match="found no such file"):
         rsicalib.import_log(tmp_path / "nowhere.log")
+
+
+def test_every_extra_that_a_message_names_brings_its_library() -> None:
+    root = Path(__file__).parents[1]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for library, extra in EXTRAS.items():
+        brought = project["optional-dependencies"][extra]
+        assert any(one.startswith(library) for one in brought), library
+    for file in (root / "python" / "rsicalib").rglob("*.py"):
+        asked = re.findall(r'needed\("(\w+)', file.read_text(encoding="utf-8"))
+        assert set(asked) <= set(EXTRAS), file.name

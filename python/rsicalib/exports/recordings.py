@@ -53,8 +53,8 @@ def _without_none(table: dict[str, Any]) -> dict[str, Any]:
 def write_mcap(ask: Ask) -> dict[str, bytes]:
     """Write `corrected.mcap`: joint states with the corrected positions."""
     readings = ask.needed("are to be corrected")
-    rosbag2 = needed("rosbags.rosbag2", "ros", "corrected.mcap", "a bag of ROS 2")
-    typesys = needed("rosbags.typesys", "ros", "corrected.mcap", "a bag of ROS 2")
+    rosbag2 = needed("rosbags.rosbag2", "corrected.mcap", "a bag of ROS 2")
+    typesys = needed("rosbags.typesys", "corrected.mcap", "a bag of ROS 2")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     values = coordinates(readings, ask.mechanism, ask.result)
     times = np.arange(len(values)) * 1.0 if readings.time_s is None else readings.time_s

@@ -32,7 +32,7 @@ def read(source: str, asked: Asked) -> Log:
     InputError
         A file lacks the positions, or they have another shape.
     """
-    h5py = needed("h5py", "hdf5", source, "an HDF5 file")
+    h5py = needed("h5py", source, "an HDF5 file")
     path = Path(source)
     files = sorted(path.glob("*.hdf5")) + sorted(path.glob("*.h5")) if path.is_dir() else [path]
     recordings: list[Recording] = []

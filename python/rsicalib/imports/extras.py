@@ -9,18 +9,19 @@ from typing import Any
 
 from rsicalib.errors import InputError
 
-__all__ = ["needed", "read_by"]
+__all__ = ["EXTRAS", "needed", "read_by"]
+
+EXTRAS = {"h5py": "hdf5", "pyarrow": "parquet", "rosbags": "ros"}
+"""The extra of the package that brings a library."""
 
 
-def needed(module: str, extra: str, source: str, what: str) -> Any:
+def needed(module: str, source: str, what: str) -> Any:
     """Import a library that a file needs.
 
     Parameters
     ----------
     module : str
         What is imported.
-    extra : str
-        The extra of the package that brings it.
     source, what : str
         The file, and what it is in words, for the message.
 
@@ -38,7 +39,7 @@ def needed(module: str, extra: str, source: str, what: str) -> Any:
         return importlib.import_module(module)
     except ImportError:
         name = module.split(".")[0]
-        hint = f"Install it with: pip install 'rsicalib[{extra}]'"
+        hint = f"Install it with: pip install 'rsicalib[{EXTRAS[name]}]'"
         found = f"{what}, and no {name} to read it"
         raise InputError.at(source, found=found, expected=name, hint=hint) from None
 

@@ -84,7 +84,7 @@ def _table(file: Path, keys: Sequence[str]) -> Any:
     if not file.is_file():
         expected = "rows of the data set"
         raise InputError.at(str(file), found="no such file", expected=expected)
-    parquet = needed("pyarrow.parquet", "parquet", str(file), "a LeRobot data set")
+    parquet = needed("pyarrow.parquet", str(file), "a LeRobot data set")
     with read_by("pyarrow", str(file), "rows of the data set"):
         names = parquet.ParquetFile(file).schema_arrow.names
         lacking = [name for name in [*keys, INDEX] if name not in names]
@@ -101,7 +101,7 @@ def _lengths(root: Path, info: dict[str, Any]) -> dict[int, int]:
     files = [root / "meta" / "episodes.jsonl"] if old else files
     found: dict[int, int] = {}
     for file in filter(Path.is_file, files):
-        arrow = needed("pyarrow.json" if old else "pyarrow.parquet", "parquet", str(file), "rows")
+        arrow = needed("pyarrow.json" if old else "pyarrow.parquet", str(file), "rows")
         with read_by("pyarrow", str(file), "a length for each episode"):
             table = arrow.read_json(file) if old else arrow.read_table(file)
             index, lengths = (table[name].to_pylist() for name in (INDEX, "length"))

@@ -44,8 +44,8 @@ def read(source: str, asked: Asked) -> Log:
     InputError
         There is no joint state, or a message has some of the joints and not others.
     """
-    highlevel = needed("rosbags.highlevel", "ros", source, "a bag of ROS")
-    typesys = needed("rosbags.typesys", "ros", source, "a bag of ROS")
+    highlevel = needed("rosbags.highlevel", source, "a bag of ROS")
+    typesys = needed("rosbags.typesys", source, "a bag of ROS")
     with read_by("rosbags", source, "a bag of ROS that is whole"):
         types = typesys.get_typestore(typesys.Stores.LATEST)  # of bags that do not say their own
         with highlevel.AnyReader([Path(source)], default_typestore=types) as bag:
