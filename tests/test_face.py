@@ -286,8 +286,10 @@ def test_the_curve_that_is_drawn_is_that_of_the_step(traced: Trace) -> None:
 
 def test_what_cannot_be_drawn_is_refused(calibration: Calibration, tmp_path: Path) -> None:
     calibration.save(tmp_path / "c.json")
+    saved = rsicalib.load_calibration(tmp_path / "c.json")
     with pytest.raises(ValueError, match="no residuals"):
-        rsicalib.load_calibration(tmp_path / "c.json").plot()
+        saved.plot("residuals")
+    assert len(saved.plot().patches) == len(saved.parameters)  # what a file has
     with pytest.raises(ValueError, match="no effect"):
         calibration.plot("effects")
     with pytest.raises(ValueError, match="expected 'residuals'"):

@@ -95,14 +95,15 @@ class Interactive(ResultShape):
         """
         return data_frame(parameter_columns(self.parameters), "name")
 
-    def plot(self, kind: Kind = "residuals", *, ax: Axes | None = None) -> Axes:
+    def plot(self, kind: Kind | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the result; needs matplotlib (`pip install rsicalib[plot]`).
 
         Parameters
         ----------
-        kind : {"residuals", "effects", "parameters"}
-            Residuals of every pose in units of noise, before and after; what each effect that was
-            found does to the platform, beside what could hide (outlined); or how well each
+        kind : {"residuals", "effects", "parameters"}, optional
+            Residuals of every pose in units of noise, before and after: the first choice where they
+            are known, which a saved result's are not, else its parameters; what each effect that
+            was found does to the platform, beside what could hide (outlined); or how well each
             parameter is known, as the share of its half width of 95 % in its value.
         ax : Axes, optional
             Where to; a new figure where not given.
@@ -118,6 +119,8 @@ class Interactive(ResultShape):
             There is no such kind, or the result does not have what it draws: residuals are not
             saved with a result.
         """
+        if kind is None:
+            kind = "parameters" if self.after_residuals is None else "residuals"
         if kind == "residuals":
             return self._plot_residuals(ax)
         if kind == "effects":
