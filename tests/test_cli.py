@@ -63,7 +63,10 @@ def test_the_demo_explains_a_device_and_prints_the_path_of_its_report(tmp_path: 
     figures = {f.name for f in (path.parent / "figures").iterdir()}
     assert {"residuals.svg", "mechanism.svg", "effect1-law.svg"} <= figures
     assert strict((path.parent / "result.json").read_text())["verdict"] == "explained"
-    assert len((path.parent / "report.txt").read_text().splitlines()) <= 25
+    text = (path.parent / "report.txt").read_text()
+    assert all(f"a{arm}{joint} " in text for arm in (1, 2, 3) for joint in (1, 2, 3))
+    assert "held-out" in text and "check poses" in text and "more" not in text.split("→")[0]
+    assert len(text.splitlines()) < 80
 
 
 def test_calibrate_and_trace_print_only_the_result_with_json() -> None:

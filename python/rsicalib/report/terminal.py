@@ -30,6 +30,8 @@ LINES = 23
 WIDTH = 100
 NARROW = 40
 """Columns that text is never made narrower than."""
+HIDDEN = 12
+"""Effects that could hide which are listed where everything is said, as in the report."""
 ADVICE = 5
 """Lines of what to do next that there is always room for."""
 
@@ -203,7 +205,7 @@ def _left(result: TraceShape, look: Look) -> list[str]:
     # Where something is, it stands whole among what to do next.
     if result.unexplained is not None and result.unexplained.target is None:
         lines += _cut(f"  left over {result.unexplained.text}", look)
-    for hidden in result.could_hide if look.whole else result.could_hide[:1]:
+    for hidden in result.could_hide[: HIDDEN if look.whole else 1]:
         rms = hidden.platform_rms
         cost = (
             ""
