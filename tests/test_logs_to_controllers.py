@@ -5,23 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import rsicalib
 from rsicalib.exports.opening import export_result
 from tests.test_imports import clbm
-
-LENGTH = """
-name = "a length"
-length_unit = "mm"
-channel = [{name = "l", unit = "mm", gain = 1.0, offset = 0.0}]
-point = [{name = "a", at = [0.0, 0.0, 0.0]}, {name = "b", at = [1.0, 0.0, 0.0]}]
-closure = [{name = "l", kind = "distance", between = ["a", "b"], channel = "l"}]
-"""
-try:
-    rsicalib.load_mechanism(LENGTH)
-except rsicalib.InputError:
-    pytest.skip("the core reads no lengths yet", allow_module_level=True)
 
 ANCHORS = np.array([[12.0, 2031.0, 100.0], [2870.0, 2018.0, 56.0], [0.0, 0.0, 34.0]])
 ANCHORS = np.vstack([ANCHORS, [2889.0, 0.0, 78.0]])

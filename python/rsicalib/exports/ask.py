@@ -61,7 +61,7 @@ class Ask:
 
     def unless(self, names: Sequence[str], kind: str) -> None:
         """Refuse a mechanism that lacks points of such a machine."""
-        known = [point["name"] for point in self.mechanism.to_dict()["point"]]
+        known = [point["name"] for point in self.mechanism.to_dict().get("point", [])]
         missing = [name for name in names if name not in known]
         if missing:
             found = f"no point {missing[0]!r} in {self.mechanism.name!r}"

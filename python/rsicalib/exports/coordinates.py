@@ -71,7 +71,7 @@ def without_place(mechanism: Mechanism, result: Result) -> list[str]:
 def unit_of(mechanism: Mechanism) -> dict[str, str]:
     """Unit of each channel's coordinate: `rad`, or the length unit where its joint slides."""
     document: dict[str, Any] = mechanism.to_dict()
-    rows = [row for chain in document["chain"] for row in chain.get("dh", [])]
+    rows = [row for chain in document.get("chain", []) for row in chain.get("dh", [])]
     slides = {row.get("channel") for row in rows if row.get("joint") == "prismatic"}
     on = {row.get("channel") for row in rows}
     length = str(document["length_unit"])

@@ -34,12 +34,13 @@ def write(ask: Ask) -> dict[str, str]:
                 f"joint {name} is at {gain!r} times the reading of {name}, plus {offset!r}"
             )
     writer = _Writer(channels, direct)
-    for chain in document["chain"]:
-        carried = [p for p in document["point"] if p.get("chain") == chain["name"]]
+    points = document.get("point", [])
+    for chain in document.get("chain", []):
+        carried = [p for p in points if p.get("chain") == chain["name"]]
         writer.chain(chain["name"], chain["dh"], carried)
-    fixed = [p for p in document["point"] if "chain" not in p and "unknown" not in p]
+    fixed = [p for p in points if "chain" not in p and "unknown" not in p]
     sites = "".join(_site(point, "    ") for point in fixed)
-    known = {p["name"] for p in document["point"] if "unknown" not in p}
+    known = {p["name"] for p in points if "unknown" not in p}
     connects = ""
     for closure in document["closure"]:
         a, b = closure["between"]

@@ -95,7 +95,7 @@ def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
 def labels_of(mechanism: Mechanism) -> dict[str, str]:
     """What people call channels and links, by target."""
     labels = {c.name: c.label for c in mechanism.channels if c.label}
-    for chain in mechanism.to_dict()["chain"]:
+    for chain in mechanism.to_dict().get("chain", []):
         for row, link in enumerate(chain["dh"], start=1):
             if link.get("name"):
                 labels[f"{chain['name']}/{row}"] = link["name"]
