@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import rsicalib
 from rsicalib.exports.opening import export_result
@@ -40,6 +41,8 @@ def test_the_log_of_a_maslow_becomes_anchors_that_its_firmware_takes(tmp_path: P
     for target, name, row, column in places:
         # noise of 0.5 mm where 0.8 is told
         assert abs(corners[row, column] - ANCHORS[row, column]) < 4 * (told[target, name] or 0.0)
+    with pytest.raises(rsicalib.InputError, match="found no chain in 'Maslow4'"):
+        export_result(found, "mjcf", mechanism or "")
     # the same lengths under these anchors, as the firmware would say them: the search begins there
     again = tmp_path / "again.log"
     again.write_text(str(text) + log.read_text())

@@ -11,6 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import unit_of
 from rsicalib.io.rigid import Matrix, rigid, rotation
@@ -22,6 +23,8 @@ def write(ask: Ask) -> dict[str, str]:
     """Write `calibrated.xml`; what a model has no words for is a comment in it."""
     found = ask.calibrated
     document = found.mechanism.to_dict()
+    if not document.get("chain"):
+        raise InputError(f"mechanism: found no chain in {document['name']!r}, expected bodies")
     units = unit_of(found.mechanism)
     channels = {channel["name"]: channel for channel in document["channel"]}
     notes = list(found.notes)
@@ -35,7 +38,7 @@ def write(ask: Ask) -> dict[str, str]:
             )
     writer = _Writer(channels, direct)
     points = document.get("point", [])
-    for chain in document.get("chain", []):
+    for chain in document["chain"]:
         carried = [p for p in points if p.get("chain") == chain["name"]]
         writer.chain(chain["name"], chain["dh"], carried)
     fixed = [p for p in points if "chain" not in p and "unknown" not in p]
