@@ -406,7 +406,7 @@ impl Model {
         model.find_patches(readings);
         let hangs = |law: &LawAt| law.term.has(Variable::Torque);
         if !model.loads.is_empty() || model.laws.iter().any(hangs) {
-            model.drives = Drives::of(mechanism, readings)?;
+            model.drives = Self::drives(mechanism, readings)?;
         }
         model.torques = model.largest_torques(readings);
         Ok(model)

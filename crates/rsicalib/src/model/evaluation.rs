@@ -289,7 +289,7 @@ impl Model {
     fn bend(&self, block: usize, beta: &[f64], ws: &mut Workspace) {
         if let Some(drives) = &self.drives {
             for load in self.loads.iter().filter(|load| beta[load.parameter] != 0.0) {
-                for channel in drives.giving(load) {
+                for channel in drives.joints(load.chain).filter(|c| load.asks(*c)) {
                     let torque = drives.at(block, load.whose, channel);
                     ws.angles[channel] += torque * beta[load.parameter];
                 }
@@ -328,7 +328,10 @@ impl Model {
         if let Some(drives) = &self.drives {
             for (load, largest) in self.loads.iter().zip(&mut largest) {
                 for (block, meta) in readings.blocks().iter().enumerate() {
-                    let each = drives.giving(load).map(|c| drives.at(block, load.whose, c));
+                    let each = drives
+                        .joints(load.chain)
+                        .filter(|c| load.asks(*c))
+                        .map(|c| drives.at(block, load.whose, c));
                     let most = |torque: Lanes| {
                         torque.0[..meta.live].iter().fold(0.0, |m: f64, t| m.max(t.abs()))
                     };
@@ -740,7 +743,7 @@ impl Model {
     fn driven_back(&self, drives: &Drives, block: usize, ws: &mut Workspace) {
         let (channels, width) = (self.scales.len(), self.width());
         for load in &self.loads {
-            for channel in drives.giving(load) {
+            for channel in drives.joints(load.chain).filter(|c| load.asks(*c)) {
                 let torque = drives.at(block, load.whose, channel);
                 for k in 0..self.equations {
                     ws.x[k * width + load.parameter] += ws.g[k * channels + channel] * torque;

@@ -5,6 +5,7 @@ mod compiled;
 mod drives;
 mod ends;
 mod evaluation;
+mod hanging;
 mod instance;
 mod known;
 mod law_at;
