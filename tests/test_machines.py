@@ -157,7 +157,7 @@ def shut(hanging: Hanging, q: Array) -> Array:
     return out
 
 
-THERE: tuple[str, ...] = ("fivebar", "legs")
+THERE: tuple[str, ...] = ("delta", "fivebar", "legs")
 """Machines whose closures the core has."""
 
 

@@ -191,7 +191,10 @@ def test_refuses(case: str, folder: Path) -> None:
 
 
 def test_a_name_that_is_nothing_names_the_builtin_ones() -> None:
-    with pytest.raises(InputError, match=r"rsx, mechanism: found no such file.*built-in.*: rsi$"):
+    with pytest.raises(
+        InputError,
+        match=r"rsx, mechanism: found no such file.*built-in.*: rsi, delta, maslow, so101$",
+    ):
         load_mechanism("rsx")
 
 

@@ -71,7 +71,7 @@ def effects() -> list[Effect]:
             effect(f"gain@{belt}", "sensor", 1e-3, belt, closed, also=("closure",)),
             effect(f"curvature@{belt}", "sensor", 3.0, belt, closed, also=("closure",)),
             effect(f"slip@{belt}", "sensor", 2.0, belt, closed, also=("closure",)),
-            effect(f"moved@{anchor}", "geometry", 2.0, anchor, also=("closure",)),
+            effect(f"moved@{anchor}", "geometry", 2.0, anchor, closed, also=("closure",)),
         ]
     lower = ("bl+br", "belt bl+belt br")
     all_ = ("tl+tr+bl+br", "each", "all")

@@ -82,7 +82,7 @@ def effects() -> list[Effect]:
     alike = ("each/1", "each/2", "each", "tower a/1+tower b/1+tower c/1")
     return [
         *out,
-        effect("gain@all", "sensor", 1e-3, "a+b+c", "each", "all", also=("electronics",)),
+        effect("gain@all", "sensor", 1e-3, "a+b+c", "each.1", "each", "all", also=("electronics",)),
         effect("radius@all", "geometry", 0.5, *alike),
         effect("bend@bed", "closure", 0.1, "bed", "nozzle on bed", also=("geometry",)),
         effect("step@bed", "closure", 0.1, "bed", "nozzle on bed", also=("geometry",)),

@@ -13,7 +13,6 @@ from time import perf_counter
 from typing import Any
 
 import rsicalib
-from rsicalib.errors import RsicalibError
 from tests.machines.trials import WITHIN
 
 SESSIONS = {
@@ -72,8 +71,10 @@ def main(data: Path, *begins: str) -> None:
         start = perf_counter()
         try:
             result = rsicalib.trace(file, mechanism_of(file))
-        except RsicalibError as error:
-            print(f"{file.parent.name}/{file.stem}: refused: {error}", flush=True)
+        except BaseException as error:  # a defect is a line of the table
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            print(f"{file.parent.name}/{file.stem}: {type(error).__name__}: {error}", flush=True)
             continue
         lines = described(result.to_dict())
         print(f"{file.parent.name}/{file.stem} ({perf_counter() - start:.1f} s)")

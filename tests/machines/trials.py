@@ -98,7 +98,9 @@ def run(name: str, suite: str, number: int, seed: int, folder: Path | None = Non
             record |= examined(case, csv, mechanism)
         except RsicalibError as error:
             record["refused"] = str(error)
-        except Exception as error:  # a defect is a figure, not the end of the run
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a defect, and a panic, is a figure and not the end
             record["crashed"] = f"{type(error).__name__}: {error}"
     return record | {"seconds": round(perf_counter() - start, 2)}
 
