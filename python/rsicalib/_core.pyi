@@ -122,6 +122,10 @@ class Mechanism:
     def channels(self) -> list[Channel]:
         """Its sensors, in the order of the columns of readings."""
 
+    @property
+    def distance_columns(self) -> list[str]:
+        """Columns of the readings that hold measured distances."""
+
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Mechanism:
         """Takes a mechanism from plain values, keys and units as in the TOML."""
@@ -161,7 +165,7 @@ class Mechanism:
 
     @property
     def value_columns(self) -> list[str]:
-        """Columns of the readings that hold measured distances."""
+        """Columns of the readings with numbers that its closures, points and laws need."""
 
     def with_sensors(self, sensors: Mapping[str, tuple[float, float]]) -> Mechanism:
         """The same mechanism with sensors of another gain and offset: `{name: (gain, offset)}`."""
