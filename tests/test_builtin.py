@@ -1,0 +1,30 @@
+"""Mechanisms that come with the package load, and are what their pages say."""
+
+from __future__ import annotations
+
+import pytest
+
+import rsicalib
+from rsicalib.io.builtin import BUILTIN
+
+
+@pytest.mark.parametrize(
+    ("name", "channels", "kinds"),
+    [
+        ("maslow", ["tl", "tr", "bl", "br"], {"distance"}),
+        ("delta", ["a", "b", "c"], {"distance", "plane"}),
+        ("so101", None, {"equal"}),
+    ],
+)
+def test_a_built_in_mechanism_is_a_file_that_its_owner_may_change(
+    name: str, channels: list[str] | None, kinds: set[str]
+) -> None:
+    mechanism = rsicalib.load_mechanism(name)
+    assert mechanism.name == name
+    assert {closure["kind"] for closure in mechanism.to_dict()["closure"]} == kinds
+    assert channels is None or [c.name for c in mechanism.channels] == channels
+    assert rsicalib.load_mechanism(mechanism.to_toml()) == mechanism
+
+
+def test_all_files_of_the_package_are_built_in() -> None:
+    assert list(BUILTIN) == ["rsi", "delta", "maslow", "so101"]
