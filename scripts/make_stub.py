@@ -200,12 +200,8 @@ Spec = tuple[str, str | None, str | None]
 Estimate = tuple[Spec, str, float | None, float | None]
 
 __version__: str
-RESIDUAL_LEVEL: float
-"""A residual that chance would exceed less often than this is significant."""
 VERDICTS: Sequence[tuple[str, int]]
 """Every verdict, and what the command exits with."""
-WORSE: float
-"""What was not fitted must not be off by more than this many times what it was before."""
 COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]

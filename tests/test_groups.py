@@ -12,6 +12,7 @@ import rsicalib
 from rsicalib import InputError
 from rsicalib.groups import spread
 from rsicalib.report.words import advice
+from rsicalib.shapes import Reason
 from rsicalib.work.applying import as_applied
 from tests.test_examples import sockets
 
@@ -92,13 +93,17 @@ def test_trace_says_whether_what_it_found_holds_elsewhere(made: Any) -> None:
 def test_what_does_not_hold_elsewhere_is_warned_of(made: Any) -> None:
     mechanism, readings = made
     bent = readings.values.copy()
-    bent[:, 2] += 0.01 * bent[:, 2] ** 2
+    bent[:, 2] += 0.002 * bent[:, 2] ** 2
     session = replace(readings, values=bent)
     found = rsicalib.trace(session, mechanism, fit_groups=["front", "left"])
-    assert found.steps and found.groups is not None and found.groups.before_others is not None
+    assert found.steps and "groups_before" not in [reason.kind for reason in found.reasons]
     assert not any("hold elsewhere" in text for text in advice(found))
-    worse = replace(found.groups, others=1.2 * found.groups.before_others)
-    assert any("hold elsewhere" in text for text in advice(found.with_groups(worse)))
+    reason = Reason("groups_before", found=2.0, expected=1.0)
+    worse = replace(found, verdict="partly_explained", reasons=(reason,))
+    assert any("hold elsewhere" in text for text in advice(worse))
+    said = " ".join(worse.summary().split())
+    assert "does not hold elsewhere: groups that were not fitted close to 2.00 mm, and 1.00" in said
+    assert rsicalib.Trace.from_dict(worse.to_dict()).reasons == (reason,)
 
 
 def test_an_unknown_group_is_refused_by_name(made: Any) -> None:

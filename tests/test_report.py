@@ -25,7 +25,7 @@ from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import residual_figure
 from rsicalib.report.words import noise_words, number, plus_minus, sentence
 from rsicalib.results import Result
-from rsicalib.shapes import Excluded, Noise, Unexplained
+from rsicalib.shapes import Excluded, Noise, Reason, Unexplained
 from rsicalib.units import with_unit
 from rsicalib.work.arguments import Bare
 from tests.families.device import Effect, Scene, observe
@@ -461,14 +461,15 @@ def test_a_noisy_channel_is_named_beside_what_is_usual(traced: Trace) -> None:
 
 
 @pytest.mark.parametrize(
-    ("p", "words"), [(0.0, "something is left at a22"), (1e-5, "is left"), (0.3, "may stand")]
+    ("kind", "words"), [("residual", "something is left at a22"), ("doubtful", "may stand")]
 )
 def test_what_is_partly_explained_leaves_structure_or_only_doubt(
-    traced: Trace, p: float, words: str
+    traced: Trace, kind: str, words: str
 ) -> None:
-    left = Unexplained(p_value=p, target="a22", text="")
-    said = sentence(dataclasses.replace(traced, verdict="partly_explained", unexplained=left))
-    assert words in said
+    left = Unexplained(p_value=None, target="a22", text="")
+    verdict, reasons = "partly_explained", (Reason(kind),)
+    result = dataclasses.replace(traced, verdict=verdict, unexplained=left, reasons=reasons)
+    assert words in sentence(result)
 
 
 def test_ticks_are_round_and_lie_within_the_bounds() -> None:

@@ -14,12 +14,8 @@ Spec = tuple[str, str | None, str | None]
 Estimate = tuple[Spec, str, float | None, float | None]
 
 __version__: str
-RESIDUAL_LEVEL: float
-"""A residual that chance would exceed less often than this is significant."""
 VERDICTS: Sequence[tuple[str, int]]
 """Every verdict, and what the command exits with."""
-WORSE: float
-"""What was not fitted must not be off by more than this many times what it was before."""
 COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]
@@ -87,8 +83,12 @@ class Fit:
     def carried_points(self, table: Mapping[str, Any]) -> Any:
         """Where the chains carry their points: shape (points, n, 3)."""
 
-    def changes(self, applied: Mapping[str, Any], covariance: Array | None = None) -> Any:
-        """What has changed since an earlier result with the covariance of its parameters, (k, k)."""
+    def changes(
+        self, applied: Mapping[str, Any], covariance: Array | None = None, rms: Any = None
+    ) -> Any:
+        """What has changed since an earlier result with the covariance of its parameters, (k, k), and
+        whether that is worth an update where the loops close to `rms`, poses left out in turn.
+        """
 
     def check(self, table: Mapping[str, Any], poses: Array, align: bool = False) -> dict[str, Any]:
         """Error on known poses: `(poses, position rms, orientation rms)`."""
@@ -224,9 +224,7 @@ class Session:
         xtol: float | None = None,
         progress: Callable[[str, float], object] | None = None,
     ) -> Session: ...
-    def calibrate(
-        self, check: tuple[Mapping[str, Any], Array] | None = None, align: bool = False
-    ) -> tuple[dict[str, Any], Fit, Fit | None]:
+    def calibrate(self, beside: Array | None = None) -> tuple[dict[str, Any], Fit, Fit | None]:
         """Fits the terms that the options ask for, without readings that are wrong.
 
         Returns the calibration, the fit, and the fit of all readings where any was left out.
@@ -246,12 +244,11 @@ class Session:
 
     def trace(
         self,
-        check: tuple[Mapping[str, Any], Array] | None = None,
-        align: bool = False,
+        beside: Array | None = None,
         without: Sequence[str] | None = None,
         alpha: float | None = None,
     ) -> dict[str, Any]:
-        """Closes the loop; `check` is a table and its known poses."""
+        """Closes the loop."""
 
 @final
 class Term:
@@ -407,6 +404,13 @@ def jacobian(
     closures: Sequence[str] | None = None,
 ) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
+
+def judged_open_loop(
+    poses: Array = 0, check: tuple[Mapping[str, Any], Array] | None = None, nominal: Any = None
+) -> Any:
+    """The verdict on lines through so many known poses, and its reasons, by the error of the calibration
+    and of the mechanism as declared on check poses; of no poses: nothing could begin.
+    """
 
 def lasting(mechanism: Mechanism, specs: Sequence[Spec]) -> list[str]:
     """The terms of a result that a later session is identified with: `curvature@a22`, each once."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
-from rsicalib.groups import measured
 from rsicalib.options import checked, names
 from rsicalib.results import Calibration
 from rsicalib.work.arguments import (
@@ -135,14 +134,10 @@ def calibrate(
         "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
-    known = job.known(check)
+    beside = job.beside(job.known(check), align)
     try:
-        report, fit, _ = session.calibrate(check=known, align=align)
+        report, fit, _ = session.calibrate(beside)
     except UndeterminedError as error:
         return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
     found = {**report, "method": method or Calibration.method, "update": job.update(report, fit)}
-    if known is not None:
-        found["nominal"] = {**NOTHING, "check": job.nominal_error(known, align=False)}
-        if align:
-            found["nominal"] |= {"aligned": job.nominal_error(known, align=True)}
-    return finished(measured(job, Calibration.from_dict(job.result(Calibration, found, session))))
+    return finished(Calibration.from_dict(job.result(Calibration, found, session)))

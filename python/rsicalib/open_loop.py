@@ -78,7 +78,7 @@ def fixture(
         "method": "fixture",
         "noise": {"source": "scatter about the lines", "sigma": sigma, "correlation": None}
         | {"dof": float(count - 2)},
-        "verdict": "unjudged" if count > 2 else "undetermined",
+        **_core.judged_open_loop(count),
         "fit": {**NOTHING},
         "parameters": parameters,
         "covariance": covariance,
@@ -93,5 +93,7 @@ def fixture(
     if align:
         fit["aligned"] = job.error(known, result, True)
         nominal["aligned"] = job.nominal_error(known, align=True)
-    again = {**result.to_dict(), "fit": NOTHING | fit, "nominal": NOTHING | nominal}
+    checked = [e["aligned" if align else "check"] for e in (fit, nominal)]
+    again = result.to_dict() | _core.judged_open_loop(count, *checked)
+    again |= {"fit": NOTHING | fit, "nominal": NOTHING | nominal}
     return Calibration.from_dict(again)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -17,8 +17,8 @@ from rsicalib.interactive import Interactive
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
 from rsicalib.records import to_json
-from rsicalib.report.words import quality, worse_groups
-from rsicalib.shapes import CalibrationShape, Evidence, FitQuality, Groups, TraceShape
+from rsicalib.report.words import quality
+from rsicalib.shapes import CalibrationShape, Evidence, FitQuality, TraceShape
 from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["Calibration", "Result", "Trace", "load_calibration"]
@@ -88,18 +88,6 @@ class Result(Interactive):
         from rsicalib.report.page import figures
 
         return figures(self, self.evidence)
-
-    def with_groups(self, groups: Groups) -> Self:
-        """The same result with the measure of its groups.
-
-        What was found and does not hold in groups that were not fitted explains a part at most.
-        """
-        measured = replace(self, groups=groups)
-        if not isinstance(measured, TraceShape) or measured.verdict != "explained":
-            return measured
-        if worse_groups(measured) is None:
-            return measured
-        return replace(measured, verdict="partly_explained")
 
     def __eq__(self, other: object) -> bool:
         """Whether they are written alike; residuals, which are not written, do not count."""

@@ -28,6 +28,7 @@ __all__ = [
     "EffectEvidence",
     "Evidence",
     "Excluded",
+    "Expected",
     "FitQuality",
     "Groups",
     "HeldOut",
@@ -43,6 +44,7 @@ __all__ = [
     "Parameter",
     "ParameterName",
     "Predicted",
+    "Reason",
     "Reference",
     "Reliability",
     "ResultShape",
@@ -139,6 +141,25 @@ class HeldOut(Record):
     """χ² of the poses left out, per equation."""
     rms_misclosure: float
     """Error of their closures, length units."""
+    p_value: float | None = field(default=None, metadata=IF_KNOWN)
+    """Probability by chance of poses that fit so badly to the others."""
+
+
+@dataclass(frozen=True)
+class Expected(Record):
+    """An error of known poses against what is predicted of it."""
+
+    position_sd: float
+    """Predicted standard deviation of a coordinate of the position, the noise of its readings
+    counted in [length unit]."""
+    orientation_sd: float | None
+    """The same of roll, pitch and yaw (rad)."""
+    chi2: float
+    """χ² of the errors by their predicted covariance."""
+    dof: float
+    """Its degrees of freedom: all poses share the errors of the parameters."""
+    p_value: float
+    """Probability of a larger one by chance."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +172,8 @@ class Check(Record):
     """Of the position, length units."""
     orientation_rms: float
     """Of roll, pitch and yaw, rad."""
+    predicted: Expected | None = field(default=None, metadata=IF_KNOWN)
+    """The same as a calibration predicts it; none of what has no covariance."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -215,6 +238,20 @@ class WithExcluded(Record):
     """How well the model fits."""
     parameters: tuple[Parameter, ...]
     """Estimates."""
+
+
+@dataclass(frozen=True)
+class Reason(Record):
+    """A reason of a verdict, with its numbers."""
+
+    kind: str
+    """What it is."""
+    found: float | None = None
+    """What was found: an error, or χ² per degree of freedom."""
+    expected: float | None = None
+    """What was expected in its place."""
+    p_value: float | None = None
+    """Probability of more by chance."""
 
 
 @dataclass(frozen=True)
@@ -329,8 +366,7 @@ class Update(Record):
     """A later session against an earlier result."""
 
     worth: bool
-    """True where something has changed by three standard deviations or more, and this result has
-    the smaller held-out error."""
+    """True where something has changed for sure, and this result has the smaller held-out error."""
     text: str
     """The same as a sentence."""
     chi2_per_dof: float
@@ -828,6 +864,8 @@ class ResultShape(Record):
     """The calibration with the readings in `excluded`."""
     verdict: str
     """The verdict."""
+    reasons: tuple[Reason, ...] = field(default=(), metadata=OMIT)
+    """Why it is not better; the first says most."""
     implausible: tuple[str, ...] = field(default=(), metadata=OMIT)
     """What is absurd beside the size of the mechanism."""
     parameters: tuple[Parameter, ...]
@@ -837,7 +875,10 @@ class ResultShape(Record):
     predicted: Predicted | None = field(default=None, metadata=IF_KNOWN)
     """Predicted error at the poses of the session; null where the data determine none."""
     unobservable: tuple[str, ...] = ()
-    """Directions in the space of parameters that the data cannot tell."""
+    """Directions in the space of parameters that the data cannot tell: those that other poses
+    could, then those that no reading could, which a convention fixes."""
+    too_many: tuple[str, ...] = field(default=(), metadata=OMIT)
+    """Terms without which these poses would determine the rest."""
     weak: tuple[str, ...] = field(default=(), metadata=OMIT)
     """Directions that the data hardly tell."""
     condition: float | None = None

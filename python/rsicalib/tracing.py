@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
-from rsicalib.groups import measured
 from rsicalib.options import checked, names
 from rsicalib.results import Trace
 from rsicalib.work.arguments import (
@@ -102,15 +101,11 @@ def trace(
         "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
-    known = job.known(check)
+    beside = job.beside(job.known(check), align)
     try:
-        report = session.trace(
-            check=known, align=align, without=names("without", without), alpha=alpha
-        )
+        report = session.trace(beside, without=names("without", without), alpha=alpha)
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
     lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
-    return finished(
-        measured(job, Trace.from_dict(job.result(Trace, report, session) | lacking), session)
-    )
+    return finished(Trace.from_dict(job.result(Trace, report, session) | lacking))

@@ -3,10 +3,12 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
-use pythonize::pythonize;
+use pythonize::{depythonize, pythonize};
+use rsicalib::apply::check::Check;
 use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
 use rsicalib::apply::export::{self, Exported};
 use rsicalib::apply::moved::{Compared, Estimate};
+use rsicalib::diagnosis::verdict;
 use rsicalib::model::Spec;
 
 use crate::error::PyError;
@@ -184,6 +186,23 @@ pub fn check<'py>(
     let found = work(py, || earlier::check(&mechanism.0, &applied, &table, &poses, align))?
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
+}
+
+/// The verdict on lines through so many known poses, and its reasons, by the error of the calibration
+/// and of the mechanism as declared on check poses; of no poses: nothing could begin.
+#[pyfunction]
+#[pyo3(signature = (poses=0, check=None, nominal=None))]
+pub fn judged_open_loop<'py>(
+    py: Python<'py>,
+    poses: usize,
+    check: Option<Bound<'py, PyAny>>,
+    nominal: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let read = |check: Option<Bound<'py, PyAny>>| -> PyResult<Option<Check>> {
+        Ok(check.map(|check| depythonize(&check)).transpose()?)
+    };
+    let (check, nominal) = (read(check)?, read(nominal)?);
+    Ok(pythonize(py, &verdict::open_loop(poses, check, nominal))?)
 }
 
 /// Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`.

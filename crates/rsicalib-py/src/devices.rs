@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use pythonize::pythonize;
 use rsicalib::diagnosis::options::SearchOptions;
-use rsicalib::diagnosis::verdict::Verdict;
+use rsicalib::diagnosis::verdict::{Evidence, judge};
 use rsicalib::estimate::{FitOptions, Observations};
 use rsicalib::mechanism::Mechanism;
 use rsicalib::readings::Table;
@@ -68,7 +68,7 @@ fn calibrate(
         Ok(Ok(report)) => Ok(report),
         Ok(Err(error)) => match error {
             rsicalib::Error::TooFew { .. } => {
-                Err((Some(Verdict::Undetermined.id()), error.to_string()))
+                Err((Some(judge(&Evidence::default()).verdict.id()), error.to_string()))
             }
             _ => Err((None, error.to_string())),
         },

@@ -26,8 +26,6 @@ use rsicalib::monitor::MonitorOptions;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add("WORSE", rsicalib::diagnosis::verdict::WORSE)?;
-    module.add("RESIDUAL_LEVEL", rsicalib::diagnosis::options::RESIDUAL_LEVEL)?;
     let verdicts: Vec<(&str, u8)> = Verdict::ALL.iter().map(|v| (v.id(), v.exit_code())).collect();
     module.add("VERDICTS", verdicts)?;
     module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
@@ -75,6 +73,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::spec, module)?)?;
     module.add_function(wrap_pyfunction!(apply::compared, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::judged_open_loop, module)?)?;
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(faults::steps, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;

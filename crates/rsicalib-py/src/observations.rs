@@ -11,16 +11,19 @@ use pythonize::pythonize;
 use rsicalib::design::suppose::Supposed;
 use rsicalib::diagnosis::options::SearchOptions;
 use rsicalib::diagnosis::trace::Traced;
+use rsicalib::diagnosis::verdict::worth_an_update;
 use rsicalib::estimate::directions::directions;
 use rsicalib::estimate::progress::Progress;
 use rsicalib::estimate::{Fit, FitOptions, Method, Observations};
+use rsicalib::mechanism::Mechanism;
 use rsicalib::monitor::compare::{Judged, compare};
 use rsicalib::readings::Table;
+use rsicalib::report::beside::{Beside, Touched};
 use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
 use rsicalib::report::result::{self, Estimates, FitReport, Known, estimates};
 use rsicalib::screening::excluded::Excluded;
-use rsicalib::terms::targets::provided;
+use rsicalib::terms::targets::searchable;
 use rsicalib::terms::term::Term;
 use serde::Serialize;
 
@@ -118,10 +121,47 @@ pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
 type Calibration<'py> = (Bound<'py, PyAny>, PyFit, Option<PyFit>);
 
 /// Known poses as Python gives them: a table and the poses, row by row.
-type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>);
+pub type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>);
 
-fn known(check: Option<PyKnown<'_>>, align: bool) -> Option<Known> {
-    check.map(|(table, poses)| Known { table: table.table(), poses: poses_of(&poses), align })
+/// What is known beside the readings, as Python gives it: see [`Beside`].
+#[derive(FromPyObject)]
+pub struct PyBeside<'py> {
+    #[pyo3(item)]
+    mechanism: PyRef<'py, PyMechanism>,
+    #[pyo3(item)]
+    declared: PyApplied,
+    #[pyo3(item)]
+    known: Option<PyKnown<'py>>,
+    #[pyo3(item)]
+    align: bool,
+    #[pyo3(item)]
+    whole: Option<PyTable<'py>>,
+    #[pyo3(item)]
+    groups: Option<Vec<String>>,
+    #[pyo3(item)]
+    keep: Option<Vec<String>>,
+    #[pyo3(item)]
+    leave: Option<Vec<String>>,
+    #[pyo3(item)]
+    own: bool,
+}
+
+impl From<PyBeside<'_>> for Beside {
+    fn from(given: PyBeside<'_>) -> Self {
+        let PyBeside { align, groups, keep, leave, own, .. } = given;
+        let known = |(table, poses)| Known {
+            table: PyTable::table(&table),
+            poses: poses_of(&poses),
+            align,
+        };
+        let touched = |whole| Touched { table: PyTable::table(&whole), groups, keep, leave, own };
+        Self {
+            mechanism: Mechanism::clone(&given.mechanism.0),
+            declared: given.declared.into(),
+            known: given.known.map(known),
+            touched: given.whole.map(touched),
+        }
+    }
 }
 
 /// Options of a fit by their names in Python; what is not given is as in Rust.
@@ -190,7 +230,7 @@ impl PyObservations {
     /// Terms that are no candidates here, and what they need: `{id: needs}`.
     fn lacking(&self) -> HashMap<&'static str, &'static str> {
         let Observations { mechanism, readings, .. } = &*self.observations;
-        let lacks = |term: &&'static dyn Term| match provided(*term, mechanism, readings) {
+        let lacks = |term: &&'static dyn Term| match searchable(*term, mechanism, readings) {
             Err(rsicalib::Error::Context { term, needs }) => Some((term, needs)),
             _ => None,
         };
@@ -209,17 +249,16 @@ impl PyObservations {
         Ok(pythonize(py, &found)?)
     }
 
-    /// Closes the loop; `check` is a table and its known poses.
-    #[pyo3(signature = (check=None, align=false, without=None, alpha=None))]
+    /// Closes the loop.
+    #[pyo3(signature = (beside=None, without=None, alpha=None))]
     fn trace<'py>(
         &self,
         py: Python<'py>,
-        check: Option<PyKnown<'_>>,
-        align: bool,
+        beside: Option<PyBeside<'_>>,
         without: Option<Vec<String>>,
         alpha: Option<f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let known = known(check, align);
+        let beside = beside.map(Beside::from);
         let default = SearchOptions::default();
         let search = SearchOptions {
             alpha: alpha.unwrap_or(default.alpha),
@@ -228,7 +267,7 @@ impl PyObservations {
         };
         let session = Arc::clone(&self.observations);
         let found =
-            work(py, || rsicalib::report::traced::traced(&session, &search, known.as_ref()))?;
+            work(py, || rsicalib::report::traced::traced(&session, &search, beside.as_ref()))?;
         self.heard()?;
         let (report, traced) = found.map_err(PyError::from)?;
         let equations = traced.last.residuals.equations;
@@ -242,16 +281,15 @@ impl PyObservations {
     /// Fits the terms that the options ask for, without readings that are wrong.
     ///
     /// Returns the calibration, the fit, and the fit of all readings where any was left out.
-    #[pyo3(signature = (check=None, align=false))]
+    #[pyo3(signature = (beside=None))]
     fn calibrate<'py>(
         &self,
         py: Python<'py>,
-        check: Option<PyKnown<'_>>,
-        align: bool,
+        beside: Option<PyBeside<'_>>,
     ) -> PyResult<Calibration<'py>> {
         let observations = Arc::clone(&self.observations);
-        let known = known(check, align);
-        let found = work(py, || calibrated::report(&observations, known.as_ref()))?;
+        let beside = beside.map(Beside::from);
+        let found = work(py, || calibrated::report(&observations, beside.as_ref()))?;
         self.heard()?;
         let (report, calibrated) = found.map_err(PyError::from)?;
         let with = calibrated.with.map(|fit| PyFit { observations, fit: Arc::new(fit) });
@@ -360,13 +398,15 @@ impl PyFit {
         Ok(pythonize(py, &view)?)
     }
 
-    /// What has changed since an earlier result with the covariance of its parameters, (k, k).
-    #[pyo3(signature = (applied, covariance=None))]
+    /// What has changed since an earlier result with the covariance of its parameters, (k, k), and
+    /// whether that is worth an update where the loops close to `rms`, poses left out in turn.
+    #[pyo3(signature = (applied, covariance=None, rms=None))]
     fn changes<'py>(
         &self,
         py: Python<'py>,
         applied: PyApplied,
         covariance: Option<PyReadonlyArray2<'_, f64>>,
+        rms: Option<f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let covariance: Option<Vec<f64>> =
             covariance.map(|c| c.as_array().iter().copied().collect());
@@ -377,7 +417,12 @@ impl PyFit {
             compare(&applied, covariance.as_deref(), &self.observations, &judged)
         })?
         .map_err(PyError::from)?;
-        Ok(pythonize(py, &found)?)
+        let parameters = found.changes.iter().flat_map(|one| &one.parameters);
+        let changes = parameters.map(|p| (p.value, p.sd));
+        let worth = worth_an_update(changes, found.rms_misclosure, rms);
+        let found = pythonize(py, &found)?;
+        found.set_item("worth", worth)?;
+        Ok(found)
     }
 
     /// What looks wrong with the readings or what is declared of them.

@@ -12,12 +12,12 @@ from rsicalib.shapes import (
     Excluded,
     FitQuality,
     Name,
+    Reason,
     ResultShape,
     Step,
     TraceShape,
 )
 from rsicalib.units import in_thousandths, with_unit
-from rsicalib.verdicts import RESIDUAL_LEVEL, WORSE
 
 __all__ = [
     "advice",
@@ -37,7 +37,6 @@ __all__ = [
     "size_words",
     "subject",
     "target_words",
-    "worse_groups",
 ]
 
 WORDS = {
@@ -160,10 +159,14 @@ def sentence(result: ResultShape) -> str:
     judged = _judged(fit)
     if result.verdict == "undetermined":
         why = next(iter(result.unobservable), result.termination)
-        return f"Undetermined: these readings cannot determine what was asked ({why})."
+        left = "" if fit.p_value is None else f" What is left: {judged}."
+        return f"Undetermined: these readings cannot determine what was asked ({why}).{left}"
     if result.verdict == "implausible":
         why = next(iter(result.implausible), "something is out of all proportion")
-        return f"Implausible: {why}."
+        return f"Implausible{_found(result)}: {why} ({judged})."
+    against = _elsewhere(result)
+    if result.verdict == "unexplained" and against:
+        return f"Contradicted: {reason_words(result, against[0])} ({judged})."
     if isinstance(result, CalibrationShape) and result.method == "fixture":
         return "Calibrated open loop, from known poses: a straight line for each channel."
     if result.verdict == "unjudged":
@@ -174,20 +177,18 @@ def sentence(result: ResultShape) -> str:
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
             return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
-        left = result.unexplained
-        if left and left.p_value is not None and left.p_value > RESIDUAL_LEVEL:
-            worse = _worse(result)
-            if worse is not None:
-                return (
-                    f"Partly explained: {worse}. {_capital(missing)} leave no more than noise "
-                    f"({judged})."
-                )
-            return (
-                f"Partly explained: {missing} leave no more than noise ({judged}), but may stand "
-                "for an effect that no term has."
-            )
-        where = f"something is left{_at(result)}"
-        return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
+        left = any(reason.kind == "residual" for reason in result.reasons)
+        leave = "leave more than noise" if left else "leave no more than noise"
+        if against:
+            why = f"what was found does not hold elsewhere: {reason_words(result, against[0])}"
+            return f"Partly explained: {why}. {_capital(missing)} {leave} ({judged})."
+        if left:
+            where = f"something is left{_at(result)}"
+            return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
+        return (
+            f"Partly explained: {missing} {leave} ({judged}), but may stand for an effect that no "
+            "term has."
+        )
     if result.verdict == "unexplained":
         if isinstance(result, TraceShape):
             return f"Unexplained: no known effect explains what is left{_at(result)} ({judged})."
@@ -326,20 +327,29 @@ def advice(result: ResultShape) -> list[str]:
     out = []
     fit = quality(result)
     if result.verdict == "undetermined":
+        less = (
+            f"leave out --terms {listed_words(result.too_many)}"
+            if result.too_many
+            else ("fewer --terms")
+        )
         out.append(
             "Record more poses, and more different ones, or declare what is known: "
-            "--rest, fewer --terms, `sd` in the mechanism."
+            f"--rest, {less}, `sd` in the mechanism."
         )
-    if result.verdict == "unexplained" and isinstance(result, CalibrationShape):
+    if result.verdict == "implausible":
+        out += _implausible(result)
+    against = _elsewhere(result)
+    if result.verdict == "unexplained" and isinstance(result, CalibrationShape) and not against:
         out.append("Find what is missing: rsicalib trace, with the same files.")
+    out += list(dict.fromkeys(ADVICE[reason.kind] for reason in against))
     if result.verdict == "unjudged" and result.method != "fixture":
         out.append(
             "To judge the fit, hold each pose for a few samples (the same number in column "
             "`pose`), or declare the noise with --noise."
         )
-    if isinstance(result, TraceShape):
-        out += [*_elsewhere(result), *_next_measurement(result)]
-    if fit.check is None:
+    if isinstance(result, TraceShape) and result.verdict != "implausible":
+        out += _next_measurement(result)
+    if fit.check is None and result.verdict != "implausible":
         out.append(
             f"Closure is not accuracy: {predicted_words(result)}Give poses known from elsewhere "
             "with --check to see the error."
@@ -349,32 +359,71 @@ def advice(result: ResultShape) -> list[str]:
     return out
 
 
-ELSEWHERE = "what was found does not hold elsewhere"
+ADVICE = {
+    "check": "Check poses are off by more than predicted: trace the residual, record poses like "
+    "them, and see whether the known poses are as good as they are taken for.",
+    "check_declared": "Do not use it: known poses are better off with the mechanism as it is "
+    "declared. Record more poses, from all of the workspace, or fit fewer --terms.",
+    "check_before": "What was found makes known poses worse: record more poses, and see whether it "
+    "is found again.",
+    "groups_declared": "Do not use it: other groups are better off with the mechanism as it is "
+    "declared. Fit more groups together, or fewer --terms.",
+    "groups_before": "What was found does not hold elsewhere: fit more groups together.",
+    "held_out": "Poses that are left out fit worse than the others predict: record more poses, "
+    "from all of the workspace.",
+    "held_out_before": "Poses that are left out fit worse with what was found: record more poses, "
+    "and see whether it is found again.",
+}
+"""What to do where readings that a fit has not seen speak against it, by the kind of reason."""
 
 
-def worse_groups(result: TraceShape) -> str | None:
-    """What groups that were not fitted say against what was found; None where nothing."""
-    groups = result.groups
-    if groups is None or groups.others is None or groups.before_others is None:
-        return None
-    if not result.steps or groups.others <= WORSE * groups.before_others:
-        return None
-    return (
-        f"{ELSEWHERE}: groups that were not fitted close to {number(groups.others)} "
-        f"{groups.unit}, and to {number(groups.before_others)} without it"
-    )
+def _implausible(result: ResultShape) -> list[str]:
+    """What to look at where something is out of all proportion: readings, units, drawing."""
+    steps = result.steps if isinstance(result, TraceShape) else ()
+    if steps:
+        return [
+            f"Do not use it. What was found ({listed_words([subject(s) for s in steps])}) may "
+            "stand for something else: measure it by itself, or leave the term out with --without."
+        ]
+    return [
+        "Do not use it. Check the wiring and the order of the columns: each channel must move its "
+        "own joint, in the direction that the mechanism declares.",
+        "Check the units: lengths, radians or degrees, gain and range of each channel.",
+        "Check the drawing: rsicalib mechanism FILE shows what is declared; compare a length and "
+        "an angle with the machine.",
+    ]
 
 
-def _worse(result: TraceShape) -> str | None:
-    """What was not fitted and is off by more than before; None where there is nothing such."""
-    text = "" if result.unexplained is None else result.unexplained.text
-    own = text.partition(";")[0] if text.startswith(ELSEWHERE) else None
-    return worse_groups(result) or own
+def _elsewhere(result: ResultShape) -> list[Reason]:
+    """What readings say against a result that its fit has not seen."""
+    return [reason for reason in result.reasons if reason.kind in ADVICE]
 
 
-def _elsewhere(result: TraceShape) -> list[str]:
-    worse = worse_groups(result)
-    return [] if worse is None else [f"{_capital(worse)}. Fit more groups together."]
+def reason_words(result: ResultShape, reason: Reason) -> str:
+    """What readings say that a fit has not seen, with the numbers."""
+    what, than = REASONS[reason.kind]
+    unit = "" if reason.kind.startswith("held_out") else f" {result.length_unit}"
+    found, expected = (f"{number(value)}{unit}" for value in (reason.found, reason.expected))
+    p = "" if reason.p_value is None else f" ({p_is(reason.p_value)})"
+    return f"{what} {found}, and {expected} {than}{p}"
+
+
+REASONS = {
+    "check": ("check poses are off by", "is predicted"),
+    "check_declared": ("check poses are off by", "with the mechanism as it is declared"),
+    "check_before": ("check poses are off by", "without what was found"),
+    "groups_declared": (
+        "groups that were not fitted close to",
+        "with the mechanism as it is declared",
+    ),
+    "groups_before": ("groups that were not fitted close to", "without what was found"),
+    "held_out": ("poses left out in turn have a χ² per equation of", "is fitted"),
+    "held_out_before": (
+        "poses left out in turn have a χ² per equation of",
+        "without what was found",
+    ),
+}
+"""What is off, and what the expected figure is, by the kind of reason."""
 
 
 def _capital(text: str) -> str:

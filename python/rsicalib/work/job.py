@@ -142,6 +142,27 @@ class Work:
         self.warnings += loaded.warnings
         return posed(loaded, self.mechanism)
 
+    def beside(self, known: Known | None, align: bool) -> dict[str, Any]:
+        """What the core judges a calibration by, beside the readings that are fitted."""
+        whole, groups = None, None
+        if self.mechanism.key_columns:
+            whole = as_table(self.whole, self.mechanism)
+            if all("group" in r.keys for r in self.whole):
+                groups = [text for r in self.whole for text in r.keys["group"]]
+        keep, leave = self.selected or (None, None)
+        own = len(self.whole) == len(self.readings)  # else sessions have other numbers here
+        return {
+            "mechanism": self.mechanism,
+            "declared": as_applied(None, self.mechanism),
+            "known": known,
+            "align": align,
+            "whole": whole,
+            "groups": groups,
+            "keep": keep,
+            "leave": leave,
+            "own": own,
+        }
+
     def error(self, known: Known, result: Result | None, align: bool) -> dict[str, Any]:
         """Error of a result on check poses."""
         applied = as_applied(result, self.mechanism)
@@ -198,17 +219,19 @@ class Work:
         if self.earlier is None:
             return None
         applied = as_applied(self.earlier, self.mechanism)
+        held_out = found["fit"].get("held_out")
+        rms = None if held_out is None else held_out["rms_misclosure"]
         try:
-            changes = fit.changes(applied, covariance_of(self.earlier))
+            changes = fit.changes(applied, covariance_of(self.earlier), rms)
         except InputError:
             return None  # the loops are not the same: unknown points, measured distances
-        return update_of(self.mechanism, self.earlier, found, changes)
+        return update_of(self.mechanism, self.earlier, changes, rms)
 
     def too_few(
         self, kind: type[Result], error: UndeterminedError, session: _core.Session | None
     ) -> dict[str, Any]:
         """A result that only says why there is none."""
-        found = {"verdict": "undetermined", "unobservable": [error.message], "noise": None}
+        found = _core.judged_open_loop() | {"unobservable": [error.message], "noise": None}
         found |= {"parameters": [], "covariance": [], "termination": "not begun"}
         return self.result(kind, found, session)
 

@@ -35,9 +35,6 @@ __all__ = [
 
 DateArg: TypeAlias = str | datetime.date
 
-SURE = 3.0
-"""Standard deviations by which something must have changed for an update."""
-
 NOTHING: dict[str, Any] = {"chi2": None, "dof": None, "p_value": None, "rms_misclosure": None}
 """A fit of which nothing is known but its error on known poses."""
 
@@ -113,21 +110,20 @@ def digest_of(calibration: Any, earlier: Result) -> str:
 def update_of(
     mechanism: Mechanism,
     earlier: Result,
-    found: Mapping[str, Any],
     changes: Mapping[str, Any],
+    after: float | None,
 ) -> dict[str, Any]:
-    """What has changed since an earlier result, and whether a new one is worth an update."""
+    """What has changed since an earlier result, and whether a new one is worth an update.
+
+    `after` is what the loops close to under the new one, poses left out in turn.
+    """
     named = [
         {**one, "also_fits": [f"{term}@{target}" for term, target in one["also_fits"]]}
         for one in changes["changes"]
     ]
-    held_out = found["fit"].get("held_out")
-    before = changes["rms_misclosure"]
-    after = None if held_out is None else held_out["rms_misclosure"]
+    before, worth = changes["rms_misclosure"], changes["worth"]
     lasting = set(_core.lasting(mechanism, [p.at for p in earlier.parameters]))
     passing = [p.spec for p in earlier.parameters if _core.spec(*p.at) not in lasting]
-    sure = any(abs(p["value"]) >= SURE * p["sd"] for one in named for p in one["parameters"])
-    better = after is not None and after < before
     unit = mechanism.length_unit
     if not named:
         text = "nothing has changed beyond both uncertainties: the earlier result holds"
@@ -137,13 +133,13 @@ def update_of(
             + with_unit(f"{one['size']:.3g} ± {1.96 * one['sd']:.2g}", one["unit"])
             for one in named
         )
-        if sure and better:
+        if worth:
             text += f"; an update is worth it: held out, the loops close to {after:.3g} {unit}"
             text += f" instead of {before:.3g}"
         else:
             text += "; an update is not worth it: held out, the loops close no better"
     return {
-        "worth": bool(named and sure and better),
+        "worth": worth,
         "text": text,
         "chi2_per_dof": changes["chi2_per_dof"],
         "p_value": changes["p_value"],

@@ -8,7 +8,15 @@
 //! E |e|² = tr(C JᵀJ),    var |e|² = 2 tr((C JᵀJ)²)                        (97)
 //! ```
 //!
-//! to which noise of the readings adds where known poses are compared with. What the readings do not determine at all has no
+//! to which noise of the readings adds where known poses are compared with. There position and
+//! orientation are each divided by their predicted deviation, and their squares `q` together are
+//! judged by
+//!
+//! ```text
+//! χ² = ν q / n,    ν = 2 (E q)² / var q                                   (110)
+//! ```
+//!
+//! with `E q = n`, the number of coordinates. What the readings do not determine at all has no
 //! variance in `C`: it is named among the unobservable directions, and is not in the figure.
 
 use faer::Mat;
@@ -33,18 +41,41 @@ pub struct Predicted {
     pub position_sd: f64,
     /// Standard deviation of roll, pitch and yaw (rad); null without a platform.
     pub orientation_sd: Option<f64>,
-    /// Degrees of freedom of the mean square of the positions.
+    /// Degrees of freedom of the mean square of all coordinates, each in its deviations.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub dof: f64,
 }
 
+/// An error of known poses against what is predicted of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Expected {
+    /// Predicted standard deviation of a coordinate of the position, the noise of its readings
+    /// counted in [length unit].
+    pub position_sd: f64,
+    /// The same of roll, pitch and yaw (rad).
+    pub orientation_sd: Option<f64>,
+    /// χ² of the errors by their predicted covariance.
+    pub chi2: f64,
+    /// Its degrees of freedom: all poses share the errors of the parameters.
+    pub dof: f64,
+    /// Probability of a larger one by chance.
+    pub p_value: f64,
+}
+
 impl Predicted {
-    /// Probability of a larger error of the positions than this root mean square, were the model
-    /// right.
+    /// (110) of errors of the positions and the orientations, root mean squares; `noise` are the
+    /// degrees of freedom of the noise.
     #[must_use]
-    pub fn p_value(&self, position_rms: f64) -> f64 {
-        let times = (position_rms / self.position_sd.max(f64::MIN_POSITIVE)).powi(2);
-        distributions::chi2_tail(times * self.dof, self.dof)
+    pub fn judge(&self, position_rms: f64, orientation_rms: f64, noise: f64) -> Expected {
+        let Self { position_sd, orientation_sd, dof, .. } = *self;
+        let times = |rms: f64, sd: f64| (rms / sd.max(f64::MIN_POSITIVE)).powi(2);
+        let position = times(position_rms, position_sd);
+        let turned = orientation_sd.map(|sd| times(orientation_rms, sd));
+        let mean = turned.map_or(position, |turned| 0.5 * (position + turned));
+        let p_value = distributions::f_tail(mean, dof, noise);
+        Expected { position_sd, orientation_sd, chi2: mean * dof, dof, p_value }
     }
 }
 
@@ -78,11 +109,11 @@ pub fn predicted(
 
     let samples = table_rows as f64 / poses.len().max(1) as f64;
     let sigma: Vec<f64> = fit.noise.sigma.iter().map(|s| s / samples.sqrt()).collect();
-    let of = |coordinates: std::ops::Range<usize>| -> Option<Square> {
+    let of = |coordinates: std::ops::Range<usize>, unit: &dyn Fn(usize) -> f64| {
         let size = slopes.len() * coordinates.len();
         let each = |of: &dyn Fn(&Slopes, usize) -> f64| -> Vec<f64> {
             let own = |s| coordinates.clone().map(move |i| (s, i));
-            slopes.iter().flat_map(own).map(|(s, i)| of(s, i)).collect()
+            slopes.iter().flat_map(own).map(|(s, i)| of(s, i) / unit(i)).collect()
         };
         let parameter = |&p: &usize| each(&|s, i| s.by_parameter[(i, p)] * sd[p]);
         let reading = |c: usize| each(&|s, i| s.by_reading[(i, c)] * sigma[c]);
@@ -93,10 +124,13 @@ pub fn predicted(
     let coordinates = slopes.first().map_or(0, |s| s.by_parameter.nrows());
     let placed = is_placed(observations, fit);
     let positions = if placed { 3 } else { coordinates };
-    let position = of(0..positions).unwrap_or_default();
-    let orientation = of(positions..coordinates).map(|square| square.mean.sqrt());
-    let (position_sd, dof) = (position.mean.sqrt(), position.dof);
-    Ok(Predicted { poses: count, position_sd, orientation_sd: orientation, dof })
+    let position_sd = of(0..positions, &|_| 1.0).unwrap_or_default().mean.sqrt();
+    let orientation_sd =
+        of(positions..coordinates, &|_| 1.0).map(|square: Square| square.mean.sqrt());
+    let own = |i: usize| if i < positions { Some(position_sd) } else { orientation_sd };
+    let unit = |i: usize| own(i).unwrap_or(1.0).max(f64::MIN_POSITIVE);
+    let dof = of(0..coordinates, &unit).unwrap_or_default().dof;
+    Ok(Predicted { poses: count, position_sd, orientation_sd, dof })
 }
 
 /// True where a pose of the platform follows from the readings.

@@ -3,6 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
+use crate::apply::accuracy::{Expected, predicted};
 use crate::apply::poses::platform_poses;
 use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
@@ -19,6 +20,9 @@ pub struct Check {
     pub position_rms: f64,
     /// Of roll, pitch and yaw, rad.
     pub orientation_rms: f64,
+    /// The same as a calibration predicts it; none of what has no covariance.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub predicted: Option<Expected>,
 }
 
 /// Error of a fit on known poses; with `align`, after the best rigid motion of
@@ -35,7 +39,14 @@ pub fn check(
     align: bool,
 ) -> Result<Check, Error> {
     let channels = observations.mechanism.channels.len();
-    compare(channels, table, known, align, |t| platform_poses(observations, fit, &fit.beta, t))
+    let found = compare(channels, table, known, align, |t| {
+        platform_poses(observations, fit, &fit.beta, t)
+    })?;
+    let error = predicted(observations, fit, table, known.len(), true)?;
+    let (position, orientation) = (found.position_rms, found.orientation_rms);
+    let judged = error.judge(position, orientation, fit.noise.dof);
+    let finite = judged.chi2.is_finite() && judged.position_sd > 0.0 && found.poses > 0;
+    Ok(Check { predicted: finite.then_some(judged), ..found })
 }
 
 /// Error of the poses that `found` gives for the mean readings of each known pose.
@@ -90,5 +101,6 @@ pub fn error_of(pairs: &[([f64; 6], [f64; 6])], align: bool) -> Check {
         poses: pairs.len(),
         position_rms: (position / components).sqrt(),
         orientation_rms: (orientation / components).sqrt(),
+        predicted: None,
     }
 }

@@ -23,12 +23,11 @@ use std::fmt;
 
 use faer::Mat;
 
-use crate::design::configurations::{Configurations, apart};
 use crate::mechanism::{Closure, Mechanism, ModelSection, Point, Target, Value};
-use crate::model::{Instance, Model, Want, Workspace, parse};
+use crate::model::configurations::{Configurations, linear};
+use crate::model::{Instance, Model, parse};
 use crate::numerics::random::Random;
 use crate::numerics::rank::{Spaces, eliminated, rank, scaled, unit};
-use crate::readings::Readings;
 use crate::terms::targets::targets;
 use crate::terms::term::Acts;
 use crate::{Error, terms};
@@ -355,20 +354,7 @@ fn loops(
     let readings = configurations.closed(each, random)?;
     let model = Model::with_null_equations(mechanism, &readings, instances.to_vec())?;
     let beta = configurations.nominal(&model);
-    let (_, mut x) = linear(&model, &readings, &beta);
-    let sizes = configurations.sizes(&model);
-    let by: Vec<f64> = sizes.iter().map(|s| s.recip()).collect();
-    let links = model.links();
-    let rows = x.nrows();
-    x = Mat::from_fn(rows + links.len(), x.ncols(), |i, j| match i < rows {
-        true => x[(i, j)] * by[i % by.len()],
-        false => 0.0,
-    });
-    for (i, link) in links.iter().enumerate() {
-        for (column, slope) in apart(link, &beta).1 {
-            x[(rows + i, column)] += slope;
-        }
-    }
+    let x = configurations.slopes(&model, &readings, &beta);
     let unknown = x.subcols(model.term_parameters, x.ncols() - model.term_parameters).to_owned();
     let device = x.subcols(0, model.term_parameters).to_owned();
     let x = eliminated(device, &unknown).ok_or_else(|| not_numbers(mechanism))?;
@@ -528,28 +514,6 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
         laws: Vec::new(),
         ..mechanism.clone()
     })
-}
-
-/// Misclosure, and `X` by all parameters, sample by sample.
-fn linear(model: &Model, readings: &Readings, beta: &[f64]) -> (Vec<f64>, Mat<f64>) {
-    let equations = model.equations();
-    let mut f = vec![0.0; readings.samples * equations];
-    let mut x = Mat::zeros(f.len(), model.parameters);
-    let mut ws = Workspace::default();
-    for (block, meta) in readings.blocks().iter().enumerate() {
-        let want = Want { x: true, a: false };
-        model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-        for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
-            for k in 0..equations {
-                f[row * equations + k] = ws.f[k].0[lane];
-                let slopes = &ws.x[k * model.width()..];
-                for (&column, slope) in model.columns()[meta.group].iter().zip(slopes) {
-                    x[(row * equations + k, column)] = slope.0[lane];
-                }
-            }
-        }
-    }
-    (f, x)
 }
 
 fn not_numbers(mechanism: &Mechanism) -> Error {

@@ -1,6 +1,5 @@
 //! Which poses to visit, and what they can tell.
 
-mod configurations;
 mod contest;
 pub mod exchange;
 mod forecast;

@@ -141,7 +141,7 @@ pub fn observability(
     // In words: what one unit of noise per reading leaves open.
     let sigma: Vec<f64> = mechanism.channels.iter().map(|c| c.noise.unwrap_or(1.0)).collect();
     let told = Candidates::new(mechanism, counts.to_vec(), offsets, gains, &sigma)?;
-    let Directions { unobservable, weak } = describe(&told.gram(), &labels);
+    let Directions { unobservable, weak, .. } = describe(&told.gram(), &labels);
     Ok(Observability {
         measures: Measures::of(&singular, rows),
         singular_values: singular,

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::apply::poses::poses_of;
-use crate::design::configurations::Configurations;
 use crate::design::linearised::Linearised;
 use crate::design::plan::{MARGIN, Within};
 use crate::design::reach::has_closed_form;
 use crate::mechanism::{Channel, Mechanism, hand_controller};
+use crate::model::configurations::Configurations;
 use crate::model::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::random::Random;

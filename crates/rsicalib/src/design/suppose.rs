@@ -11,7 +11,7 @@
 
 use crate::Error;
 use crate::apply::change::{PlatformRms, difference, platform};
-use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
+use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::score::candidates::candidates;
 use crate::diagnosis::score::projection::project_blocks;
 use crate::diagnosis::score::scored::{CHARGE, named_places};
@@ -157,7 +157,7 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
         seen: chi2_beyond(chance.max(paid), width_seen, noncentrality),
         noticed: match last.dof >= 1.0 {
             true => {
-                let limit = chi2_quantile(RESIDUAL_LEVEL, last.dof);
+                let limit = chi2_quantile(LEVEL, last.dof);
                 chi2_beyond(limit, last.dof, noncentrality)
             }
             false => 0.0,

@@ -6,8 +6,8 @@
 
 use crate::Error;
 use crate::apply::earlier::opened;
-use crate::design::configurations::Configurations;
 use crate::mechanism::{Closure, Mechanism, Point};
+use crate::model::configurations::Configurations;
 use crate::numerics::random::Random;
 
 /// Readings of random configurations, row by row, one for each channel, within limits and ranges.

@@ -1,4 +1,13 @@
 //! Cross-validation: the error on whole poses left out in blocks of time.
+//!
+//! What a block `o` adds to the least χ² is, were the model right,
+//!
+//! ```text
+//! d_o = χ²(β̂) - χ²_o(β̂_o) ~ χ²(n_o - u_o)                                 (111)
+//! ```
+//!
+//! with `β̂_o` and `χ²_o` of all but the block, its `n_o` equations, and `u_o` unknown coordinates of
+//! what is touched in it alone. The least probable of the blocks is paid for by their number.
 
 use std::ops::Range;
 
@@ -6,6 +15,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stretches::Stretches;
 use crate::estimate::{Fit, Implicit, Misfit, Noise, Observations, Part, fit};
@@ -15,8 +25,8 @@ const FOLDS: usize = 6;
 
 /// Error on whole poses left out in blocks of time, everything refitted without them.
 #[must_use]
-pub fn held_out(observations: &Observations, full: &Fit) -> Option<HeldOut> {
-    errors(observations, full, |trained, out| {
+pub fn held_out(observations: &Observations, full: &Fit, judge: &Judge) -> Option<HeldOut> {
+    errors(observations, full, judge, |trained, out| {
         let model = &trained.model;
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
         let part = Part { model, readings, weights };
@@ -34,11 +44,12 @@ pub fn held_out_rows(
     stretches: &Stretches,
     (small, full): (&Observations, &Fit),
     (all, noise): (&Observations, &Noise),
+    judge: &Judge,
 ) -> Option<HeldOut> {
     let instances = full.model.instances.iter().map(|i| stretches.in_all(i)).collect();
     let model = all.model_after(Some(&full.model), instances).ok()?;
     let (readings, weights) = (&all.readings, Some(&all.weights[..]));
-    errors(small, full, |trained, out| {
+    errors(small, full, judge, |trained, out| {
         let part = Part { model: &model, readings, weights };
         let problem = Implicit::of(part, noise.clone());
         let rows = stretches.rows(&out, readings.samples);
@@ -46,16 +57,20 @@ pub fn held_out_rows(
     })
 }
 
-/// Error on poses left out in blocks of time: `judge` says what a fit without them leaves there.
+/// Error on poses left out in blocks of time: `misfit` says what a fit without them leaves there.
 fn errors(
     observations: &Observations,
     full: &Fit,
-    judge: impl Fn(&Fit, Range<usize>) -> Misfit,
+    judge: &Judge,
+    misfit: impl Fn(&Fit, Range<usize>) -> Misfit,
 ) -> Option<HeldOut> {
     let readings = &observations.readings;
     let poses = readings.poses();
     let rows = readings.rows_of_poses();
     let folds = FOLDS.min(poses);
+    let (judge, noise) = (judge.of(full), full.assumed());
+    let whole = chi2(observations, full, &noise, &observations.weights);
+    let measure = if judge.residual_dof.is_some() { full.dof / whole } else { 1.0 };
     let without = |fold: usize| {
         let out = poses * fold / folds..poses * (fold + 1) / folds;
         let mut training = observations.clone();
@@ -63,18 +78,27 @@ fn errors(
             training.weights[*row] = 0.0;
         }
         let mut trained = fit(&training, full.model.instances.clone(), Some(full)).ok()?;
+        let left = chi2(observations, &trained, &noise, &training.weights);
         // A point that was left out whole is where the others' terms touch it.
         let mut placed = trained.beta.clone();
         trained.model.place_unknowns(readings, &mut placed);
-        for k in trained.model.untouched(readings, &training.weights) {
+        let untouched = trained.model.untouched(readings, &training.weights);
+        for &k in &untouched {
             trained.beta[k] = placed[k];
         }
-        Some((trained, out))
+        let live = |weights: &[f64]| weights.iter().filter(|w| **w > 0.0).count();
+        let rows = live(&observations.weights) - live(&training.weights);
+        let width = (rows * full.residuals.equations) as f64 - untouched.len() as f64;
+        let p_value =
+            (width > 0.0).then(|| judge.p_value((whole - left).max(0.0) * measure, width));
+        Some((trained, out, p_value))
     };
     let trained: Option<Vec<_>> = (0..folds).into_par_iter().map(without).collect();
     let mut all = Misfit::default();
-    for (trained, out) in trained? {
-        let there = judge(&trained, out);
+    let mut least: Option<f64> = None;
+    for (trained, out, p_value) in trained? {
+        least = least.into_iter().chain(p_value).reduce(f64::min);
+        let there = misfit(&trained, out);
         all.chi2 += there.chi2;
         all.square += there.square;
         all.equations += there.equations;
@@ -82,7 +106,18 @@ fn errors(
     (all.equations > 0.0).then(|| HeldOut {
         chi2_per_dof: all.chi2 / all.equations,
         rms_misclosure: (all.square / all.equations).sqrt(),
+        p_value: least.map(|p| (folds as f64 * p).min(1.0)).filter(|p| p.is_finite()),
     })
+}
+
+/// What the rows of a session leave at a fit, priors included, with the noise of another one.
+fn chi2(observations: &Observations, fitted: &Fit, noise: &Noise, weights: &[f64]) -> f64 {
+    let readings = &observations.readings;
+    let part = Part { model: &fitted.model, readings, weights: Some(weights) };
+    let problem =
+        Implicit::of(part, noise.clone()).from(fitted.adjusted_of(readings).map(<[_]>::to_vec));
+    let left = problem.misfit(&fitted.beta, |row| weights[row] > 0.0).chi2;
+    left + fitted.priors.iter().map(|prior| prior.off(&fitted.beta).powi(2)).sum::<f64>()
 }
 
 /// Error on poses that were left out, the terms refitted without them.
@@ -94,17 +129,24 @@ pub struct HeldOut {
     pub chi2_per_dof: f64,
     /// Error of their closures, length units.
     pub rms_misclosure: f64,
+    /// Probability by chance of poses that fit so badly to the others.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub p_value: Option<f64>,
 }
 
-/// A session with one sample for each held pose, and the same fit of it.
+/// A session with one sample for each held pose, the same fit of it, and how that is judged.
 ///
 /// # Errors
 ///
 /// As [`fit`].
-pub fn averaged(observations: &Observations, full: &Fit) -> Result<(Observations, Fit), Error> {
+pub fn averaged(
+    observations: &Observations,
+    full: &Fit,
+) -> Result<(Observations, Fit, Judge), Error> {
     let search = SearchOptions::default();
     let mut stepwise = Stepwise::new(observations, full, &search)?;
     let mut small = fit(&stepwise.small, full.model.instances.clone(), Some(full))?;
     stepwise.rescale(&mut small)?;
-    Ok((stepwise.small, small))
+    let judge = stepwise.judge(&small);
+    Ok((stepwise.small, small, judge))
 }

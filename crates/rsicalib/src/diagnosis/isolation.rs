@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
+use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{places, scan};
 use crate::estimate::at_fit::AtFit;
@@ -176,7 +176,7 @@ impl<'a> Released<'a> {
         }
         let dof = self.dof();
         self.p_value = judge.too_large(self.rest.chi2, dof);
-        Ok(dof >= LEAST_DOF && self.p_value > RESIDUAL_LEVEL)
+        Ok(dof >= LEAST_DOF && self.p_value > LEVEL)
     }
 
     /// The worst reading, or pose, that is wrong though this says nothing.

@@ -3,7 +3,7 @@
 use crate::diagnosis::doubt::{Doubted, doubt};
 use crate::diagnosis::isolation::taken_up;
 use crate::diagnosis::location::{Location, location};
-use crate::diagnosis::options::RESIDUAL_LEVEL;
+use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::Traced;
 use crate::mechanism::Target;
@@ -71,7 +71,7 @@ pub enum Share {
 #[must_use]
 pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     let p_value = traced.p_value;
-    if p_value.is_some_and(|p| p <= RESIDUAL_LEVEL) {
+    if p_value.is_some_and(|p| p <= LEVEL) {
         return match &traced.isolated {
             Some(isolated) => {
                 let location = match isolated.target {

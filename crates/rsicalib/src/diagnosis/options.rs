@@ -17,7 +17,7 @@ pub struct SearchOptions {
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { alpha: 0.012, without: Vec::new(), most: 8, refits: 8 }
+        Self { alpha: OVERSTATED * LEVEL, without: Vec::new(), most: 8, refits: 8 }
     }
 }
 
@@ -35,8 +35,19 @@ impl SearchOptions {
     }
 }
 
-/// Residuals above chance at this level are not explained.
-pub const RESIDUAL_LEVEL: f64 = 0.001;
+/// Share of clean sessions that are called otherwise than adequate, search and judgement together;
+/// and the level at which known poses, which are judged beside them, contradict a calibration.
+pub const CLEAN: f64 = 0.01;
+
+/// What is less probable than this by chance is significant: the residual, and the error on poses
+/// left out in turn. A session is looked at three times, these and the search, and each look has
+/// its share of [`CLEAN`].
+pub const LEVEL: f64 = CLEAN / 3.0;
+
+/// The search charges for all candidates that it looks at as if they were independent, and names
+/// something in a clean session so many times less often than that sum says:
+/// `python -m tests.clean`, docs/limits.md.
+const OVERSTATED: f64 = 2.0;
 
 /// More effects than this are a less likely story than one channel, or closure, whose law
 /// nobody knows.

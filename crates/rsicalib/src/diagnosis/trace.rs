@@ -14,13 +14,14 @@ use std::sync::Arc;
 use crate::Error;
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
+use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::bodies::{Bodies, is_move};
 use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
 use crate::diagnosis::stretches::Stretches;
-use crate::diagnosis::verdict::determined;
+use crate::diagnosis::verdict::Determined;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
@@ -30,7 +31,7 @@ use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
 
-pub use crate::diagnosis::options::{RESIDUAL_LEVEL, SearchOptions};
+pub use crate::diagnosis::options::{LEVEL, SearchOptions};
 pub use crate::diagnosis::stepwise::moves::cost;
 pub use crate::diagnosis::stepwise::rivals::Explanation;
 
@@ -120,6 +121,21 @@ impl Traced {
 /// As [`SearchOptions::check`] and [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
+    let traced = explain(observations, search, true)?;
+    // Readings that are not of this mechanism: what seems to explain them means nothing.
+    let absurd = !absurdities(&traced.observations, &traced.after, &[]).is_empty();
+    match absurd && !traced.found.is_empty() {
+        true => explain(observations, search, false),
+        false => Ok(traced),
+    }
+}
+
+/// The search and what comes of it; where nothing is `wanted`, without a search.
+fn explain(
+    observations: &Observations,
+    search: &SearchOptions,
+    wanted: bool,
+) -> Result<Traced, Error> {
     let all = observations;
     let base = all.instances()?;
     let before = fit(all, base.clone(), None)?;
@@ -128,11 +144,11 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
     let mut observations = all.clone();
     let (mut clean, mut excluded) = sound(&mut observations, &before)?;
     progress.enter(Stage::Search);
-    let mut searched = search_once(&observations, &clean, &base, search)?;
+    let mut searched = search_once(&observations, &clean, &base, search, wanted)?;
     for _ in 0..JUDGED_AGAIN {
         let Some(again) = judge_again(all, &observations, &base, &searched)? else { break };
         (observations, clean, excluded) = again;
-        searched = search_once(&observations, &clean, &base, search)?;
+        searched = search_once(&observations, &clean, &base, search, wanted)?;
     }
     progress.enter(Stage::Refit);
     let Search { stepwise, searched: pursued, isolated, all: of_all } = searched;
@@ -174,10 +190,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         None => cost(&step.without) - cost(&current),
     };
     let found = steps.into_iter().map(|step| Found::of(of_all(&step), step)).collect();
-    let p_value = match &stretches {
-        Some(_) => after.p_value,
-        None => judge.lack_of_fit(&current),
-    };
+    let p_value = after.p_value;
     Ok(Traced {
         before,
         after,
@@ -232,9 +245,10 @@ fn search_once<'a>(
     clean: &Fit,
     base: &[Instance],
     search: &'a SearchOptions,
+    wanted: bool,
 ) -> Result<Search<'a>, Error> {
     // On a base that data do not determine, nothing that is found would mean anything.
-    let sure = determined(clean, &directions(observations, clean));
+    let sure = wanted && Determined::of(clean, &directions(observations, clean)) == Determined::Yes;
     let one = |stepwise: &mut Stepwise<'a>| {
         let mut start = fit(&stepwise.small, base.to_vec(), Some(clean))?;
         stepwise.rescale(&mut start)?;

@@ -1,7 +1,9 @@
-//! The verdict: one function for a calibration and for a trace.
+//! The verdict: one function that is given everything that a verdict rests on, and that nothing
+//! after it changes.
 
-use crate::diagnosis::options::RESIDUAL_LEVEL;
-use crate::diagnosis::plausibility::Absurdity;
+use crate::apply::check::Check;
+use crate::diagnosis::held_out::HeldOut;
+use crate::diagnosis::options::{CLEAN, LEVEL};
 use crate::estimate::Fit;
 use crate::estimate::directions::Directions;
 
@@ -64,68 +66,330 @@ impl Verdict {
     }
 }
 
-/// What a verdict rests on.
-#[derive(Debug, Clone, Copy)]
-pub struct Evidence<'a> {
-    /// The final fit.
-    pub fit: &'a Fit,
-    /// Directions that the data cannot tell.
-    pub directions: &'a Directions,
-    /// What is absurd beside the size of the mechanism.
-    pub absurd: &'a [Absurdity],
-    /// Probability of the residual by chance; none where nothing judges it.
-    pub p_value: Option<f64>,
-    /// True where effects were found.
-    pub found: bool,
-    /// True where the effects found may stand for another, or do not hold elsewhere.
-    pub doubtful: bool,
+/// Whether data determine what a fit was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Determined {
+    /// They do.
+    Yes,
+    /// No calculation could begin, or there is none.
+    #[default]
+    Nothing,
+    /// The solver did not end at a minimum in which every joint moves.
+    NotConverged,
+    /// Nothing is left to check the parameters with.
+    NothingLeft,
+    /// Directions are left that other poses could tell.
+    Unobservable,
 }
 
-/// The verdict on a calibration or a trace.
-///
-/// Undetermined comes first, then implausible, then unjudged, then the rest.
-#[must_use]
-pub fn verdict(evidence: &Evidence) -> Verdict {
-    let Evidence { fit, directions, absurd, p_value, found, doubtful } = *evidence;
-    if !determined(fit, directions) {
-        return Verdict::Undetermined;
-    }
-    if !absurd.is_empty() {
-        return Verdict::Implausible;
-    }
-    let Some(p_value) = p_value else { return Verdict::Unjudged };
-    match (found, p_value > RESIDUAL_LEVEL, doubtful) {
-        (false, true, _) => Verdict::Adequate,
-        (true, true, false) => Verdict::Explained,
-        (true, ..) => Verdict::PartlyExplained,
-        (false, false, _) => Verdict::Unexplained,
+impl Determined {
+    /// Of a fit, whose data cannot tell these directions.
+    #[must_use]
+    pub fn of(fit: &Fit, directions: &Directions) -> Self {
+        match () {
+            () if !(fit.termination.converged() && fit.plausible) => Self::NotConverged,
+            () if fit.dof < 1.0 => Self::NothingLeft,
+            () if !directions.unobservable.is_empty() => Self::Unobservable,
+            () => Self::Yes,
+        }
     }
 }
 
-/// What is off by more than before where a fit has seen nothing: before and after.
+/// How far off something is under a calibration, and under another one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Elsewhere {
-    /// Known poses: position, rms [length unit].
-    Check([f64; 2]),
-    /// Poses left out in turn: χ² per equation.
-    HeldOut([f64; 2]),
+pub struct Compared {
+    /// Under the calibration.
+    pub found: f64,
+    /// Under the other one.
+    pub other: f64,
+    /// Of how many errors both are the mean or the root mean square.
+    pub errors: f64,
+}
+
+impl Compared {
+    /// Positions of known poses under a calibration and under another.
+    #[must_use]
+    pub fn of(found: &Check, other: &Check) -> Self {
+        let errors = 3.0 * found.poses as f64;
+        Self { found: found.position_rms, other: other.position_rms, errors }
+    }
+
+    /// True where the first is off by more than noise makes it.
+    #[must_use]
+    pub fn worse(&self) -> bool {
+        // Two relative standard deviations of a root mean square.
+        let chance = 1.0 + 2.0 / (2.0 * self.errors.max(1.0)).sqrt();
+        self.found > self.other * WORSE.max(chance)
+    }
 }
 
 /// What is left on poses that a fit has not seen may be so many times what was left before, by
 /// chance: the same noise is in both, and an effect that is there takes more away.
-pub const WORSE: f64 = 1.05;
+const WORSE: f64 = 1.05;
 
-/// True where what is left elsewhere grew by more than noise, of so many errors that it is the
-/// mean or the root mean square of.
-#[must_use]
-pub fn worse(before: f64, after: f64, errors: f64) -> bool {
-    // Two relative standard deviations of a root mean square.
-    after > before * WORSE.max(1.0 + 2.0 / (2.0 * errors.max(1.0)).sqrt())
+/// What a verdict rests on.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Evidence {
+    /// Whether the data determine what was asked.
+    pub determined: Determined,
+    /// True where something is absurd beside the size of the mechanism.
+    pub absurd: bool,
+    /// Probability of the residual by chance; none where nothing judges it.
+    pub p_value: Option<f64>,
+    /// χ² of the residual per degree of freedom.
+    pub chi2_per_dof: Option<f64>,
+    /// True where effects were found.
+    pub found: bool,
+    /// True where the effects found may stand for another.
+    pub doubtful: bool,
+    /// Error on poses left out in turn.
+    pub held_out: Option<HeldOut>,
+    /// The same, beside the error without the effects found.
+    pub held_out_before: Option<Compared>,
+    /// Error on known poses.
+    pub check: Option<Check>,
+    /// The same, beside the mechanism as it is declared.
+    pub check_declared: Option<Compared>,
+    /// The same, beside the fit without the effects found.
+    pub check_before: Option<Compared>,
+    /// Error on groups that were not fitted, beside the mechanism as it is declared.
+    pub groups_declared: Option<Compared>,
+    /// The same, beside the fit without the effects found.
+    pub groups_before: Option<Compared>,
 }
 
-/// True where data determine what a fit was asked for.
+/// A reason of a verdict that is not good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Why {
+    /// No calculation could begin.
+    Nothing,
+    /// The solver did not end at a minimum in which every joint moves.
+    NotConverged,
+    /// Nothing is left to check the parameters with.
+    NothingLeft,
+    /// Directions are left that other poses could tell.
+    Unobservable,
+    /// Something is absurd beside the size of the mechanism.
+    Absurd,
+    /// More is left than chance leaves.
+    Residual,
+    /// The effects found may stand for another that no term has.
+    Doubtful,
+    /// Known poses are off by more than the calibration predicts.
+    Check,
+    /// Known poses are off by more than with the mechanism as it is declared.
+    CheckDeclared,
+    /// Known poses are off by more than without the effects found.
+    CheckBefore,
+    /// Poses left out in turn are off by more than the fit predicts.
+    HeldOut,
+    /// Poses left out in turn are off by more than without the effects found.
+    HeldOutBefore,
+    /// Groups that were not fitted are off by more than with the mechanism as it is declared.
+    GroupsDeclared,
+    /// Groups that were not fitted are off by more than without the effects found.
+    GroupsBefore,
+}
+
+/// A reason of a verdict, with its numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Reason {
+    /// What it is.
+    pub kind: Why,
+    /// What was found: an error, or χ² per degree of freedom.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub found: Option<f64>,
+    /// What was expected in its place.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub expected: Option<f64>,
+    /// Probability of more by chance.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub p_value: Option<f64>,
+}
+
+impl Reason {
+    fn of(kind: Why) -> Self {
+        Self { kind, found: None, expected: None, p_value: None }
+    }
+
+    fn worse(kind: Why, compared: Option<Compared>) -> Option<Self> {
+        let Compared { found, other, .. } = compared.filter(Compared::worse)?;
+        Some(Self { found: Some(found), expected: Some(other), ..Self::of(kind) })
+    }
+
+    fn beyond(
+        kind: Why,
+        level: f64,
+        [found, expected]: [f64; 2],
+        p_value: Option<f64>,
+    ) -> Option<Self> {
+        let p_value = p_value.filter(|p| *p <= level)?;
+        let (found, expected) = (Some(found), Some(expected));
+        Some(Self { kind, found, expected, p_value: Some(p_value) })
+    }
+}
+
+/// A verdict with its reasons, the first of which says most; none where all is well.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Judgement {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Why it is not better.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub reasons: Vec<Reason>,
+}
+
+/// The verdict on a calibration or a trace, by everything that is known of it.
+///
+/// Undetermined comes first, then implausible. What known poses, groups that were not fitted and
+/// poses left out in turn contradict is not adequate, nor explained, whatever the residual is;
+/// without a contradiction what nothing judges is unjudged.
 #[must_use]
-pub fn determined(fit: &Fit, directions: &Directions) -> bool {
-    let converged = fit.termination.converged() && fit.plausible;
-    converged && fit.dof >= 1.0 && directions.unobservable.is_empty()
+pub fn judge(evidence: &Evidence) -> Judgement {
+    let one = |verdict, kind| Judgement { verdict, reasons: vec![Reason::of(kind)] };
+    match evidence.determined {
+        Determined::Yes if evidence.absurd => return one(Verdict::Implausible, Why::Absurd),
+        Determined::Yes => {}
+        Determined::Nothing => return one(Verdict::Undetermined, Why::Nothing),
+        Determined::NotConverged => return one(Verdict::Undetermined, Why::NotConverged),
+        Determined::NothingLeft => return one(Verdict::Undetermined, Why::NothingLeft),
+        Determined::Unobservable => return one(Verdict::Undetermined, Why::Unobservable),
+    }
+    let reasons = against(evidence);
+    let verdict = match (reasons.is_empty(), evidence.found, evidence.p_value) {
+        (true, _, None) => Verdict::Unjudged,
+        (true, false, _) => Verdict::Adequate,
+        (true, true, _) => Verdict::Explained,
+        (false, true, _) => Verdict::PartlyExplained,
+        (false, false, _) => Verdict::Unexplained,
+    };
+    Judgement { verdict, reasons }
+}
+
+/// The verdict on lines through so many known poses, eq. (13), by the error of known ones that were
+/// not used, and that of the mechanism as it is declared.
+#[must_use]
+pub fn open_loop(poses: usize, check: Option<Check>, nominal: Option<Check>) -> Judgement {
+    judge(&Evidence {
+        determined: match poses {
+            0 => Determined::Nothing,
+            // Two poses give each line, and a third one its scatter.
+            1..=2 => Determined::NothingLeft,
+            _ => Determined::Yes,
+        },
+        check,
+        check_declared: check.zip(nominal).map(|(check, nominal)| Compared::of(&check, &nominal)),
+        ..Evidence::default()
+    })
+}
+
+/// What speaks against a calibration that is determined.
+fn against(evidence: &Evidence) -> Vec<Reason> {
+    let found = |compared: Option<Compared>| compared.filter(|_| evidence.found);
+    let check = evidence.check.and_then(|check| {
+        let expected = check.predicted?.position_sd;
+        let p_value = check.predicted.map(|p| p.p_value);
+        Reason::beyond(Why::Check, CLEAN, [check.position_rms, expected], p_value)
+    });
+    // Known poses all share the errors of the parameters: what is off by no more than these predict
+    // says nothing of an effect.
+    let check_before = found(evidence.check_before).filter(|_| check.is_some());
+    let held_out = evidence.held_out.and_then(|it| {
+        let numbers = [it.chi2_per_dof, evidence.chi2_per_dof?];
+        Reason::beyond(Why::HeldOut, LEVEL, numbers, it.p_value)
+    });
+    let residual = evidence.p_value.filter(|p| *p <= LEVEL);
+    let residual = residual.map(|p| Reason { p_value: Some(p), ..Reason::of(Why::Residual) });
+    let doubtful = evidence.found && evidence.doubtful;
+    [
+        Reason::worse(Why::CheckDeclared, evidence.check_declared),
+        check,
+        Reason::worse(Why::CheckBefore, check_before),
+        Reason::worse(Why::GroupsDeclared, evidence.groups_declared),
+        Reason::worse(Why::GroupsBefore, found(evidence.groups_before)),
+        residual,
+        held_out,
+        Reason::worse(Why::HeldOutBefore, found(evidence.held_out_before)),
+        doubtful.then(|| Reason::of(Why::Doubtful)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// Standard deviations by which something must have changed for an update.
+const SURE: f64 = 3.0;
+
+/// True where a new calibration is worth more than an earlier one: something has changed for sure,
+/// by `changes` and their standard deviations, and the loops close better under it, poses left out
+/// in turn.
+#[must_use]
+pub fn worth_an_update(
+    mut changes: impl Iterator<Item = (f64, f64)>,
+    rms_before: f64,
+    rms_after: Option<f64>,
+) -> bool {
+    let sure = changes.any(|(by, sd)| by.abs() >= SURE * sd);
+    sure && rms_after.is_some_and(|after| after < rms_before)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clean() -> Evidence {
+        let determined = Determined::Yes;
+        Evidence { determined, p_value: Some(0.5), ..Evidence::default() }
+    }
+
+    fn said(evidence: &Evidence) -> (Verdict, Vec<Why>) {
+        let Judgement { verdict, reasons } = judge(evidence);
+        (verdict, reasons.iter().map(|reason| reason.kind).collect())
+    }
+
+    fn worse() -> Option<Compared> {
+        Some(Compared { found: 2.0, other: 1.0, errors: 300.0 })
+    }
+
+    #[test]
+    fn nothing_against_it_is_adequate_explained_or_unjudged() {
+        assert_eq!(said(&clean()), (Verdict::Adequate, vec![]));
+        assert_eq!(said(&Evidence { found: true, ..clean() }), (Verdict::Explained, vec![]));
+        assert_eq!(said(&Evidence { p_value: None, ..clean() }), (Verdict::Unjudged, vec![]));
+        assert_eq!(said(&Evidence::default()), (Verdict::Undetermined, vec![Why::Nothing]));
+    }
+
+    #[test]
+    fn each_look_has_its_level() {
+        let at = |p| said(&Evidence { p_value: Some(p), ..clean() });
+        assert_eq!(at(0.99 * LEVEL), (Verdict::Unexplained, vec![Why::Residual]));
+        assert_eq!(at(1.01 * LEVEL).0, Verdict::Adequate);
+    }
+
+    #[test]
+    fn what_the_fit_has_not_seen_contradicts_it() {
+        let declared = Evidence { check_declared: worse(), ..clean() };
+        assert_eq!(said(&declared), (Verdict::Unexplained, vec![Why::CheckDeclared]));
+        let unjudged = Evidence { p_value: None, ..declared };
+        assert_eq!(said(&unjudged), (Verdict::Unexplained, vec![Why::CheckDeclared]));
+        let groups = Evidence { groups_before: worse(), ..clean() };
+        // Without an effect there is no fit before it.
+        assert_eq!(said(&groups).0, Verdict::Adequate);
+        let found = Evidence { found: true, ..groups };
+        assert_eq!(said(&found), (Verdict::PartlyExplained, vec![Why::GroupsBefore]));
+    }
+
+    #[test]
+    fn what_is_off_by_no_more_than_noise_is_not_worse() {
+        let of = |found, errors| Compared { found, other: 1.0, errors }.worse();
+        // Two relative deviations of a root mean square of 50 errors are a fifth.
+        assert_eq!([of(1.19, 50.0), of(1.21, 50.0)], [false, true]);
+        assert_eq!([of(1.04, 1e6), of(1.06, 1e6)], [false, true]);
+    }
 }

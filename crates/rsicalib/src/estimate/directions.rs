@@ -3,6 +3,7 @@
 use faer::{Mat, Side};
 
 use crate::estimate::fit::Fit;
+use crate::estimate::gauge::{NOTHING, parted};
 use crate::estimate::note::Note;
 use crate::estimate::observations::Observations;
 use crate::model::{Instance, Spec, place_name};
@@ -11,8 +12,13 @@ use crate::terms::term::{Placed, Role};
 /// Unobservable and weak directions in the space of parameters.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Directions {
-    /// Directions along which the readings do not change.
+    /// Directions along which the readings do not change, and others would.
     pub unobservable: Vec<Direction>,
+    /// Directions that no reading could ever show: the parameters stay as near to the drawing as
+    /// they can.
+    pub conventions: Vec<Direction>,
+    /// Terms without which nothing would be unobservable.
+    pub too_many: Vec<Spec>,
     /// Directions with a standard deviation at least a hundred times that of the best direction.
     pub weak: Vec<Direction>,
 }
@@ -35,7 +41,7 @@ impl Directions {
                 !moves.iter().any(|moved| within(&moved.label))
             }
         });
-        Self { unobservable: unobservable.cloned().collect(), weak: self.weak.clone() }
+        Self { unobservable: unobservable.cloned().collect(), ..self.clone() }
     }
 }
 
@@ -92,17 +98,107 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     let out = |i: usize| untouched.contains(&i);
     let kept: Vec<usize> = (0..fit.gram.nrows()).filter(|&i| !out(i)).collect();
     let names = parameter_names(observations, fit);
-    let label = |&i: &usize| {
-        let p = &names[i];
-        Label { name: Label::of(&p.term, &p.target), unit: p.unit.clone() }
-    };
-    let names: Vec<Label> = kept.iter().map(label).collect();
+    let label =
+        |p: &ParameterReport| Label { name: Label::of(&p.term, &p.target), unit: p.unit.clone() };
+    let labels: Vec<Label> = names.iter().map(label).collect();
+    let own: Vec<Label> = kept.iter().map(|&i| labels[i].clone()).collect();
     let gram = Mat::from_fn(kept.len(), kept.len(), |i, j| fit.gram[(kept[i], kept[j])]);
-    describe(&gram, &names)
+    let mut found = describe(&gram, &own);
+    if !found.unobservable.is_empty() {
+        let parted = parted(observations, fit, &kept);
+        let norms: Vec<f64> =
+            (0..fit.gram.nrows()).map(|i| fit.gram[(i, i)].max(0.0).sqrt()).collect();
+        let sparse = Sparse { norms: &norms, labels: &labels, terms: fit.model.term_parameters };
+        let conventions = sparse.of(&parted.conventions, &[]);
+        let open = sparse.of(&parted.open, &conventions);
+        let name = |(_, row): &(usize, Vec<f64>)| sparse.direction(row);
+        found.conventions = conventions.iter().map(name).collect();
+        found.unobservable = open.iter().map(name).collect();
+        for (pivot, _) in open.iter().filter(|(pivot, _)| *pivot < sparse.terms) {
+            let spec = names[*pivot].spec();
+            if !found.too_many.contains(&spec) {
+                found.too_many.push(spec);
+            }
+        }
+    }
+    found
 }
 
-/// Relative eigenvalues below this are zero, and below this are small: unit columns.
-const NOTHING: f64 = 1e-11;
+/// How directions are told by few parameters. `norms` are the lengths of the columns of `X`.
+struct Sparse<'a> {
+    norms: &'a [f64],
+    labels: &'a [Label],
+    /// Parameters of terms, which come first.
+    terms: usize,
+}
+
+impl Sparse<'_> {
+    fn length(&self, i: usize) -> f64 {
+        if self.norms[i] > 0.0 { self.norms[i] } else { 1.0 }
+    }
+
+    /// The directions of a basis in standard deviations of each parameter alone, each with a parameter
+    /// that no other has: the last that can be, of a term where one takes part. What is `beside` is
+    /// taken out of them.
+    fn of(&self, basis: &Mat<f64>, beside: &[(usize, Vec<f64>)]) -> Vec<(usize, Vec<f64>)> {
+        let (n, m) = (basis.nrows(), basis.ncols());
+        let mut rows: Vec<Vec<f64>> =
+            (0..m).map(|k| (0..n).map(|i| basis[(i, k)] * self.length(i)).collect()).collect();
+        for (pivot, other) in beside {
+            rows.iter_mut().for_each(|row| eliminate(row, other, *pivot));
+        }
+        let mut pivots: Vec<usize> = Vec::new();
+        for done in 0..m {
+            let most = |i: usize| rows[done..].iter().map(|r| r[i].abs()).fold(0.0, f64::max);
+            let sizes: Vec<f64> = (0..n).map(most).collect();
+            let last = |within: usize| {
+                let largest = sizes[..within].iter().copied().fold(0.0, f64::max);
+                let counts = |i: &usize| {
+                    sizes[*i] > LISTED * largest && sizes[*i] > PART && !pivots.contains(i)
+                };
+                (0..within).rev().find(counts)
+            };
+            let Some(pivot) = last(self.terms).or_else(|| last(n)) else { break };
+            let size = |k: &usize| rows[*k][pivot].abs();
+            let Some(best) = (done..m).max_by(|a, b| size(a).total_cmp(&size(b))) else { break };
+            rows.swap(done, best);
+            let by = rows[done][pivot];
+            rows[done].iter_mut().for_each(|v| *v /= by);
+            let own = rows[done].clone();
+            let others = rows.iter_mut().enumerate().filter(|(k, _)| *k != done);
+            others.for_each(|(_, row)| eliminate(row, &own, pivot));
+            pivots.push(pivot);
+        }
+        pivots.into_iter().zip(rows).collect()
+    }
+
+    fn direction(&self, row: &[f64]) -> Direction {
+        let mut along: Vec<(usize, f64)> = row.iter().copied().enumerate().collect();
+        along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let (first, largest) = along[0];
+        let part = |(i, v): &(usize, f64)| Moves {
+            label: self.labels[*i].clone(),
+            by: v / self.length(*i) / (largest / self.length(first)),
+        };
+        let taking_part = along.iter().filter(|(_, v)| v.abs() > LISTED * largest.abs());
+        let moves: Vec<Moves> = taking_part.take(6).map(part).collect();
+        match moves.len() {
+            1 => Direction::Absent(self.labels[first].clone()),
+            _ => Direction::Together(moves),
+        }
+    }
+}
+
+/// Takes out of a direction what another one, whose entry is 1 there, has of a parameter.
+fn eliminate(row: &mut [f64], other: &[f64], pivot: usize) {
+    let by = row[pivot];
+    row.iter_mut().zip(other).for_each(|(v, other)| *v -= by * other);
+}
+
+/// The least part of a unit direction that is no rounding.
+const PART: f64 = 1e-6;
+
+/// Relative eigenvalues below this are small: unit columns.
 const HARDLY: f64 = 1e-4;
 /// Parameters that take part by less than this share of the largest are not listed.
 const LISTED: f64 = 0.2;

@@ -7,6 +7,7 @@ use faer::Mat;
 use crate::Error;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::algebraic::Algebraic;
+use crate::estimate::conventions::without_conventions;
 use crate::estimate::degrees;
 use crate::estimate::doubts;
 use crate::estimate::implicit::Implicit;
@@ -362,6 +363,10 @@ fn conclude(
     let gram = outcome.linearization.gram();
     let n = gram.nrows();
     let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
+    let gram = match observations.options.settled {
+        true => gram,
+        false => without_conventions(observations, &model, &priors, &outcome.x, gram),
+    };
 
     let k = residuals.equations;
     let live: Vec<usize> =
@@ -370,7 +375,7 @@ fn conclude(
     let total: f64 = live.iter().map(of).sum();
     let (inverse, unknowable, condition) = invert(&gram);
     let (mut chi2, mut dof) =
-        (total, (live.len() * k) as f64 - free_parameters(&inverse, &priors, &outcome.x));
+        (total, (live.len() * k) as f64 - free_parameters(&gram, &inverse, &priors, &outcome.x));
     let mut within = 0.0;
     if matches!(
         noise.source,
@@ -457,15 +462,19 @@ impl Fit {
     }
 }
 
-/// Number of parameters that the data determine: each prior takes over a part of a parameter.
-/// `inverse` is the inverse of the Gram matrix with priors, `x` the parameters.
+/// Number of parameters that the data determine: each prior takes over a part of a parameter, and
+/// what nothing tells is none. `gram` is the Gram matrix with priors, `inverse` its pseudo-inverse,
+/// `x` the parameters.
 #[must_use]
-pub fn free_parameters(inverse: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
+pub fn free_parameters(gram: &Mat<f64>, inverse: &Mat<f64>, priors: &[Prior], x: &[f64]) -> f64 {
     let n = inverse.nrows();
+    let own = |i: usize| (0..n).map(|j| inverse[(i, j)] * gram[(j, i)]).sum::<f64>();
+    let rank: f64 = (0..n).map(own).sum();
     let held = |prior: &Prior| -> f64 {
         let slopes = prior.slopes(x);
         let pairs = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
         pairs.map(|((i, a), (j, b))| a * inverse[(*i, *j)] * b).sum()
     };
-    n as f64 - priors.iter().map(held).sum::<f64>()
+    let rank = if rank.is_finite() { rank.round() } else { n as f64 };
+    rank - priors.iter().map(held).sum::<f64>()
 }

@@ -2,6 +2,7 @@
 
 pub mod assembly;
 mod compiled;
+pub(crate) mod configurations;
 mod drives;
 mod ends;
 mod evaluation;

@@ -4,12 +4,13 @@ use crate::Error;
 use crate::diagnosis::calibrate::{Calibrated, calibrate};
 use crate::diagnosis::held_out::{HeldOut, averaged, held_out};
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::verdict::{Evidence, Verdict, verdict};
+use crate::diagnosis::verdict::{self, Determined, Evidence, Judgement, Reason, Verdict};
 use crate::estimate::Observations;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::{Job, Stage};
+use crate::report::beside::{Beside, GroupsReport, NominalReport};
 use crate::report::result::{
-    self, Estimates, ExcludedReport, FitReport, Known, WithExcluded, estimates, excluded,
+    self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
 use crate::report::words;
 
@@ -20,6 +21,9 @@ use crate::report::words;
 pub struct CalibrationReport {
     /// The verdict.
     pub verdict: Verdict,
+    /// Why it is not better; the first says most.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub reasons: Vec<Reason>,
     /// What is absurd beside the size of the mechanism, in words.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub implausible: Vec<String>,
@@ -32,6 +36,12 @@ pub struct CalibrationReport {
     pub with_excluded: Option<WithExcluded>,
     /// How well the model fits.
     pub fit: FitReport,
+    /// The known poses with the mechanism as it is declared.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub nominal: Option<NominalReport>,
+    /// How well points that are touched are repeated.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub groups: Option<GroupsReport>,
     /// Noise, parameters, covariance and the rest.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub estimates: Estimates,
@@ -47,23 +57,17 @@ const MOST_HELD_OUT: usize = 5000;
 ///
 /// # Errors
 ///
-/// As [`calibrate`] and [`crate::apply::check::check`].
+/// As [`calibrate`], [`crate::apply::check::check`] and [`Beside::groups`].
 pub fn report(
     observations: &Observations,
-    known: Option<&Known>,
+    beside: Option<&Beside>,
 ) -> Result<(CalibrationReport, Calibrated), Error> {
     let progress = &observations.options.progress;
     progress.begin(Job::Calibrate);
     let calibrated = calibrate(observations)?;
     progress.enter(Stage::HeldOut);
-    let mut report = of(observations, &calibrated);
-    report.fit.held_out = error_held_out(&calibrated)?;
-    if let Some(known) = known {
-        known.judge(&calibrated.observations, &calibrated.fit, &mut report.fit)?;
-        if let (Some(whole), Some(with)) = (&calibrated.with, &mut report.with_excluded) {
-            known.judge(observations, whole, &mut with.fit)?;
-        }
-    }
+    let held_out = error_held_out(&calibrated)?;
+    let report = of(observations, &calibrated, held_out, beside)?;
     Ok((report, calibrated))
 }
 
@@ -79,43 +83,66 @@ pub fn error_held_out(calibrated: &Calibrated) -> Result<Option<HeldOut>, Error>
     if !(fit.termination.converged() && fit.plausible && fit.dof >= 1.0 && few) {
         return Ok(None);
     }
-    let (small, fitted) = averaged(observations, fit)?;
-    Ok(held_out(&small, &fitted))
+    let (small, fitted, judge) = averaged(observations, fit)?;
+    Ok(held_out(&small, &fitted, &judge))
 }
 
-/// The report of a calibration, without errors on other poses: those held out, and known ones.
-#[must_use]
-pub fn of(observations: &Observations, calibrated: &Calibrated) -> CalibrationReport {
+/// The report of a calibration, with its error on poses that were left out in turn.
+///
+/// # Errors
+///
+/// As [`report`].
+pub fn of(
+    observations: &Observations,
+    calibrated: &Calibrated,
+    held_out: Option<HeldOut>,
+    beside: Option<&Beside>,
+) -> Result<CalibrationReport, Error> {
     let Calibrated { observations: used, fit, excluded: out, with } = calibrated;
     let directions = directions(used, fit);
     let absurd = absurdities(used, fit, &[]);
-    let verdict = verdict(&Evidence {
-        fit,
-        directions: &directions,
-        absurd: &absurd,
-        p_value: fit.p_value,
-        found: false,
-        doubtful: false,
-    });
-    let with_excluded = with.as_ref().map(|whole| WithExcluded {
+    let mut quality = FitReport { held_out, ..FitReport::of(fit) };
+    let mut with_excluded = with.as_ref().map(|whole| WithExcluded {
         fit: FitReport::of(whole),
         parameters: result::parameters(observations, whole),
+    });
+    if let Some(known) = beside.and_then(|beside| beside.known.as_ref()) {
+        known.judge(used, fit, &mut quality)?;
+        if let (Some(whole), Some(with)) = (with, &mut with_excluded) {
+            known.judge(observations, whole, &mut with.fit)?;
+        }
+    }
+    let nominal = beside.map(Beside::nominal).transpose()?.flatten();
+    let groups = beside.map(|beside| beside.groups((used, fit), None)).transpose()?.flatten();
+    let Judgement { verdict, reasons } = verdict::judge(&Evidence {
+        determined: Determined::of(fit, &directions),
+        absurd: !absurd.is_empty(),
+        p_value: quality.p_value,
+        chi2_per_dof: quality.chi2_per_dof(),
+        held_out,
+        check: quality.checked(),
+        check_declared: nominal.as_ref().and_then(|nominal| nominal.beside(&quality)),
+        groups_declared: groups.as_ref().and_then(|groups| groups.compared()[0]),
+        ..Evidence::default()
     });
     let mut estimates = estimates(used, fit, &directions);
     if fit.dof < 1.0 {
         let poses = used.readings.poses();
         estimates.unobservable.insert(0, words::nothing_left(fit.beta.len(), poses));
     }
-    CalibrationReport {
+    Ok(CalibrationReport {
         verdict,
+        reasons,
         implausible: result::implausible(used, &absurd),
         warnings: result::warnings(used, fit, fit),
         excluded: out.iter().map(|e| excluded(used, e)).collect(),
         with_excluded,
-        fit: FitReport::of(fit),
+        fit: quality,
+        nominal,
+        groups,
         estimates,
         after_residuals: by_pose(calibrated),
-    }
+    })
 }
 
 /// Residuals of poses from those of samples: their sum over the root of how many there are.

@@ -45,15 +45,15 @@ pub struct DeviceOptions {
 /// As [`calibrate`].
 pub fn report(observations: &Observations, options: &DeviceOptions) -> Result<DeviceReport, Error> {
     let calibrated = calibrate(observations)?;
-    let found = calibrated::of(observations, &calibrated);
+    let held_out = match options.held_out {
+        true => calibrated::error_held_out(&calibrated)?,
+        false => None,
+    };
+    let found = calibrated::of(observations, &calibrated, held_out, None)?;
     if found.verdict == Verdict::Unexplained
         && let Some(search) = &options.trace
     {
         return traced(observations, search);
-    }
-    let mut fit = found.fit;
-    if options.held_out {
-        fit.held_out = calibrated::error_held_out(&calibrated)?;
     }
     let message = message(&[
         &found.estimates.unobservable,
@@ -62,7 +62,13 @@ pub fn report(observations: &Observations, options: &DeviceOptions) -> Result<De
         &reasons(&found.excluded),
     ]);
     let parameters = found.estimates.parameters;
-    Ok(DeviceReport { verdict: found.verdict, message, fit, parameters, steps: Vec::new() })
+    Ok(DeviceReport {
+        verdict: found.verdict,
+        message,
+        fit: found.fit,
+        parameters,
+        steps: Vec::new(),
+    })
 }
 
 fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceReport, Error> {

@@ -14,7 +14,7 @@ use crate::apply::accuracy::Predicted;
 use crate::apply::check::Check;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::held_out::HeldOut;
-use crate::diagnosis::verdict::Verdict;
+use crate::diagnosis::verdict::{Reason, Verdict};
 use crate::mechanism::Law;
 use crate::terms::term::{Class, Over};
 
@@ -63,6 +63,9 @@ macro_rules! result {
             pub with_excluded: Option<WithExcluded>,
             /// The verdict.
             pub verdict: Verdict,
+            /// Why it is not better; the first says most.
+            #[serde(default, skip_serializing_if = "Vec::is_empty")]
+            pub reasons: Vec<Reason>,
             /// What is absurd beside the size of the mechanism.
             #[serde(default, skip_serializing_if = "Vec::is_empty")]
             pub implausible: Vec<String>,
@@ -73,9 +76,13 @@ macro_rules! result {
             /// Predicted error at the poses of the session; null where the data determine none.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub predicted: Option<Predicted>,
-            /// Directions in the space of parameters that the data cannot tell.
+            /// Directions in the space of parameters that the data cannot tell: those that other
+            /// poses could, then those that no reading could, which a convention fixes.
             #[serde(default)]
             pub unobservable: Vec<String>,
+            /// Terms without which these poses would determine the rest.
+            #[serde(default, skip_serializing_if = "Vec::is_empty")]
+            pub too_many: Vec<String>,
             /// Directions that the data hardly tell.
             #[serde(default, skip_serializing_if = "Vec::is_empty")]
             pub weak: Vec<String>,
@@ -397,8 +404,7 @@ pub struct Misclosure {
 /// A later session against an earlier result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Update {
-    /// True where something has changed by three standard deviations or more, and this result has
-    /// the smaller held-out error.
+    /// True where something has changed for sure, and this result has the smaller held-out error.
     pub worth: bool,
     /// The same as a sentence.
     pub text: String,

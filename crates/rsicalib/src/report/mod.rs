@@ -1,5 +1,6 @@
 //! Results as users hold them: plain structs in the shape of the JSON, and words.
 
+pub mod beside;
 pub mod calibrated;
 pub mod device;
 #[cfg(feature = "document")]

@@ -76,6 +76,18 @@ impl FitReport {
             aligned: None,
         }
     }
+
+    /// χ² per degree of freedom, where there are any.
+    #[must_use]
+    pub fn chi2_per_dof(&self) -> Option<f64> {
+        (self.dof >= 1.0).then(|| self.chi2 / self.dof)
+    }
+
+    /// Error on known poses, after the best rigid motion of the instrument where that was asked for.
+    #[must_use]
+    pub fn checked(&self) -> Option<Check> {
+        self.aligned.or(self.check)
+    }
 }
 
 /// A start that was tried.
@@ -155,6 +167,9 @@ pub struct Estimates {
     pub predicted: Option<Predicted>,
     /// What these poses cannot tell apart, in words.
     pub unobservable: Vec<String>,
+    /// Terms without which these poses would determine the rest.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub too_many: Vec<String>,
     /// What they hardly tell apart.
     pub weak: Vec<String>,
     /// Condition number, offsets about the mean reading.
@@ -214,7 +229,8 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             })
             .flatten()
             .filter(|error| error.position_sd.is_finite()),
-        unobservable: directions.unobservable.iter().map(words::direction).collect(),
+        unobservable: words::directions(directions),
+        too_many: directions.too_many.iter().map(ToString::to_string).collect(),
         weak: directions.weak.iter().map(words::direction).collect(),
         condition: fit.condition,
         condition_uncentred: crate::estimate::directions::uncentred_condition(fit),

@@ -1,7 +1,6 @@
 //! What a trace says, in the shape of the JSON.
 
 use crate::Error;
-use crate::apply::accuracy::predicted;
 use crate::apply::change::{PlatformRms, platform_difference};
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::curve_law::{CurveLaw, curve_law};
@@ -13,13 +12,14 @@ use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::stepwise::rivals;
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
-use crate::diagnosis::verdict::{Elsewhere, Evidence, Verdict, verdict, worse};
+use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Reason, Verdict};
 use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
+use crate::report::beside::{Beside, GroupsReport, NominalReport};
 use crate::report::result::{
-    self, Estimates, ExcludedReport, FitReport, Known, WithExcluded, estimates, excluded,
+    self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
 use crate::report::words;
 use crate::terms::term::{Class, Over};
@@ -108,6 +108,9 @@ pub struct Unexplained {
 pub struct TraceReport {
     /// The verdict.
     pub verdict: Verdict,
+    /// Why it is not better; the first says most.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub reasons: Vec<Reason>,
     /// What is absurd beside the size of the mechanism, in words.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub implausible: Vec<String>,
@@ -126,6 +129,12 @@ pub struct TraceReport {
     pub rivals: Vec<RivalReport>,
     /// The fit with them.
     pub after: FitReport,
+    /// The known poses with the mechanism as it is declared.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub nominal: Option<NominalReport>,
+    /// How well points that are touched are repeated.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub groups: Option<GroupsReport>,
     /// What is left.
     pub unexplained: Unexplained,
     /// What could be there unseen, worst first.
@@ -145,13 +154,13 @@ pub struct TraceReport {
 ///
 /// # Errors
 ///
-/// As [`trace`] and [`Known::judge`].
+/// As [`trace`], [`crate::apply::check::check`] and [`Beside::groups`].
 pub fn report(
     observations: &Observations,
     search: &SearchOptions,
-    known: Option<&Known>,
+    beside: Option<&Beside>,
 ) -> Result<TraceReport, Error> {
-    Ok(traced(observations, search, known)?.0)
+    Ok(traced(observations, search, beside)?.0)
 }
 
 /// Traces a session; what the search found stands beside the report.
@@ -162,7 +171,7 @@ pub fn report(
 pub fn traced(
     observations: &Observations,
     search: &SearchOptions,
-    known: Option<&Known>,
+    beside: Option<&Beside>,
 ) -> Result<(TraceReport, Traced), Error> {
     let progress = &observations.options.progress;
     progress.begin(Job::Trace);
@@ -172,7 +181,7 @@ pub fn traced(
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
     let mut before = FitReport::of(&traced.before);
     let mut after = FitReport::of(&traced.after);
-    if let Some(known) = known {
+    if let Some(known) = beside.and_then(|beside| beside.known.as_ref()) {
         known.judge(observations, &traced.before, &mut before)?;
         known.judge(&traced.observations, &traced.after, &mut after)?;
     }
@@ -194,20 +203,37 @@ pub fn traced(
     let absurd = absurdities(&traced.observations, &traced.after, &found);
     let directions = directions(&traced.observations, &traced.after);
     let p_value = traced.p_value;
-    let elsewhere = match traced.found.is_empty() {
-        true => None,
-        false => worse_elsewhere(&traced, &before, &after, known)?,
-    };
+    let nominal = beside.map(Beside::nominal).transpose()?.flatten();
+    let groups = beside
+        .map(|beside| {
+            let all = (observations, &traced.before);
+            beside.groups((&traced.observations, &traced.after), Some(all))
+        })
+        .transpose()?
+        .flatten();
     let estimates = estimates(&traced.observations, &traced.after, &directions);
     let sd = estimates.predicted.as_ref().map(|predicted| predicted.position_sd);
     let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
-    let verdict = verdict(&Evidence {
-        fit: &traced.after,
-        directions: &directions.beside(&traced.observations, &found),
-        absurd: &absurd,
+    let determined = directions.beside(&traced.observations, &found);
+    let [groups_declared, groups_before] =
+        groups.as_ref().map(GroupsReport::compared).unwrap_or_default();
+    let Judgement { verdict, reasons } = verdict::judge(&Evidence {
+        determined: Determined::of(&traced.after, &determined),
+        absurd: !absurd.is_empty(),
         p_value,
+        chi2_per_dof: after.chi2_per_dof(),
         found: !traced.found.is_empty(),
-        doubtful: elsewhere.is_some() || matches!(residual, Residual::Doubtful(_)),
+        doubtful: matches!(residual, Residual::Doubtful(_)),
+        held_out: after.held_out,
+        held_out_before: held_out_before(&traced, &before, &after),
+        check: after.checked(),
+        check_declared: nominal.as_ref().and_then(|nominal| nominal.beside(&after)),
+        check_before: before
+            .checked()
+            .zip(after.checked())
+            .map(|(before, after)| Compared::of(&after, &before)),
+        groups_declared,
+        groups_before,
     });
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),
@@ -220,10 +246,6 @@ pub fn traced(
         }
         _ => target,
     };
-    let text = match &elsewhere {
-        Some(worse) => format!("{}; {text}", words::elsewhere(&observations.mechanism, worse)),
-        None => text,
-    };
     let text = match another {
         Some(((rival, apart), sd)) => {
             format!("{}; {text}", words::another(&traced.small.mechanism, rival, apart, sd))
@@ -234,6 +256,7 @@ pub fn traced(
     let hidden = could_hide(&traced, search)?;
     let report = TraceReport {
         verdict,
+        reasons,
         implausible: result::implausible(&traced.observations, &absurd),
         warnings: result::warnings(observations, &traced.before, &traced.after),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
@@ -242,6 +265,8 @@ pub fn traced(
         steps,
         rivals: traced.rivals.iter().map(|e| rival(&traced.small, e)).collect(),
         after,
+        nominal,
+        groups,
         unexplained: Unexplained { p_value, target, text },
         could_hide: hidden,
         estimates,
@@ -263,43 +288,25 @@ fn left_out(traced: &Traced, fitted: &Fit, of_all: &Fit) -> Option<HeldOut> {
     match &traced.stretches {
         Some(stretches) => {
             let small = (&traced.small, fitted);
-            held_out_rows(stretches, small, (&traced.observations, &of_all.assumed()))
+            held_out_rows(
+                stretches,
+                small,
+                (&traced.observations, &of_all.assumed()),
+                &traced.judge,
+            )
         }
-        None => held_out(&traced.small, fitted),
+        None => held_out(&traced.small, fitted, &traced.judge),
     }
 }
 
-/// What poses that the fit has not seen say against what was found: known poses, or those left
-/// out in turn, that are off by more than before, and by more than noise. Known poses all share
-/// the errors of the parameters: what is off by no more than these predict says nothing.
-fn worse_elsewhere(
-    traced: &Traced,
-    before: &FitReport,
-    after: &FitReport,
-    known: Option<&Known>,
-) -> Result<Option<Elsewhere>, Error> {
-    let checked = |fit: &FitReport| fit.aligned.or(fit.check);
-    if let (Some(before), Some(after), Some(known)) = (checked(before), checked(after), known) {
-        let rms = [before.position_rms, after.position_rms];
-        if worse(rms[0], rms[1], 3.0 * after.poses as f64) {
-            let poses = known.poses.len();
-            let chance = predicted(&traced.observations, &traced.after, &known.table, poses, true)?;
-            if chance.p_value(rms[1]) < AS_PREDICTED {
-                return Ok(Some(Elsewhere::Check(rms)));
-            }
-        }
-    }
-    let held_out = before.held_out.zip(after.held_out).and_then(|(before, after)| {
-        let equations = traced.last.residuals.equations * traced.answer().0.readings.poses();
-        let chi2 = [before.chi2_per_dof, after.chi2_per_dof];
-        // χ² is a mean of squares, whose relative deviation is twice that of the root.
-        worse(chi2[0], chi2[1], 0.25 * equations as f64).then_some(Elsewhere::HeldOut(chi2))
-    });
-    Ok(held_out)
+/// Error on poses left out in turn, with the effects found and without: χ² is a mean of squares,
+/// whose relative deviation is twice that of the root.
+fn held_out_before(traced: &Traced, before: &FitReport, after: &FitReport) -> Option<Compared> {
+    let (before, after) = before.held_out.zip(after.held_out)?;
+    let equations = traced.last.residuals.equations * traced.answer().0.readings.poses();
+    let errors = 0.25 * equations as f64;
+    Some(Compared { found: after.chi2_per_dof, other: before.chi2_per_dof, errors })
 }
-
-/// Known poses that are off by more than a calibration predicts are so at this level.
-const AS_PREDICTED: f64 = 0.01;
 
 fn effect(observations: &Observations, instance: &Instance) -> Place {
     let info = instance.term.info();

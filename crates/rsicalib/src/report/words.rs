@@ -5,9 +5,8 @@ use crate::diagnosis::localisation::{Residual, Share, Structure};
 use crate::diagnosis::location::Location;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::stepwise::rivals::Explanation;
-use crate::diagnosis::verdict::Elsewhere;
 use crate::estimate::degrees::degrees_in;
-use crate::estimate::directions::{Direction, Moves};
+use crate::estimate::directions::{Direction, Directions, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
 use crate::estimate::suspicion::{Closes, InDegrees, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
@@ -308,6 +307,19 @@ pub fn direction(direction: &Direction) -> String {
     }
 }
 
+/// What the data cannot tell: what other poses could, then what no reading could.
+#[must_use]
+pub fn directions(directions: &Directions) -> Vec<String> {
+    let convention = |one: &Direction| {
+        format!(
+            "{}; no reading can tell: it stays as near to the drawing as it can",
+            direction(one)
+        )
+    };
+    let open = directions.unobservable.iter().map(direction);
+    open.chain(directions.conventions.iter().map(convention)).collect()
+}
+
 /// What is left of the residual: the target, where there is one, and a sentence.
 #[must_use]
 pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, String) {
@@ -400,22 +412,6 @@ fn likely(mechanism: &Mechanism, likely: &[(usize, f64)]) -> (String, String) {
     };
     let mut names: Vec<String> = likely.iter().map(one).collect();
     (names.pop().unwrap_or_default(), names.join(", "))
-}
-
-/// What poses that a fit has not seen say against what was found.
-#[must_use]
-pub fn elsewhere(mechanism: &Mechanism, elsewhere: &Elsewhere) -> String {
-    let what = match elsewhere {
-        Elsewhere::Check([before, after]) => {
-            let unit = &mechanism.length_unit;
-            format!("check poses are off by {after:.4} {unit}, and by {before:.4} without it")
-        }
-        Elsewhere::HeldOut([before, after]) => format!(
-            "poses left out in turn have a χ² of {after:.2} per equation, and of {before:.2} \
-             without it"
-        ),
-    };
-    format!("what was found does not hold elsewhere: {what}")
 }
 
 /// An explanation that fits as well and puts the platform elsewhere: how far, and what is predicted.

@@ -9,7 +9,7 @@ term! {
     ///
     /// Adds `step` to the joint angle from one pose on: a set screw that gave way.
     /// The search tries every pose, and the p-value is corrected for their number.
-    Slip("slip", Sensor, per Channel, needs Order) {
+    Slip("slip", Sensor, per Channel, needs Nothing) {
         step: "rad" ~ 0.01,
     }
 }

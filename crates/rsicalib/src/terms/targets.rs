@@ -129,6 +129,29 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
     }
 }
 
+/// What is lacking to search for what happened once.
+const ORDER: &str = "time_s, the order of the placements";
+
+/// As [`provided`], for a term that is searched for: what happened once has no time among
+/// placements whose order nothing tells. Rows of a file may be sorted by any name.
+///
+/// # Errors
+///
+/// As [`provided`].
+pub fn searchable(
+    term: &dyn Term,
+    mechanism: &Mechanism,
+    readings: &Readings,
+) -> Result<(), Error> {
+    provided(term, mechanism, readings)?;
+    let info = term.info();
+    let once = term.placed() == Placed::AtPose && info.class != Class::Data;
+    match once && !readings.timed && readings.groups.len() > 1 {
+        true => Err(Error::Context { term: info.id, needs: ORDER }),
+        false => Ok(()),
+    }
+}
+
 /// Typical size of each parameter of a term at a target, in the units of a mechanism.
 ///
 /// A typical length is declared as a fraction of the longest link, and a typical size per torque

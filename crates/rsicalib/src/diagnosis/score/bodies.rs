@@ -11,7 +11,7 @@ use crate::mechanism::Mechanism;
 use crate::model::Instance;
 use crate::screening::steps::{SIDE, StepSums};
 use crate::terms;
-use crate::terms::targets::{provided, targets};
+use crate::terms::targets::{searchable, targets};
 use crate::terms::term::{Acts, Placed, Spot, Term};
 
 /// Equations on either side of a move for each of its columns: of fewer, a few wrong readings look
@@ -63,7 +63,7 @@ impl<'a> Bodies<'a> {
             moves_once(**term)
                 && !without.iter().any(|id| id == term.info().id)
                 && meaningful(mechanism, fit, **term)
-                && provided(**term, mechanism, readings).is_ok()
+                && searchable(**term, mechanism, readings).is_ok()
         };
         let all = terms::all(mechanism);
         let of = |&term: &&'static dyn Term| {

@@ -11,7 +11,7 @@ use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::{SEEN, dot, left_out};
 use crate::terms::find;
-use crate::terms::targets::provided;
+use crate::terms::targets::searchable;
 
 /// Poses on either side of a slip that must see it: more than two, and so at least three. Two that
 /// are off alike are two wrong readings.
@@ -87,7 +87,7 @@ pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Result<Vec<Scored
     let Observations { mechanism, readings, .. } = at.observations;
     let allowed = |id: &str| !without.iter().any(|w| w == id);
     let (slip, bad) = (find("slip")?, find("bad_reading")?);
-    let slips = allowed("slip") && provided(slip, mechanism, readings).is_ok();
+    let slips = allowed("slip") && searchable(slip, mechanism, readings).is_ok();
     let of_channel = |channel: usize| {
         let target = Target::Channel(channel);
         let mut scored = Vec::new();

@@ -189,6 +189,13 @@ impl Judge {
         (self.residual_dof.is_none() && fit.dof >= 1.0).then(|| self.too_large(fit.chi2, fit.dof))
     }
 
+    /// The same judge, of another fit of the same readings.
+    #[must_use]
+    pub fn of(self, fit: &Fit) -> Self {
+        let left = self.left.map(|_| [fit.chi2, fit.dof]);
+        Self { residual_dof: self.residual_dof.map(|_| fit.dof), left, ..self }
+    }
+
     /// The judge of what a fit has of this score, as that of the fit without it.
     #[must_use]
     pub fn without(self, score: f64, width: f64) -> Self {

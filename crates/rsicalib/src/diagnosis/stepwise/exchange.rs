@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
+use crate::diagnosis::options::{FEW_EFFECTS, LEVEL};
 use crate::diagnosis::score::pairs::Pair;
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost};
@@ -189,7 +189,7 @@ impl Stepwise<'_> {
         current: &Fit,
         found: &[Scored],
     ) -> Result<Option<([Scored; 2], Fit)>, Error> {
-        let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > RESIDUAL_LEVEL);
+        let quiet = self.judge(current).lack_of_fit(current).is_none_or(|p| p > LEVEL);
         let none = (!quiet && found.len() < FEW_EFFECTS).then_some(Vec::new());
         let one = found.iter().filter(|_| found.len() <= FEW_EFFECTS).map(|s| vec![*s]);
         let two = pairs_of(found).map(Vec::from);

@@ -3,7 +3,7 @@
 use std::slice;
 
 use crate::Error;
-use crate::diagnosis::options::RESIDUAL_LEVEL;
+use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::scored::Scored;
 use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical};
@@ -68,7 +68,7 @@ impl Stepwise<'_> {
         poses: &mut Vec<Scored>,
     ) -> Result<(), Error> {
         let judge = self.judge(current);
-        if judge.lack_of_fit(current).is_none_or(|p| p > RESIDUAL_LEVEL) {
+        if judge.lack_of_fit(current).is_none_or(|p| p > LEVEL) {
             return Ok(());
         }
         let rest = current.chi2 / current.dof;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::Error;
 use crate::diagnosis::doubt::doubt;
 use crate::diagnosis::isolation::{Isolated, isolate, leave_out};
-use crate::diagnosis::options::{FEW_EFFECTS, RESIDUAL_LEVEL};
+use crate::diagnosis::options::{FEW_EFFECTS, LEVEL};
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
 use crate::diagnosis::stepwise::alternatives::Alternatives;
 use crate::diagnosis::stepwise::moves::{Stepwise, cost};
@@ -81,7 +81,7 @@ impl Searched {
 
     /// True where what is left is noise.
     fn quiet(&self, stepwise: &Stepwise) -> bool {
-        stepwise.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > RESIDUAL_LEVEL)
+        stepwise.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEVEL)
     }
 
     /// True where nothing is left, and nothing that was found is in doubt.

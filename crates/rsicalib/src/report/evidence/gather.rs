@@ -56,7 +56,7 @@ pub fn of_calibration(
     // Whoever listened has been told that the job is done.
     let mut observations = observations.clone();
     observations.options.progress = Progress::default();
-    let (small, last) = averaged(&observations, fit)?;
+    let (small, last, _) = averaged(&observations, fit)?;
     let residual_dof = (!fit.noise.source.independent()).then_some(last.dof);
     let left = fit.unverified().then_some([last.chi2, last.dof]);
     let judge = Judge { noise_dof: fit.noise.dof, residual_dof, left };

@@ -16,7 +16,10 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::closures::kind::Kind;
 use crate::mechanism::Mechanism;
-use crate::model::{Model, Prior, Thing, Unknown, Want, Workspace};
+use crate::model::compiled::{CompiledClosure, Model};
+use crate::model::evaluation::{Want, Workspace};
+use crate::model::numbering::{Thing, Unknown};
+use crate::model::prior::Prior;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::random::Random;
 use crate::numerics::rank::RANK;
@@ -102,9 +105,33 @@ impl Configurations {
 
     /// What each equation is divided by to have no unit.
     pub(crate) fn sizes(&self, model: &Model) -> Vec<f64> {
-        let closures = model.closures.iter().map(|c| c.kind.facts());
         let size = |kind: &dyn Kind| self.reach.powi(kind.dimension());
-        closures.flat_map(|kind| std::iter::repeat_n(size(kind), kind.equations())).collect()
+        let of = |c: &CompiledClosure| std::iter::repeat_n(size(c.kind.facts()), c.equations());
+        model.closures.iter().flat_map(of).collect()
+    }
+
+    /// `X` by all parameters, each equation over its size, and below it the slopes of the known
+    /// distances between unknown points.
+    pub(crate) fn slopes(&self, model: &Model, readings: &Readings, beta: &[f64]) -> Mat<f64> {
+        let (_, x) = linear(model, readings, beta);
+        let by: Vec<f64> = self.sizes(model).iter().map(|s| s.recip()).collect();
+        let links = model.links();
+        let rows = x.nrows();
+        let mut x = Mat::from_fn(rows + links.len(), x.ncols(), |i, j| match i < rows {
+            true => x[(i, j)] * by[i % by.len()],
+            false => 0.0,
+        });
+        for (i, link) in links.iter().enumerate() {
+            for (column, slope) in apart(link, beta).1 {
+                x[(rows + i, column)] += slope;
+            }
+        }
+        x
+    }
+
+    /// Length of the longest chain.
+    pub(crate) fn reach(&self) -> f64 {
+        self.reach
     }
 
     /// Combinations of keys.
@@ -329,6 +356,28 @@ impl Configurations {
         };
         Ok(model.unknowns.iter().map(|u| (u.thing, u.keys.clone(), at(u))).collect())
     }
+}
+
+/// Misclosure, and `X` by all parameters, sample by sample.
+pub(crate) fn linear(model: &Model, readings: &Readings, beta: &[f64]) -> (Vec<f64>, Mat<f64>) {
+    let equations = model.equations();
+    let mut f = vec![0.0; readings.samples * equations];
+    let mut x = Mat::zeros(f.len(), model.parameters);
+    let mut ws = Workspace::default();
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let want = Want { x: true, a: false };
+        model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
+        for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+            for k in 0..equations {
+                f[row * equations + k] = ws.f[k].0[lane];
+                let slopes = &ws.x[k * model.width()..];
+                for (&column, slope) in model.columns()[meta.group].iter().zip(slopes) {
+                    x[(row * equations + k, column)] = slope.0[lane];
+                }
+            }
+        }
+    }
+    (f, x)
 }
 
 /// A configuration in which the loops are closed.

@@ -1,0 +1,199 @@
+//! What is known beside the readings that are fitted, and what it says of a calibration.
+
+use crate::Error;
+use crate::apply::check::Check;
+use crate::apply::earlier::{self, Applied, Reference, Reported};
+use crate::apply::groups::spread;
+use crate::diagnosis::verdict::Compared;
+use crate::estimate::noise::source::Source;
+use crate::estimate::{Fit, Observations};
+use crate::mechanism::Mechanism;
+use crate::readings::Table;
+use crate::report::result::{FitReport, Known, Named, parameters};
+
+/// What is known beside the readings that are fitted, to judge a calibration by.
+#[derive(Debug, Clone)]
+pub struct Beside {
+    /// The mechanism as it is declared, or as an earlier result has it.
+    pub mechanism: Mechanism,
+    /// Nothing but that mechanism, applied to other readings.
+    pub declared: Applied,
+    /// Known poses.
+    pub known: Option<Known>,
+    /// Groups, those among them that were not fitted.
+    pub touched: Option<Touched>,
+}
+
+/// All readings of a mechanism that touches unknown points, those included that are not fitted.
+#[derive(Debug, Clone)]
+pub struct Touched {
+    /// The readings.
+    pub table: Table,
+    /// Group of each row; none: by the first column that tells unknown points apart.
+    pub groups: Option<Vec<String>>,
+    /// Groups that were fitted; none: all but those of `leave`.
+    pub keep: Option<Vec<String>>,
+    /// Groups that were not fitted; none: all but those of `keep`.
+    pub leave: Option<Vec<String>>,
+    /// True where sessions have the numbers here that they have in the fit.
+    pub own: bool,
+}
+
+/// Mean distance of carried points from their own mean at what they touch, by placement.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct GroupsReport {
+    /// Mean over the groups that were fitted.
+    pub fitted: Option<f64>,
+    /// Mean over the groups that the fit has not seen.
+    pub others: Option<f64>,
+    /// Group by group.
+    pub by_group: Named,
+    /// Unit of all of them.
+    pub unit: String,
+    /// `fitted` with the mechanism as it is declared.
+    pub nominal_fitted: Option<f64>,
+    /// `others` with the mechanism as it is declared.
+    pub nominal_others: Option<f64>,
+    /// `fitted` before effects were traced.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub before_fitted: Option<f64>,
+    /// `others` before effects were traced.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub before_others: Option<f64>,
+    /// Coordinates that the groups that were not fitted have.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    coordinates: f64,
+}
+
+/// Error of known poses of which nothing else is known.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct NominalReport {
+    chi2: Option<f64>,
+    dof: Option<f64>,
+    p_value: Option<f64>,
+    rms_misclosure: Option<f64>,
+    /// Error on known poses.
+    pub check: Option<Check>,
+    /// The same after a rigid motion of the instrument.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub aligned: Option<Check>,
+}
+
+impl NominalReport {
+    /// The error, after the best rigid motion of the instrument where that was asked for.
+    #[must_use]
+    pub fn checked(&self) -> Option<Check> {
+        self.aligned.or(self.check)
+    }
+
+    /// How a fit compares with the mechanism as it is declared.
+    #[must_use]
+    pub fn beside(&self, fit: &FitReport) -> Option<Compared> {
+        Some(Compared::of(&fit.checked()?, &self.checked()?))
+    }
+}
+
+impl Beside {
+    /// Error of the mechanism as it is declared on the known poses, where there are any.
+    ///
+    /// # Errors
+    ///
+    /// As [`earlier::check`].
+    pub fn nominal(&self) -> Result<Option<NominalReport>, Error> {
+        let Some(Known { table, poses, align }) = &self.known else { return Ok(None) };
+        let of = |align| earlier::check(&self.mechanism, &self.declared, table, poses, align);
+        let aligned = align.then(|| of(true)).transpose()?;
+        Ok(Some(NominalReport { check: Some(of(false)?), aligned, ..NominalReport::default() }))
+    }
+
+    /// How well groups are repeated under a fit, and under the one before effects were traced; none
+    /// where no unknown points are touched.
+    ///
+    /// # Errors
+    ///
+    /// As [`spread`].
+    pub fn groups(
+        &self,
+        (observations, fit): (&Observations, &Fit),
+        before: Option<(&Observations, &Fit)>,
+    ) -> Result<Option<GroupsReport>, Error> {
+        let Some(touched) = &self.touched else { return Ok(None) };
+        let of = |applied: &Applied| {
+            spread(&self.mechanism, applied, &touched.table, touched.groups.as_deref())
+        };
+        let by_group = of(&applied(observations, fit, touched.own))?;
+        if by_group.is_empty() {
+            return Ok(None);
+        }
+        let nominal = of(&self.declared)?;
+        let before = before
+            .map(|(observations, fit)| of(&applied(observations, fit, touched.own)))
+            .transpose()?
+            .unwrap_or_default();
+        let rows = touched.table.values.len() / self.mechanism.channels.len().max(1);
+        let others = by_group.iter().filter(|(name, _)| touched.is_other(name)).count();
+        Ok(Some(GroupsReport {
+            fitted: mean(&by_group, |name| touched.is_fitted(name)),
+            others: mean(&by_group, |name| touched.is_other(name)),
+            nominal_fitted: mean(&nominal, |name| touched.is_fitted(name)),
+            nominal_others: mean(&nominal, |name| touched.is_other(name)),
+            before_fitted: mean(&before, |name| touched.is_fitted(name)),
+            before_others: mean(&before, |name| touched.is_other(name)),
+            coordinates: (3 * rows * others / by_group.len()) as f64,
+            by_group: Named(by_group),
+            unit: self.mechanism.length_unit.clone(),
+        }))
+    }
+}
+
+impl Touched {
+    fn is_fitted(&self, name: &String) -> bool {
+        self.keep.as_ref().is_none_or(|keep| keep.contains(name))
+            && self.leave.as_ref().is_none_or(|leave| !leave.contains(name))
+    }
+
+    fn is_other(&self, name: &String) -> bool {
+        match (&self.keep, &self.leave) {
+            (Some(_), Some(leave)) => leave.contains(name),
+            _ => !self.is_fitted(name),
+        }
+    }
+}
+
+impl GroupsReport {
+    /// Groups that were not fitted beside the mechanism as it is declared, and beside the fit without
+    /// the effects found.
+    #[must_use]
+    pub fn compared(&self) -> [Option<Compared>; 2] {
+        let with = |other: Option<f64>| {
+            Some(Compared { found: self.others?, other: other?, errors: self.coordinates })
+        };
+        [with(self.nominal_others), with(self.before_others)]
+    }
+}
+
+fn mean(by_group: &[(String, f64)], wanted: impl Fn(&String) -> bool) -> Option<f64> {
+    let values = by_group.iter().filter(|(name, _)| wanted(name)).map(|(_, value)| value);
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    (count > 0.0).then_some(sum / count)
+}
+
+/// A fit on its way to readings that it has not seen.
+fn applied(observations: &Observations, fit: &Fit, own: bool) -> Applied {
+    let reported = parameters(observations, fit).into_iter();
+    let known = reported.filter(|p| p.value.is_finite());
+    let of = |p: crate::estimate::directions::ParameterReport| Reported {
+        spec: p.spec(),
+        name: p.name,
+        value: p.value,
+    };
+    Applied {
+        parameters: known.map(of).collect(),
+        reference: Reference::of(&observations.readings),
+        sigma: fit.noise.sigma.clone(),
+        declared: fit.noise.source == Source::Declared,
+        own,
+    }
+}
