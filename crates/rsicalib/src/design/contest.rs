@@ -22,9 +22,9 @@
 //! forecast of a plan (98) has it.
 
 use faer::{Mat, Side};
-use rayon::prelude::*;
 
 use crate::design::linearised::Whitened;
+use crate::numerics::workers;
 
 /// A rival is behind where its penalised χ² is larger by this: the decision of a trace.
 pub(crate) use crate::numerics::credible_set::RIVAL as DECIDED;
@@ -32,6 +32,10 @@ pub(crate) use crate::numerics::credible_set::RIVAL as DECIDED;
 /// A direction that the old poses do not determine is taken to be known to this fraction of what
 /// they tell of the best one, in unit columns.
 const FAINT: f64 = 1e-12;
+
+/// Candidates that are brought up to date in one piece: one alone takes less time than to hand it to
+/// a worker.
+const TOGETHER: usize = 64;
 
 /// One explanation, linear at the common point.
 #[derive(Debug, Clone)]
@@ -246,9 +250,13 @@ impl<'a> Field<'a> {
 
     fn each(&mut self, visit: impl Fn(usize, &mut [f64], &mut [f64]) + Sync) {
         let (own, pairs) = (self.m * self.k * self.k, self.m * self.m * self.k);
-        let spreads = self.spreads.par_chunks_exact_mut(own.max(1));
-        let misfits = self.misfits.par_chunks_exact_mut(pairs.max(1));
-        spreads.zip(misfits).enumerate().with_min_len(64).for_each(|(k, (s, e))| visit(k, s, e));
+        let (own, pairs) = (own.max(1), pairs.max(1));
+        let spreads = self.spreads.chunks_mut(TOGETHER * own);
+        let misfits = self.misfits.chunks_mut(TOGETHER * pairs);
+        workers::map(spreads.zip(misfits).enumerate(), |(part, (spreads, misfits))| {
+            let all = spreads.chunks_exact_mut(own).zip(misfits.chunks_exact_mut(pairs));
+            all.enumerate().for_each(|(k, (s, e))| visit(part * TOGETHER + k, s, e));
+        });
     }
 
     /// Brings all candidates up to date with a change of the contest.

@@ -1,9 +1,9 @@
 //! How the platform moves with the parameters: means of products of derivatives.
 
 use faer::Mat;
-use rayon::prelude::*;
 
 use crate::apply::poses::short_way;
+use crate::numerics::workers;
 
 /// Means over poses and components of products of the derivatives of the platform by parameters:
 /// `eᵀ M e` is the mean square of what a small change `e` of the parameters does to a component.
@@ -40,7 +40,7 @@ pub(crate) fn slopes_of(
         let (up, down) = (moved(1.0), moved(-1.0));
         up.iter().zip(&down).map(slope).collect()
     };
-    some.par_iter().map(slope_of).collect()
+    workers::map(some, slope_of)
 }
 
 /// Moments by derivatives of so many parameters; those that are not among `columns` do not act.

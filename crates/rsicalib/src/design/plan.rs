@@ -4,7 +4,6 @@
 //! candidates until no exchange helps; the best plan is ordered so that the ways are short.
 
 use faer::Mat;
-use rayon::prelude::*;
 
 use crate::Error;
 use crate::apply::poses::poses_of;
@@ -16,6 +15,7 @@ use crate::design::within_limits::within_limits;
 use crate::mechanism::Mechanism;
 use crate::model::{Model, parse};
 use crate::numerics::random::Random;
+use crate::numerics::workers;
 use crate::readings::{Readings, Table};
 
 /// A box of poses: lowest and highest x, y, z (length unit), rx, ry, rz (rad).
@@ -140,7 +140,7 @@ pub fn plan(
     let starts: Vec<Vec<usize>> =
         (0..options.starts).map(|_| random.choose(options.poses, poses.len())).collect();
     let found: Vec<(Vec<usize>, f64)> =
-        starts.par_iter().map(|start| told.exchange(start, &kept, options.criterion)).collect();
+        workers::map(&starts, |start| told.exchange(start, &kept, options.criterion));
     let best = found.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let chosen = tour(best.map(|b| b.0).unwrap_or_default(), &poses, &box_of(&poses));
 
@@ -290,7 +290,7 @@ fn taken(
     margin: f64,
 ) -> Result<Vec<Option<Vec<f64>>>, Error> {
     let at = |pose| readings_at(mechanism, pose, offsets, gains, margin);
-    poses.par_iter().map(at).collect()
+    workers::map(poses, at).into_iter().collect()
 }
 
 fn bound_of(

@@ -1,8 +1,6 @@
 //! What could be there unseen: how large each absent effect would have to be to be seen,
 //! and what it would do to the platform meanwhile.
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::apply::change::{Movable, PlatformRms};
 use crate::diagnosis::options::SearchOptions;
@@ -14,6 +12,7 @@ use crate::estimate::directions::{place, unit};
 use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::VISIBLE;
+use crate::numerics::workers;
 
 /// An effect that could be there unseen.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,8 +92,8 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
             platform_rms,
         })
     };
-    let all = named.par_iter().zip(projected).zip(first);
-    let mut hidden: Vec<Detectability> = all.filter_map(of_one).collect();
+    let all = named.iter().zip(projected).zip(first);
+    let mut hidden: Vec<Detectability> = workers::map(all, of_one).into_iter().flatten().collect();
     hidden.sort_by(|a, b| {
         let of = |h: &Detectability| h.platform_rms.map_or(0.0, |p| p.position);
         of(b).total_cmp(&of(a))

@@ -11,14 +11,13 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stretches::Stretches;
 use crate::estimate::{Fit, Implicit, Misfit, Noise, Observations, Part, fit};
+use crate::numerics::workers;
 
 /// Folds of the cross-validation.
 const FOLDS: usize = 6;
@@ -93,7 +92,7 @@ fn errors(
             (width > 0.0).then(|| judge.p_value((whole - left).max(0.0) * measure, width));
         Some((trained, out, p_value))
     };
-    let trained: Option<Vec<_>> = (0..folds).into_par_iter().map(without).collect();
+    let trained: Option<Vec<_>> = workers::map(0..folds, without).into_iter().collect();
     let mut all = Misfit::default();
     let mut least: Option<f64> = None;
     for (trained, out, p_value) in trained? {

@@ -10,8 +10,6 @@
 //! with `n_c` the parameters that only `c` has. Where the rest closes within its noise,
 //! and nothing in it stands out, `c` is all that is wrong.
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
@@ -22,6 +20,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
 use crate::numerics::symmetric::dot;
+use crate::numerics::workers;
 use crate::screening::blame::Blame;
 
 /// Standard deviation of a reading that says nothing, in units of its own noise.
@@ -79,8 +78,8 @@ pub fn isolate<'a>(
     let chains = (0..mechanism.chains.len()).filter(others_close).map(Target::Chain).collect();
     let kinds: [Vec<Target>; 2] = [single, chains];
     for kind in kinds {
-        let released = kind.into_par_iter().map(|target| Released::of(observations, start, target));
-        let released: Vec<Option<Released>> = released.collect::<Result<_, _>>()?;
+        let released = workers::map(kind, |target| Released::of(observations, start, target));
+        let released: Vec<Option<Released>> = released.into_iter().collect::<Result<_, _>>()?;
         let mut able: Vec<Released> = released.into_iter().flatten().collect();
         able.sort_by(|a, b| a.left().total_cmp(&b.left()));
         able.truncate(LIKELY);
@@ -89,7 +88,7 @@ pub fn isolate<'a>(
             Ok(alone.then_some(it))
         };
         let isolated: Vec<Option<Released>> =
-            able.into_par_iter().map(alone).collect::<Result<_, _>>()?;
+            workers::map(able, alone).into_iter().collect::<Result<_, _>>()?;
         let isolated: Vec<Released> = isolated.into_iter().flatten().collect();
         let scores: Vec<(f64, Target)> =
             isolated.iter().map(|it| (-it.left(), it.target)).collect();

@@ -21,7 +21,6 @@
 use std::sync::{Arc, Mutex};
 
 use faer::Mat;
-use rayon::prelude::*;
 
 use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, push_rigid};
@@ -31,6 +30,7 @@ use crate::numerics::bounds::LARGEST;
 use crate::numerics::lanes::{Lanes, Vec3, WIDTH, dispatch, dot, minus};
 use crate::numerics::linearization::{Curvature, Linearization, Problem};
 use crate::numerics::lm::{self, Termination};
+use crate::numerics::workers;
 use crate::numerics::workers::lock;
 
 /// Blocks per task; the sums of the tasks are added up in order.
@@ -565,7 +565,7 @@ impl Problem for Paper {
             vec![one(0, &self.counts)]
         } else {
             let job = |(k, blocks): (usize, &[Lanes])| one(k * CHUNK, blocks);
-            self.counts.par_chunks(size).enumerate().map(job).collect()
+            workers::map(self.counts.chunks(size).enumerate(), job)
         };
         if let Some(((_, sum), rest)) = parts.split_first_mut() {
             rest.iter().for_each(|(_, part)| sum.merge(part));

@@ -11,7 +11,6 @@
 
 use faer::linalg::solvers::Svd;
 use faer::{Mat, Side};
-use rayon::prelude::*;
 
 use crate::Error;
 use crate::closures::kind::Kind;
@@ -23,6 +22,7 @@ use crate::model::prior::Prior;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::random::Random;
 use crate::numerics::rank::RANK;
+use crate::numerics::workers;
 use crate::readings::{Readings, Table};
 
 /// Values of a column that tells unknown points apart, where the mechanism names none.
@@ -238,10 +238,10 @@ impl Configurations {
     ) -> Result<Vec<Option<Closed>>, Error> {
         let readings = self.open(keys, random)?;
         let (model, beta) = under(&readings)?;
-        let blocks: Vec<Vec<(usize, Option<Closed>)>> = (0..readings.blocks().len())
-            .into_par_iter()
-            .map(|block| self.close_block(&model, &readings, block, &beta))
-            .collect();
+        let blocks: Vec<Vec<(usize, Option<Closed>)>> =
+            workers::map(0..readings.blocks().len(), |block| {
+                self.close_block(&model, &readings, block, &beta)
+            });
         let mut found = vec![None; keys.len()];
         for (row, closed) in blocks.into_iter().flatten() {
             found[row] = closed;

@@ -1,9 +1,8 @@
 //! Sums of normal equations over samples: gradient and Gram matrix in one pass, in a fixed order.
 
-use rayon::prelude::*;
-
 use crate::numerics::lanes::Lanes;
 use crate::numerics::linearization::{Curvature, Linearization};
+use crate::numerics::workers;
 
 /// Blocks per task; their sum is one term of the sum over tasks.
 const CHUNK: usize = 64;
@@ -242,7 +241,7 @@ pub fn over_chunks<T: Send, S: Send>(
     let size = CHUNK * per_block;
     let job = |(k, chunk): (usize, &mut [T])| one(k * CHUNK, chunk);
     let mut parts: Vec<S> = if items.len() > 2 * size {
-        items.par_chunks_mut(size).enumerate().map(job).collect()
+        workers::map(items.chunks_mut(size).enumerate(), job)
     } else {
         items.chunks_mut(size).enumerate().map(job).collect()
     };

@@ -11,7 +11,6 @@ use std::ops::Range;
 
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, MatRef, Side};
-use rayon::prelude::*;
 
 use crate::Error;
 use crate::diagnosis::score::projection::{self, Projected};
@@ -19,6 +18,7 @@ use crate::diagnosis::score::scored::{self, Family, Judge, Scored, room};
 use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 use crate::numerics::symmetric::{VISIBLE, eigenvalues};
+use crate::numerics::workers;
 
 /// Two effects, and by how much χ² would fall with both.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,7 +85,7 @@ pub fn pairs(
     let with_later = |k: usize| -> Vec<Pair> {
         units[k + 1..].iter().filter_map(|b| worth((&units[k], b))).collect()
     };
-    let pairs: Vec<Vec<Pair>> = (0..units.len()).into_par_iter().map(with_later).collect();
+    let pairs: Vec<Vec<Pair>> = workers::map(0..units.len(), with_later);
     Ok(pairs.concat())
 }
 

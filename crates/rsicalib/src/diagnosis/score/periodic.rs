@@ -7,8 +7,6 @@
 
 use std::f64::consts::{PI, TAU};
 
-use rayon::prelude::*;
-
 use crate::diagnosis::score::room::Room;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
 use crate::estimate::Observations;
@@ -16,6 +14,7 @@ use crate::estimate::angles::Angles;
 use crate::estimate::at_fit::AtFit;
 use crate::mechanism::Target;
 use crate::model::Instance;
+use crate::numerics::workers;
 use crate::terms;
 use crate::terms::targets::targets;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed, Term};
@@ -66,7 +65,7 @@ pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Vec<Scored> {
         (scores.map(at_place).collect(), orders.independent())
     };
     let targets = targets(term, mechanism);
-    let found: Vec<(Vec<(Instance, f64)>, f64)> = targets.par_iter().map(of_sensor).collect();
+    let found: Vec<(Vec<(Instance, f64)>, f64)> = workers::map(&targets, of_sensor);
     let tests: f64 = found.iter().map(|(_, tests)| tests).sum();
     let all = found.into_iter().flat_map(|(found, _)| found);
     let new = all.filter(|(instance, _)| !at.fit.model.instances.contains(instance));

@@ -1,7 +1,5 @@
 //! Scores of wrong readings and of slips: thousands, of one column each, by running sums over poses.
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::Observations;
@@ -10,6 +8,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::{SEEN, dot, left_out};
+use crate::numerics::workers;
 use crate::terms::find;
 use crate::terms::targets::searchable;
 
@@ -101,7 +100,7 @@ pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Result<Vec<Scored
     };
     let channels = 0..readings.channels;
     let parts: Vec<Vec<Scored>> = match poses.live.len() > MANY {
-        true => channels.into_par_iter().map(of_channel).collect(),
+        true => workers::map(channels, of_channel),
         false => channels.map(of_channel).collect(),
     };
     let mut scored = parts.concat();

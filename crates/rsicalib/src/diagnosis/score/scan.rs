@@ -22,6 +22,7 @@ use crate::diagnosis::score::scored::{Judge, Scored};
 use crate::diagnosis::score::{periodic, places, projection};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Observations};
+use crate::numerics::workers;
 
 /// Scores every candidate at a fit.
 ///
@@ -45,6 +46,6 @@ pub fn scan(
         Ok(scored)
     };
     // The two halves take about as long as each other.
-    let (scored, more) = rayon::join(by_terms, by_columns);
+    let (scored, more) = workers::both(by_terms, by_columns);
     Ok([scored?, more?].concat())
 }

@@ -1,11 +1,10 @@
 //! Fits and scans that a search has made: looking back and looking for rivals ask for the same again.
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::diagnosis::score::scored::Scored;
 use crate::estimate::{Fit, Noise, Observations, fit};
 use crate::model::Instance;
+use crate::numerics::workers;
 
 /// Residuals that are kept, in numbers: 32 MB.
 const MOST: usize = 1 << 22;
@@ -65,7 +64,7 @@ impl KnownFits {
             return;
         }
         let fits: Vec<Option<Fit>> =
-            new.into_par_iter().map(|instances| fit(small, instances, Some(from)).ok()).collect();
+            workers::map(new, |instances| fit(small, instances, Some(from)).ok());
         self.fits.extend(fits.into_iter().flatten());
     }
 

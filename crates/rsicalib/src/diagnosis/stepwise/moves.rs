@@ -4,8 +4,6 @@
 use std::cell::RefCell;
 use std::slice;
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::diagnosis::isolation::belongs;
 use crate::diagnosis::options::SearchOptions;
@@ -23,6 +21,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::lm;
+use crate::numerics::workers;
 use crate::readings::Readings;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::{Cause, Excluded};
@@ -208,7 +207,7 @@ impl<'a> Stepwise<'a> {
         let score = |((fit, needed), (named, judge)): (&(Fit, f64), &(Vec<Instance>, Judge))| {
             pairs::pairs(small, fit, judge, named, alpha, *needed)
         };
-        fits.par_iter().zip(&named).map(score).collect()
+        workers::map(fits.iter().zip(&named), score)
     }
 
     /// Whether this may be wrong. Where a chain is at fault alone, no one channel is to blame.

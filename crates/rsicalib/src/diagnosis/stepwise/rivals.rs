@@ -2,8 +2,6 @@
 
 use std::slice;
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::apply::change::apart;
 use crate::diagnosis::score::scored::{self, Scored};
@@ -12,6 +10,7 @@ use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical, sensible};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
+use crate::numerics::workers;
 
 /// Upper limit of explanations.
 const MOST: usize = 8;
@@ -76,7 +75,7 @@ impl Stepwise<'_> {
             explanation.apart = apart(small, current, &refit);
             explanation
         };
-        Ok(near.into_par_iter().map(beside).collect())
+        Ok(workers::map(near, beside))
     }
 }
 

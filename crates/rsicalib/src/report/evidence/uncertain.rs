@@ -9,9 +9,9 @@
 
 use faer::Mat;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
-use rayon::prelude::*;
 
 use crate::estimate::Fit;
+use crate::numerics::workers;
 
 /// Step of the differences, in standard deviations: small for linearity, large against rounding.
 const STEP: f64 = 1e-2;
@@ -41,7 +41,7 @@ impl Uncertain {
         let correlation = Mat::from_fn(n, n, |i, j| {
             fit.covariance[(i, j)] / (sd[i] * sd[j]).max(f64::MIN_POSITIVE)
         });
-        Self { moves: (0..n).into_par_iter().map(moved).collect(), correlation }
+        Self { moves: workers::map(0..n, moved), correlation }
     }
 
     /// Covariance of a place.
