@@ -23,13 +23,18 @@ build() {
     PIP_QUIET=1 VIRTUAL_ENV="$PWD/.venv" .venv/bin/maturin develop --release --quiet "$@" >&2
 }
 
-# setup [EXTRAS]: the package, and what these extras of pyproject.toml ask for, separated by commas.
-setup() {
+# environment: the interpreter in .venv, with nothing in it.
+environment() {
     command -v cargo >/dev/null || die "no cargo; see https://rustup.rs"
     if [ ! -x .venv/bin/python ]; then
         find_python
         "$python" -m venv .venv
     fi
+}
+
+# setup [EXTRAS]: the package, and what these extras of pyproject.toml ask for, separated by commas.
+setup() {
+    environment
     pip_install "maturin>=1.9,<2"
     # What Python needs is fetched while the core compiles.
     .venv/bin/python scripts/requirements.py "${1:-}" | pip_install -r /dev/stdin &

@@ -14,6 +14,7 @@ from tests.blind import effects, trials
 from tests.blind.effects import CHANNELS, Effect
 from tests.blind.effects.outside import Strange
 from tests.blind.scene import Scene
+from tests.full import sized
 from tests.oracle import Array
 
 
@@ -125,11 +126,11 @@ def test_one_effect_of_the_catalogue_is_no_unknown_law() -> None:
 
 def test_the_rest_closes_with_a_uniform_p_value() -> None:
     """Eq. (73): kept above 0.001, and printed to two digits."""
-    found = []
-    for number in range(40):
+    found, sessions = [], sized(12, 40)
+    for number in range(sessions):
         text = examined(100 + number, Lawless("a21", SIZE, seed=number))["unexplained"]["text"]
         found += [float(p) for p in re.findall(r"noise \(p = ([0-9.]+)\)", text)]
-    assert len(found) >= 38
+    assert len(found) >= 0.95 * sessions - 1
     assert stats.kstest(found, "uniform").pvalue > 0.01
 
 

@@ -24,6 +24,7 @@ from tests.blind import effects, simulator
 from tests.blind.effects import Effect
 from tests.blind.scene import held
 from tests.blind.simulator import CHANNELS, Device
+from tests.full import sized
 from tests.oracle import Array
 
 SURE = 4.0
@@ -242,12 +243,13 @@ def test_a_sound_session_has_no_warnings() -> None:
 
 
 def test_bad_readings_are_found_and_clean_sessions_left_alone() -> None:
-    clean = bench.inline(partial(bench.one_bad, None, 0, 1), 10)
+    sessions = sized(3, 10)
+    clean = bench.inline(partial(bench.one_bad, None, 0, 1), sessions)
     assert all(row.extras == 0 for row in clean)  # 1 % each: 1 in 10 by bad luck
-    one = bench.inline(partial(bench.one_bad, effects.BadReading, 1, 1), 10)
+    one = bench.inline(partial(bench.one_bad, effects.BadReading, 1, 1), sessions)
     assert all(row.pose == 1 for row in one)
     assert bench.error_ratio(one) < 1.05
-    sample = bench.inline(partial(bench.one_bad, effects.GrossSample, 1, 1), 10)
+    sample = bench.inline(partial(bench.one_bad, effects.GrossSample, 1, 1), sessions)
     assert all(row.pose == 1 for row in sample)
     assert bench.error_ratio(sample) < 1.05
 

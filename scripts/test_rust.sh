@@ -1,0 +1,7 @@
+#!/bin/sh
+# Tests of the core, and its documentation. Tests have the profile of the wheel, whose dependencies are
+# built already; the documentation has that of clippy, which has read them.
+set -eu
+cd "$(dirname "$0")/.."
+cargo test --workspace --all-features --release --quiet
+RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --all-features --quiet
