@@ -137,7 +137,7 @@ def result_of(mechanism: dict[str, Any], parameters: list[dict[str, Any]]) -> rs
         "verdict": "adequate",
         "fit": {"chi2": 1.0, "dof": 1, "p_value": 0.5, "rms_misclosure": 0.0},
         "parameters": [{"sd": 0.01, "unit": "", **p} for p in parameters],
-        "covariance": [[0.0] * len(parameters) for _ in parameters],
+        "covariance": (1e-4 * np.eye(len(parameters))).tolist(),
         "termination": "converged",
         "reference": {"centre": centre, "span": [[0.0, 1.0]] * len(names), "temperature": None},
     }

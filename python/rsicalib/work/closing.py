@@ -43,9 +43,9 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
         None where they do, or where that cannot be told from readings alone: of chains whose
         points are free or touch unknown places, or of terms that need more than one row.
     """
-    noise = result.noise
-    if noise is None:
-        return None
+    noise, covariance = result.noise, covariance_of(result)
+    if noise is None or (covariance is not None and not covariance.any()):
+        return None  # no parameter was determined: there is nothing that could have changed
     poses = _of_poses(readings)
     applied = as_applied(result, mechanism)
     # In the mean of `n` samples the part of the noise that all share stays whole, and an `n`-th of
@@ -59,7 +59,7 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
         mechanism,
         applied,
         thinned(poses),
-        covariance_of(result),
+        covariance,
         scale=max(1.0, scale),
         dof=noise.dof,
     )
