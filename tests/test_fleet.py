@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -446,6 +447,37 @@ def test_a_killed_worker_costs_its_partition_and_no_device(
     )
     assert killed
     assert made.verdicts == {"adequate": COUNT}
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_goes_is_told_and_the_rows_are_kept(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="no package distributed: pip install rsicalib[dask]")
+    monkeypatch.setattr(running, "PARTITION", 1)
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    command += ["--port", "0", "--host", "127.0.0.1", "--no-dashboard"]
+    scheduler = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    assert scheduler.stderr is not None
+    found = (re.search(r"Scheduler at:\s+(\S+)", line) for line in scheduler.stderr)
+    address = next(match[1] for match in found if match)
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker", address]
+    worker += ["--nworkers", "1", "--nthreads", "1", "--no-dashboard", "--death-timeout", "60"]
+    working = subprocess.Popen(worker, stderr=subprocess.DEVNULL)
+
+    def kill(_: str, done: int, total: int) -> None:
+        scheduler.kill()
+
+    try:
+        with pytest.raises(InputError, match=r"the scheduler at .* gone .* --resume"):
+            rsicalib.fleet(dataset, out=tmp_path / "out", dask=address, progress=kill)
+    finally:
+        for process in (scheduler, working):
+            process.kill()
+            process.communicate()
+    assert rsicalib.fleet(dataset, out=tmp_path / "out", resume=True).verdicts == {
+        "adequate": COUNT
+    }
 
 
 def test_an_address_where_no_scheduler_answers_is_refused(dataset: Path, tmp_path: Path) -> None:

@@ -332,7 +332,7 @@ def closing(
     dof: Any = None,
 ) -> Any:
     """How the loops close under a result in readings of shape (n, channels): misclosure, root mean
-    square in units of length, and the probability of more by chance. None where the mechanism or
+    square in units of length, what the noise makes of it, and the probability of more by chance. None where the mechanism or
     the result needs more than one row for that.
     """
 

@@ -7,6 +7,7 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 Damage = Callable[[Path], object]
 """Changes files in a folder."""
@@ -170,3 +171,43 @@ def drop(document: dict[str, object]) -> None:
     parameters = document["parameters"]
     assert isinstance(parameters, list)
     del parameters[3:10]
+
+
+def gains(document: dict[str, object]) -> None:
+    """All gains times 1000."""
+    for parameter in _parameters(document):
+        if parameter["term"] == "gain":
+            parameter["value"] *= 1000.0
+
+
+def exchanged(document: dict[str, object]) -> None:
+    """The values of two offsets exchanged."""
+    one, other = _parameters(document)[:3:2]
+    one["value"], other["value"] = other["value"], one["value"]
+
+
+def askew(document: dict[str, object]) -> None:
+    """A covariance that says of two parameters one thing here and another there."""
+    covariance = document["covariance"]
+    assert isinstance(covariance, list)
+    covariance[1][0] *= 1.5
+
+
+def short_curve(document: dict[str, object]) -> None:
+    """A curve whose first row has lost its correction."""
+    steps = document["steps"]
+    assert isinstance(steps, list)
+    del steps[0]["curve"][0][1]
+
+
+def _parameters(document: dict[str, object]) -> list[dict[str, Any]]:
+    parameters = document["parameters"]
+    assert isinstance(parameters, list)
+    return parameters
+
+
+def no_noise(document: dict[str, object]) -> None:
+    """Noise of all channels but one."""
+    noise = document["noise"]
+    assert isinstance(noise, dict)
+    del noise["sigma"]["a11"]

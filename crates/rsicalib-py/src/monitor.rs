@@ -106,7 +106,7 @@ impl PyMonitor {
 }
 
 /// How the loops close under a result in readings of shape (n, channels): misclosure, root mean
-/// square in units of length, and the probability of more by chance. None where the mechanism or
+/// square in units of length, what the noise makes of it, and the probability of more by chance. None where the mechanism or
 /// the result needs more than one row for that.
 #[pyfunction]
 #[pyo3(signature = (mechanism, applied, values, covariance=None, *, scale=1.0, dof=None))]
@@ -118,14 +118,14 @@ pub fn closing(
     covariance: Option<PyReadonlyArray2<'_, f64>>,
     scale: f64,
     dof: Option<f64>,
-) -> PyResult<Option<(f64, f64)>> {
+) -> PyResult<Option<(f64, f64, f64)>> {
     let values: Vec<f64> = values.as_array().iter().copied().collect();
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
     let applied = applied.into();
     let found =
         work(py, || closes(&mechanism.0, &applied, covariance.as_deref(), &values, scale, dof))?;
     match found {
-        Ok(found) => Ok(Some((found.rms_misclosure, found.p_value))),
+        Ok(found) => Ok(Some((found.rms_misclosure, found.expected_rms, found.p_value))),
         Err(Error::Missing { .. } | Error::Context { .. }) => Ok(None),
         Err(error) => Err(PyError::from(error).into()),
     }

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeAlias
@@ -104,14 +105,33 @@ def over_dask(
                 running[future.key] = partition
                 ready.add(future)
 
-        submit(AHEAD * threads)
+        with _connected(address):
+            submit(AHEAD * threads)
         for future in ready:
             partition = running.pop(future.key)
-            failure = future.exception()
+            with _connected(address):
+                failure = future.exception()
+                if isinstance(failure, CancelledError):
+                    raise failure
+                rows = future.result() if failure is None else {}
             if isinstance(failure, distributed.KilledWorker):
                 why = f"every worker that tried its partition died ({failure})"
                 labels = [*dict.fromkeys(partition.frame[job.by]), *partition.refused]
                 yield partition, job.refuse({label: why for label in labels})
+            elif failure is not None:
+                raise failure
             else:
-                yield partition, future.result()
-            submit(1)
+                yield partition, rows
+            with _connected(address):
+                submit(1)
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[None]:
+    """Say that the scheduler is gone, where it is."""
+    try:
+        yield
+    except (CancelledError, OSError, TimeoutError) as error:
+        found = f"the scheduler at {address} gone ({type(error).__name__})"
+        hint = "The rows so far are kept: go on with --resume."
+        raise InputError(f"--dask: found {found}, expected it until the end. {hint}") from None

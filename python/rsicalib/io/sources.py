@@ -82,6 +82,8 @@ def read_bytes(path: str | os.PathLike[str], expected: str, place: str | None = 
             return _within(sys.stdin.buffer, source)
         with open(source, "rb") as file:
             return _within(file, source)
+    except InputError:  # too much: said already
+        raise
     except FileNotFoundError:
         raise refuse("no such file", expected) from None
     except IsADirectoryError:

@@ -130,6 +130,15 @@ impl Room {
         }
     }
 
+    /// Variance of each equation: the diagonal of `S = L Lᵀ`.
+    pub(crate) fn variances(&self) -> impl Iterator<Item = Lanes> {
+        let k = self.w.len();
+        let row = move |(i, row): (usize, &[Lanes])| {
+            row[..=i].iter().fold(Lanes::ZERO, |sum, l| sum + *l * *l)
+        };
+        self.l.chunks_exact(k.max(1)).enumerate().map(row)
+    }
+
     /// Repeats (52) until the readings converge, then whitens `w` and, on request, `X`. Returns the
     /// number of repeats.
     pub(crate) fn settle(

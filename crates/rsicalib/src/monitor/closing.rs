@@ -32,6 +32,9 @@ const TOLD: f64 = 1e-3;
 pub struct Closing {
     /// Misclosure, root mean square in units of length.
     pub rms_misclosure: f64,
+    /// What the noise makes of it: a result whose sensors are all too steep, or too noisy, explains
+    /// any misclosure.
+    pub expected_rms: f64,
     /// Probability of more by chance, if the result holds.
     pub p_value: f64,
 }
@@ -58,14 +61,16 @@ pub fn closing(
     let lengths = watched.under.model.lengths();
     let used: Vec<(u64, &[f64])> =
         values.chunks_exact(mechanism.channels.len()).map(|row| (0, row)).collect();
-    let mut squares = 0.0;
+    let (mut squares, mut expected) = (0.0, 0.0);
     for block in used.chunks(WIDTH) {
         for (lane, (_, readings)) in block.iter().enumerate() {
             rows.put(lane, readings);
         }
         squares += rows.misclosure(&watched, &lengths, block.len());
+        rows.linearise(&watched, 0);
+        expected += rows.expected(&lengths, block.len());
     }
-    let rms_misclosure = (squares / (used.len() * lengths.len()).max(1) as f64).sqrt();
+    let rms = |sum: f64| (sum / (used.len() * lengths.len()).max(1) as f64).sqrt();
 
     let mut state = State::new(watched.prior.clone(), watched.uncertain, width, equations);
     let mut innovations = Vec::with_capacity(used.len());
@@ -83,7 +88,7 @@ pub fn closing(
     };
     let shifted = if rank > 0 { tail(moved, rank as f64) } else { 1.0 };
     let p_value = (2.0 * shifted.min(tail(median, equations as f64))).min(1.0);
-    Ok(Closing { rms_misclosure, p_value })
+    Ok(Closing { rms_misclosure: rms(squares), expected_rms: rms(expected), p_value })
 }
 
 /// `T` of (107) and its degrees of freedom.

@@ -217,14 +217,14 @@ fn check_fit(result: &impl Parts) -> Result<(), Refused> {
         }
         let sizes = [("chi2", fit.chi2), ("dof", fit.dof), ("rms_misclosure", fit.rms_misclosure)];
         for (name, value) in sizes {
-            if let Some(value) = value.filter(|v| !(*v >= 0.0)) {
+            if let Some(value) = value.filter(|v| *v < 0.0) {
                 let place = format!("{place}.{name}");
                 return refuse(&place, value.to_string(), "0 or more, or null");
             }
         }
     }
     let Some(noise) = result.noise() else { return Ok(()) };
-    if let Some(dof) = noise.dof.filter(|dof| !(*dof > 0.0)) {
+    if let Some(dof) = noise.dof.filter(|dof| *dof <= 0.0) {
         return refuse("noise.dof", dof.to_string(), "a number above 0, or null");
     }
     if let Some(rho) = noise.correlation.filter(|rho| !(-1.0..=1.0).contains(rho)) {
