@@ -177,12 +177,12 @@ def sentence(result: ResultShape) -> str:
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
             return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
-        left = any(reason.kind == "residual" for reason in result.reasons)
-        leave = "leave more than noise" if left else "leave no more than noise"
+        more = any(reason.kind == "residual" for reason in result.reasons)
+        leave = "leave more than noise" if more else "leave no more than noise"
         if against:
             why = f"what was found does not hold elsewhere: {reason_words(result, against[0])}"
             return f"Partly explained: {why}. {_capital(missing)} {leave} ({judged})."
-        if left:
+        if more:
             where = f"something is left{_at(result)}"
             return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
         return (
