@@ -39,6 +39,8 @@ CAUSES = """\
 | a bent shaft, an encoder's disc off its centre | `once_per_turn` |
 | a chain that was knocked in the middle of a session | `base_slip` |
 | a ball of a bar that was seated again, a clamp of a bar that gave way | `distance_slip` |
+| lower belts that are read short | `gain` at `bl+br` |
+| belts that all begin elsewhere | `offset` at `each` |
 | an instant of sampling that jitters | noise, which neighbouring rows of a recording show |
 | codes of a converter that are missing, stuck or repeated | a warning, before anything is fitted |
 

@@ -88,6 +88,8 @@ def picture(term: Mapping[str, Any]) -> str:
     """
     if term["class"] in ("sensor", "electronics", "data"):
         body = _correction(term)
+    elif term["id"].startswith("plane_"):
+        body = _plane(bent=term["id"] == "plane_bend")
     elif term["class"] == "closure":
         body = _distance(term["parameters"][0]["name"])
     else:
@@ -273,6 +275,13 @@ def _joints(
     if parameters and parameters[0][0][0] == "base_position":
         base[0] = parameters[0][2]
     return np.vstack([base, tips])
+
+
+def _plane(bent: bool) -> str:
+    """A plane from the side, and the same bent or moved."""
+    body = '<line class="old" x1="60" y1="90" x2="285" y2="90"/>'
+    path = "M60 70 Q172 120 285 70" if bent else "M60 60 L285 80"
+    return f'{body}<path class="new" d="{path}"/>'
 
 
 def _distance(parameter: str) -> str:

@@ -33,11 +33,9 @@ pub struct Mechanism {
     pub channels: Vec<Channel>,
     /// Serial chains of joints; a sled on belts has none.
     #[cfg_attr(feature = "serde", serde(rename = "chain", default))]
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub chains: Vec<Chain>,
     /// Points on the chains, points fixed in the base, and unknown points.
     #[cfg_attr(feature = "serde", serde(rename = "point", default))]
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub points: Vec<Point>,
     /// Planes that points touch.
     #[cfg_attr(feature = "serde", serde(rename = "plane", default))]

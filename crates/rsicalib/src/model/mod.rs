@@ -17,6 +17,7 @@ mod places;
 mod prior;
 mod redundant;
 mod specification;
+mod spheres;
 mod unknown_points;
 
 pub use crate::mechanism::MOST_PARAMETERS;

@@ -2,16 +2,18 @@
 
 use nalgebra::Vector3;
 
+use crate::closures::kind::Given;
 use crate::kinematics::rigid::rigid_fit;
 use crate::mechanism::Value;
-use crate::model::compiled::Model;
+use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::{End, Measured};
 use crate::model::evaluation::{Want, Workspace};
 use crate::model::numbering::{Owned, Thing};
 use crate::model::places::plane_through;
 use crate::model::prior::Prior;
-use crate::numerics::lanes::Vec3;
-use crate::readings::Readings;
+use crate::model::spheres::{Sphere, amid};
+use crate::numerics::lanes::{Lanes, Vec3};
+use crate::readings::{Block, Readings};
 
 impl Model {
     /// Number of the placement of every sample; `None` for a mechanism without unknown points.
@@ -92,11 +94,13 @@ impl Model {
         let mut touched: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); self.unknowns.len()];
         let mut pairs: Vec<[Vec<Vector3<f64>>; 2]> =
             vec![[Vec::new(), Vec::new()]; self.unknowns.len()];
+        let mut spheres: Vec<Vec<Sphere>> = vec![Vec::new(); self.unknowns.len()];
         let mut ws = Workspace::default();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: false };
             self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
             let seen = readings.columns(block);
+            self.spheres_of(meta, seen, beta, &ws, &mut spheres);
             let at = |end: &End| self.end_point(end, meta.group, seen, beta, &ws);
             let put = |into: &mut Vec<Vector3<f64>>, at: &Vec3| {
                 into.extend((0..meta.live).map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
@@ -132,6 +136,12 @@ impl Model {
                     let free = (0..3).filter(|&axis| free[axis]).map(|axis| mean[axis]);
                     own.iter_mut().zip(free).for_each(|(own, at)| *own = at);
                 }
+                Thing::Point(p) if !self.mechanism.points[p].frees().contains(&false) => {
+                    let near = self.mechanism.points[p].at.unwrap_or_default();
+                    if let Some(at) = amid(&spheres[k], near.into()) {
+                        own.copy_from_slice(at.as_slice());
+                    }
+                }
                 Thing::Plane(_) => {
                     let Some((normal, offset)) = plane_through(&planes[k]) else { continue };
                     let [lean, one, other] =
@@ -146,6 +156,40 @@ impl Model {
                 }
                 Thing::Point(_) | Thing::Frame(_) => {}
             }
+        }
+    }
+
+    /// Spheres on which unknown points are, by their known distances from known points.
+    fn spheres_of(
+        &self,
+        meta: &Block,
+        seen: &[Lanes],
+        beta: &[f64],
+        ws: &Workspace,
+        spheres: &mut [Vec<Sphere>],
+    ) {
+        let lengths = |closure: &&CompiledClosure| {
+            closure.kind.facts().given() == Given::Value && closure.equations() > 0
+        };
+        for closure in self.closures.iter().filter(lengths) {
+            let (number, other) = match closure.ends {
+                [End::Unknown(number, ..), other] | [other, End::Unknown(number, ..)] => {
+                    (number, other)
+                }
+                _ => continue,
+            };
+            if !is_known(&other) {
+                continue;
+            }
+            let at = self.end_point(&other, meta.group, seen, beta, ws);
+            let long = match (closure.channel, closure.column) {
+                (Some(channel), _) => ws.angles[channel],
+                (None, Some(column)) => seen[column],
+                (None, None) => Lanes::splat(closure.value),
+            };
+            let own = &mut spheres[self.owned[number].numbers[meta.group]];
+            let centre = |lane: usize| Vector3::from_fn(|i, _| at[i].0[lane]);
+            own.extend((0..meta.live).map(|lane| (centre(lane), long.0[lane])));
         }
     }
 
