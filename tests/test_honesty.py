@@ -518,7 +518,9 @@ def test_play_is_averaged_alike_in_the_fit_and_in_the_search() -> None:
         closure["noise"] = 0.05
     device = replace(device, drawing=replace(device.drawing, mechanism=mechanism, play=0.05))
     link = CATALOGUE["link_length"](device, rng, "scara/2")
-    readings, loaded = given(device, scene, rng, as_strong(device, scene, link, 75.0))
+    # `as_strong` counts samples as independent: here eight of them share one play.
+    strong = as_strong(device, scene, link, 8 * 75.0)
+    readings, loaded = given(device, scene, rng, strong)
     fit = rsicalib.calibrate(readings, loaded).fit
     assert fit.p_value is not None and fit.p_value < 1e-3
     found = rsicalib.trace(readings, loaded)

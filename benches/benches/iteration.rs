@@ -38,7 +38,7 @@ fn implicit_loop(bencher: Bencher, poses: usize) {
     let session = hand_controller(poses).session();
     let (model, betas) = fitted(&session);
     let part = Part { model: &model, readings: &session.readings, weights: None };
-    let noise = Noise { sigma: vec![1.0; 9], play: 1.0 };
+    let noise = Noise::declared(vec![1.0; 9]);
     linearize(bencher, &Implicit::new(vec![(part, noise)], &[]), &betas);
 }
 

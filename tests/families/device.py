@@ -306,7 +306,10 @@ def observe(device: Device, scene: Scene, rng: Rng, effects: Sequence[Effect] = 
     play = None
     if drawing.play and device.measured is None:
         equations = linkage.misclosure(device.build, scene.q, device.where(scene)).shape[1]
-        play = drawing.play * rng.standard_normal((len(scene.q), equations))
+        # One draw for each seating: all samples of a pose share it.
+        _, seating = np.unique(scene.label, return_inverse=True)
+        draws = rng.standard_normal((int(seating.max()) + 1, equations))
+        play = drawing.play * draws[seating]
     values, columns = device.ideal(scene, [e for e in effects if not e.last], play)
     values = values + drawing.sigma * rng.standard_normal(values.shape)
     for effect in effects:

@@ -211,7 +211,7 @@ fn belts(mechanism: &Mechanism, size: f64, noise: f64) -> Readings {
 }
 
 fn noise() -> Noise {
-    Noise { sigma: vec![0.4, 0.6, 0.4, 0.4], play: 1.0 }
+    Noise::declared(vec![0.4, 0.6, 0.4, 0.4])
 }
 
 /// The parameters: four coordinates of the upper anchors and one of the lower right.

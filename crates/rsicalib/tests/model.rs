@@ -321,7 +321,7 @@ fn sums_do_not_depend_on_the_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| {
-            let noise = Noise { sigma: Vec::clone(&sigma), play: 1.0 };
+            let noise = Noise::declared(Vec::clone(&sigma));
             let implicit = Implicit::new(vec![(part, noise)], &[]);
             let once = bits(&implicit.linearize(&beta));
             // Again, from where the readings now stand.

@@ -38,7 +38,13 @@ impl Case {
         let readings = device.readings();
         let (model, beta) = device.model(&readings, &instances, &values);
         let variance = DVector::from_vec(model.play()) * play;
-        Self { model, readings, beta, noise: Noise { sigma, play }, play: variance }
+        Self {
+            model,
+            readings,
+            beta,
+            noise: Noise { play, ..Noise::declared(sigma) },
+            play: variance,
+        }
     }
 
     fn part(&self) -> Part<'_> {
@@ -130,7 +136,10 @@ fn its_cost_is_the_least_noise_that_closes_the_loops() {
         // Each row in readings of its own: one sample, one block.
         let mut plain = 0.0;
         for row in 0..case.readings.samples {
-            let single = case.single(row);
+            // (67): the samples of a pose share one seating, and each has its part of what is known of it.
+            let mut single = case.single(row);
+            let own = |r: &&usize| **r == case.readings.pose[row];
+            single.play *= case.readings.pose.iter().filter(own).count() as f64;
             let raw = DVector::from_column_slice(single.readings.row(0));
             plain += single.lagrange(0, &raw);
         }
@@ -245,7 +254,7 @@ fn a_prior_is_one_more_observation() {
 
 #[test]
 fn weights_divide_the_variance_and_zero_leaves_out() {
-    let case = &cases()[2];
+    let case = &cases()[1]; // without play: that is of a seating, not of a sample
     let cost = |weights: &[f64]| {
         let part = Part { weights: Some(weights), ..case.part() };
         Implicit::new(vec![(part, case.noise.clone())], &[]).linearize(&case.beta).cost

@@ -31,7 +31,7 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[str]:
 
     Looks for a channel that never changes, a bit of a converter that never toggles,
     codes at an end of the range, a pose that moved while it was sampled, samples and
-    poses that are copies of others.
+    poses that are copies of others, repeats that no column `pose` holds together.
 
     Parameters
     ----------
@@ -52,6 +52,7 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[str]:
         *_moved_poses(readings, mechanism),
         *_stale_rows(readings),
         *_copied_poses(readings),
+        *_unlabelled_repeats(readings, mechanism),
     ]
 
 
@@ -201,6 +202,55 @@ def _copied_poses(readings: Samples) -> Iterator[str]:
                 f"repeats pose {readings.pose[first]} ({readings.line_word} "
                 f"{readings.lines[first]}) reading by reading; it looks like a copy: drop one"
             )
+
+
+def _unlabelled_repeats(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+    """Rows without `pose` that look like repeats of held poses: their noise is then not seen."""
+    if readings.held or len(readings) < 4:
+        return
+    advice = (
+        "as repeats of held poses they show the noise that everything is judged by, without the "
+        "column pose every row is a pose of its own: give it, the same number for the rows of one "
+        "pose"
+    )
+    if readings.sample is not None:
+        again = np.flatnonzero(np.diff(readings.sample) <= 0) + 1
+        if len(again):
+            yield (
+                f"sample begins again {len(again)} time{'s' * (len(again) > 1)} "
+                f"({_places(readings, again)}), and there is no column pose; {advice}"
+            )
+            return
+    starts = _jumps(readings.values, _resolution(readings.values, mechanism))
+    if len(starts):
+        yield (
+            f"the rows come in {len(starts) + 1} groups that repeat the same readings within noise "
+            f"({_places(readings, starts)} begin{'s' * (len(starts) == 1)} a new one); {advice}"
+        )
+
+
+APART = 30.0
+"""Rows that repeat differ by so many times less than poses: in motion all sizes between occur."""
+FEWEST = 5
+"""Poses that must have repeats."""
+
+
+def _jumps(values: FloatArray, resolution: FloatArray) -> IntArray:
+    """Rows at which groups of repeats begin, the first aside; empty where rows are no repeats."""
+    none: IntArray = np.empty(0, dtype=np.int64)
+    spans = np.ptp(values, axis=0)
+    moving = spans > 0.0
+    if not moving.any():
+        return none
+    steps = (np.abs(np.diff(values, axis=0))[:, moving] / spans[moving]).max(axis=1)
+    sizes = np.sort(steps)
+    floor = np.maximum(sizes, (resolution[moving] / spans[moving]).max())
+    at = int(np.argmax(floor[1:] / floor[:-1])) + 1
+    jumps = np.flatnonzero(steps >= sizes[at]) + 1
+    several = int((np.diff(np.r_[0, jumps, len(values)]) > 1).sum())
+    if floor[at] < APART * floor[at - 1] or several < FEWEST or 2 * several < len(jumps):
+        return none
+    return np.asarray(jumps)
 
 
 def _runs(labels: npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> tuple[IntArray, IntArray]:

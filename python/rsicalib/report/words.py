@@ -343,8 +343,12 @@ def advice(result: ResultShape) -> list[str]:
         out.append("Find what is missing: rsicalib trace, with the same files.")
     out += list(dict.fromkeys(ADVICE[reason.kind] for reason in against))
     if result.verdict == "unjudged" and result.method != "fixture":
+        seated = result.noise is not None and "seatings" in result.noise.source
         out.append(
-            "To judge the fit, hold each pose for a few samples (the same number in column "
+            "To judge the fit, declare how well what is touched holds its place: `noise` of the "
+            "closure in the mechanism file."
+            if seated
+            else "To judge the fit, hold each pose for a few samples (the same number in column "
             "`pose`), or declare the noise with --noise."
         )
     if isinstance(result, TraceShape) and result.verdict != "implausible":

@@ -28,7 +28,7 @@ pub type Poses = Option<Vec<(usize, [f64; 6])>>;
 pub fn platform(observations: &Observations, model: &Model, beta: &[f64], noise: &Noise) -> Poses {
     let stride = observations.readings.blocks().len().div_ceil(LOOKS);
     (!observations.mechanism.platform.is_empty())
-        .then(|| some_poses(model, &observations.readings, beta, &noise.sigma, noise.play, stride))
+        .then(|| some_poses(model, &observations.readings, beta, noise, stride))
 }
 
 /// How the platform moves with the parameters of a model, to first order.

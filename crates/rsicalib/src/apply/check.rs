@@ -4,10 +4,11 @@ use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
 use crate::apply::accuracy::{Expected, predicted};
+use crate::apply::known::rows_of_known;
 use crate::apply::poses::platform_poses;
 use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
-use crate::readings::{Table, average, runs_of_poses};
+use crate::readings::{Table, average};
 
 /// Error of the platform pose: root mean square over components, as in Table VI.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +50,8 @@ pub fn check(
     Ok(Check { predicted: finite.then_some(judged), ..found })
 }
 
-/// Error of the poses that `found` gives for the mean readings of each known pose.
+/// Error of the poses that `found` gives for the mean readings of each known pose; where the known
+/// pose differs from sample to sample, each sample is compared with its own.
 ///
 /// # Errors
 ///
@@ -65,15 +67,15 @@ pub fn compare(
     if known.len() != rows {
         return Err(Error::Shape { what: "poses".into(), found: known.len(), expected: rows });
     }
-    let poses = runs_of_poses(table, channels);
-    let averaged = average(table, channels, &poses);
-    let pairs: Vec<([f64; 6], [f64; 6])> = poses
-        .iter()
-        .zip(found(averaged)?)
-        .map(|(rows, pose)| (known[rows.start], pose))
-        .filter(|(known, _)| known.iter().all(|v| v.is_finite()))
-        .collect();
-    Ok(error_of(&pairs, align))
+    let runs = rows_of_known(table, channels, known);
+    let parts = runs.concat();
+    if parts.is_empty() {
+        return Ok(error_of(&[], align));
+    }
+    let poses = found(average(table, channels, &parts))?;
+    let pairs: Vec<_> =
+        parts.iter().zip(poses).map(|(rows, pose)| (known[rows.start], pose)).collect();
+    Ok(Check { poses: runs.len(), ..error_of(&pairs, align) })
 }
 
 /// Root mean square difference of pairs of poses, known first.

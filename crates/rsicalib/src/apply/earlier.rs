@@ -5,6 +5,7 @@
 
 use crate::apply::check::{Check, compare};
 use crate::apply::poses::poses_of;
+use crate::estimate::Noise;
 use crate::mechanism::{Closure, Mechanism, Point, Target};
 use crate::model::{Instance, Model, Spec, Want, Workspace, instances_of, is_unknown_thing};
 use crate::readings::{Readings, Table};
@@ -317,7 +318,8 @@ impl Under {
 
     /// Platform pose of every row where the result has these values.
     pub(crate) fn poses(&self, values: &[f64], sigma: &[f64]) -> Vec<[f64; 6]> {
-        poses_of(&self.model, &self.readings, &self.internal(values), sigma, 1.0)
+        let noise = Noise::declared(sigma.to_vec());
+        poses_of(&self.model, &self.readings, &self.internal(values), &noise)
     }
 
     /// Place of every carried point in every row where the result has these values.

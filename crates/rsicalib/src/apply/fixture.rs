@@ -8,9 +8,10 @@
 //! ```
 
 use crate::Error;
+use crate::apply::known::rows_of_known;
 use crate::mechanism::Mechanism;
 use crate::model::assembly;
-use crate::readings::{Readings, Table, average, runs_of_poses};
+use crate::readings::{Readings, Table};
 
 /// Offset and gain of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +30,8 @@ pub struct Line {
 /// The lines of all channels, and how many poses they rest on.
 ///
 /// `known` holds a pose for each row, NaN where it is not known; the samples of
-/// a pose count as their mean, for its placement is one and the same error.
+/// a pose count as their mean, for its placement is one and the same error. Where the known pose differs
+/// from sample to sample, so do its joint angles.
 ///
 /// # Errors
 ///
@@ -50,16 +52,19 @@ pub fn fixture(
             expected: readings.samples,
         });
     }
-    let runs = runs_of_poses(table, channels);
-    let means = average(table, channels, &runs);
     let mut angles = Vec::new();
     let mut values = Vec::new();
-    for (pose, rows) in runs.iter().enumerate() {
-        if known[rows.start].iter().all(|v| v.is_finite()) {
+    for parts in rows_of_known(table, channels, known) {
+        let count = parts.iter().map(|rows| rows.len() as f64).sum::<f64>();
+        let (mut angle, mut value) = (vec![0.0; channels], vec![0.0; channels]);
+        for rows in parts {
             let found = assembly::inverse(mechanism, &known[rows.start]);
-            angles.push(found.map_err(|error| at(error, rows.start))?);
-            values.push(&means.values[pose * channels..(pose + 1) * channels]);
+            let share = rows.len() as f64 / count;
+            add(&mut angle, share, &found.map_err(|error| at(error, rows.start))?);
+            rows.for_each(|row| add(&mut value, 1.0 / count, readings.row(row)));
         }
+        angles.push(angle);
+        values.push(value);
     }
     let poses = angles.len();
     let few = Error::TooFew { parameters: 2 * channels, equations: poses * channels, poses };
@@ -70,6 +75,11 @@ pub fn fixture(
     };
     let lines: Option<Vec<Line>> = (0..channels).map(column).collect();
     Ok((lines.ok_or(few)?, poses))
+}
+
+/// `sum += share · values`
+fn add(sum: &mut [f64], share: f64, values: &[f64]) {
+    sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
 }
 
 fn at(error: Error, row: usize) -> Error {

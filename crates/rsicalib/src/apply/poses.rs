@@ -35,7 +35,7 @@ pub fn platform_poses(
     }
     let readings = Readings::beside(mechanism, table, &observations.readings)?;
     let model = Model::like(&fit.model, mechanism, &readings)?;
-    Ok(poses_of(&model, &readings, beta, &fit.noise.sigma, fit.noise.play))
+    Ok(poses_of(&model, &readings, beta, &fit.noise.of_one_reading()))
 }
 
 /// Poses, and the standard deviations of their components.
@@ -103,15 +103,9 @@ fn apart(a: &[[f64; 6]], b: &[[f64; 6]]) -> Vec<[f64; 6]> {
 
 /// Platform poses of readings that a model already knows.
 #[must_use]
-pub fn poses_of(
-    model: &Model,
-    readings: &Readings,
-    beta: &[f64],
-    sigma: &[f64],
-    play: f64,
-) -> Vec<[f64; 6]> {
+pub fn poses_of(model: &Model, readings: &Readings, beta: &[f64], noise: &Noise) -> Vec<[f64; 6]> {
     let mut poses = vec![[f64::NAN; 6]; readings.samples];
-    for (row, pose) in some_poses(model, readings, beta, sigma, play, 1) {
+    for (row, pose) in some_poses(model, readings, beta, noise, 1) {
         poses[row] = pose;
     }
     poses
@@ -123,15 +117,13 @@ pub fn some_poses(
     model: &Model,
     readings: &Readings,
     beta: &[f64],
-    sigma: &[f64],
-    play: f64,
+    noise: &Noise,
     stride: usize,
 ) -> Vec<(usize, [f64; 6])> {
-    let noise = Noise { sigma: sigma.to_vec(), play };
     let mut poses = Vec::with_capacity(readings.samples / stride + 1);
     let mut ws = Workspace::default();
     let platform = Platform::of(&model.mechanism);
-    for (block, a) in settled_blocks(model, readings, beta, &noise, stride) {
+    for (block, a) in settled_blocks(model, readings, beta, noise, stride) {
         model.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
         let points = model.points(&ws);
         let meta = &readings.blocks()[block];

@@ -46,7 +46,7 @@ pub(crate) fn platform_slopes(
     let held = Held::new(model, readings, &platform.points)?;
     let (mut ws, mut points) = (Workspace::default(), Workspace::default());
     let want = Want { x: true, a: true };
-    let play: Vec<f64> = model.play().iter().map(|p| p * noise.play).collect();
+    let play = noise.of_closures(model).whole();
     let mut slopes = Vec::new();
     for (block, a) in settled_blocks(model, readings, beta, noise, stride) {
         model.evaluate(readings, block, &a, beta, want, &mut ws);

@@ -751,7 +751,7 @@ fn slopes(
     let platform = !judged.poses.is_empty();
     let place = |beta: &[f64]| -> Vec<[f64; 6]> {
         match platform {
-            true => poses_of(&model, &readings, beta, &at.noise.sigma, at.noise.play),
+            true => poses_of(&model, &readings, beta, &at.noise),
             false => carried(&model, &readings, beta),
         }
     };

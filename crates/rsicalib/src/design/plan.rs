@@ -12,6 +12,7 @@ use crate::design::information::{Bound, Candidates};
 use crate::design::moments::{moments_of, slopes_of};
 use crate::design::reach::readings_at;
 use crate::design::within_limits::within_limits;
+use crate::estimate::Noise;
 use crate::mechanism::Mechanism;
 use crate::model::{Model, parse};
 use crate::numerics::random::Random;
@@ -258,7 +259,8 @@ fn by_limits(
     let terms = ["offset".to_string(), "gain".to_string()];
     let instances = parse(&calibrated, &readings, &terms)?;
     let model = Model::uncentred(&calibrated, &readings, instances)?;
-    let poses = poses_of(&model, &readings, &model.nominal(), &sigma(mechanism, 1.0), 1.0);
+    let noise = Noise::declared(sigma(mechanism, 1.0));
+    let poses = poses_of(&model, &readings, &model.nominal(), &noise);
     let rows = readings.table.values.chunks_exact(mechanism.channels.len());
     let whole = poses.into_iter().zip(rows).filter(|(pose, _)| pose.iter().all(|v| v.is_finite()));
     Ok(whole.map(|(pose, row)| (pose, row.to_vec())).unzip())
@@ -322,8 +324,8 @@ fn platform_weight(
     let model = Model::uncentred(&calibrated, &readings, instances)?;
     let steps: Vec<f64> = told.scale.iter().map(|scale| 1e-5 / scale).collect();
     let columns: Vec<usize> = (0..2 * channels).collect();
-    let sigma = sigma(mechanism, 1.0);
-    let place = |beta: &[f64]| poses_of(&model, &readings, beta, &sigma, 1.0);
+    let noise = Noise::declared(sigma(mechanism, 1.0));
+    let place = |beta: &[f64]| poses_of(&model, &readings, beta, &noise);
     let steps: Vec<(usize, f64)> = steps.into_iter().enumerate().collect();
     let slopes = slopes_of(&model.nominal(), &steps, place);
     let moments = moments_of(&slopes, &columns, 2 * channels);

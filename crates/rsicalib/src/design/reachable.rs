@@ -281,7 +281,7 @@ fn by_closing(
         Vec::new()
     } else {
         let (model, beta) = under(&readings)?;
-        poses_of(&model, &readings, &beta, &at.noise.sigma, at.noise.play)
+        poses_of(&model, &readings, &beta, &at.noise)
     };
     let found = Reachable {
         poses,

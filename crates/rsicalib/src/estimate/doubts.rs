@@ -45,7 +45,8 @@ pub(crate) fn of_noise(
     let mut found = Vec::new();
     let least = observations.least_noise();
     for (channel, (least, sigma)) in least.iter().zip(&noise.sigma).enumerate() {
-        let share = least * least / (sigma * sigma);
+        // Where play rules what is left, rounding matters less.
+        let share = least * least / (sigma * sigma) * noise.share;
         if share > COARSE {
             let step = observations.steps[channel];
             found.push(Suspicion::Coarse { channel, step, share: share.min(1.0) });

@@ -1,5 +1,7 @@
 //! The fit: estimates, covariance, lack of fit, and the reason for the end.
 
+use std::borrow::Cow;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use faer::Mat;
@@ -11,13 +13,14 @@ use crate::estimate::conventions::without_conventions;
 use crate::estimate::degrees;
 use crate::estimate::doubts;
 use crate::estimate::implicit::Implicit;
-use crate::estimate::noise::channels;
 use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
+use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::{
-    Declared, LEAST_DOF, NoiseEstimate, Rounded, Source, check_declared, declared_rounded,
-    estimate_noise, first_noise, presumed, rounded, told_apart,
+    LEAST_DOF, NoiseEstimate, Rounded, Source, check_declared, declared_rounded, estimate_noise,
+    first_noise, presumed, rounded, told_apart,
 };
+use crate::estimate::noise::{channels, open};
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
@@ -27,6 +30,7 @@ use crate::estimate::sized::sized;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Start, Try};
 use crate::estimate::{search, start};
+use crate::kinematics::elements::Way;
 use crate::model::{Instance, Model, Prior};
 use crate::numerics::distributions;
 use crate::numerics::lanes::Lanes;
@@ -34,6 +38,7 @@ use crate::numerics::linearization::Problem;
 use crate::numerics::lm::{self, Termination};
 use crate::numerics::symmetric::{invert, nowhere};
 use crate::readings::Readings;
+use crate::terms::term::Role;
 
 /// A fitted model.
 #[derive(Debug, Clone)]
@@ -116,7 +121,13 @@ pub fn fit(
         },
         None => begin(observations, &model, &guess),
     };
-    solve(observations, model, priors, start, guess)
+    if observations.is_long() || observations.options.settled {
+        return solve(observations, model, priors, start, guess);
+    }
+    open::fit_with_seatings(observations, &model, &start, |observations, start| {
+        let noise = first_noise(observations, from.map(Fit::assumed));
+        solve(observations, model.clone(), priors.clone(), start, noise)
+    })
 }
 
 /// Parameters of an earlier fit for a new model; zero for parameters that the fit does not have.
@@ -155,11 +166,11 @@ const ROUNDS: usize = 4;
 /// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
 const ENOUGH: f64 = 1e-5;
 
-/// True for two noises that differ by a common factor only, to 1 %.
+/// True for two noises of readings that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
     let scale = a.sigma[0] / b.sigma[0];
     let same = |x: f64, y: f64| (x - scale * y).abs() <= 0.01 * x.abs();
-    a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y)) && same(a.play.sqrt(), b.play.sqrt())
+    a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y))
 }
 
 /// True for two noises that are proportional and differ by no factor, to 1 %.
@@ -192,16 +203,15 @@ fn solve(
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
     let ptol = if settled { ENOUGH } else { observations.options.lm.ptol };
     let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
-    let mut declared = (observations.options.noise.is_some()
-        || observations.mechanism.channels.iter().all(|c| c.noise.is_some()))
-    .then_some(0.0);
+    let mut declared = observations.options.noise.is_some()
+        || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
     let mut warnings: Vec<Suspicion> =
         start.warnings.iter().filter(|w| w.of_wiring()).cloned().collect();
     if !settled {
         warnings.extend(doubts::of_readings(observations));
         warnings.extend(doubts::of_closures(&model));
     }
-    if declared.is_some() {
+    if declared {
         // Beside an earlier fit, whose noise may not be what is declared.
         noise = first_noise(observations, None);
     }
@@ -210,7 +220,7 @@ fn solve(
         false => Rounding::of(&groups, observations, &presumed(observations)),
     };
     let mut with_rounding = None;
-    if let (Some(rounding), Some(_)) = (&rounding, declared) {
+    if let (Some(rounding), true) = (&rounding, declared) {
         let declared = declared_rounded(observations, rounding);
         noise = declared.weighed.clone();
         with_rounding = Some(declared);
@@ -238,6 +248,7 @@ fn solve(
             }
         };
         progress.goes_on()?;
+        let outcome = unwound(&problem, &model, outcome, &lm);
         let mut outcome = undrifted(&problem, outcome, &start.beta, &lm);
         beta.clone_from(&outcome.x);
         let problem = problem.precise();
@@ -245,22 +256,26 @@ fn solve(
             // Scores subtract what the fit absorbs: its Gram matrix is that of settled readings.
             outcome.linearization = problem.linearize(&beta);
         }
-        let residuals = problem.residuals_keeping(&beta, false, kept.as_deref());
+        let measured = noise.measured_lengths(&model);
+        let residuals = match measured.is_empty() || settled {
+            true => problem.residuals_keeping(&beta, false, kept.as_deref()),
+            false => problem.residuals_by_closure(&beta),
+        };
         adjusted = Some(problem.into_adjusted());
-        if declared.is_some() && round == 0 && !settled {
+        let within = match settled || !observations.readings.held {
+            true => Cow::Borrowed(&residuals),
+            false => contrasts(&groups, &residuals, (&noise.sigma, &measured)),
+        };
+        if declared && round == 0 && !settled {
             let rounding = rounding.as_ref();
-            match check_declared(observations, &groups, &residuals, &noise, rounding, beta.len()) {
-                Declared::Right => {}
-                Declared::Lasting(share) => declared = Some(share),
-                Declared::Wrong(factor, by) => {
-                    declared = None;
-                    let play = model.play().iter().any(|p| *p > 0.0);
-                    warnings.push(Suspicion::Noise { by, factor, play });
-                }
+            let wrong = check_declared(observations, &groups, &within, &noise, rounding);
+            if let Some((factor, by)) = wrong {
+                declared = false;
+                warnings.push(Suspicion::Noise { by, factor, play: within.play });
             }
         }
-        if declared.is_none() && round + 1 < ROUNDS {
-            let of_steps = |rounding| rounded(observations, &groups, &residuals, &noise, rounding);
+        if !declared && round + 1 < ROUNDS {
+            let of_steps = |rounding| rounded(observations, &groups, &within, &noise, rounding);
             with_rounding = rounding.as_ref().and_then(of_steps);
             let (wanted, count, reached) = match &with_rounding {
                 Some(Rounded { weighed, apart, .. }) => {
@@ -268,7 +283,7 @@ fn solve(
                     (weighed.clone(), *apart, reached)
                 }
                 None => {
-                    let (wanted, count) = told_apart(observations, &groups, &residuals, &noise);
+                    let (wanted, count) = told_apart(observations, &groups, &within, &noise);
                     let reached = proportional(&wanted, &noise);
                     (wanted, count, reached)
                 }
@@ -284,6 +299,7 @@ fn solve(
             observations,
             &groups,
             &residuals,
+            &within,
             &noise,
             rounded,
             declared,
@@ -291,12 +307,15 @@ fn solve(
         );
         let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
         let scale = estimate.weighed[0] / noise.sigma[0];
-        answer = Some((outcome, residuals, estimate.clone(), scale));
-        let sensitive = !priors.is_empty() || held.is_some();
-        if (scale - 1.0).abs() < 1e-3 || !sensitive {
+        let same_play = (estimate.weighed_play / noise.play - 1.0).abs() < 1e-3;
+        let played = residuals.play;
+        // Readings alone have a scale: where there is play, the noise is as it was assumed.
+        answer = Some((outcome, residuals, estimate.clone(), if played { 1.0 } else { scale }));
+        let sensitive = !priors.is_empty() || held.is_some() || played;
+        if (scale - 1.0).abs() < 1e-3 && (same_play || !played) || !sensitive {
             break;
         }
-        noise = Noise { sigma: estimate.weighed, play: estimate.play };
+        noise = Noise { sigma: estimate.weighed, play: estimate.weighed_play, ..noise };
     }
     let Some((outcome, residuals, noise, scale)) = answer else {
         return Err(Error::Empty("no fit".into()));
@@ -323,6 +342,27 @@ fn solve(
         }
     }
     Ok(fit)
+}
+
+/// The same minimum with offsets of joints that turn within half a turn of the drawing, where whole
+/// turns change nothing.
+fn unwound(
+    problem: &Implicit,
+    model: &Model,
+    outcome: lm::Outcome,
+    options: &lm::SolverOptions,
+) -> lm::Outcome {
+    let mut back = outcome.x.clone();
+    for (way, channel) in model.joints() {
+        if let (Way::Turn, Some(offset)) = (way, model.column(Role::Offset, channel)) {
+            back[offset] -= TAU * (back[offset] / TAU).round();
+        }
+    }
+    if back == outcome.x {
+        return outcome;
+    }
+    let there = lm::minimize(problem, &back, options);
+    if there.cost <= outcome.cost * (1.0 + 1e-6) { there } else { outcome }
 }
 
 /// The same minimum with what nothing determines where it was at the start: a direction along
@@ -386,8 +426,8 @@ fn conclude(
         within = scatter.dof;
         dof -= within;
     }
-    let p_value = (noise.source.independent() && dof >= 1.0)
-        .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof));
+    let p_value = (noise.judges() && dof >= 1.0)
+        .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
 
     // A residual above the noise has moved the estimates, too.
     let left =
@@ -436,7 +476,8 @@ impl Fit {
     /// The noise, as an assumption of a further fit.
     #[must_use]
     pub fn assumed(&self) -> Noise {
-        Noise { sigma: self.noise.weighed.clone(), play: self.noise.play }
+        let NoiseEstimate { weighed, weighed_play, seating, measured, .. } = self.noise.clone();
+        Noise { sigma: weighed, play: weighed_play, seating, measured }
     }
 
     /// These readings as the fit has settled them; none where it is no fit of a search, or of others.

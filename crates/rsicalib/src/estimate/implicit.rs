@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use crate::estimate::noise::seating::Seatings;
 use crate::estimate::objective::{Noise, Part, add_priors};
 use crate::estimate::residuals::{Residuals, Sizes};
 use crate::estimate::settle::Room;
@@ -15,6 +16,8 @@ use crate::numerics::workers::lock;
 #[derive(Debug)]
 pub struct Implicit<'a> {
     parts: Vec<(Part<'a>, Noise)>,
+    /// The seatings of every part.
+    seatings: Vec<Seatings>,
     priors: &'a [Prior],
     /// `â` of every part, the start of the next linearisation; empty before the first.
     adjusted: Mutex<Vec<Vec<Lanes>>>,
@@ -36,7 +39,8 @@ impl<'a> Implicit<'a> {
     #[must_use]
     pub fn new(parts: Vec<(Part<'a>, Noise)>, priors: &'a [Prior]) -> Self {
         let adjusted = Mutex::new(vec![Vec::new(); parts.len()]);
-        Self { parts, priors, adjusted, coarse: false, slack: &[] }
+        let seatings = parts.iter().map(|(part, noise)| Seatings::of(part, noise)).collect();
+        Self { parts, seatings, priors, adjusted, coarse: false, slack: &[] }
     }
 
     /// The same, with `â` of the first part from earlier to start at.
@@ -98,11 +102,24 @@ impl<'a> Implicit<'a> {
         by_parameter: bool,
         kept: Option<&[usize]>,
     ) -> Residuals {
+        let (part, _) = &self.parts[0];
+        let sizes = Sizes::of(part.model, part.readings.channels, by_parameter);
+        self.gather(x, &sizes, kept)
+    }
+
+    /// Residuals with all that a variance of closures needs, [`Residuals::by_closure`].
+    #[must_use]
+    pub(crate) fn residuals_by_closure(&self, x: &[f64]) -> Residuals {
+        let (part, _) = &self.parts[0];
+        let sizes = Sizes::of(part.model, part.readings.channels, true).with_closures();
+        self.gather(x, &sizes, None)
+    }
+
+    fn gather(&self, x: &[f64], sizes: &Sizes, kept: Option<&[usize]>) -> Residuals {
         let (part, noise) = &self.parts[0];
         let (model, readings) = (part.model, part.readings);
         let channels = part.stride();
-        let sizes = Sizes::of(model, readings.channels, by_parameter);
-        let mut out = Residuals::zero(&sizes, readings.samples, kept);
+        let mut out = Residuals::zero(sizes, readings.samples, kept);
         let mut adjusted = self.adjusted();
         // So many blocks at a time: their residuals stand beside those of all rows until they are
         // put in their places.
@@ -110,16 +127,17 @@ impl<'a> Implicit<'a> {
             let one = |first: usize, chunk: &mut [Lanes]| {
                 let blocks = chunk.len() / channels;
                 let mut room = Room::new(model, noise);
-                let mut here = Residuals::zero(&sizes, blocks * WIDTH, None);
+                let mut here = Residuals::zero(sizes, blocks * WIDTH, None);
                 for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                     let block = wave * WAVE + first + i;
-                    here.take(part, &mut room, &sizes, i, block, x, a_hat);
+                    room.seat(self.seatings[0].of_block(readings, block));
+                    here.take(part, &mut room, sizes, i, block, x, a_hat);
                 }
                 vec![(wave * WAVE + first, here)]
             };
             let parts = over_chunks(some, channels, one, Vec::extend).unwrap_or_default();
             for (first, here) in parts {
-                out.place(&here, &sizes, &readings.blocks()[first..]);
+                out.place(&here, sizes, &readings.blocks()[first..]);
             }
         }
         out
@@ -188,6 +206,7 @@ impl Implicit<'_> {
             for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(channels)) {
                 let meta = &part.readings.blocks()[block];
                 if meta.rows[..meta.live].iter().any(|&row| counts(row)) {
+                    room.seat(self.seatings[0].of_block(part.readings, block));
                     room.settle(part, block, x, a_hat, false);
                     visit(&mut found, block, &mut room);
                 }
@@ -222,6 +241,9 @@ impl Implicit<'_> {
                     let mut room = Room::new(part.model, noise);
                     let mut sums = zero();
                     for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(part.stride())) {
+                        let seated = self.seatings[0].of_block(readings, block);
+                        settling.seat(seated);
+                        room.seat(seated);
                         settling.settle(&own, block, beta, a_hat, false);
                         room.linearise(part, block, readings.raw(block), x, a_hat, 0);
                         room.weigh(part.weight(block));
@@ -244,7 +266,8 @@ impl Problem for Implicit<'_> {
     fn linearize(&self, x: &[f64]) -> Linearization {
         let mut total = Total::new(self.parameters());
         let mut adjusted = self.adjusted();
-        for ((part, noise), adjusted) in self.parts.iter().zip(adjusted.iter_mut()) {
+        let parts = self.parts.iter().zip(&self.seatings);
+        for (((part, noise), seatings), adjusted) in parts.zip(adjusted.iter_mut()) {
             let (model, readings, channels) = (part.model, part.readings, part.stride());
             let one = |first: usize, chunk: &mut [Lanes]| {
                 dispatch(
@@ -258,6 +281,7 @@ impl Problem for Implicit<'_> {
                         let mut sums = NormalEquations::new(model.term_parameters, model.width());
                         for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                             let block = first + i;
+                            room.seat(seatings.of_block(readings, block));
                             room.settle(part, block, x, a_hat, true);
                             room.weigh(part.weight(block));
                             let group = readings.blocks()[block].group;

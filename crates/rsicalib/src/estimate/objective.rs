@@ -109,8 +109,69 @@ impl Part<'_> {
 pub struct Noise {
     /// Standard deviation of one reading of each channel, in its unit.
     pub sigma: Vec<f64>,
-    /// Factor on Π, the variance of the play that the mechanism declares.
+    /// Factor on Π, the variance of the play.
     pub play: f64,
+    /// Variance of the seating of each closure of the model that declares none, length units squared;
+    /// empty where all of these are exact.
+    pub seating: Vec<f64>,
+    /// Of each closure of the model, the factor on its noise where that is drawn anew for each sample,
+    /// as of a length that is measured in each; zero where it is of the seating. Empty: of none.
+    pub measured: Vec<f64>,
+}
+
+/// Variance of each equation by the closures themselves, in units of `f²`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Play {
+    /// Π: one draw for each seating.
+    pub of_seating: Vec<f64>,
+    /// One draw for each sample.
+    pub of_sample: Vec<f64>,
+}
+
+impl Play {
+    /// Of one sample.
+    #[must_use]
+    pub fn whole(&self) -> Vec<f64> {
+        self.of_seating.iter().zip(&self.of_sample).map(|(a, b)| a + b).collect()
+    }
+}
+
+impl Noise {
+    /// Noise of the readings beside closures as they are declared.
+    #[must_use]
+    pub fn declared(sigma: Vec<f64>) -> Self {
+        Self { sigma, play: 1.0, seating: Vec::new(), measured: Vec::new() }
+    }
+
+    /// Variance of each equation that is drawn for each sample, length units squared; empty where none
+    /// is.
+    pub(crate) fn measured_lengths(&self, model: &Model) -> Vec<f64> {
+        if model.pose_unknowns() > 0 || self.measured.iter().all(|factor| *factor == 0.0) {
+            return Vec::new();
+        }
+        let play = self.of_closures(model).of_sample;
+        play.iter().zip(model.lengths()).map(|(f, length)| f * length * length).collect()
+    }
+
+    /// Variance of each equation of a model by its closures.
+    #[must_use]
+    pub fn of_closures(&self, model: &Model) -> Play {
+        let mut of_seating = model.play();
+        let mut of_sample = vec![0.0; of_seating.len()];
+        let lengths = model.lengths();
+        for (k, equations) in model.equations_by_closure().enumerate() {
+            let seating = self.seating.get(k).copied().unwrap_or(0.0);
+            let measured = self.measured.get(k).copied().unwrap_or(0.0);
+            for e in equations {
+                let variance = of_seating[e] + seating / lengths[e].powi(2);
+                (of_seating[e], of_sample[e]) = match measured > 0.0 {
+                    true => (0.0, self.play * measured * variance),
+                    false => (self.play * variance, 0.0),
+                };
+            }
+        }
+        Play { of_seating, of_sample }
+    }
 }
 
 /// Adds the priors as observations, and then finds the islands of the unknown points.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::estimate::options::FitOptions;
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, Value};
 use crate::model::{Instance, Model, assembly, check_names};
 use crate::readings::{Readings, Table, codes};
 
@@ -190,6 +190,30 @@ impl Observations {
     pub fn least_noise(&self) -> Vec<f64> {
         let own = |(c, variance): (usize, f64)| if self.coded(c) { variance.sqrt() } else { 0.0 };
         self.roundings().enumerate().map(own).collect()
+    }
+
+    /// Factor on the noise of each closure of a sample that every sample draws for itself: 1 where its
+    /// length is measured and differs within held poses; empty where none is.
+    #[must_use]
+    pub fn measured(&self) -> Vec<f64> {
+        let (mechanism, readings) = (&self.mechanism, &self.readings);
+        let columns = mechanism.value_columns();
+        let closures = || mechanism.closures.iter().filter(|c| !mechanism.is_link(c));
+        if !readings.held || columns.is_empty() {
+            return Vec::new();
+        }
+        let differs = |column: &[f64]| {
+            (1..readings.samples)
+                .any(|r| readings.pose[r] == readings.pose[r - 1] && column[r] != column[r - 1])
+        };
+        let of = |value: &Option<Value>| match value {
+            Some(Value::Column(name)) => {
+                let column = columns.iter().position(|column| column == name);
+                column.is_some_and(|column| differs(&readings.table.columns[column]))
+            }
+            _ => false,
+        };
+        closures().map(|closure| f64::from(u8::from(of(&closure.value)))).collect()
     }
 
     /// The instances of the terms in the options, or else of those in the mechanism.

@@ -27,6 +27,12 @@ pub struct FitOptions {
     pub noise: Option<Vec<f64>>,
     /// Multiplies the variance of the play that the mechanism declares.
     pub play: f64,
+    /// Variance of the seating of each closure of a sample that declares none, as an earlier fit has
+    /// found it, length units squared; empty where these are exact.
+    pub seating: Vec<f64>,
+    /// Closures whose noise is drawn for each sample, [`Noise::measured`](crate::Noise::measured); `None`:
+    /// as the readings show it.
+    pub measured: Option<Vec<f64>>,
     /// True where the noise is from an earlier fit of these readings, which has judged what
     /// was declared: nothing questions it again.
     pub settled: bool,
@@ -48,6 +54,8 @@ impl Default for FitOptions {
             method: Method::default(),
             noise: None,
             play: 1.0,
+            seating: Vec::new(),
+            measured: None,
             settled: false,
             starts: 40,
             good_start: 50.0,

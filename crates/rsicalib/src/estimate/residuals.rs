@@ -21,9 +21,19 @@ pub struct Residuals {
     /// Share of the variance of `whitened` that is from the readings, play aside, by the noise that
     /// whitens it.
     pub readings_share: f64,
+    /// Sum of the squares of the weights of all equations, of which that is a share.
+    weights: f64,
+    /// True where play is part of the noise that whitens it.
+    pub play: bool,
+    /// Number of directions in which each sample's residual is told, the first of its equations; empty
+    /// where it is told in all.
+    pub directions: Vec<usize>,
     /// `L⁻¹ X`, sample by sample, equation by equation, one entry per parameter; empty unless
     /// requested.
     pub by_parameter: Vec<f64>,
+    /// `L⁻¹ ∂f/∂x` by a length that each equation errs by, sample by sample, equation by equation;
+    /// without weights, and empty unless requested.
+    pub by_closure: Vec<f64>,
     /// Largest number of repeats of (52) in any block; 20, the maximum, where (52) did not converge.
     pub inner: usize,
 }
@@ -33,14 +43,20 @@ pub(super) struct Sizes {
     equations: usize,
     by_reading: usize,
     by_parameter: usize,
+    by_closure: usize,
 }
 
 impl Sizes {
+    /// With what closures do, too.
+    pub(super) fn with_closures(self) -> Self {
+        Self { by_closure: self.equations * self.equations, ..self }
+    }
+
     pub(super) fn of(model: &Model, channels: usize, by_parameter: bool) -> Self {
         let equations = model.equations();
         let parameters = if by_parameter { model.parameters } else { 0 };
         let (by_reading, by_parameter) = (equations * channels, equations * parameters);
-        Self { equations, by_reading, by_parameter }
+        Self { equations, by_reading, by_parameter, by_closure: 0 }
     }
 }
 
@@ -54,9 +70,19 @@ impl Residuals {
             by_reading: vec![0.0; with_readings * sizes.by_reading],
             kept: kept.map(<[usize]>::to_vec),
             readings_share: 0.0,
+            weights: 0.0,
+            play: false,
+            directions: Vec::new(),
             by_parameter: vec![0.0; samples * sizes.by_parameter],
+            by_closure: vec![0.0; samples * sizes.by_closure],
             inner: 0,
         }
+    }
+
+    /// Number of directions in which a sample's residual is told.
+    #[must_use]
+    pub fn directions_of(&self, row: usize) -> usize {
+        self.directions.get(row).copied().unwrap_or(self.equations)
     }
 
     /// Place of a sample among those whose `by_reading` is kept.
@@ -91,11 +117,23 @@ impl Residuals {
         let weight = part.weight(block);
         self.inner = self.inner.max(room.settle(part, block, x, a_hat, by_parameter));
         room.whiten_readings();
-        self.readings_share += room.variance_of_readings(weight, meta.live);
+        if sizes.by_closure > 0 {
+            room.whiten_closures();
+        }
+        self.play |= room.plays();
+        let weights = k as f64 * (weight * weight).0[..meta.live].iter().sum::<f64>();
+        self.weights += weights;
+        if self.weights > 0.0 {
+            let own = room.variance_of_readings(weight, meta.live) - weights * self.readings_share;
+            self.readings_share += own / self.weights;
+        }
         for (sample, lane) in (i * WIDTH..).zip(0..meta.live) {
             let weight = weight.0[lane];
             for e in 0..k {
                 self.whitened[sample * k + e] = room.w[e].0[lane] * weight;
+            }
+            for (j, value) in room.by_closure.iter().enumerate().take(sizes.by_closure) {
+                self.by_closure[sample * sizes.by_closure + j] = value.0[lane];
             }
             for (j, value) in room.ws.a.iter().enumerate() {
                 self.by_reading[sample * sizes.by_reading + j] = value.0[lane] * weight;
@@ -115,7 +153,12 @@ impl Residuals {
     /// Puts the samples of some blocks, lane by lane, at the rows of these.
     pub(super) fn place(&mut self, here: &Self, sizes: &Sizes, blocks: &[Block]) {
         self.inner = self.inner.max(here.inner);
-        self.readings_share += here.readings_share / self.whitened.len().max(1) as f64;
+        self.play |= here.play;
+        self.weights += here.weights;
+        if self.weights > 0.0 {
+            let own = here.readings_share - self.readings_share;
+            self.readings_share += here.weights * own / self.weights;
+        }
         let count = here.whitened.len() / (WIDTH * sizes.equations).max(1);
         for (i, meta) in blocks.iter().take(count).enumerate() {
             for (sample, &row) in (i * WIDTH..).zip(&meta.rows[..meta.live]) {
@@ -129,6 +172,7 @@ impl Residuals {
                     copy(&mut self.by_reading, place, &here.by_reading, sizes.by_reading);
                 }
                 copy(&mut self.by_parameter, row, &here.by_parameter, sizes.by_parameter);
+                copy(&mut self.by_closure, row, &here.by_closure, sizes.by_closure);
             }
         }
     }

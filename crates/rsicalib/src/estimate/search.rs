@@ -219,7 +219,7 @@ impl<'a> StartSearch<'a> {
         let Some(Tied { model, priors }) = tied else { return start };
         let part = Part { model, readings: &self.readings, weights: Some(&self.weights) };
         let sigma = self.noise.sigma.iter().map(|s| LOOSE * s).collect();
-        let noise = Noise { sigma, play: LOOSE * LOOSE * self.noise.play };
+        let noise = Noise { sigma, play: LOOSE * LOOSE * self.noise.play, ..self.noise.clone() };
         let options = lm::SolverOptions { xtol: 1e-4, ..self.options.clone() };
         let problem = Implicit::new(vec![(part, noise)], priors);
         let tied = lm::minimize(&problem, &moved(&start, self.model, model), &options);

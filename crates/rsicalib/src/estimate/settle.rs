@@ -1,7 +1,7 @@
 //! Estimated readings without noise: eq. (52), block by block.
 
 use crate::estimate::eliminated::Eliminated;
-use crate::estimate::objective::{Noise, Part};
+use crate::estimate::objective::{Noise, Part, Play};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
@@ -49,7 +49,17 @@ pub(crate) struct Room {
     taken: Vec<Lanes>,
     lambda: Vec<Lanes>,
     variance: Vec<f64>,
+    /// Variance of each equation by play, one draw for each seating.
     play: Vec<f64>,
+    /// Number of samples, by their weights, that share the seating of each sample.
+    seated: Lanes,
+    /// Variance of each equation that every sample draws for itself: of a length that is measured, and
+    /// (55).
+    own: Vec<f64>,
+    /// Factor from the misclosure of each equation to a length.
+    lengths: Vec<f64>,
+    /// `L⁻¹ ∂f/∂x` by the length `x` that each equation errs by; equation by equation.
+    pub(crate) by_closure: Vec<Lanes>,
     still: Vec<f64>,
     /// Change of what is unknown in one pose, in its standard deviations, below which it has converged.
     settled: f64,
@@ -93,6 +103,7 @@ impl Room {
         let k = model.rows();
         let limit = |(sigma, scale): (&f64, &Scale)| still(STILL * sigma, scale);
         let beyond = beyond(model, noise);
+        let Play { of_seating: play, of_sample: own } = noise.of_closures(model);
         let parts = beyond.iter().zip(&noise.sigma).map(|(beyond, sigma)| beyond / (sigma * sigma));
         let beyond_most = parts.fold(0.0, f64::max) + 2.0 * ROUNDED;
         Self {
@@ -105,7 +116,11 @@ impl Room {
             taken: Vec::new(),
             lambda: vec![Lanes::ZERO; k],
             variance: noise.sigma.iter().map(|s| s * s).collect(),
-            play: model.play().iter().map(|p| p * noise.play).collect(),
+            lengths: model.lengths(),
+            by_closure: Vec::new(),
+            play,
+            seated: Lanes::ONE,
+            own,
             still: noise.sigma.iter().zip(&model.scales).map(limit).collect(),
             beyond,
             beyond_most,
@@ -123,11 +138,20 @@ impl Room {
         Self { still: limits, settled: COARSE, ..Self::new(model, noise) }
     }
 
-    /// Adds a variance of its own to each equation, as play does.
+    /// Gives each equation a variance of its own in every sample, (55).
     pub(crate) fn ease(&mut self, slack: &[f64]) {
-        for (play, slack) in self.play.iter_mut().zip(slack) {
-            *play += slack;
-        }
+        self.own.iter_mut().zip(slack).for_each(|(own, slack)| *own += *slack);
+    }
+
+    /// True where a closure has play.
+    pub(crate) fn plays(&self) -> bool {
+        self.play.iter().chain(&self.own).any(|play| *play > 0.0)
+    }
+
+    /// Says how many samples share the seating of each sample of the next block, (67).
+    #[inline(always)]
+    pub(crate) fn seat(&mut self, samples: Lanes) {
+        self.seated = samples;
     }
 
     /// Variance of each equation: the diagonal of `S = L Lᵀ`.
@@ -281,13 +305,16 @@ impl Room {
         }
     }
 
-    /// `S = A Σ Aᵀ + Π = L Lᵀ`, then `w ← L⁻¹ w`.
+    /// `S = A Σ Aᵀ + m Π = L Lᵀ`, (67), then `w ← L⁻¹ w`.
     #[inline(always)]
     fn factor(&mut self) {
         let (n, c) = (self.w.len(), self.variance.len());
         for i in 0..n {
             for j in 0..=i {
-                let mut s = if i == j { Lanes::splat(self.play[i]) } else { Lanes::ZERO };
+                let mut s = Lanes::ZERO;
+                if i == j {
+                    s = self.seated * self.play[i] + Lanes::splat(self.own[i]);
+                }
                 for (m, variance) in self.variance.iter().enumerate() {
                     s = (self.ws.a[i * c + m] * *variance).mul_add(self.ws.a[j * c + m], s);
                 }
@@ -381,6 +408,17 @@ impl Room {
             }
         }
         (sum * weight * weight).0[..live].iter().sum()
+    }
+
+    /// What errors of the closures do to the whitened equations, [`Room::by_closure`].
+    pub(crate) fn whiten_closures(&mut self) {
+        let n = self.w.len();
+        self.by_closure.clear();
+        self.by_closure.resize(n * n, Lanes::ZERO);
+        for (e, length) in self.lengths.iter().enumerate() {
+            self.by_closure[e * n + e] = Lanes::splat(1.0 / length);
+        }
+        whiten_rows(&self.l, n, &mut self.by_closure, n);
     }
 
     /// `A ← L⁻¹ A`

@@ -2,6 +2,8 @@
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
+use std::ops::Range;
+
 use crate::Error;
 use crate::closures::kind::Part;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
@@ -929,6 +931,31 @@ impl Model {
         let own = |closure: &CompiledClosure| closure.is_of_coordinates() != lengths;
         let rows = |closure| std::iter::repeat_n(own(closure), closure.equations());
         self.closures.iter().flat_map(rows).collect()
+    }
+
+    /// The equations of each closure that takes part in samples.
+    pub(crate) fn equations_by_closure(&self) -> impl Iterator<Item = Range<usize>> {
+        self.closures.iter().map(|closure| closure.equation..closure.equation + closure.equations())
+    }
+
+    /// The kind of each closure that takes part in samples and declares no play, by kind and by what
+    /// its ends are; none for rigid distances, for joints between chains, and for closures that do.
+    pub(crate) fn undeclared(&self) -> Vec<Option<(ClosureKind, [u8; 2])>> {
+        let end = |end: &End| match end {
+            End::Carried(..) => 0,
+            End::Fixed(_) => 1,
+            End::Unknown(..) => 2,
+            End::Coordinate(_) => 0,
+            End::Posed(_) | End::Seen(..) => 3,
+        };
+        let kind = |closure: &CompiledClosure| {
+            let ends = [end(&closure.ends[0]), end(&closure.ends[1])];
+            // Two chains that touch are one mechanism, with a joint there.
+            let rigid = closure.kind.has_value() || ends == [0, 0] || self.pose_unknowns > 0;
+            let open = !rigid && closure.noise == 0.0;
+            open.then_some((closure.kind, ends))
+        };
+        self.closures.iter().map(kind).collect()
     }
 
     /// How each joint that a channel senses moves, and the channel.

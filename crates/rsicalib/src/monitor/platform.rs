@@ -3,6 +3,7 @@
 use crate::apply::change::PlatformRms;
 use crate::apply::check::{Check, error_of};
 use crate::apply::poses::poses_of;
+use crate::estimate::Noise;
 use crate::monitor::watched::Watched;
 use crate::readings::{Readings, Table};
 
@@ -55,7 +56,8 @@ impl Seen {
         }
         let table = Table { values: self.rows.clone(), ..Table::default() };
         let readings = Readings::beside(&model.mechanism, table, &watched.under.readings).ok()?;
-        let poses = |beta: &[f64]| poses_of(model, &readings, beta, sigma, 1.0);
+        let noise = Noise::declared(sigma.to_vec());
+        let poses = |beta: &[f64]| poses_of(model, &readings, beta, &noise);
         let pairs: Vec<_> = poses(before).into_iter().zip(poses(after)).collect();
         let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
         Some(PlatformRms { position: position_rms, orientation: orientation_rms })

@@ -18,7 +18,7 @@ pub(crate) struct Rows {
 
 impl Rows {
     pub(crate) fn new(watched: &Watched, sigma: &[f64]) -> Self {
-        let noise = Noise { sigma: sigma.to_vec(), play: 1.0 };
+        let noise = Noise::declared(sigma.to_vec());
         let model = &watched.under.model;
         let none = vec![Lanes::ZERO; model.scales.len()];
         let at = vec![0.0; model.parameters];

@@ -28,7 +28,12 @@ pub fn noise(estimate: &NoiseEstimate) -> String {
         Source::Quantisation => "quantisation",
         Source::Fit => "the fit itself",
     };
-    format!("{source}{}", if estimate.apart > 0 { ", by channel" } else { "" })
+    let apart = if estimate.apart > 0 { ", by channel" } else { "" };
+    let seating = estimate.seating.iter().copied().fold(0.0, f64::max).sqrt();
+    match seating > 0.0 {
+        true => format!("{source}{apart}; seatings {seating:.2e}, of the fit itself"),
+        false => format!("{source}{apart}"),
+    }
 }
 
 /// Why a search of the solver ended, and what to do next.

@@ -173,8 +173,9 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
             FaultKind::StuckBits(_) => {
                 let samples = observations.readings.samples as f64 / rows.len().max(1) as f64;
                 let lasting = fault.lasting();
-                // Lowest bits are a coarser step, which the noise may have counted already.
-                if !fit.noise.lasting[fault.channel] {
+                // Lowest bits are a coarser step, whose rounding the noise has counted.
+                let rounding = observations.roundings().nth(fault.channel).unwrap_or(0.0);
+                if lasting * lasting > rounding {
                     sigma[fault.channel] = sigma[fault.channel].hypot(lasting * samples.sqrt());
                 }
                 let cause = Cause::StuckBits { kind: fault.kind.clone(), error: lasting };
@@ -201,6 +202,8 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
     if sigma != usual {
         observations.options.noise = Some(sigma);
         observations.options.play = fit.noise.play;
+        observations.options.seating = fit.noise.seating.clone();
+        observations.options.measured = Some(fit.noise.measured.clone());
         observations.options.settled = true;
     }
     excluded

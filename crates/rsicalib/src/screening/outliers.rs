@@ -19,6 +19,7 @@
 
 use crate::estimate::noise::rounding::steadied_alike;
 use crate::estimate::noise::scatter::{Groups, Scatter};
+use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::LEAST_DOF;
 use crate::estimate::{Fit, Observations};
 use crate::numerics::distributions;
@@ -38,9 +39,8 @@ const TIMES: f64 = 4.0;
 /// Finds samples that stand off their pose, and poses that moved, worst first, and leaves them
 /// out of the session; each time the scatter is that of the others.
 pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
-    let k = fit.residuals.equations as f64;
     let mut excluded = Vec::new();
-    if !observations.readings.held {
+    if !observations.readings.held || fit.noise.still {
         return excluded;
     }
     let poses = observations.readings.rows_of_poses();
@@ -48,7 +48,14 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     let lasts = |c: usize| fit.noise.lasting[c];
     let sigma = &fit.noise.weighed;
     let residuals = steadied_alike(observations, &poses, &fit.residuals, sigma, lasts);
+    // All samples of a pose have one play: they differ by their readings.
+    let groups = Groups { rows: poses.clone(), order: 1 };
+    let residuals = match fit.noise.measured.iter().any(|factor| *factor > 0.0) {
+        true => residuals,
+        false => contrasts(&groups, &residuals, (sigma, &[])).into_owned(),
+    };
     let fit = &Fit { residuals: residuals.into(), ..fit.clone() };
+    let told = |row: usize| fit.residuals.directions_of(row) as f64;
     // A channel may be declared noisier than its repeats are, and the others are not then.
     let declared = f64::from(u8::from(observations.options.noise.is_some()));
     let siblings = |rows: &Vec<usize>, weights: &[f64]| -> Vec<usize> {
@@ -64,7 +71,7 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
         let mut worst: Option<(usize, usize, f64)> = None;
         for (pose, rows) in groups.iter().enumerate().filter(|(_, rows)| rows.len() >= 2) {
             let share = (rows.len() - 1) as f64 / rows.len() as f64;
-            dof += k * (rows.len() - 1) as f64;
+            dof += told(rows[0]) * (rows.len() - 1) as f64;
             let mean = mean_of(fit, rows);
             for &row in rows {
                 // Of the mean of all, itself included: (n_p - 1)/n_p times that of the others.
@@ -79,7 +86,8 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
                 }
             }
         }
-        let stands_off = worst.filter(|(_, _, far)| {
+        let stands_off = worst.filter(|(_, row, far)| {
+            let k = told(*row);
             let typical = ((scatter - far) / (dof - k)).max(declared);
             distributions::f_tail(far / k / typical, k, dof - k) * tests <= ALPHA
         });
@@ -92,7 +100,7 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
             excluded.push(Excluded::of(Some(pose), groups[pose].len(), cause));
             continue;
         };
-        let typical = ((scatter - far) / (dof - k)).max(declared);
+        let typical = ((scatter - far) / (dof - told(row))).max(declared);
         if 2 * (groups[pose].len() - 1) <= whole[pose].len() {
             // No half of a pose says that the other one is wrong.
             let rows = &whole[pose];

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::diagnosis::score::scored::Scored;
-use crate::estimate::{Fit, Noise, Observations, fit};
+use crate::estimate::{Fit, FitOptions, Noise, Observations, fit};
 use crate::model::Instance;
 use crate::numerics::workers;
 
@@ -14,7 +14,9 @@ type State = (Noise, Vec<f64>);
 
 fn state_of(small: &Observations) -> State {
     let sigma = small.options.noise.clone().unwrap_or_default();
-    (Noise { sigma, play: small.options.play }, small.weights.clone())
+    let FitOptions { play, seating, measured, .. } = small.options.clone();
+    let measured = measured.unwrap_or_default();
+    (Noise { sigma, play, seating, measured }, small.weights.clone())
 }
 
 /// Fits of one session with one noise.

@@ -13,9 +13,10 @@ use crate::diagnosis::score::{candidates, scan};
 use crate::diagnosis::stepwise::known::{KnownFits, KnownScans};
 use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
 use crate::diagnosis::stretches::Stretches;
-use crate::estimate::noise::source::Source;
+use crate::estimate::noise::open;
+use crate::estimate::noise::source::variance_of_readings;
 use crate::estimate::search::ratios;
-use crate::estimate::{Fit, FitOptions, Noise, Observations, fit};
+use crate::estimate::{Fit, FitOptions, Observations, fit};
 use crate::kinematics::elements::Weight;
 use crate::mechanism::Target;
 use crate::model::Instance;
@@ -94,7 +95,8 @@ pub struct Stepwise<'a> {
     samples: Vec<usize>,
     /// The stretches of a long recording.
     pub(crate) stretches: Option<Stretches>,
-    source: Source,
+    /// True where its noise judges what a fit leaves.
+    judges: bool,
     noise_dof: f64,
     /// Its noise is declared, and nothing bears it out.
     unverified: bool,
@@ -145,22 +147,37 @@ impl<'a> Stepwise<'a> {
         search: &'a SearchOptions,
     ) -> Self {
         let mut small = observations.clone();
-        let Noise { mut sigma, mut play } = fit.assumed();
+        let (mut sigma, mut play) = (fit.assumed().sigma, fit.noise.play);
+        let mut measured = fit.noise.measured.clone();
         if let Some((readings, counts)) = averaged {
             let usual = counts.iter().copied().fold(1.0, f64::max);
             small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
             small.readings = readings.into();
-            // Play is noise of one sample as well: a mean has its share of both.
             let share = inflation / usual;
             sigma.iter_mut().for_each(|s| *s *= share.sqrt());
-            play *= share;
+            // Every row of a recording has a play of its own; the samples of a pose share one, and each
+            // has measured its own length.
+            if !small.readings.held {
+                play *= share;
+            }
+            measured.iter_mut().for_each(|factor| *factor *= share);
         }
         let lm =
             lm::SolverOptions { ftol: ENOUGH, xtol: ENOUGH, ..observations.options.lm.clone() };
         let (noise, settled) = (Some(sigma), true);
-        small.options = FitOptions { noise, play, settled, lm, ..observations.options.clone() };
+        let seating = fit.noise.seating.clone();
+        let measured = Some(measured);
+        small.options = FitOptions {
+            noise,
+            play,
+            seating,
+            measured,
+            settled,
+            lm,
+            ..observations.options.clone()
+        };
         let counts = small.weights.clone();
-        let (source, noise_dof) = (fit.noise.source, fit.noise.dof);
+        let (judges, noise_dof) = (fit.noise.judges(), fit.noise.dof_of_pose());
         Self {
             small,
             only: None,
@@ -169,7 +186,7 @@ impl<'a> Stepwise<'a> {
             counts,
             samples,
             stretches: None,
-            source,
+            judges,
             noise_dof,
             unverified: fit.unverified(),
             known: RefCell::default(),
@@ -178,7 +195,7 @@ impl<'a> Stepwise<'a> {
     }
 
     pub fn judge(&self, fit: &Fit) -> Judge {
-        let residual_dof = (!self.source.independent()).then_some(fit.dof);
+        let residual_dof = (!self.judges).then_some(fit.dof);
         let left = self.unverified.then_some([fit.chi2, fit.dof]);
         Judge { noise_dof: self.noise_dof, residual_dof, left }
     }
@@ -240,14 +257,19 @@ impl<'a> Stepwise<'a> {
 
     /// Where nothing but the fit gives the noise, it shrinks as the model grows.
     pub fn rescale(&mut self, current: &mut Fit) -> Result<(), Error> {
-        if self.source.independent() || current.dof < 1.0 {
+        if self.judges || current.dof < 1.0 {
             return Ok(());
         }
-        let scale = (current.total / current.dof).sqrt();
+        if !self.small.options.seating.is_empty() {
+            let seating = open::improved(&self.small, current);
+            self.small.options.seating = seating;
+            *current = fit(&self.small, current.model.instances.clone(), Some(current))?;
+            return Ok(());
+        }
+        let scale = variance_of_readings(&current.residuals, current.total / current.dof).sqrt();
         if let Some(sigma) = &mut self.small.options.noise {
             sigma.iter_mut().for_each(|s| *s *= scale);
         }
-        self.small.options.play *= scale * scale;
         *current = fit(&self.small, current.model.instances.clone(), Some(current))?;
         Ok(())
     }

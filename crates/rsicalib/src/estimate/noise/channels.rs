@@ -2,9 +2,10 @@
 //!
 //! The misclosure of a sample has the covariance `V = v₀ B + Σ_c v_c b_c b_cᵀ`, where `b_c`
 //! is its derivative by channel `c`, `v_c` the variance of a channel that stands apart,
-//! and `B` what the others and the play of the closures give at unit scale. Within a group
-//! of `n` samples it shows as products `W` with `ν = n - o` degrees of freedom, so that
-//! (restricted) maximum likelihood has, for `V' = ∂V/∂v`,
+//! and `B` what the others give at unit scale; in a recording, where every row has its own, the play
+//! of the closures adds to it as it is declared. Within a group of `n` samples it shows as products
+//! `W` with `ν = n - o` degrees of freedom, so that (restricted) maximum likelihood has, for
+//! `V' = ∂V/∂v`,
 //!
 //! ```text
 //! g = ½ Σ tr V⁻¹ V'_i V⁻¹ (W - ν V),    I = ½ Σ ν tr V⁻¹ V'_i V⁻¹ V'_j     (65)
@@ -68,8 +69,19 @@ fn middle(rows: &[usize]) -> usize {
     rows[rows.len() / 2]
 }
 
-/// Standard deviations channel by channel, and how many channels stand apart; none where
-/// all are alike. `share` of the degrees of freedom are independent.
+/// The noise channel by channel.
+#[derive(Debug, Clone)]
+pub struct Told {
+    /// Standard deviation of each channel, and the play as it was.
+    pub noise: Noise,
+    /// Variance of the channels that are alike, over that at unit scale.
+    pub common: f64,
+    /// How many channels stand apart.
+    pub apart: usize,
+}
+
+/// The noise channel by channel; none where all are alike. `share` of the degrees of freedom are
+/// independent.
 #[must_use]
 pub fn by_channel(
     groups: &Groups,
@@ -77,7 +89,7 @@ pub fn by_channel(
     used: &Noise,
     alike: &Alike,
     share: f64,
-) -> Option<(Noise, usize)> {
+) -> Option<Told> {
     let seen = Seen::of(groups, residuals, used, alike);
     let channels = alike.noise.sigma.len();
     let limit = distributions::two_sided_limit(ALPHA, channels);
@@ -105,7 +117,8 @@ pub fn by_channel(
         }
     }
     let apart = variances.apart();
-    (apart > 0).then(|| (variances.noise(alike), apart))
+    let noise = variances.noise(alike);
+    (apart > 0).then_some(Told { noise, common: variances.common, apart })
 }
 
 /// Common scale, and the variance of each channel that stands apart.
@@ -156,7 +169,7 @@ impl Variances {
     fn noise(&self, alike: &Alike) -> Noise {
         let unit = alike.noise.sigma.iter().map(|s| s * self.common.sqrt());
         let sigma = unit.zip(&self.own).map(|(s, own)| own.map_or(s, f64::sqrt)).collect();
-        Noise { sigma, play: alike.noise.play * self.common }
+        Noise { sigma, ..alike.noise.clone() }
     }
 }
 
@@ -168,15 +181,16 @@ struct Group {
     free: f64,
     /// `b`, equations by channels.
     columns: Mat<f64>,
-    /// What play adds at unit scale.
-    play: Mat<f64>,
+    /// What the readings at the noise that whitens leave: play, or else equations that say nearly
+    /// the same, (57).
+    rest: Mat<f64>,
 }
 
 /// Groups without those that scatter as only bad samples do, if these are few: one bad
 /// sample makes all other channels look quiet.
-fn without_gross(groups: Vec<Group>, equations: usize) -> Vec<Group> {
-    let dof = |g: &Group| g.free * equations as f64;
-    let size = |g: &Group| (0..equations).map(|i| g.products[(i, i)]).sum::<f64>();
+fn without_gross(groups: Vec<Group>) -> Vec<Group> {
+    let dof = |g: &Group| g.free * g.columns.nrows() as f64;
+    let size = |g: &Group| (0..g.columns.nrows()).map(|i| g.products[(i, i)]).sum::<f64>();
     let chance = GROSS / groups.len().max(1) as f64;
     // Groups are of a few sizes, and a quantile takes as long as a fit of one of them.
     let mut quantiles: Vec<(f64, f64, f64)> = Vec::new();
@@ -206,6 +220,8 @@ struct Seen {
     units: Vec<f64>,
     floor: Vec<f64>,
     common_floor: f64,
+    /// True where the rest is play, which has its own variance.
+    play: bool,
 }
 
 impl Seen {
@@ -213,35 +229,36 @@ impl Seen {
         let k = residuals.equations;
         let channels = alike.noise.sigma.len();
         let of_group = |rows: &Vec<usize>| {
-            let mut left = Mat::<f64>::zeros(rows.len(), k);
+            let told = residuals.directions_of(middle(rows));
+            let mut left = Mat::<f64>::zeros(rows.len(), told);
             let mut one = Vec::with_capacity(rows.len());
-            for e in 0..k {
+            for e in 0..told {
                 one.clear();
                 one.extend(rows.iter().map(|r| residuals.whitened[r * k + e]));
                 crate::readings::context::detrend(&mut one, groups.order);
                 one.iter().enumerate().for_each(|(i, value)| left[(i, e)] = *value);
             }
             let derivatives = residuals.by_reading_of(middle(rows), channels);
-            let columns = Mat::from_fn(k, channels, |e, c| derivatives[e * channels + c]);
-            // Whitened, what the readings and the play give is one.
-            let play = Mat::from_fn(k, k, |i, j| {
+            let columns = Mat::from_fn(told, channels, |e, c| derivatives[e * channels + c]);
+            let rest = Mat::from_fn(told, told, |i, j| {
                 let read = (0..channels)
                     .map(|c| columns[(i, c)] * columns[(j, c)] * used.sigma[c].powi(2))
                     .sum::<f64>();
-                (f64::from(u8::from(i == j)) - read) * alike.noise.play / used.play
+                f64::from(u8::from(i == j)) - read
             });
             let free = (rows.len() - groups.order) as f64;
-            Group { products: left.transpose() * &left, free, columns, play }
+            Group { products: left.transpose() * &left, free, columns, rest }
         };
         let looked: Vec<Group> = looked_at(groups).map(of_group).collect();
         let units: Vec<f64> = alike.noise.sigma.iter().map(|s| s * s).collect();
         let common = (0..channels).filter(|&c| !alike.apart[c]);
         let least = common.map(|c| alike.floor[c] / units[c]);
         Self {
-            groups: without_gross(looked, k),
+            groups: without_gross(looked),
             common_floor: least.fold(1e-12, f64::max),
             floor: alike.floor.clone(),
             units,
+            play: residuals.play,
         }
     }
 
@@ -262,8 +279,10 @@ impl Seen {
     fn of_group(&self, group: &Group, at: &Variances) -> Option<ScoreSums> {
         let (k, channels) = (group.columns.nrows(), self.units.len());
         let b = &group.columns;
-        let mut scale = group.play.clone();
-        let mut own = Mat::<f64>::zeros(k, k);
+        let (mut scale, mut own) = (group.rest.clone(), Mat::<f64>::zeros(k, k));
+        if self.play {
+            std::mem::swap(&mut scale, &mut own);
+        }
         for c in 0..channels {
             let (into, variance) = match at.own[c] {
                 Some(variance) => (&mut own, variance),
@@ -389,12 +408,13 @@ mod tests {
     fn seen() -> Seen {
         let group = |g: usize| {
             let scatter = Mat::from_fn(5, 2, |i, j| odd(7 * g + 2 * i + j));
-            let play = Mat::from_fn(2, 2, |i, j| if i == j { 0.3 } else { 0.0 });
+            let rest = Mat::from_fn(2, 2, |i, j| if i == j { 0.3 } else { 0.0 });
             let columns = Mat::from_fn(2, 3, |i, j| odd(g + 3 * i + 5 * j));
-            Group { products: scatter.transpose() * &scatter, free: 4.0, columns, play }
+            Group { products: scatter.transpose() * &scatter, free: 4.0, columns, rest }
         };
         let groups = (0..6).map(group).collect();
-        Seen { groups, units: vec![1.0, 0.5, 2.0], floor: vec![0.0; 3], common_floor: 1e-12 }
+        let (units, floor) = (vec![1.0, 0.5, 2.0], vec![0.0; 3]);
+        Seen { groups, units, floor, common_floor: 1e-12, play: true }
     }
 
     /// `-½ Σ (ν ln|V| + tr V⁻¹ W)`, two equations written out.
@@ -405,7 +425,7 @@ mod tests {
                     let variance = at.own[c].unwrap_or(at.common * seen.units[c]);
                     variance * group.columns[(i, c)] * group.columns[(j, c)]
                 });
-                at.common * group.play[(i, j)] + read.sum::<f64>()
+                group.rest[(i, j)] + read.sum::<f64>()
             };
             let (a, b, d) = (v(0, 0), v(0, 1), v(1, 1));
             let det = a * d - b * b;

@@ -2,6 +2,8 @@
 
 pub mod channels;
 mod correlation;
+pub(crate) mod open;
 pub mod rounding;
 pub mod scatter;
+pub mod seating;
 pub mod source;

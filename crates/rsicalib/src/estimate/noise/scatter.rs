@@ -44,6 +44,21 @@ pub struct Scatter {
     pub shown: f64,
 }
 
+impl Scatter {
+    /// The same of samples that do not resemble their neighbours.
+    #[must_use]
+    pub fn alone(self) -> Self {
+        Self {
+            correlation: 0.0,
+            inflation: 1.0,
+            slow: 1.0,
+            effective: self.dof,
+            shown: 1.0,
+            ..self
+        }
+    }
+}
+
 /// Rows that repeat each other: held poses, or stretches of a recording.
 #[derive(Debug, Clone)]
 pub struct Groups {
@@ -98,7 +113,8 @@ impl Groups {
                     detrend(&mut left, self.order);
                     within += left.iter().map(|r| r * r).sum::<f64>();
                 }
-                within / distributions::chi2_quantile(0.5, ((rows.len() - self.order) * k) as f64)
+                let dof = (rows.len() - self.order) * residuals.directions_of(rows[0]);
+                within / distributions::chi2_quantile(0.5, dof.max(1) as f64)
             })
             .collect();
         sizes.sort_by(f64::total_cmp);
@@ -167,9 +183,10 @@ impl Groups {
                 within += left.iter().map(|r| r * r).sum::<f64>();
                 product += left.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
             }
-            dof += (rows.len() - self.order) as f64 * k as f64;
-            groups += k as f64;
-            samples += (rows.len() * k) as f64;
+            let told = residuals.directions_of(rows[0]);
+            dof += ((rows.len() - self.order) * told) as f64;
+            groups += told as f64;
+            samples += (rows.len() * told) as f64;
         }
         let alone = Scatter {
             within,

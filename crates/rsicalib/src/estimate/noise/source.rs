@@ -44,10 +44,22 @@ pub struct NoiseEstimate {
     pub weighed: Vec<f64>,
     /// Channels whose rounding lasts over a pose.
     pub lasting: Vec<bool>,
+    /// True where repeats differ by the rounding of numbers alone.
+    pub still: bool,
     /// Multiplies the variance of declared play.
     pub play: f64,
+    /// Variance of the seating of each closure that declares none, where only the fit tells it, length
+    /// units squared; empty where these are exact.
+    pub seating: Vec<f64>,
+    /// Closures whose noise is drawn for each sample, [`Noise::measured`].
+    pub measured: Vec<f64>,
+    /// The factor where samples are weighed as if they were independent, and the variance of a pose is
+    /// then multiplied by `inflation`.
+    pub weighed_play: f64,
     /// Degrees of freedom; infinite where it was declared.
     pub dof: f64,
+    /// Share of the variance of a pose that is of the readings, play aside.
+    pub share: f64,
     /// Correlation of neighbouring samples.
     pub correlation: f64,
     /// Variance of a pose's mean over that of independent samples.
@@ -59,6 +71,26 @@ pub struct NoiseEstimate {
 }
 
 impl NoiseEstimate {
+    /// True where lack of fit can be judged against it: nothing of it is of the fit alone.
+    #[must_use]
+    pub fn judges(&self) -> bool {
+        self.source.independent() && self.seating.iter().all(|variance| *variance == 0.0)
+    }
+
+    /// Degrees of freedom of the variance of a pose, of which repeats give that of the readings alone:
+    /// by Welch and Satterthwaite.
+    #[must_use]
+    pub fn dof_of_pose(&self) -> f64 {
+        self.dof / self.share.powi(2).max(f64::MIN_POSITIVE)
+    }
+
+    /// The noise of one reading, as it moves one sample onto the closures.
+    #[must_use]
+    pub fn of_one_reading(&self) -> Noise {
+        let (seating, measured) = (self.seating.clone(), self.measured.clone());
+        Noise { sigma: self.sigma.clone(), play: self.play, seating, measured }
+    }
+
     /// The same where a share of the variance does not average out: it is the same in all
     /// samples of a pose, of which the usual one has `n`.
     fn with_lasting(self, share: f64, n: f64) -> Self {
@@ -78,21 +110,22 @@ const COARSE: f64 = 0.05;
 pub(crate) fn told_apart(
     observations: &Observations,
     groups: &Groups,
-    residuals: &Residuals,
+    within: &Residuals,
     used: &Noise,
 ) -> (Noise, usize) {
     let floor: Vec<f64> = observations.roundings().collect();
     let apart = vec![false; floor.len()];
-    let alike = Alike { noise: first_noise(observations, None), floor, apart };
-    let scatter = groups.scatter(residuals, 0.0);
+    let noise = Noise { play: used.play, ..first_noise(observations, None) };
+    let alike = Alike { noise, floor, apart };
+    let scatter = groups.scatter(within, 0.0);
     // What rounding gives within a pose is no scatter of a normal distribution.
     let coarse = groups.lasting_rounding(observations) > COARSE;
     if scatter.dof < LEAST_DOF || coarse || scatter.within == 0.0 {
         return (alike.noise, 0);
     }
     let independent = (scatter.effective / scatter.dof).min(1.0);
-    let found = channels::by_channel(groups, residuals, used, &alike, independent);
-    found.unwrap_or((alike.noise, 0))
+    let found = channels::by_channel(groups, within, used, &alike, independent);
+    found.map_or((alike.noise, 0), |told| (told.noise, told.apart))
 }
 
 /// The noise where channels read in steps that are unlike.
@@ -112,11 +145,12 @@ pub(crate) struct Rounded {
 
 /// The noise where channels read in steps that are unlike, as it is declared.
 pub(crate) fn declared_rounded(observations: &Observations, rounding: &Rounding) -> Rounded {
-    let Noise { sigma: one, play } = first_noise(observations, None);
+    let first = first_noise(observations, None);
+    let one = first.sigma.clone();
     let white = |c: usize| (one[c] * one[c] - rounding.lasting[c]).max(0.0);
     let sigma = (0..one.len()).map(|c| rounding.weighed(c, white(c), 1.0)).collect();
     let lasting = (0..one.len()).map(|c| rounding.lasts(c)).collect();
-    Rounded { weighed: Noise { sigma, play }, one, lasting, apart: 0, scatter: None }
+    Rounded { weighed: Noise { sigma, ..first }, one, lasting, apart: 0, scatter: None }
 }
 
 /// The noise where channels read in steps that are unlike, as repeats show it: coarse channels stand
@@ -125,16 +159,16 @@ pub(crate) fn declared_rounded(observations: &Observations, rounding: &Rounding)
 pub(crate) fn rounded(
     observations: &Observations,
     groups: &Groups,
-    residuals: &Residuals,
+    within: &Residuals,
     used: &Noise,
     rounding: &Rounding,
 ) -> Option<Rounded> {
-    let steady = steadied(observations, &groups.rows, residuals, |c| rounding.lasts(c));
+    let steady = steadied(observations, &groups.rows, within, |c| rounding.lasts(c));
     let scatter = groups.scatter(&steady, 0.0);
     if scatter.dof < LEAST_DOF || scatter.within == 0.0 {
         return None;
     }
-    let mut noise = first_noise(observations, None);
+    let mut noise = Noise { play: used.play, ..first_noise(observations, None) };
     let unit = presumed(observations).sigma;
     let mut floor: Vec<f64> = observations.roundings().collect();
     let channels = 0..unit.len();
@@ -143,20 +177,18 @@ pub(crate) fn rounded(
     }
     let alike = Alike { noise, floor, apart: rounding.coarse.clone() };
     let independent = (scatter.effective / scatter.dof).min(1.0);
-    let (found, apart) = channels::by_channel(groups, &steady, used, &alike, independent)?;
-    // The common scale, by any channel that has it, or by the play.
-    let scale = found.play / alike.noise.play;
+    let channels::Told { noise: found, common: scale, apart } =
+        channels::by_channel(groups, &steady, used, &alike, independent)?;
     let white = |c: usize| match rounding.lasts(c) {
         true => rounding.white(c, unit[c] * unit[c] * scale / scatter.shown),
         false => found.sigma[c] * found.sigma[c] / scatter.shown,
     };
     let one = |c: usize| (white(c) + rounding.lasting[c]).sqrt();
     let weighed = |c: usize| rounding.weighed(c, white(c), scatter.inflation);
-    let play = found.play / scatter.shown;
     Some(Rounded {
         one: channels.clone().map(one).collect(),
         lasting: channels.clone().map(|c| rounding.lasts(c)).collect(),
-        weighed: Noise { sigma: channels.map(weighed).collect(), play },
+        weighed: Noise { sigma: channels.map(weighed).collect(), ..found },
         apart,
         scatter: Some(scatter),
     })
@@ -165,14 +197,16 @@ pub(crate) fn rounded(
 /// What is declared of the noise, or guessed, rounding aside.
 pub(crate) fn presumed(observations: &Observations) -> Noise {
     let options = &observations.options;
+    let seating = options.seating.clone();
+    let measured = options.measured.clone().unwrap_or_else(|| observations.measured());
     if let Some(sigma) = &options.noise {
-        return Noise { sigma: sigma.clone(), play: options.play };
+        return Noise { sigma: sigma.clone(), play: options.play, seating, measured };
     }
     let channels = &observations.mechanism.channels;
     let guess = |unit: &str, gain: f64| if unit == "count" { 1.0 } else { 1e-5 / gain.abs() };
     let sigma =
         channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(&c.unit, c.gain))).collect();
-    Noise { sigma, play: 1.0 }
+    Noise { sigma, play: 1.0, seating, measured }
 }
 
 /// Noise to begin with, up to scale.
@@ -181,7 +215,8 @@ pub(crate) fn first_noise(observations: &Observations, earlier: Option<Noise>) -
     if options.noise.is_none()
         && let Some(noise) = earlier
     {
-        return noise;
+        let seating = options.seating.clone();
+        return Noise { seating, ..noise };
     }
     let mut noise = presumed(observations);
     if options.noise.is_none() || !options.settled {
@@ -204,7 +239,11 @@ const MINOR: f64 = 0.5;
 fn plays(observations: &Observations) -> bool {
     let mechanism = &observations.mechanism;
     let mut closures = mechanism.closures.iter().filter(|c| !mechanism.is_link(c));
-    closures.all(|c| c.noise.is_some_and(|n| n > 0.0))
+    let seated = observations.options.seating.iter().any(|variance| *variance > 0.0);
+    closures.all(|c| match c.noise {
+        Some(noise) => noise > 0.0,
+        None => seated && !c.kind.has_value(),
+    })
 }
 
 /// Probability of doubting noise that is declared as it is, on either side.
@@ -224,111 +263,108 @@ pub(crate) fn misdeclared(ratio: f64, dof: f64) -> Option<f64> {
     (sure && !(1.0 / ALIKE..ALIKE).contains(&factor)).then_some(factor)
 }
 
-/// What repeats say of declared noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Declared {
-    /// It may be right.
-    Right,
-    /// It is not, and repeats have another.
-    Wrong(f64, Witness),
-    /// Play lasts over a pose: this share of the variance is the same in all its samples.
-    Lasting(f64),
-}
-
-/// Whether repeats, or neighbouring rows, bear out the noise that is declared.
-///
-/// They are silent on what lasts over a pose. So where they show less than is declared, and
-/// the means of poses scatter by more, the play is what lasts.
+/// Whether repeats, or neighbouring rows, bear out the noise that is declared: the factor by which
+/// it would have to change, and what shows it. `within` is whitened by what they show.
 pub(crate) fn check_declared(
     observations: &Observations,
     groups: &Groups,
-    residuals: &Residuals,
+    within: &Residuals,
     used: &Noise,
     rounding: Option<&Rounding>,
-    parameters: usize,
-) -> Declared {
+) -> Option<(f64, Witness)> {
     let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
     let lasts = |c: usize| rounding.is_some_and(|rounding| rounding.lasts(c));
-    let residuals = &steadied(observations, &groups.rows, residuals, lasts);
+    let residuals = &steadied(observations, &groups.rows, within, lasts);
     let Scatter { within, dof, shown, effective, .. } = groups.scatter(residuals, share);
     if dof < LEAST_DOF || effective < LEAST_DOF {
-        return Declared::Right;
+        return None;
     }
     // What all samples of a pose are rounded by alike is noise, and not seen here.
     let lasting = groups.lasting_rounding(observations) * share;
     let shown = shown * rounding.map_or(1.0, |rounding| rounding.shown(residuals, used));
     let seen = within / dof / shown + lasting;
     let usual = groups.median_variance(residuals) / shown + lasting;
-    let Some(factor) = misdeclared(seen, effective) else { return Declared::Right };
+    let factor = misdeclared(seen, effective)?;
     // One bad sample is no noise: it is for the usual pose to say.
     if (usual > ALIKE.powi(2)) != (factor > 1.0) || (usual < ALIKE.powi(-2)) != (factor < 1.0) {
-        return Declared::Right;
+        return None;
     }
     let held = observations.readings.held;
-    let play = 1.0 - residuals.readings_share;
-    if factor < 1.0 && held && plays(observations) && play > 0.0 {
-        let k = residuals.equations;
-        let live = observations.weights.iter().filter(|w| **w > 0.0).count() * k;
-        let total: f64 = residuals.whitened.iter().map(|r| r * r).sum();
-        let free = live as f64 - dof - parameters as f64;
-        let between = (total - within).max(0.0) / free;
-        if free >= 1.0 && distributions::f_tail(between / seen, free, effective) < DOUBT {
-            return Declared::Lasting((1.0 - seen).min(play));
-        }
-    }
-    Declared::Wrong(factor, if held { Witness::Repeats } else { Witness::Neighbours })
+    Some((factor, if held { Witness::Repeats } else { Witness::Neighbours }))
 }
 
-/// The noise that these residuals show, by the best source there is.
+/// The noise that these residuals show, by the best source there is. `within` are those whitened by
+/// what repeats show.
+#[expect(clippy::too_many_arguments, reason = "every source of noise")]
 pub(crate) fn estimate_noise(
     observations: &Observations,
     groups: &Groups,
     residuals: &Residuals,
+    within: &Residuals,
     used: &Noise,
     rounded: Option<&Rounded>,
-    declared: Option<f64>,
+    declared: bool,
     parameters: usize,
 ) -> NoiseEstimate {
     let rounding = roundings(observations, used).fold(f64::INFINITY, f64::min).sqrt();
     let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
     let steady = rounded.and_then(|rounded| rounded.scatter);
-    let Scatter { within, dof, correlation, inflation, slow, effective, shown } =
-        steady.unwrap_or_else(|| groups.scatter(residuals, share));
+    let scatter = steady.unwrap_or_else(|| groups.scatter(within, share));
+    let seen = scatter.within / scatter.dof.max(1.0) / scatter.shown;
+    let least = resolution(observations, used).max(f64::MIN_POSITIVE);
+    let still = seen.sqrt() <= least;
+    // Rounding of numbers has no correlation.
+    let scatter = if still { scatter.alone() } else { scatter };
+    let Scatter { correlation, inflation, slow, effective, shown, dof, .. } = scatter;
     let one = rounded.map_or(&used.sigma, |rounded| &rounded.one);
     let none = vec![false; one.len()];
     let lasting = rounded.map_or(&none, |rounded| &rounded.lasting);
+    let Noise { play, seating, measured, .. } = first_noise(observations, None);
+    let (held, dof_of_repeats) = (observations.readings.held, dof);
     let scaled = |s: f64, source, dof| NoiseEstimate {
         source,
         sigma: one.iter().map(|v| v * s).collect(),
         weighed: used.sigma.iter().map(|v| v * s).collect(),
         lasting: lasting.clone(),
-        play: used.play * s * s,
+        still: still && dof_of_repeats >= LEAST_DOF,
+        play,
+        seating: seating.clone(),
+        measured: measured.clone(),
+        weighed_play: if held { play / inflation } else { play },
         dof,
+        share: residuals.readings_share,
         correlation,
         inflation,
         slow,
         apart: 0,
     };
-    if let Some(lasting) = declared {
-        let estimate = scaled(1.0, Source::Declared, f64::INFINITY);
-        return estimate.with_lasting(lasting, groups.usual());
+    if declared {
+        return scaled(1.0, Source::Declared, f64::INFINITY);
     }
     if steady.is_some() {
         return scaled(1.0, Source::Repeats, effective.max(1.0));
     }
-    if dof >= LEAST_DOF {
+    let differences = within;
+    let within = scatter.within / dof.max(1.0) / shown;
+    let told = dof >= LEAST_DOF && (!still || rounding > 0.0);
+    if told {
         let lasting = groups.lasting_rounding(observations) * share;
-        let white = within / dof / shown;
+        // In a recording every row has a play of its own, and a length that is measured has its noise.
+        let white = variance_of_readings(differences, within);
         let variance = (white + lasting).max(rounding * rounding);
         let (source, dof) = if white < lasting || white + lasting < variance {
             (Source::Quantisation, f64::INFINITY)
-        } else if observations.readings.held {
+        } else if held {
             (Source::Repeats, effective.max(1.0))
         } else {
             (Source::Neighbours, effective.max(1.0))
         };
         let estimate = scaled(variance.sqrt(), source, dof);
         return estimate.with_lasting(lasting / variance, groups.usual());
+    }
+    if plays(observations) && dof >= LEAST_DOF {
+        // Readings that stand still in every pose: what is left of noise is the play.
+        return scaled(least, Source::Declared, f64::INFINITY);
     }
     if plays(observations) && residuals.readings_share < MINOR {
         return scaled(1.0, Source::Declared, f64::INFINITY);
@@ -339,6 +375,27 @@ pub(crate) fn estimate_noise(
     let total: f64 =
         live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
     let free = ((live.len() * k) as f64 - parameters as f64).max(1.0);
-    let s = (total / free).sqrt().max(rounding).max(f64::MIN_POSITIVE);
+    let s =
+        variance_of_readings(residuals, total / free).sqrt().max(rounding).max(f64::MIN_POSITIVE);
     scaled(s, Source::Fit, free)
+}
+
+/// Play that is declared larger than all there is leaves readings this share of the variance, at each
+/// of the few rounds of a fit.
+const LEAST_SHARE: f64 = 1e-2;
+
+/// Variance of the readings, in units of what whitens residuals, whose square is so much in the mean:
+/// what is declared of the closures stays.
+pub(crate) fn variance_of_readings(residuals: &Residuals, mean_square: f64) -> f64 {
+    let play = if residuals.play { 1.0 - residuals.readings_share } else { 0.0 };
+    ((mean_square - play) / (1.0 - play)).max(LEAST_SHARE * mean_square)
+}
+
+/// Rounding of the readings as numbers, in units of their noise: by less they do not differ.
+fn resolution(observations: &Observations, used: &Noise) -> f64 {
+    let spans = observations.readings.span.iter().zip(&used.sigma);
+    let of = |([low, high], sigma): (&[f64; 2], &f64)| {
+        64.0 * f64::EPSILON * low.abs().max(high.abs()) / sigma
+    };
+    spans.map(of).fold(0.0, f64::max)
 }

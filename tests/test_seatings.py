@@ -1,0 +1,144 @@
+"""Play of a closure is one draw for each seating: repeats of a seating tell the readings alone.
+
+Witness: an arm in products of plain matrices (`tests/cone.py`), and the covariance of all samples
+of a seating written out as one matrix.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import Mechanism
+from rsicalib.results import Calibration, Trace
+from tests import cone
+from tests.oracle import Array
+
+SIGMA, PLAY = 2e-5, 0.02
+
+
+def mechanism(noise: float | None, play: float | None) -> Mechanism:
+    return Mechanism.from_toml(cone.mechanism(noise, play))
+
+
+def offsets(found: Calibration | Trace) -> tuple[Array, Array]:
+    """Offsets of joints 2 to 6, and their standard deviations."""
+    own = {p.target: p for p in found.parameters if p.term == "offset"}
+    each = [own[f"q{k}"] for k in range(2, 7)]
+    return np.array([p.value for p in each]), np.array([p.sd for p in each])
+
+
+@pytest.mark.parametrize("declared", [None, SIGMA])
+def test_repeats_of_a_seating_do_not_scale_its_play(declared: float | None) -> None:
+    taken = cone.session(1)
+    found = rsicalib.calibrate(taken.table, mechanism(declared, PLAY))
+    assert found.verdict == "adequate"
+    # 111 degrees of freedom: three standard deviations of χ² over its expectation are 0.4.
+    assert found.fit.chi2 is not None
+    assert abs(found.fit.chi2 / 111 - 1.0) < 0.4
+    # 840 degrees of freedom within poses: the noise is known to 2.4 %.
+    assert found.noise is not None
+    assert found.noise.sigma["q3"] == pytest.approx(SIGMA, rel=0.08)
+    assert not [w for w in found.warnings if "rounding" in w or "declared" in w]
+    value, sd = offsets(found)
+    # The noise, and with it a part of the variance, is estimated to a few percent.
+    assert sd == pytest.approx(cone.bound(taken.angles, 8, SIGMA, PLAY), rel=0.03)
+    assert np.all(np.abs(value - cone.OFFSETS[1:]) < 4.0 * sd)
+
+
+def test_more_samples_of_a_seating_make_it_no_surer_than_its_play() -> None:
+    few, many = cone.session(2, samples=4), cone.session(2, samples=32)
+    of = [offsets(rsicalib.calibrate(s.table, mechanism(None, PLAY)))[1] for s in (few, many)]
+    assert of[1] == pytest.approx(of[0], rel=0.1)
+
+
+def test_joints_that_stand_still_leave_the_play_to_judge() -> None:
+    taken = cone.session(3, sigma=0.0)
+    found = rsicalib.calibrate(taken.table, mechanism(None, PLAY))
+    assert found.verdict == "adequate"
+    value, sd = offsets(found)
+    assert sd == pytest.approx(cone.bound(taken.angles, 1, 1e-9, PLAY), rel=0.03)
+    assert np.all(np.abs(value - cone.OFFSETS[1:]) < 4.0 * sd)
+
+
+@pytest.mark.parametrize("sigma", [0.0, SIGMA])
+def test_a_seating_that_nobody_declares_is_told_by_the_fit_and_judges_nothing(sigma: float) -> None:
+    taken = cone.session(4, sigma=sigma)
+    for verb in (rsicalib.calibrate, rsicalib.trace):
+        found = verb(taken.table, mechanism(None, None))
+        assert found.verdict == "unjudged"
+        value, sd = offsets(found)
+        # The play is estimated from 111 degrees of freedom, to 7 %.
+        assert sd == pytest.approx(cone.bound(taken.angles, 8, sigma + 1e-9, PLAY), rel=0.25)
+        assert np.all(np.abs(value - cone.OFFSETS[1:]) < 4.0 * sd)
+
+
+def test_an_exact_closure_that_nobody_declares_is_judged_by_the_readings() -> None:
+    taken = cone.session(5, play=0.0)
+    found = rsicalib.calibrate(taken.table, mechanism(None, None))
+    # 111 degrees of freedom: four standard deviations.
+    assert found.fit.p_value is not None and found.fit.p_value > 1e-4
+    value, sd = offsets(found)
+    assert sd == pytest.approx(cone.bound(taken.angles, 8, SIGMA, 1e-9), rel=0.05)
+    # Whole turns of a joint change nothing.
+    off = np.angle(np.exp(1j * (value - cone.OFFSETS[1:])))
+    assert np.all(np.abs(off) < 4.0 * sd)
+
+
+def rows(taken: cone.Seatings, without: str, numbered: bool) -> dict[str, Any]:
+    """The table without a column, with the number of each sample in its pose where asked for."""
+    table: dict[str, Any] = {k: v for k, v in taken.table.items() if k != without}
+    if numbered:
+        table["sample"] = [1 + k % 8 for k in range(len(taken.table["pose"]))]
+    return table
+
+
+def test_repeats_without_the_column_pose_are_said() -> None:
+    taken = cone.session(6, poses=12)
+    own = mechanism(None, PLAY)
+    for numbered, said in ((True, "sample begins again 11 times"), (False, "12 groups")):
+        loaded = rsicalib.load_readings(rows(taken, "pose", numbered), own)
+        (text,) = (w for w in loaded.warnings if "column pose" in w)
+        assert said in text
+    assert not rsicalib.load_readings(rows(taken, "", True), own).warnings
+
+
+@pytest.mark.parametrize("kind", ["single poses", "motion", "counts that stand still"])
+def test_rows_that_are_no_repeats_are_not_said_to_be(kind: str) -> None:
+    rng = np.random.default_rng(7)
+    t = np.linspace(0.0, 2.0 * np.pi, 400)[:, None]
+    wave = np.sin(t * [1.0, 2.0, 3.0, 1.5, 2.5, 0.5])
+    angles = {
+        "single poses": rng.uniform(-1.0, 1.0, (60, 6)),
+        "motion": wave + 1e-5 * rng.standard_normal(wave.shape),
+        "counts that stand still": np.rint(30.0 * wave) / 30.0,
+    }[kind]
+    table = {f"q{k + 1}": angles[:, k] - 1.55 * (k == 1) for k in range(6)}
+    loaded = rsicalib.load_readings({**table, "at": ["cone"] * len(angles)}, mechanism(None, PLAY))
+    assert not [w for w in loaded.warnings if "column pose" in w]
+
+
+def tracked(trembling: bool) -> tuple[dict[str, Array], Mechanism]:
+    """Readings of the hand controller, free of noise, and the poses that it is in."""
+    device = rsicalib.simulate(poses=6, samples=1, check=40, seed=3, noise=1e-9).check
+    assert device.poses is not None
+    table = {name: device.values[:, k] for k, name in enumerate(device.channels)}
+    own = {name: device.poses[:, k] for k, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))}
+    # Five samples of each pose: they differ as only a hand that wanders would differ.
+    label = np.arange(40) // 5 if trembling else np.arange(40)
+    return {**table, **own, "pose": label + 1.0}, rsicalib.load_mechanism("rsi")
+
+
+def test_a_known_pose_of_each_sample_is_compared_with_that_sample() -> None:
+    session = rsicalib.simulate(seed=3, noise=1e-9)
+    errors = []
+    for trembling in (False, True):
+        known, own = tracked(trembling)
+        found = rsicalib.calibrate(session.readings, own, rest=session.rest, check=known)
+        assert found.fit.check is not None
+        assert found.fit.check.poses == (8 if trembling else 40)
+        errors.append(found.fit.check.position_rms)
+    assert errors[1] == pytest.approx(errors[0], rel=1e-9)
