@@ -27,7 +27,7 @@ JOINT = """<joint name="{name}" type="{kind}"><parent link="{parent}"/><child li
 
 
 def urdf() -> str:
-    """The arm as a URDF, in millimetres: what stands behind a joint is the origin of the next."""
+    """The arm as a URDF, in metres: what stands behind a joint is the origin of the next."""
     links = [f"l{k}" for k in range(7)] + ["ball_link"]
     text = "".join(f'<link name="{name}"/>\n' for name in links)
     behind = [(0.0, 0.0, 0.0), *cone.ROWS]
@@ -38,7 +38,7 @@ def urdf() -> str:
             kind="revolute" if k < 6 else "fixed",
             parent=links[k],
             child=links[k + 1],
-            xyz=f"{a} 0 {d}",
+            xyz=f"{a / 1000} 0 {d / 1000}",
             rpy=f"{alpha} 0 0",
             low=low,
             high=high,
@@ -56,6 +56,9 @@ def mechanism(folder: Path, noise: float | None, from_urdf: bool) -> rsicalib.Me
         end = text.index("\n", start)
         chain = f'urdf = "arm.urdf"\nbase = "l0"\ntip = "ball_link"\nchannels = {{{joints}}}'
         text = text[:start] + chain + text[end:]
+        text = text.replace('length_unit = "mm"', 'length_unit = "m"')
+        text = text.replace("at = [40.0, 0.0, 120.0]", "at = [0.04, 0.0, 0.12]")
+        text = text.replace(f"noise = {PLAY}\n", f"noise = {PLAY / 1000}\n")
     path = folder / "arm.toml"
     path.write_text(text, encoding="utf-8")
     return rsicalib.load_mechanism(path)
