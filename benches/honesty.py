@@ -50,6 +50,7 @@ from scipy import stats
 
 from rsicalib import _core
 from rsicalib.cores import available_cores
+from rsicalib.work.applying import as_applied
 from tests import oracle
 from tests.blind import effects, power, simulator
 from tests.blind.effects import Effect
@@ -482,7 +483,9 @@ def one_bad(kind: type[Effect] | None, count: int, seed: int, number: int) -> Ba
     rest = simulator.rest(device, rng)["values"].astype(np.float64)
     other = simulator.check(device, rng)
     known = (table(other), other["poses"])
-    result = _core.Session(RSI, table(sessions[0]), rest=rest).trace(check=known)
+    beside = {"mechanism": RSI, "declared": as_applied(None, RSI), "known": known, "align": False}
+    beside |= {"whole": None, "groups": None, "keep": None, "leave": None, "own": True}
+    result = _core.Session(RSI, table(sessions[0]), rest=rest).trace(beside)
     clean = _core.Session(RSI, table(sessions[-1]), rest=rest).fit().check(*known)
     out = result["excluded"]
     hits = [(effect, e) for effect in wrong for e in out if at_pose(effect, e)]

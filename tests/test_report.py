@@ -343,6 +343,7 @@ def calibrated(family: str) -> tuple[Calibration, Mechanism]:
     return rsicalib.calibrate(readings, mechanism), mechanism
 
 
+@pytest.mark.filterwarnings("ignore::rsicalib.errors.OpenLoopsWarning")  # they do not close
 def test_what_is_known_least_goes_with_the_parameter_that_is_named() -> None:
     """Witness: the place of the point by differences of `forward`, parameter by parameter."""
     found, mechanism = calibrated("ballbar")

@@ -95,7 +95,8 @@ fn plain(readings: &Readings, row: usize) -> Vec<f64> {
     let x = Vector3::x();
     let one = (x - n * n.x).normalize();
     let other = n.cross(&one);
-    let [t1, t2, offset] = if row % 3 % 2 == 0 { [0.2, -0.1, 0.3] } else { [-0.3, 0.15, -0.2] };
+    let [t1, t2, offset] =
+        if (row % 3).is_multiple_of(2) { [0.2, -0.1, 0.3] } else { [-0.3, 0.15, -0.2] };
     f.push((n + one * t1 + other * t2).normalize().dot(&tip) - offset);
     // Across the edge: what is left of it without its part along the line, in any base.
     let along = Vector3::new(1.0, 2.0, -2.0) / 3.0;

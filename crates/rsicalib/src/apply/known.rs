@@ -41,6 +41,10 @@ mod tests {
         let pose = Some(vec![1, 1, 2, 2, 3, 3]);
         let table = Table { values: vec![0.0; 6], pose, ..Table::default() };
         let found = rows_of_known(&table, 1, &known);
-        assert_eq!(found, [vec![0..2], vec![2..3, 3..4], vec![5..6]]);
+        let ends = |runs: &Vec<std::ops::Range<usize>>| {
+            runs.iter().map(|run| [run.start, run.end]).collect::<Vec<_>>()
+        };
+        let found: Vec<_> = found.iter().map(ends).collect();
+        assert_eq!(found, [vec![[0, 2]], vec![[2, 3], [3, 4]], vec![[5, 6]]]);
     }
 }

@@ -57,12 +57,12 @@ impl Eliminated {
             let long = norm(&self.b, j, j);
             let v = &mut self.vectors[j * equations..(j + 1) * equations];
             let mut square = Lanes::ZERO;
-            for i in j..equations {
-                v[i] = self.b[i * n + j];
+            for (i, v) in v.iter_mut().enumerate().skip(j) {
+                *v = self.b[i * n + j];
                 if i == j {
-                    v[i] += v[i].zip(long, |pivot, long| long.copysign(pivot));
+                    *v += v.zip(long, |pivot, long| long.copysign(pivot));
                 }
-                square += v[i] * v[i];
+                square += *v * *v;
             }
             // No reflection where the direction is not determined.
             let by = Lanes(std::array::from_fn(|lane| {
@@ -102,8 +102,8 @@ impl Eliminated {
         let mut step = vec![Lanes::ZERO; n];
         for j in (0..n).rev() {
             let mut left = -z[j];
-            for k in j + 1..n {
-                left -= self.b[j * n + k] * step[k];
+            for (k, step) in step.iter().enumerate().skip(j + 1) {
+                left -= self.b[j * n + k] * *step;
             }
             let pivot = self.b[j * n + j];
             step[j] = Lanes(std::array::from_fn(|lane| {

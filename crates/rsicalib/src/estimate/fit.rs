@@ -329,10 +329,10 @@ fn solve(
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
-        if fit.plausible {
-            fit.warnings.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
-        }
         if !fit.warnings.iter().any(Suspicion::of_wiring) {
+            if fit.plausible {
+                fit.warnings.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
+            }
             let terms = || fit.model.instances.clone();
             let refit = |other: &Observations| {
                 self::fit(other, terms(), None).map(|found| found.chi2 / found.dof)
@@ -344,8 +344,8 @@ fn solve(
     Ok(fit)
 }
 
-/// The same minimum with offsets of joints that turn within half a turn of the drawing, where whole
-/// turns change nothing.
+/// The same minimum with joints that turn within half a turn of the middle of their limits at the mean
+/// reading, of the drawing where they have none, where whole turns change nothing.
 fn unwound(
     problem: &Implicit,
     model: &Model,
@@ -355,7 +355,10 @@ fn unwound(
     let mut back = outcome.x.clone();
     for (way, channel) in model.joints() {
         if let (Way::Turn, Some(offset)) = (way, model.column(Role::Offset, channel)) {
-            back[offset] -= TAU * (back[offset] / TAU).round();
+            let limits = model.mechanism.channels[channel].limits;
+            let middle = |[low, high]: [f64; 2]| 0.5 * (low + high) - model.scales[channel].angle;
+            let off = back[offset] - limits.map_or(0.0, middle);
+            back[offset] -= TAU * (off / TAU).round();
         }
     }
     if back == outcome.x {

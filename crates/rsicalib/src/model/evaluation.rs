@@ -508,8 +508,8 @@ impl Model {
                     }
                     End::Unknown(number, _, free) => {
                         let mut source = self.unknown_column(*number);
-                        for axis in 0..3 {
-                            if free[axis] {
+                        for (axis, free) in free.iter().enumerate() {
+                            if *free {
                                 let unit = unit(axis);
                                 let parameter = Source::Parameter(source);
                                 self.add_column(closure, parameter, &unit, &at, sign, want, ws);

@@ -59,7 +59,8 @@ impl Model {
         for lane in 0..WIDTH {
             let size: f64 = best.xi.iter().map(|x| x.0[lane].abs()).fold(0.0, f64::max);
             let closed = best.cost[lane] < (1e-9 * size).powi(2);
-            if !closed && !(other.cost[lane] >= CLEARLY * best.cost[lane]) {
+            let better = other.cost[lane] < CLEARLY * best.cost[lane] || best.cost[lane].is_nan();
+            if !closed && better {
                 for (best, other) in best.xi.iter_mut().zip(&other.xi) {
                     best.0[lane] = other.0[lane];
                 }
@@ -122,8 +123,8 @@ impl Model {
         for _ in 0..STEPS {
             let mut xi = here.xi.clone();
             let mut moved = false;
-            for lane in 0..WIDTH {
-                let Some(step) = here.step(lane, damping[lane], &lengths) else { continue };
+            for (lane, damping) in damping.iter().enumerate() {
+                let Some(step) = here.step(lane, *damping, &lengths) else { continue };
                 for (x, step) in xi.iter_mut().zip(step.iter()) {
                     moved |= step.abs() > STILL * (1.0 + x.0[lane].abs());
                     x.0[lane] += step;
@@ -133,12 +134,12 @@ impl Model {
                 break;
             }
             let there = look(&xi);
-            for lane in 0..WIDTH {
+            for (lane, damping) in damping.iter_mut().enumerate() {
                 if there.cost[lane] < here.cost[lane] {
                     here.take(&there, lane);
-                    damping[lane] *= 0.1;
+                    *damping *= 0.1;
                 } else {
-                    damping[lane] = (damping[lane] * 10.0).min(1e12);
+                    *damping = (*damping * 10.0).min(1e12);
                 }
             }
         }

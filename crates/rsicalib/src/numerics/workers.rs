@@ -18,7 +18,7 @@ pub(crate) fn map<I: Send, T: Send>(
     job: impl Fn(I) -> T + Sync,
 ) -> Vec<T> {
     let open = |item| (Mutex::new(Some(item)), Mutex::new(None));
-    let slots: Vec<(Mutex<Option<I>>, Mutex<Option<T>>)> = items.into_iter().map(open).collect();
+    let slots: Vec<_> = items.into_iter().map(open).collect();
     each(slots.len(), &|k| {
         let (item, answer) = &slots[k];
         let item = lock(item).take();
