@@ -122,7 +122,7 @@ def picture(found: Supposition, readings: Readings) -> str:
 def drawn() -> dict[str, dict[str, Any]]:
     """The terms that are drawn, by their ids."""
     terms = {term["id"]: term for term in rsicalib.terms(mechanism())}
-    return {name: term for name, term in terms.items() if name not in OMITTED}
+    return {name: term for name, term in terms.items() if term["targets"] and name not in OMITTED}
 
 
 def text() -> str:

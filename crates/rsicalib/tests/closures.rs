@@ -139,7 +139,7 @@ fn every_kind_agrees_with_plain_products() {
 fn derivatives_of_every_kind_agree_with_differences() {
     let mechanism = Mechanism::from_toml(ARM).expect("the arm");
     let readings = anywhere(&mechanism, 21);
-    let terms = ["offset", "gain", "curvature", "link_length", "distance"];
+    let terms = ["offset", "gain", "curvature", "link_length", "distance", "plane_bend"];
     let specs = terms.map(String::from);
     let instances = parse(&mechanism, &readings, &specs).expect("terms");
     let model = Model::new(&mechanism, &readings, instances).expect("a model");

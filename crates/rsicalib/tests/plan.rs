@@ -234,8 +234,7 @@ fn options_that_cannot_be_used_are_errors() {
     let far = [[0.0, 0.0, 9.0, 0.0, 0.0, 0.0], [f64::NAN; 6]];
     assert!(far.iter().all(|p| plan::bound(&rsi, &offsets, &gains, &[*p], 1.0).is_err()));
     let another = Mechanism { name: "another".into(), workspace: None, ..rsi.clone() };
-    let error = plan(&another, &offsets, &gains, &few).expect_err("no workspace");
-    assert!(error.to_string().contains("workspace of 'another'"));
+    assert!(plan(&another, &offsets, &gains, &few).is_ok(), "joint limits stand for a workspace");
     let mut empty = rsi.clone();
     empty.channels.clear();
     empty.chains.clear();

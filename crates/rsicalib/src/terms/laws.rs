@@ -209,6 +209,10 @@ fn to_hold(gram: &Mat<f64>, own: &std::ops::Range<usize>) -> Vec<usize> {
 
 /// The devices that have what a term needs.
 fn devices_for(term: &dyn Term) -> Vec<Device> {
+    // `plane_bend` is held against differences in `tests/closures.rs`: these devices have no plane.
+    if matches!(term.acts(), Acts::Surface(_)) {
+        return Vec::new();
+    }
     let how = if term.info().needs == Needs::Motion { How::Moving } else { How::Held };
     let mut devices = vec![hand_controller(how, 1), random(3, how, 2)];
     devices.retain(|d| {
