@@ -96,7 +96,7 @@ def test_bars_of_unequal_length_are_named(seed: int) -> None:
     rows = readings(q, palletiser(q, -1.0), offsets, rng)
     assert rsicalib.trace(rows, device).verdict == "adequate"
     found = rsicalib.trace(readings(q, palletiser(q, -1.004), offsets, rng), device)
-    # A slip by chance may stand beside the ratio where no time is told; it is said to be faint then.
+    # Where no time is told, a slip by chance may stand beside the ratio; it is said to be faint.
     assert found.verdict == "explained" or "is faint beside" in found.summary()
     step = found.steps[0]
     assert (step.term, step.target, step.also_fits) == ("ratio", "arm/3", ())

@@ -224,7 +224,9 @@ class Session:
         xtol: float | None = None,
         progress: Callable[[str, float], object] | None = None,
     ) -> Session: ...
-    def calibrate(self, beside: Array | None = None) -> tuple[dict[str, Any], Fit, Fit | None]:
+    def calibrate(
+        self, beside: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Any], Fit, Fit | None]:
         """Fits the terms that the options ask for, without readings that are wrong.
 
         Returns the calibration, the fit, and the fit of all readings where any was left out.
@@ -244,7 +246,7 @@ class Session:
 
     def trace(
         self,
-        beside: Array | None = None,
+        beside: Mapping[str, Any] | None = None,
         without: Sequence[str] | None = None,
         alpha: float | None = None,
     ) -> dict[str, Any]:
@@ -406,7 +408,7 @@ def jacobian(
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
 
 def judged_open_loop(
-    poses: Array = 0, check: tuple[Mapping[str, Any], Array] | None = None, nominal: Any = None
+    poses: int = 0, check: Mapping[str, Any] | None = None, nominal: Any = None
 ) -> Any:
     """The verdict on lines through so many known poses, and its reasons, by the error of the calibration
     and of the mechanism as declared on check poses; of no poses: nothing could begin.

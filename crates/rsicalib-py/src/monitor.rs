@@ -29,6 +29,7 @@ impl PyMonitor {
     #[new]
     #[pyo3(signature = (mechanism, applied, covariance, *, false_alarms=None, dof=None,
                         correlation=0.0, interval=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new(
         py: Python<'_>,
         mechanism: &PyMechanism,

@@ -207,7 +207,7 @@ impl PyObservations {
         xtol: Option<f64>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let mut options = fit_options(terms, closures, method, noise).map_err(PyError::from)?;
+        let mut options = fit_options(terms, closures, method, noise)?;
         options.starts = starts.unwrap_or(options.starts);
         options.lm.max_iterations = max_iterations.unwrap_or(options.lm.max_iterations);
         options.lm.xtol = xtol.unwrap_or(options.lm.xtol);

@@ -10,7 +10,7 @@
 
 use faer::{Mat, MatRef};
 
-use crate::estimate::fit::Fit;
+use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;

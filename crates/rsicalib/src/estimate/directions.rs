@@ -2,7 +2,7 @@
 
 use faer::{Mat, Side};
 
-use crate::estimate::fit::Fit;
+use crate::estimate::fitted::Fit;
 use crate::estimate::gauge::{NOTHING, parted};
 use crate::estimate::note::Note;
 use crate::estimate::observations::Observations;

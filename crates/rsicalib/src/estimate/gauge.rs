@@ -17,7 +17,7 @@ use faer::{Mat, Side};
 
 use crate::Error;
 use crate::estimate::conventions::foreign;
-use crate::estimate::fit::Fit;
+use crate::estimate::fitted::Fit;
 use crate::estimate::observations::Observations;
 use crate::model::Model;
 use crate::model::configurations::Configurations;

@@ -10,6 +10,7 @@ pub mod directions;
 mod doubts;
 mod eliminated;
 mod fit;
+mod fitted;
 mod gauge;
 mod implicit;
 pub mod noise;
@@ -30,7 +31,8 @@ pub mod tried;
 mod wiring;
 
 pub use algebraic::Algebraic;
-pub use fit::{Fit, carry_over, fit, free_parameters};
+pub use fit::{carry_over, fit, free_parameters};
+pub use fitted::Fit;
 pub use implicit::{Implicit, Misfit};
 pub use note::Note;
 pub use objective::{Noise, Part};

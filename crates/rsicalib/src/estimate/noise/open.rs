@@ -15,7 +15,7 @@ use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
 use crate::Error;
-use crate::estimate::fit::Fit;
+use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::noise::source::Source;
 use crate::estimate::objective::Part;

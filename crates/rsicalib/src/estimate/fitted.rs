@@ -1,0 +1,96 @@
+//! What a fit found: estimates, covariance and lack of fit.
+
+use std::sync::Arc;
+
+use faer::Mat;
+
+use crate::estimate::adjusted::Adjusted;
+use crate::estimate::noise::source::{LEAST_DOF, NoiseEstimate, Source};
+use crate::estimate::objective::Noise;
+use crate::estimate::residuals::Residuals;
+use crate::estimate::suspicion::Suspicion;
+use crate::estimate::tried::Try;
+use crate::model::{Model, Prior};
+use crate::numerics::lanes::Lanes;
+use crate::numerics::lm::Termination;
+use crate::numerics::symmetric::invert;
+use crate::readings::Readings;
+
+/// A fitted model.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The model, with the order of the parameters, shared by the copies of the fit.
+    pub model: Arc<Model>,
+    /// Estimates of the parameters, corrections to the mechanism as drawn;
+    /// [`reported`](crate::estimate::directions::reported) gives absolute offsets and gains.
+    pub beta: Vec<f64>,
+    /// Priors of the parameters.
+    pub priors: Vec<Prior>,
+    /// The noise.
+    pub noise: NoiseEstimate,
+    /// `Xᵀ S⁻¹ X` and priors, in units of the estimated noise.
+    pub gram: Mat<f64>,
+    /// Covariance of the parameters; a pseudo-inverse where directions are unobservable.
+    pub covariance: Mat<f64>,
+    /// Parameters that take part in an unobservable direction.
+    pub unknowable: Vec<bool>,
+    /// χ² between poses.
+    pub chi2: f64,
+    /// Degrees of freedom of `chi2`.
+    pub dof: f64,
+    /// Degrees of freedom within poses, from which the noise was estimated.
+    pub within: f64,
+    /// Probability of a larger χ² by chance; `None` where the noise was estimated from the fit.
+    pub p_value: Option<f64>,
+    /// χ² of all samples.
+    pub total: f64,
+    /// Root mean square error of the closures, in length units.
+    pub rms_misclosure: f64,
+    /// Condition number, unit columns.
+    pub condition: f64,
+    /// Reason for the end of the solver.
+    pub termination: Termination,
+    /// Number of linearisations.
+    pub iterations: usize,
+    /// Starts that were tried.
+    pub starts: Vec<Try>,
+    /// Whitened residuals and their derivatives, shared by the copies of the fit.
+    pub residuals: Arc<Residuals>,
+    /// True where no gain has collapsed, so that every joint moves.
+    pub plausible: bool,
+    /// Suspected mistakes in the wiring.
+    pub warnings: Vec<Suspicion>,
+    /// Readings as a fit of a search has settled them.
+    pub(crate) adjusted: Option<Adjusted>,
+}
+
+impl Fit {
+    /// The noise, as an assumption of a further fit.
+    #[must_use]
+    pub fn assumed(&self) -> Noise {
+        let NoiseEstimate { weighed, weighed_play, seating, measured, .. } = self.noise.clone();
+        Noise { sigma: weighed, play: weighed_play, seating, measured }
+    }
+
+    /// These readings as the fit has settled them; none where it is no fit of a search, or of others.
+    pub(crate) fn adjusted_of(&self, readings: &Readings) -> Option<&[Lanes]> {
+        self.adjusted.as_ref().and_then(|adjusted| adjusted.of(readings))
+    }
+
+    /// A fit to start from: the parameters of a search, the noise of all samples.
+    pub(crate) fn with_noise_of(&self, all: &Self) -> Self {
+        Self { noise: all.noise.clone(), ..self.clone() }
+    }
+
+    /// True where noise is declared, and no repeats bear it out.
+    #[must_use]
+    pub fn unverified(&self) -> bool {
+        self.noise.source == Source::Declared && self.within < LEAST_DOF
+    }
+
+    /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.
+    #[must_use]
+    pub fn inverse(&self) -> Mat<f64> {
+        invert(&self.gram).0
+    }
+}
