@@ -13,6 +13,7 @@ mod numbers;
 mod observations;
 mod threads;
 
+use pyo3::PyClass;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use rsicalib::design::exchange::CRITERIA;
@@ -34,13 +35,13 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("LARGEST", rsicalib::numerics::bounds::LARGEST)?;
     module.add("FALSE_ALARMS", MonitorOptions::default().false_alarms)?;
     module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
-    module.add_class::<mechanism::PyMechanism>()?;
-    module.add_class::<mechanism::PyChannel>()?;
-    module.add_class::<mechanism::PyTerm>()?;
-    module.add_class::<observations::PyObservations>()?;
-    module.add_class::<observations::PyFit>()?;
-    module.add_class::<observations::PyEvidenceSource>()?;
-    module.add_class::<monitor::PyMonitor>()?;
+    add_class::<mechanism::PyMechanism>(module)?;
+    add_class::<mechanism::PyChannel>(module)?;
+    add_class::<mechanism::PyTerm>(module)?;
+    add_class::<observations::PyObservations>(module)?;
+    add_class::<observations::PyFit>(module)?;
+    add_class::<observations::PyEvidenceSource>(module)?;
+    add_class::<monitor::PyMonitor>(module)?;
     module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
     module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
     module.add_function(wrap_pyfunction!(documents::mechanism_schema, module)?)?;
@@ -80,4 +81,14 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(monitor::closing, module)?)?;
     module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
+}
+
+/// Adds a class whose values lie where Python's allocator puts an object.
+///
+/// Python aligns an object to two words, whatever its fields ask for: a value of more alignment, as
+/// one with vector lanes in it, lies wrong in memory, and its aligned loads end the process. Such a
+/// field is boxed.
+fn add_class<T: PyClass>(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    const { assert!(align_of::<T>() <= 2 * size_of::<usize>(), "box the field with vector lanes") };
+    module.add_class::<T>()
 }

@@ -16,7 +16,8 @@ use crate::threads::work;
 /// A calibrated mechanism that is watched at work.
 #[pyclass(name = "Monitor", module = "rsicalib._core")]
 pub struct PyMonitor {
-    monitor: Monitor,
+    // Boxed: its vector lanes ask for more than the alignment of an object of Python.
+    monitor: Box<Monitor>,
     channels: usize,
 }
 
@@ -47,7 +48,7 @@ impl PyMonitor {
         let applied = applied.into();
         let monitor = work(py, || Monitor::new(&mechanism.0, &applied, &covariance, &options))?
             .map_err(PyError::from)?;
-        Ok(Self { monitor, channels: mechanism.0.channels.len() })
+        Ok(Self { monitor: Box::new(monitor), channels: mechanism.0.channels.len() })
     }
 
     /// Tests one row: a reading of each channel, and its time [s]. Returns the alarms.
