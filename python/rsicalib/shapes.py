@@ -187,7 +187,7 @@ class FitQuality(Fitness, Record):
     p_value: float | None
     """Probability of a larger χ² by chance; null where lack of fit cannot be judged."""
     rms_misclosure: float | None
-    """Error of the closures [`misclosure_unit`]."""
+    """Error of the closures, in `misclosure_unit`."""
     misclosure_unit: str | None = field(default=None, metadata=IF_KNOWN)
     """Unit of `rms_misclosure`: of length, or of the coordinates that closures make equal."""
     held_out: HeldOut | None = None

@@ -30,7 +30,7 @@ pub struct FitOptions {
     /// Variance of the seating of each closure of a sample that declares none, as an earlier fit has
     /// found it, length units squared; empty where these are exact.
     pub seating: Vec<f64>,
-    /// Closures whose noise is drawn for each sample, [`Noise::measured`](crate::Noise::measured); `None`:
+    /// Closures whose noise is drawn for each sample, as `Observations::measured` finds them; `None`:
     /// as the readings show it.
     pub measured: Option<Vec<f64>>,
     /// True where the noise is from an earlier fit of these readings, which has judged what

@@ -277,7 +277,7 @@ pub struct FitQuality {
     pub dof: Option<f64>,
     /// Probability of a larger χ² by chance; null where lack of fit cannot be judged.
     pub p_value: Option<f64>,
-    /// Error of the closures [`misclosure_unit`].
+    /// Error of the closures, in `misclosure_unit`.
     pub rms_misclosure: Option<f64>,
     /// Unit of `rms_misclosure`: of length, or of the coordinates that closures make equal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
