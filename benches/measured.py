@@ -114,7 +114,7 @@ def measure(shop: Workshop, case: Case) -> Row:
         if found.verdict == "undetermined":
             row.says.append(f"{name}: {found.termination}")
         if not turned:
-            row.says += found.warnings
+            row.says += map(str, found.warnings)
         if found.fit.chi2 is not None:
             chi2[name] = found.fit.chi2
         if name == "geometry" and found.fit.p_value is not None:

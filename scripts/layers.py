@@ -33,6 +33,7 @@ PYTHON = (
     "plots",
     "cores",
     "records",
+    "warned",
     "io",
     "imports",
     "verdicts",

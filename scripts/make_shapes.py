@@ -40,6 +40,9 @@ MIXINS = {
 }
 """Behaviour of a class that has some, its `repr` included: see `rsicalib.estimates`."""
 
+BELOW = ("Warned",)
+"""Records that readers of files make, in modules of their own; `tests/test_shapes.py` compares."""
+
 ROOTS = ("Calibration", "Trace")
 
 HEAD = '''"""The data of a result, in the shape of the JSON that the commands print.
@@ -58,6 +61,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.estimates import Absent, Effect, Estimate, Fitness, Together
 from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
+from rsicalib.warned import Warned
 '''
 
 RESIDUALS = '''    before_residuals: FloatArray | None = field(default=None, metadata=NOT_WRITTEN)
@@ -91,7 +95,7 @@ def shapes() -> str:
     types = {k: v for root in (*roots.values(), evidence) for k, v in root["$defs"].items()}
     types[evidence["title"]] = evidence
     written = dict(_core.written_keys())
-    records = {k: v for k, v in types.items() if "properties" in v}
+    records = {k: v for k, v in types.items() if "properties" in v and k not in BELOW}
     parts = []
     for name in _ordered(records):
         bases = f"{MIXINS[name]}, Record" if name in MIXINS else "Record"
@@ -195,7 +199,7 @@ def _kind(key: str, value: dict[str, Any], records: dict[str, Any]) -> tuple[str
         return f"{kinds[0]} | None", "default=None"
     if "$ref" in value:
         name = value["$ref"].rpartition("/")[2]
-        return (name if name in records else "str"), "default=None"
+        return (name if name in records or name in BELOW else "str"), "default=None"
     types = value["type"] if isinstance(value["type"], list) else [value["type"]]
     optional = " | None" if "null" in types else ""
     (kind,) = [t for t in types if t != "null"]

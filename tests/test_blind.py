@@ -319,7 +319,7 @@ def test_a_spoilt_converter_may_be_left_out_or_warned_of() -> None:
     truth = [effects.FAULTS[0]("a12", 1.0)]
     entry = {"pose": None, "sample": None, "chain": "arm1", "channel": "a12"}
     assert grade(said(excluded=[entry]), truth).right
-    assert grade(said(warnings=["a12: bit 3 is always 1"]), truth).right
+    assert grade(said(warnings=[{"kind": "stuck_bit", "target": "a12"}]), truth).right
     wrong = grade(said(excluded=[entry | {"channel": "a13"}]), truth)
     assert wrong.extras == 1
     assert wrong.effects[0].credit == 0

@@ -16,6 +16,7 @@ from rsicalib.report.poses import poses_html
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
 from rsicalib.reproduction.page import html as paper_html
 from rsicalib.shapes import Excluded
+from rsicalib.warned import Warned
 from tests.browser import look, needs_chromium
 from tests.test_families import clean
 
@@ -220,7 +221,11 @@ def test_text_of_any_kind_stays_text(traced: Trace, tmp_path: Path) -> None:
     )
     step = dataclasses.replace(traced.steps[0], target=WRONG)
     result = dataclasses.replace(
-        traced, excluded=(bad,), warnings=(WRONG,), mechanism=WRONG, steps=(step,)
+        traced,
+        excluded=(bad,),
+        warnings=(Warned("other", WRONG, WRONG),),
+        mechanism=WRONG,
+        steps=(step,),
     )
     result.__dict__["evidence"] = evidence
     found, errors = look(result.report(), PICTURES, tmp_path)

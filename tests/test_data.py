@@ -21,6 +21,7 @@ from rsicalib.io.readings import Readings, load_readings
 from rsicalib.io.samples import Skipped
 from rsicalib.io.suspicions import suspicions
 from rsicalib.io.tables import File, numbers, table_of_file, table_of_numbers
+from rsicalib.warned import Warned
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
 
@@ -177,7 +178,7 @@ def test_other_columns_are_ignored_with_a_warning(write):
     rows = [[*row, extra, "1"] for row, extra in zip(cells(), ["note", *"x" * 12], strict=True)]
     rows[0][-1] = "operator"
     (warning,) = load_readings(write(as_text(rows)), RSI).warnings
-    assert "ignored columns: note, operator" in warning
+    assert warning.kind == "ignored_columns" and "columns: note, operator" in warning.text
 
 
 def test_known_poses_are_loaded_and_empty_ones_are_unknown(write):
@@ -202,7 +203,7 @@ def test_a_channel_may_bear_the_name_of_a_pose_column(write):
     stage = Mechanism((Channel("x", "mm", None), Channel("q", "rad", None)))
     readings = load_readings(write("x,q,y\n1,2,3\n4,5,6\n"), stage)
     np.testing.assert_array_equal(readings.values, [[1.0, 2.0], [4.0, 5.0]])
-    assert readings.poses is None and "ignored columns: y" in readings.warnings[0]
+    assert readings.poses is None and "ignored columns: y" in readings.warnings[0].text
 
 
 # What is refused
@@ -612,6 +613,10 @@ def test_a_hundred_thousand_rows_load(write):
 
 
 def told(values, pose=None, **options) -> tuple[str, ...]:
+    return tuple(map(str, warned(values, pose, **options)))
+
+
+def warned(values, pose=None, **options) -> tuple[Warned, ...]:
     return Readings.from_arrays(RSI, values, pose=pose, **options).warnings
 
 
@@ -627,6 +632,7 @@ def test_clean_readings_raise_no_suspicion(seed):
 def test_a_channel_that_never_changes_is_told():
     values, pose = session(12, 4)
     values[:, 4] = 2048
+    assert [(w.kind, w.target) for w in warned(values, pose)] == [("constant", "a22")]
     (warning,) = told(values, pose)
     assert warning.startswith("a22: reads 2048 in all 48 rows while other channels move")
 
@@ -704,7 +710,7 @@ def test_time_that_goes_back_is_told_with_its_line(write):
     rows = cells()
     rows[6][2] = "0.01"
     (warning,) = load_readings(write(as_text(rows)), RSI).warnings
-    assert "line 7, column time_s: time goes back from 0.08 to 0.01 s" in warning
+    assert "line 7, column time_s: time goes back from 0.08 to 0.01 s" in warning.text
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the shared data are not beside the repository")

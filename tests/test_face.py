@@ -149,7 +149,7 @@ def test_readings_come_from_a_data_frame_as_from_the_file(calibration: Calibrati
     frame = pandas.read_csv(READINGS)
     frame["note"] = pandas.Timestamp("1994-05-08")  # no column of ours: ignored
     loaded = rsicalib.load_readings(frame)
-    assert any("note" in warning for warning in loaded.warnings)
+    assert any("note" in warning.text for warning in loaded.warnings)
     again = rsicalib.load_readings(READINGS).to_dataframe()
     pandas.testing.assert_frame_equal(
         loaded.to_dataframe(), again, check_exact=True, check_dtype=False
@@ -472,7 +472,7 @@ def test_a_verb_logs_warnings_stages_and_its_verdict(caplog: pytest.LogCaptureFi
     with caplog.at_level(logging.DEBUG, logger="rsicalib"):
         found = rsicalib.calibrate(CHECK, rest=REST)
     levels = [(r.levelno, r.getMessage()) for r in caplog.records if r.name == "rsicalib"]
-    assert [m for n, m in levels if n == logging.WARNING] == list(found.warnings) != []
+    assert [m for n, m in levels if n == logging.WARNING] == [w.text for w in found.warnings] != []
     assert any("fit" in m for n, m in levels if n == logging.DEBUG)
     (said,) = (m for n, m in levels if n == logging.INFO)
     assert said.startswith("rsi, 20 poses: ")

@@ -204,7 +204,7 @@ def test_outside_the_target_is_what_counts() -> None:
     assert is_found(truth, result(step("hysteresis", "sensor", "q2")))
     assert is_found(truth, result(verdict="unexplained", unexplained={"target": "q2"}))
     assert not is_found(truth, result(step("hysteresis", "sensor", "q1")))
-    coarse = "q2 reads in steps of 8.6e-4 rad: rounding, step/√12, is 81 % of its variance"
+    coarse = {"kind": "coarse", "target": "q2", "text": "q2 reads in steps of 8.6e-4 rad"}
     assert is_found(truth, result(verdict="adequate", warnings=[coarse]))
     wrong = grade(result(step("link_length", "geometry", "arm/2")), 0, [truth])
     assert wrong.misled and not wrong.found[0]
@@ -232,8 +232,8 @@ def test_a_track_bends_about_its_own_middle() -> None:
 
 
 def test_words_on_noise_are_heard() -> None:
-    assert speaks_of_noise(["declared noise is 2.0 times what the residual shows"])
-    assert not speaks_of_noise(["channel q1 never changes"])
+    assert speaks_of_noise(result(warnings=[{"kind": "noise"}]))
+    assert not speaks_of_noise(result(warnings=[{"kind": "constant", "target": "q1"}]))
 
 
 def test_rates_have_an_error_even_of_none() -> None:

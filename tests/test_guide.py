@@ -28,6 +28,7 @@ from rsicalib.guide.server import Page
 from rsicalib.guide.session import SAME
 from rsicalib.guide.source import open_source
 from rsicalib.guide.terminal import Screen, screen
+from rsicalib.warned import Warned
 from tests import oracle, person, trouble
 from tests.blind import simulator
 from tests.blind.simulator import Device
@@ -178,7 +179,7 @@ def test_a_pose_in_which_an_arm_was_pushed_is_measured_again(tmp_path: Path) -> 
     assert result is not None and result.exit_code == 0 and not result.excluded
 
 
-def few_poses(seed: int, poses: int, kind: str | None = None) -> tuple[str | None, Any]:
+def few_poses(seed: int, poses: int, kind: str | None = None) -> tuple[Warned | None, Any]:
     """What is said of the wires of a random device in few poses, and what is wrong with them."""
     rng = np.random.default_rng([seed, poses])
     device = Device.random(rng)
@@ -209,7 +210,7 @@ def test_wires_that_are_right_are_never_blamed(poses: int) -> None:
 def test_wires_that_are_wrong_are_named_from_six_poses(kind: str, poses: int) -> None:
     for seed in range(3):
         said, wrong = few_poses(seed, poses, kind)
-        assert said is not None and wrong.said(said)
+        assert said is not None and wrong.said(said.text)
 
 
 def test_a_hand_that_shakes_is_still_and_a_hand_that_moves_is_not() -> None:

@@ -27,6 +27,7 @@ from rsicalib.report.words import noise_words, number, plus_minus, sentence
 from rsicalib.results import Result
 from rsicalib.shapes import Excluded, Noise, Reason, Unexplained
 from rsicalib.units import with_unit
+from rsicalib.warned import Warned
 from rsicalib.work.arguments import Bare
 from tests.families.device import Effect, Scene, observe
 from tests.families.trials import readings_of
@@ -418,7 +419,11 @@ def test_channels_of_other_units_are_not_compared() -> None:
 def test_names_from_a_file_cannot_break_the_page(traced: Trace) -> None:
     bad = Excluded(3, None, "<b>", None, "a&b", '"<script>"')
     page = dataclasses.replace(
-        traced, excluded=(bad,), warnings=("<i>",), mechanism="<u>", unobservable=("<s>",)
+        traced,
+        excluded=(bad,),
+        warnings=(Warned("other", None, "<i>"),),
+        mechanism="<u>",
+        unobservable=("<s>",),
     ).report()
     Balance().feed(page)
     for tag in ("<b>", '"<script>"', "<i>", "<u>", "<s>"):

@@ -106,11 +106,11 @@ class Fit:
         """The fit in the shape of the JSON."""
 
     @property
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[dict[str, Any]]:
         """What looks wrong with the readings or what is declared of them."""
 
     @property
-    def wires(self) -> str | None:
+    def wires(self) -> dict[str, Any] | None:
         """Which wires are exchanged: of two channels, or the outer ones of one. None where nothing says so."""
 
 @final

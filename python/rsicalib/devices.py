@@ -13,6 +13,7 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.units import is_count
 
 __all__ = [
     "MARGIN",
@@ -150,7 +151,7 @@ class Device:
             read += exact[:, None]
         else:
             read = np.repeat(exact[:, None], samples, axis=1)
-        counted = [c.unit == "count" for c in self.mechanism.channels]
+        counted = [is_count(c.unit) for c in self.mechanism.channels]
         if all(counted):
             np.round(read, out=read)
         else:

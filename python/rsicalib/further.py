@@ -76,7 +76,7 @@ class Sessions:
             raise InputError.at(source, found=f"readings with SHA-256 {digest}", expected=expected)
         self.readings = job.readings
         noise = self.result.noise
-        declared = noise is not None and noise.source == "declared"
+        declared = noise is not None and noise.kind == "declared"
         sigma = dict(noise.sigma) if noise is not None and declared else None
         self.base = base_terms(self.result)
         self.session = job.session(None, self.base, {"noise": job.noise(sigma)})

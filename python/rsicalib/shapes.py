@@ -14,6 +14,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.estimates import Absent, Effect, Estimate, Fitness, Together
 from rsicalib.labels import Labelled
 from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
+from rsicalib.warned import Warned
 
 __all__ = [
     "Against",
@@ -102,7 +103,7 @@ class Noise(Record):
     """Noise of one sample, by channel, and where it is known from."""
 
     source: str
-    """Where the noise is known from."""
+    """Where the noise is known from, in words."""
     sigma: Mapping[str, float]
     """Standard deviation by channel, in each channel's unit, quantisation included."""
     dof: float | None
@@ -111,6 +112,8 @@ class Noise(Record):
     """Correlation of neighbouring samples."""
     unit: Mapping[str, str] = field(default_factory=dict)
     """Unit of the readings, by channel."""
+    kind: str | None = None
+    """Where the noise is known from; null in results of earlier versions."""
 
 
 @dataclass(frozen=True)
@@ -858,7 +861,7 @@ class ResultShape(Record):
     """How the parameters were found."""
     noise: Noise | None
     """Noise of one sample."""
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Warned, ...] = ()
     """Suspicious things."""
     excluded: tuple[Excluded, ...] = ()
     """Readings that were left out."""

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-__all__ = ["axis_words", "in_thousandths", "with_unit"]
+__all__ = ["axis_words", "in_thousandths", "is_count", "with_unit"]
 
 NONE = "1"
 """The unit of a pure number, in a result."""
+
+
+def is_count(unit: str) -> bool:
+    """Whether readings are whole codes of a converter; every other unit is a physical one."""
+    return unit == "count"
 
 
 def with_unit(size: str, unit: str | None) -> str:

@@ -121,7 +121,8 @@ def judge_outside(effect: Effect, result: Result) -> tuple[float, float]:
 
 def judge_fault(effect: Effect, result: Result) -> float:
     """A fault of the converter may also be named in a warning that mentions its channel."""
-    warned = any(effect.target in text for text in result["warnings"])
+    targets = (w["target"] or "" for w in result["warnings"])
+    warned = any(effect.target in target.split("+") for target in targets)
     return 1.0 if warned else judge_outside(effect, result)[0]
 
 

@@ -5,7 +5,7 @@ Pure functions of plain values: a result is the dictionary of `rsicalib trace --
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,9 +21,6 @@ ROUNDING = 1e-6
 
 GREW = 1.1
 """Errors that are so many times others are larger by more than a trifle."""
-
-COARSE = " reads in steps of "
-"""What a warning says of a channel whose steps rule its noise."""
 
 USABLE = 0
 """The exit code that tells a script to go on."""
@@ -88,9 +85,8 @@ def targets(result: Result) -> set[str]:
     out = {target for step in result.get("steps") or [] for _, target in names(step)}
     for entry in result.get("excluded") or []:
         out |= {entry[key] for key in ("channel", "chain") if entry.get(key)}
-    for text in result.get("warnings") or []:
-        channel, coarse, _ = text.partition(COARSE)
-        out |= {channel} if coarse else set()
+    warned = result.get("warnings") or []
+    out |= {warning["target"] for warning in warned if warning["kind"] == "coarse"}
     left = (result.get("unexplained") or {}).get("target")
     return out | ({left} if left else set())
 
@@ -181,9 +177,7 @@ def said(result: Result) -> tuple[str, ...]:
     return (*steps, *(f"bad@{pose}" for pose in sorted(left_out(result))))
 
 
-def speaks_of_noise(texts: Collection[str]) -> bool:
-    """Whether a warning says that the declared noise, or play, does not fit."""
-    return any(
-        ("noise" in text or "play" in text) and ("declared" in text or "fit" in text)
-        for text in texts
-    )
+def speaks_of_noise(result: Result) -> bool:
+    """Whether it is said that the declared noise, or play, does not fit."""
+    left = (result.get("unexplained") or {}).get("text", "")
+    return "declared noise" in left or any(w["kind"] == "noise" for w in result["warnings"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -458,13 +457,12 @@ def run(family: str, suite: str, number: int, seed: int) -> Row:
     if suite in ("single", "pair", "outside", "wrong_readings", *FAINT) and not timed:
         errors = compared(case, mechanism, readings, result, truth)
     answer = result.to_dict()
-    texts: Sequence[str] = [*answer["warnings"], (answer.get("unexplained") or {}).get("text", "")]
     return replace(
         row,
         grade=grade(answer, result.exit_code, case.truths, errors),
         errors=errors,
         seconds=seconds,
-        noise_said=speaks_of_noise(texts),
+        noise_said=speaks_of_noise(answer),
         calibrated=code,
         covered=covered(case.device, result) if suite in ("clean", "wrong_readings") else (),
         behind=behind(result, truth) if suite in ("single", "pair", *FAINT) else None,

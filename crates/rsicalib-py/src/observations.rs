@@ -21,7 +21,8 @@ use rsicalib::readings::Table;
 use rsicalib::report::beside::{Beside, Touched};
 use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
-use rsicalib::report::result::{self, Estimates, FitReport, Known, estimates};
+use rsicalib::report::result::{Estimates, FitReport, Known, estimates};
+use rsicalib::report::warned::{self, Warned};
 use rsicalib::screening::excluded::Excluded;
 use rsicalib::terms::targets::searchable;
 use rsicalib::terms::term::Term;
@@ -378,7 +379,7 @@ type Uncertain = (Vec<[f64; 6]>, Vec<[f64; 6]>);
 #[derive(Serialize)]
 struct FitView {
     fit: FitReport,
-    warnings: Vec<String>,
+    warnings: Vec<Warned>,
     #[serde(flatten)]
     estimates: Estimates,
 }
@@ -391,7 +392,7 @@ impl PyFit {
             let directions = directions(&self.observations, &self.fit);
             FitView {
                 fit: FitReport::of(&self.fit),
-                warnings: result::warnings(&self.observations, &self.fit, &self.fit),
+                warnings: warned::warnings(&self.observations, &self.fit, &self.fit),
                 estimates: estimates(&self.observations, &self.fit, &directions),
             }
         })?;
@@ -427,14 +428,14 @@ impl PyFit {
 
     /// What looks wrong with the readings or what is declared of them.
     #[getter]
-    fn warnings(&self) -> Vec<String> {
-        result::warnings(&self.observations, &self.fit, &self.fit)
+    fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize(py, &warned::warnings(&self.observations, &self.fit, &self.fit))?)
     }
 
     /// Which wires are exchanged: of two channels, or the outer ones of one. None where nothing says so.
     #[getter]
-    fn wires(&self) -> Option<String> {
-        result::wires(&self.observations, &self.fit)
+    fn wires<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize(py, &warned::wires(&self.observations, &self.fit))?)
     }
 
     /// Error on known poses: `(poses, position rms, orientation rms)`.

@@ -14,6 +14,7 @@ from rsicalib.cli.streams import emit, say
 from rsicalib.io.folders import MARK, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
 from rsicalib.results import Calibration, Result, Trace
+from rsicalib.warned import Warned
 
 __all__ = ["prepare", "show", "warn"]
 
@@ -63,8 +64,8 @@ def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
     return files | {f"figures/{name}.svg": f"{text}<!-- {MARK} -->\n" for name, text in drawn}
 
 
-def warn(args: argparse.Namespace, warnings: Sequence[str]) -> None:
+def warn(args: argparse.Namespace, warnings: Sequence[Warned | str]) -> None:
     """Print warnings on standard error, unless --quiet."""
     if not args.quiet:
         for warning in warnings:
-            print(f"warning: {printable(warning)}", file=sys.stderr)
+            print(f"warning: {printable(str(warning))}", file=sys.stderr)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +18,7 @@ from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Trace
 from rsicalib.tracing import trace
+from rsicalib.warned import WIRING, Warned
 from rsicalib.work.applying import as_applied, as_table
 
 __all__ = ["Advice", "Adviser", "Repeat"]
@@ -59,7 +59,7 @@ class Advice:
     sd_next: float | None = None
     result: Trace | None = None
     open: tuple[str, ...] = ()
-    troubles: tuple[str, ...] = ()
+    troubles: tuple[Warned, ...] = ()
     repeat: tuple[Repeat, ...] = ()
     closure: float | None = None
     """Error of the closures in the poses that are kept out [length unit]."""
@@ -78,7 +78,7 @@ class Adviser:
     rest: Readings | None
     seed: int = 0
     prior: Mechanism = field(init=False)
-    mistake: str | None = None
+    mistake: Warned | None = None
     """What is wrong with the wires, once it shows."""
 
     def __post_init__(self) -> None:
@@ -137,14 +137,15 @@ class Adviser:
             closure_fitted=check[0],
         )
 
-    def _mistake(self, fitted: Mapping[int, Sequence[Sample]]) -> str | None:
+    def _mistake(self, fitted: Mapping[int, Sequence[Sample]]) -> Warned | None:
         """What is wrong with the wires, where no trace explains the poses."""
         if self.rest is None or not fitted:
             return None
         mechanism = _with_gains(self.mechanism)
         table = as_table([self._readings(fitted)], mechanism)
         try:
-            return _core.Session(mechanism, table, rest=self.rest.values).fit().wires
+            wires = _core.Session(mechanism, table, rest=self.rest.values).fit().wires
+            return None if wires is None else Warned.from_dict(wires)
         except RsicalibError:
             return None
 
@@ -217,7 +218,7 @@ class Adviser:
             except RsicalibError:
                 specs = specs if attempt == "decide" else []
         if found is None:
-            return {"troubles": self._troubles(session.fit().warnings)}
+            return {"troubles": self._troubles(_warned(session))}
         spread = found["forecast"]["platform_sd"]
         names = [words(terms) for terms, _, _ in rivals]
         return {
@@ -230,13 +231,15 @@ class Adviser:
             "sd_next": spread[1]["position"],
             "wait_s": found["waits"][0] * _length_s(fitted),
             "troubles": self._troubles(
-                _wiring(session.fit().warnings if result is None else result.warnings)
+                w
+                for w in (_warned(session) if result is None else result.warnings)
+                if w.kind in WIRING
             ),
         }
 
-    def _troubles(self, warnings: Sequence[str]) -> tuple[str, ...]:
+    def _troubles(self, warnings: Iterable[Warned]) -> tuple[Warned, ...]:
         """Warnings; of wires that are wrong nothing else makes sense."""
-        return (self.mistake,) if self.mistake else tuple(warnings)
+        return tuple(warnings) if self.mistake is None else (self.mistake,)
 
     def _closures(
         self,
@@ -350,9 +353,5 @@ def _repeats(result: Trace | None) -> tuple[Repeat, ...]:
     )
 
 
-WIRING = re.compile(r"exchang|revers|wrap|never changes|does not change|stuck|clip|saturat", re.I)
-
-
-def _wiring(warnings: Sequence[str]) -> list[str]:
-    """Warnings that an operator can do something about."""
-    return [w for w in warnings if WIRING.search(w)]
+def _warned(session: _core.Session) -> Iterator[Warned]:
+    return map(Warned.from_dict, session.fit().warnings)

@@ -304,7 +304,7 @@ class Session:
             repeat = self._repeat()
             out += [r.why + "; hold it once more" for r in advice.repeat if r.label == repeat]
             out += [_changed(label) for label in self._unmended()]
-            out += [_short(w) for w in advice.troubles if not any(n in w for n in lost)]
+            out += [_short(w.text) for w in advice.troubles if not set(w.targets) & set(lost)]
             if advice.result is not None:
                 out += [_slipped(s) for s in advice.result.steps if s.term in ("slip", "wander")]
         if self.bad_lines:

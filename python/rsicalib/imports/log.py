@@ -22,6 +22,7 @@ from rsicalib.io.readings import Readings, readings_of_table
 from rsicalib.io.tables import Table
 from rsicalib.records import to_json
 from rsicalib.tabular import Told
+from rsicalib.warned import Warned
 
 __all__ = ["Column", "Log", "Session"]
 
@@ -124,7 +125,9 @@ class Log(Told):
                 list(session.columns), columns, session.lines, self.line_word, source, self.sha256
             )
             found.append(readings_of_table(table, mechanism, skip_bad_rows))
-        said = tuple(f"{self.source}: {finding}" for finding in self.findings)
+        said = tuple(
+            Warned("imported", None, f"{self.source}: {finding}") for finding in self.findings
+        )
         return [replace(found[0], warnings=(*said, *found[0].warnings)), *found[1:]]
 
     def files(self) -> dict[str, str]:

@@ -18,6 +18,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
 from rsicalib.plain_text import meant
+from rsicalib.warned import Warned
 
 __all__ = [
     "COLUMNS",
@@ -108,7 +109,7 @@ def needed_columns(mechanism: MechanismLike) -> list[str]:
     return [*channels, *mechanism.key_columns, *mechanism.value_columns]
 
 
-def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int], list[str]]:
+def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int], list[Warned]]:
     """Which column is where, and warnings about those that are none of ours.
 
     Raises
@@ -147,7 +148,8 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
         used = {name: None for name in used if name in needed or name not in POSE}
     extra = [name or "(no name)" for name in table.names if name not in used]
     listed = ", ".join(dict.fromkeys(extra))
-    warnings = [f"{table.source}: ignored columns: {listed}"] if extra else []
+    text = f"{table.source}: ignored columns: {listed}"
+    warnings = [Warned("ignored_columns", None, text)] if extra else []
     return {name: position for name, position in index.items() if name in used}, warnings
 
 

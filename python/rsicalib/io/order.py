@@ -6,6 +6,7 @@ import numpy as np
 
 from rsicalib.errors import InputError
 from rsicalib.io.samples import Samples
+from rsicalib.warned import Warned
 
 __all__ = ["check_poses_are_together", "time_goes_back"]
 
@@ -39,7 +40,7 @@ def check_poses_are_together(readings: Samples) -> None:
     )
 
 
-def time_goes_back(readings: Samples) -> list[str]:
+def time_goes_back(readings: Samples) -> list[Warned]:
     """Warn where the time of a row is before the time of the row above it."""
     if readings.time_s is None:
         return []
@@ -53,4 +54,5 @@ def time_goes_back(readings: Samples) -> list[str]:
     advice = (
         "terms of drift use it as it stands; check the clock, or give sessions files of their own"
     )
-    return [f"{place}: time goes back {times}{more}; {advice}"]
+    text = f"{place}: time goes back {times}{more}; {advice}"
+    return [Warned("time_goes_back", None, text)]

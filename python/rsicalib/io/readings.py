@@ -78,7 +78,7 @@ class Readings(Samples, Tabular):
         Line of the file, or row from 1 where there are no lines.
     source, sha256 : str
         Where the readings are from, and the digest of its bytes.
-    warnings : tuple of str
+    warnings : tuple of Warned
         Suspicious but usable.
     skipped : tuple of Skipped
         Rows that were dropped because the caller asked for it.

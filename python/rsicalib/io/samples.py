@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.warned import Warned
 
 __all__ = ["Samples", "Skipped", "frozen", "picked"]
 
@@ -43,7 +44,7 @@ class Samples:
     lines: IntArray
     source: str
     sha256: str
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Warned, ...] = ()
     skipped: tuple[Skipped, ...] = ()
     line_word: str = "line"
 

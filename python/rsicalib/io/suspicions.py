@@ -17,6 +17,8 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
+from rsicalib.units import is_count
+from rsicalib.warned import Warned
 
 __all__ = ["suspicions"]
 
@@ -26,7 +28,7 @@ LISTED = 5
 """Places a message names before it only counts."""
 
 
-def suspicions(readings: Samples, mechanism: MechanismLike) -> list[str]:
+def suspicions(readings: Samples, mechanism: MechanismLike) -> list[Warned]:
     """Warnings about suspicious but usable readings.
 
     Looks for a channel that never changes, a bit of a converter that never toggles,
@@ -42,8 +44,8 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[str]:
 
     Returns
     -------
-    list of str
-        One sentence each: where, what, and what to do. Empty for clean data.
+    list of Warned
+        Each says where, what, and what to do. Empty for clean data.
     """
     return [
         *_constant_channels(readings),
@@ -56,7 +58,7 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[str]:
     ]
 
 
-def _constant_channels(readings: Samples) -> Iterator[str]:
+def _constant_channels(readings: Samples) -> Iterator[Warned]:
     """Channels that stand still while another one clearly does not."""
     values, poses = readings.values, readings.n_poses
     if poses < 5:  # one rest pose may well hold a channel still
@@ -67,15 +69,17 @@ def _constant_channels(readings: Samples) -> Iterator[str]:
     if max(len(np.unique(column)) for column in values.T) < min(20, poses):
         return  # nothing moves: not a session of different poses
     for k in still:
-        yield (
+        yield Warned(
+            "constant",
+            readings.channels[k],
             f"{readings.channels[k]}: reads {values[0, k]:.10g} in all {len(values)} rows while "
-            "other channels move; check its wiring, it cannot be calibrated like this"
+            "other channels move; check its wiring, it cannot be calibrated like this",
         )
 
 
-def _faults(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+def _faults(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
     """Bits that keep one value, alike channels in one message, and codes as at a wall."""
-    counts = [channel.unit == "count" for channel in mechanism.channels]
+    counts = [is_count(channel.unit) for channel in mechanism.channels]
     starts, lengths = _runs(readings.pose)
     pose = np.repeat(np.arange(len(starts)), lengths)
     alike: dict[tuple[tuple[int, bool], ...], list[str]] = {}
@@ -85,35 +89,41 @@ def _faults(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
             alike.setdefault(tuple(bits), []).append(readings.channels[k])
         if clipped:
             at, poses = clipped
-            yield (
+            yield Warned(
+                "clipped",
+                readings.channels[k],
                 f"{readings.channels[k]}: reads exactly {at:.10g} in {len(poses)} poses and never "
                 f"beyond ({_places(readings, starts[poses])}); it is clipped there: check its "
-                "amplifier, and keep the joint within range"
+                "amplifier, and keep the joint within range",
             )
     for stuck, names in alike.items():
         listed = ", ".join(
             f"bit {bit} (worth {1 << bit}) is always {int(state)}" for bit, state in stuck
         )
-        yield (
+        yield Warned(
+            "stuck_bit",
+            "+".join(names),
             f"{', '.join(names)}: {listed}, while higher bits change; check the converter, "
-            f"and count at least {1 << stuck[-1][0]} counts of error into the noise"
+            f"and count at least {1 << stuck[-1][0]} counts of error into the noise",
         )
 
 
-def _saturated_codes(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+def _saturated_codes(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
     """Readings at the very ends of a channel's range, where the truth may lie beyond."""
     for k, channel in enumerate(mechanism.channels):
         for end in channel.range or ():
             rows = np.flatnonzero(readings.values[:, k] == end)
             if len(rows):
-                yield (
+                yield Warned(
+                    "end_of_range",
+                    channel.name,
                     f"{channel.name}: {len(rows)} reading{'s' * (len(rows) > 1)} at the end of its "
                     f"range, {end:.10g} ({_places(readings, rows)}); the joint may have been "
-                    "further out: leave those rows out, or keep the joint within range"
+                    "further out: leave those rows out, or keep the joint within range",
                 )
 
 
-def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
     """Held poses that scatter far beyond what is typical of the others."""
     starts, counts = _runs(readings.pose)
     several = counts > 1
@@ -134,20 +144,23 @@ def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
         others = int((excess[i] > 1.0).sum()) - 1
         first = starts[several][i]
         unit = mechanism.channels[k].unit
-        yield (
+        yield Warned(
+            "moved_pose",
+            readings.channels[k],
             f"pose {readings.pose[first]} ({readings.line_word} {readings.lines[first]}): "
             f"{readings.channels[k]} scatters by {scatter[i, k]:.3g} while it was sampled, other "
             f"poses by {typical[k]:.2g} ({unit})"
             + (f", and so do{'es' * (others == 1)} {others} more" if others else "")
-            + "; it moved, or a reading is bad: take it again or leave it out"
+            + "; it moved, or a reading is bad: take it again or leave it out",
         )
     if len(moved) > LISTED:
-        yield f"{len(moved) - LISTED} more poses scatter far beyond the typical"
+        more = len(moved) - LISTED
+        yield Warned("moved_pose", None, f"{more} more poses scatter far beyond the typical")
 
 
 def _resolution(values: FloatArray, mechanism: MechanismLike) -> FloatArray:
     """Scatter that rounding alone gives, shape (C,); a millionth of the span where unknown."""
-    counts = [channel.unit == "count" for channel in mechanism.channels]
+    counts = [is_count(channel.unit) for channel in mechanism.channels]
     rounding = np.array(_core.steps(values, counts)) / math.sqrt(12.0)
     return np.asarray(np.maximum(rounding, 1e-6 * np.ptp(values, axis=0)))
 
@@ -158,7 +171,7 @@ def _chi2(dof: IntArray, z: float) -> FloatArray:
     return np.asarray((1.0 - h + z * np.sqrt(h)) ** 3)
 
 
-def _stale_rows(readings: Samples) -> Iterator[str]:
+def _stale_rows(readings: Samples) -> Iterator[Warned]:
     """Rows that repeat the one before in every channel, amid rows that do not."""
     values = readings.values
     pair = np.ones(len(values) - 1, dtype=np.bool_)
@@ -178,14 +191,16 @@ def _stale_rows(readings: Samples) -> Iterator[str]:
     rows = np.flatnonzero(np.repeat(calm, counts)) + 1
     m = len(rows)
     if m and m * math.log(max(expected, 1e-300)) - math.lgamma(m + 1) < math.log(RARE):
-        yield (
+        yield Warned(
+            "stale_rows",
+            None,
             f"{m} row{'s repeat' if m > 1 else ' repeats'} the row before in every channel "
             f"({_places(readings, rows)}); the logger may have written old samples again: "
-            "they are no new information, drop them"
+            "they are no new information, drop them",
         )
 
 
-def _copied_poses(readings: Samples) -> Iterator[str]:
+def _copied_poses(readings: Samples) -> Iterator[Warned]:
     """Held poses whose samples are, one by one, those of another pose."""
     if not readings.held:
         return
@@ -197,10 +212,12 @@ def _copied_poses(readings: Samples) -> Iterator[str]:
             continue  # without noise, a pose visited twice does read the same
         first = seen.setdefault(block.tobytes(), int(start))
         if first != start:
-            yield (
+            yield Warned(
+                "copied_pose",
+                None,
                 f"pose {readings.pose[start]} ({readings.line_word} {readings.lines[start]}) "
                 f"repeats pose {readings.pose[first]} ({readings.line_word} "
-                f"{readings.lines[first]}) reading by reading; it looks like a copy: drop one"
+                f"{readings.lines[first]}) reading by reading; it looks like a copy: drop one",
             )
 
 

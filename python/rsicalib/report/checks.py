@@ -31,7 +31,7 @@ def noise_figure(noise: Noise) -> Figure:
             canvas.text(left + long + 4.0, y + 12.0, with_unit(number(sigma), unit))
         return canvas.svg("noise of each channel")
 
-    known = "as declared" if noise.source == "declared" else f"from the {noise.source}"
+    known = "as declared" if noise.kind == "declared" else f"from the {noise.source}"
     alike = "the others of its unit" if len(largest) > 1 else "the others"
     caption = (
         f"Standard deviation of one sample of each channel, rounding included, {known}. "

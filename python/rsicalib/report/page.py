@@ -386,7 +386,7 @@ def _hidden(result: TraceShape) -> str:
 
 
 def _warnings(result: ResultShape) -> str:
-    return section("Warnings", listed(result.warnings))
+    return section("Warnings", listed(map(str, result.warnings)))
 
 
 def _about(result: ResultShape) -> str:

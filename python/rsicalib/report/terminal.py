@@ -67,7 +67,7 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
     head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
     head += _entry("noise", noise_words(result), look)
     head += _earlier(result, look)
-    head += _listed("warning", result.warnings, 1, look)
+    head += _listed("warning", [str(warned) for warned in result.warnings], 1, look)
     middle = _errors(result, look)
     if isinstance(result, TraceShape):
         middle = [*_found(result, look), *_left_out(result, look), *middle, *_left(result, look)]

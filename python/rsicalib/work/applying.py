@@ -12,6 +12,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
+from rsicalib.units import is_count
 
 __all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed"]
 
@@ -70,7 +71,7 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
     if result is None:
         # Nothing refers to the readings where nothing was found with them.
         reference: Mapping[str, Any] = {"centre": zero, "span": [zero[:2]] * len(channels)}
-        guess = [1.0 if c.unit == "count" else 1e-5 / abs(c.gain) for c in channels]
+        guess = [1.0 if is_count(c.unit) else 1e-5 / abs(c.gain) for c in channels]
         declared = [c.noise for c in channels]
         sigma = [g if n is None else n for g, n in zip(guess, declared, strict=True)]
         nothing: dict[str, Any] = {
@@ -85,7 +86,7 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
     return {
         **result.reference.to_dict(),
         "sigma": [result.noise.sigma[c.name] for c in channels],
-        "declared": result.noise.source == "declared",
+        "declared": result.noise.kind == "declared",
         "own": own,
         "parameters": [(p.at, p.name, p.value) for p in result.parameters if p.value is not None],
     }

@@ -16,6 +16,7 @@ from rsicalib.io.frames import in_memory
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
 from rsicalib.shapes import Parameter
+from rsicalib.warned import Warned
 from rsicalib.work.applying import Known, as_applied, as_table, covariance_of, posed
 from rsicalib.work.arguments import (
     Bare,
@@ -70,7 +71,7 @@ class Work:
         """The same with the groups that are held out."""
         self.selected: tuple[list[str] | None, list[str] | None] | None = None
         """Groups to use, and to leave out."""
-        self.warnings: list[str] = []
+        self.warnings: list[Warned] = []
         self.about = about
         """Device, note and date, by the keys of the result."""
 
@@ -94,10 +95,11 @@ class Work:
             loaded = load(one, self.mechanism, self.skip)
             self.warnings += loaded.warnings
             if loaded.poses is not None and not known_poses:
-                self.warnings.append(
+                text = (
                     f"{loaded.source}: known poses are not used here; "
                     "give them to `fixture`, or as check (--check)"
                 )
+                self.warnings.append(Warned("unused_poses", None, text))
             self.whole.append(loaded)
         self.readings = grouped(self.whole, keep, leave)
         if not self.readings:
@@ -197,7 +199,11 @@ class Work:
             **self.about,
             "readings": described(readings),
             **found,
-            "warnings": [*self.warnings, *found.get("warnings", []), *found.get("remarks", [])],
+            "warnings": [
+                *(warned.to_dict() for warned in self.warnings),
+                *found.get("warnings", []),
+                *found.get("remarks", []),
+            ],
             "reference": reference,
         }
         labels = labels_of(self.mechanism)
@@ -236,14 +242,15 @@ class Work:
         return self.result(kind, found, session)
 
 
-def _moved(rest: Readings, mechanism: Mechanism) -> list[str]:
+def _moved(rest: Readings, mechanism: Mechanism) -> list[Warned]:
     """A warning where the readings of the rest pose are not of one pose."""
     for channel, low, high in zip(
         mechanism.channels, rest.values.min(axis=0), rest.values.max(axis=0), strict=True
     ):
         if channel.range is not None and high - low > MOVED * (channel.range[1] - channel.range[0]):
-            return [
+            text = (
                 f"{rest.source}: the readings of the rest pose differ by {high - low:.0f} "
                 f"{channel.unit} in {channel.name}, and their mean is taken: is it the right file?"
-            ]
+            )
+            return [Warned("moved_rest", channel.name, text)]
     return []

@@ -188,7 +188,7 @@ fn noise(out: &mut Mechanism, applied: &Applied) {
         return;
     }
     for (channel, sigma) in out.channels.iter_mut().zip(&applied.sigma) {
-        if channel.unit != "count" || applied.declared {
+        if !channel.counts() || applied.declared {
             channel.noise = Some(*sigma);
         }
     }

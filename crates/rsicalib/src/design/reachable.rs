@@ -3,8 +3,6 @@
 //! Poses of the hand controller have closed forms, (6) to (8); the sensors of the estimate are then
 //! inverted. Of any other mechanism, random configurations are closed under the estimate.
 
-use rayon::prelude::*;
-
 use crate::Error;
 use crate::apply::poses::poses_of;
 use crate::design::linearised::Linearised;
@@ -15,6 +13,7 @@ use crate::model::configurations::Configurations;
 use crate::model::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::random::Random;
+use crate::numerics::workers;
 use crate::readings::{Readings, Table};
 
 /// Share of a channel's limits that a pose keeps from each end: a hand misses the pose. Effects of a
@@ -171,10 +170,8 @@ fn keeps(channel: &Channel, reading: f64, angle: f64) -> bool {
     let between = |value: f64, [low, high]: [f64; 2], margin: f64| {
         value >= low + margin && value <= high - margin
     };
-    let margin = |[low, high]: [f64; 2]| match channel.unit.as_str() {
-        "count" => MARGIN,
-        _ => FROM_RANGE * (high - low),
-    };
+    let margin =
+        |[low, high]: [f64; 2]| if channel.counts() { MARGIN } else { FROM_RANGE * (high - low) };
     reading.is_finite()
         && channel.range.is_none_or(|range| between(reading, range, margin(range)))
         && channel.limits.is_none_or(|l| between(angle, l, FROM_LIMITS * (l[1] - l[0])))
@@ -227,22 +224,19 @@ fn by_closed_form(
     let readings = Readings::beside(&bare, table, session)?;
     let (model, columns) = at.under(&bare, &readings)?;
     let beta = at.beta_of(&columns);
-    let blocks: Vec<Vec<Lanes>> = (0..readings.blocks().len())
-        .into_par_iter()
-        .map(|block| {
-            let rows = &readings.blocks()[block].rows;
-            let mut ws = Workspace::default();
-            let mut a = readings.raw(block).to_vec();
-            for _ in 0..INVERSIONS {
-                model.evaluate(&readings, block, &a, &beta, Want { x: false, a: false }, &mut ws);
-                for (c, reading) in a.iter_mut().enumerate() {
-                    let wanted = Lanes(rows.map(|row| angles[row][c]));
-                    *reading += (wanted - ws.angles[c]) * (1.0 / model.scales[c].gain);
-                }
+    let blocks: Vec<Vec<Lanes>> = workers::map(0..readings.blocks().len(), |block| {
+        let rows = &readings.blocks()[block].rows;
+        let mut ws = Workspace::default();
+        let mut a = readings.raw(block).to_vec();
+        for _ in 0..INVERSIONS {
+            model.evaluate(&readings, block, &a, &beta, Want { x: false, a: false }, &mut ws);
+            for (c, reading) in a.iter_mut().enumerate() {
+                let wanted = Lanes(rows.map(|row| angles[row][c]));
+                *reading += (wanted - ws.angles[c]) * (1.0 / model.scales[c].gain);
             }
-            a
-        })
-        .collect();
+        }
+        a
+    });
     let mut table = readings.table.clone();
     for (block, a) in readings.blocks().iter().zip(&blocks) {
         for (lane, &row) in block.rows.iter().enumerate().take(block.live.min(WIDTH)) {

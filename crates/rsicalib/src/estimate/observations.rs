@@ -155,7 +155,7 @@ impl Observations {
         let mut weights = vec![1.0; readings.samples];
         let copied = |row: &usize| copies.binary_search(&readings.pose[*row]).is_ok();
         (0..readings.samples).filter(copied).for_each(|row| weights[row] = 0.0);
-        let counters: Vec<bool> = mechanism.channels.iter().map(|c| c.unit == "count").collect();
+        let counters: Vec<bool> = mechanism.channels.iter().map(|c| c.counts()).collect();
         let steps = codes::steps(&readings.table.values, &counters);
         let centre = readings.mean.clone();
         Ok(Self {
@@ -180,7 +180,7 @@ impl Observations {
     /// True where channel `c` reads in steps of its own: of a counter, of more than a count.
     #[must_use]
     pub fn coded(&self, c: usize) -> bool {
-        let own = if self.mechanism.channels[c].unit == "count" { 1.0 } else { 0.0 };
+        let own = if self.mechanism.channels[c].counts() { 1.0 } else { 0.0 };
         self.steps[c] > own
     }
 

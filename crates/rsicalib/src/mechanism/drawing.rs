@@ -146,18 +146,27 @@ pub struct Channel {
     pub passive: bool,
 }
 
+/// The unit of a channel that reads whole codes of a converter.
+pub(crate) const COUNT: &str = "count";
+
 impl Channel {
+    /// True for the whole codes of a converter; another unit is a physical one.
+    #[must_use]
+    pub fn counts(&self) -> bool {
+        self.unit == COUNT
+    }
+
     /// True for a voltage that a converter reads against its reference, in counts or in volts;
     /// an encoder has none.
     #[must_use]
     pub fn is_converted(&self) -> bool {
-        matches!(self.unit.as_str(), "count" | "V" | "mV" | "volt")
+        self.counts() || matches!(self.unit.as_str(), "V" | "mV" | "volt")
     }
 
     /// Variance that rounding to whole counts adds to a reading: 1/12 count², zero in other units.
     #[must_use]
     pub fn quantisation(&self) -> f64 {
-        if self.unit == "count" { 1.0 / 12.0 } else { 0.0 }
+        if self.counts() { 1.0 / 12.0 } else { 0.0 }
     }
 
     /// Lowest and highest reading: of the range, or at the joint's limits where there is none.

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use crate::Error;
 use crate::closures::ClosureKind;
 use crate::mechanism::drawing::{
-    Chain, Channel, Closure, Mechanism, ModelSection, Point, Rest, Row, Value,
+    COUNT, Chain, Channel, Closure, Mechanism, ModelSection, Point, Rest, Row, Value,
 };
 
 /// Radius of the base circle with its sign: the Denavit-Hartenberg length of the fixed row (in).
@@ -185,7 +185,7 @@ impl Mechanism {
             for (j, limits) in limits.into_iter().enumerate() {
                 mechanism.channels.push(Channel {
                     name: format!("a{}{}", i + 1, j + 1),
-                    unit: "count".into(),
+                    unit: COUNT.into(),
                     label: None,
                     range: Some([0.0, 4095.0]),
                     gain,

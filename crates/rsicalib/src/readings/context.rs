@@ -16,7 +16,7 @@ const STANDSTILL: f64 = 3.0;
 /// [`STANDSTILL`] in the unit of a channel: for an encoder, the same share of the range as 3 of
 /// 4096 counts.
 fn standstill(channel: &Channel) -> f64 {
-    if channel.unit == "count" { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
+    if channel.counts() { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
 }
 
 /// [`STANDSTILL`] of every channel.

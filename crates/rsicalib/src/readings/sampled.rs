@@ -19,7 +19,7 @@ struct Electronics {
 impl Electronics {
     fn of(channel: &Channel) -> Self {
         let range = channel.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        Self { counts: channel.unit == "count", range }
+        Self { counts: channel.counts(), range }
     }
 }
 

@@ -12,6 +12,7 @@ use crate::report::beside::{Beside, GroupsReport, NominalReport};
 use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
+use crate::report::warned::{self, Warned};
 use crate::report::words;
 
 /// The result of a calibration.
@@ -28,7 +29,7 @@ pub struct CalibrationReport {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub implausible: Vec<String>,
     /// Suspicious things.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warned>,
     /// Readings left out.
     pub excluded: Vec<ExcludedReport>,
     /// The calibration with them.
@@ -134,7 +135,7 @@ pub fn of(
         verdict,
         reasons,
         implausible: result::implausible(used, &absurd),
-        warnings: result::warnings(used, fit, fit),
+        warnings: warned::warnings(used, fit, fit),
         excluded: out.iter().map(|e| excluded(used, e)).collect(),
         with_excluded,
         fit: quality,

@@ -9,6 +9,7 @@ use crate::estimate::directions::ParameterReport;
 use crate::report::calibrated;
 use crate::report::result::{ExcludedReport, FitReport};
 use crate::report::traced::{self, StepReport};
+use crate::report::warned::Warned;
 
 /// A calibration of one device of many, and what was missing from it.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +59,7 @@ pub fn report(observations: &Observations, options: &DeviceOptions) -> Result<De
     let message = message(&[
         &found.estimates.unobservable,
         &found.implausible,
-        &found.warnings,
+        &texts(&found.warnings),
         &reasons(&found.excluded),
     ]);
     let parameters = found.estimates.parameters;
@@ -81,7 +82,7 @@ fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceR
         &found.estimates.unobservable,
         &found.implausible,
         &left,
-        &found.warnings,
+        &texts(&found.warnings),
         &reasons(&found.excluded),
     ]);
     let of_step = |p: &ParameterReport| {
@@ -93,6 +94,10 @@ fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceR
     let parameters = found.estimates.parameters.iter().filter(|p| !of_step(p)).cloned().collect();
     let (verdict, fit, steps) = (found.verdict, found.after, found.steps);
     Ok(DeviceReport { verdict, message, fit, parameters, steps })
+}
+
+fn texts(warnings: &[Warned]) -> Vec<String> {
+    warnings.iter().map(|w| w.text.clone()).collect()
 }
 
 fn reasons(excluded: &[ExcludedReport]) -> Vec<String> {

@@ -15,7 +15,9 @@ use crate::apply::check::Check;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::{Reason, Verdict};
+use crate::estimate::noise::source::Source;
 use crate::mechanism::Law;
+use crate::report::warned::Warned;
 use crate::terms::term::{Class, Over};
 
 /// Formats of results, with the version that this program writes.
@@ -54,7 +56,7 @@ macro_rules! result {
             pub noise: Option<Noise>,
             /// Suspicious things.
             #[serde(default)]
-            pub warnings: Vec<String>,
+            pub warnings: Vec<Warned>,
             /// Readings that were left out.
             #[serde(default)]
             pub excluded: Vec<Excluded>,
@@ -255,7 +257,7 @@ pub struct Skipped {
 /// Noise of one sample, by channel, and where it is known from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Noise {
-    /// Where the noise is known from.
+    /// Where the noise is known from, in words.
     pub source: String,
     /// Standard deviation by channel, in each channel's unit, quantisation included.
     pub sigma: IndexMap<String, f64>,
@@ -266,6 +268,9 @@ pub struct Noise {
     /// Unit of the readings, by channel.
     #[serde(default)]
     pub unit: IndexMap<String, String>,
+    /// Where the noise is known from; null in results of earlier versions.
+    #[serde(default)]
+    pub kind: Option<Source>,
 }
 
 /// How well a model fits.

@@ -13,4 +13,5 @@ pub mod result;
 #[cfg(feature = "document")]
 pub mod schema;
 pub mod traced;
+pub mod warned;
 pub mod words;

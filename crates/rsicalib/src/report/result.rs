@@ -6,8 +6,10 @@ use crate::apply::check::{Check, check};
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::estimate::directions::{Directions, ParameterReport, parameter_names, reported};
+use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations, Part};
 use crate::readings::{Readings, Table};
+use crate::report::warned::{self, Warned};
 use crate::report::words;
 use crate::screening::excluded::Excluded;
 
@@ -27,6 +29,8 @@ impl<T: serde::Serialize> serde::Serialize for Named<T> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct NoiseReport {
     /// Where it is from.
+    pub kind: Source,
+    /// The same in words.
     pub source: String,
     /// Standard deviation per sample, quantisation included.
     pub sigma: Named,
@@ -159,8 +163,8 @@ pub struct Estimates {
     pub misclosure: MisclosureReport,
     /// Parameters.
     pub parameters: Vec<ParameterReport>,
-    /// What must be noted of them, in sentences.
-    pub remarks: Vec<String>,
+    /// What must be noted of them.
+    pub remarks: Vec<Warned>,
     /// Their covariance, row by row.
     pub covariance: Vec<Vec<f64>>,
     /// Predicted error at the poses of the session; none where the data determine no calibration.
@@ -213,6 +217,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
     let parameters = parameters(observations, fit);
     Estimates {
         noise: NoiseReport {
+            kind: fit.noise.source,
             source: words::noise(&fit.noise),
             sigma: Named(sigma.collect()),
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
@@ -220,7 +225,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             unit: Named(unit.collect()),
         },
         misclosure: misclosure(observations, fit),
-        remarks: parameters.iter().filter_map(ParameterReport::remark).collect(),
+        remarks: parameters.iter().filter_map(warned::of_parameter).collect(),
         parameters,
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
         predicted: (fit.termination.converged() && fit.plausible)
@@ -334,21 +339,6 @@ impl Known {
         }
         Ok(())
     }
-}
-
-/// Suspicions in words: about the wiring as of the first fit, about the rest as of the last.
-#[must_use]
-pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<String> {
-    let wiring = before.warnings.iter().filter(|s| s.of_wiring());
-    let rest = after.warnings.iter().filter(|s| !s.of_wiring());
-    wiring.chain(rest).map(|s| words::suspicion(&observations.mechanism, s)).collect()
-}
-
-/// Which wires are exchanged, in words; none where nothing says so.
-#[must_use]
-pub fn wires(observations: &Observations, fit: &Fit) -> Option<String> {
-    let found = fit.warnings.iter().find(|s| s.of_wires());
-    found.map(|s| words::suspicion(&observations.mechanism, s))
 }
 
 /// Absurdities in words.

@@ -21,6 +21,7 @@ use crate::report::beside::{Beside, GroupsReport, NominalReport};
 use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
+use crate::report::warned::{self, Warned};
 use crate::report::words;
 use crate::terms::term::{Class, Over};
 
@@ -115,7 +116,7 @@ pub struct TraceReport {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub implausible: Vec<String>,
     /// Suspicious things.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warned>,
     /// Readings left out.
     pub excluded: Vec<ExcludedReport>,
     /// The fit as asked for with them.
@@ -258,7 +259,7 @@ pub fn traced(
         verdict,
         reasons,
         implausible: result::implausible(&traced.observations, &absurd),
-        warnings: result::warnings(observations, &traced.before, &traced.after),
+        warnings: warned::warnings(observations, &traced.before, &traced.after),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
         with_excluded,
         before,

@@ -455,7 +455,7 @@ pub fn location(mechanism: &Mechanism, at: &Location) -> String {
         words.push(format!("{share:.0} % of it in {what} {first} to {last}"));
     }
     if let Some(([low, high], share)) = at.readings {
-        let digits = if unit == "count" { 0 } else { 3 };
+        let digits = if mechanism.channels[channel].counts() { 0 } else { 3 };
         words.push(format!(
             "{share:.0} % of it where {name} reads {low:.digits$} to {high:.digits$} {unit}"
         ));

@@ -44,7 +44,7 @@ impl Fault {
 /// Faults of the channels that are read in whole counts.
 #[must_use]
 pub fn faults(mechanism: &Mechanism, readings: &Readings) -> Vec<Fault> {
-    let counts: Vec<bool> = mechanism.channels.iter().map(|c| c.unit == "count").collect();
+    let counts: Vec<bool> = mechanism.channels.iter().map(|c| c.counts()).collect();
     of_codes(&readings.table.values, &counts, &readings.pose, readings.held)
 }
 

@@ -225,7 +225,7 @@ impl Groups {
 /// True for a channel that reads in steps, and whose readings are no means of counts.
 fn rounds(observations: &Observations, channel: usize) -> bool {
     let Readings { channels, table, .. } = &*observations.readings;
-    let count = observations.mechanism.channels[channel].unit == "count";
+    let count = observations.mechanism.channels[channel].counts();
     let mut column = table.values.iter().skip(channel).step_by(*channels);
     observations.steps[channel] > 0.0 && !(count && column.any(|v| v.fract() != 0.0))
 }

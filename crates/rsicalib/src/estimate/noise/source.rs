@@ -7,10 +7,15 @@ use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Witness;
+use crate::mechanism::Channel;
 use crate::numerics::distributions;
 
 /// Where the noise is from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "document", schemars(rename = "NoiseKind"))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Source {
     /// Declared by the user or the mechanism.
     Declared,
@@ -203,9 +208,8 @@ pub(crate) fn presumed(observations: &Observations) -> Noise {
         return Noise { sigma: sigma.clone(), play: options.play, seating, measured };
     }
     let channels = &observations.mechanism.channels;
-    let guess = |unit: &str, gain: f64| if unit == "count" { 1.0 } else { 1e-5 / gain.abs() };
-    let sigma =
-        channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(&c.unit, c.gain))).collect();
+    let guess = |c: &Channel| if c.counts() { 1.0 } else { 1e-5 / c.gain.abs() };
+    let sigma = channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(c))).collect();
     Noise { sigma, play: 1.0, seating, measured }
 }
 

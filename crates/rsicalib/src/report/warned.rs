@@ -1,0 +1,125 @@
+//! [`Warned`]: what is suspicious, for programs and for people.
+
+use crate::estimate::directions::ParameterReport;
+use crate::estimate::suspicion::Suspicion;
+use crate::estimate::{Fit, Note, Observations};
+use crate::report::words;
+
+/// Something suspicious about the readings, or about what is declared of them.
+///
+/// Programs decide by `kind` and `target`; `text` is for people, and may be worded otherwise in a later
+/// version.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Warned {
+    /// What it is.
+    pub kind: Kind,
+    /// The channels or closures, joined by `+`; null where it is about all of them.
+    pub target: Option<String>,
+    /// The same in words, with what to do.
+    pub text: String,
+}
+
+/// What a warning is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "document", schemars(rename = "WarnedKind"))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Kind {
+    /// Channels read the wrong way round.
+    Reversed,
+    /// The readings of two channels are exchanged.
+    Exchanged,
+    /// The gap of a track lies within the range of motion.
+    Gap,
+    /// No start led to a fit in which every joint moves.
+    NoStart,
+    /// Poses repeat the readings of others.
+    SameReadings,
+    /// Distances follow from the other closures.
+    Follow,
+    /// Readings look like degrees and are declared as radians.
+    Degrees,
+    /// A channel reads in steps that are a good part of its noise.
+    Coarse,
+    /// Declared noise is not what the readings show.
+    Noise,
+    /// An estimate has a sign that its term cannot have.
+    UnphysicalSign,
+    /// A channel reads one value while others move.
+    Constant,
+    /// A bit of a converter keeps one value.
+    StuckBit,
+    /// A channel stops at one reading within its range.
+    Clipped,
+    /// Readings at an end of the range.
+    EndOfRange,
+    /// A held pose moved while it was sampled.
+    MovedPose,
+    /// Rows repeat the row before them.
+    StaleRows,
+    /// A pose is a copy of another.
+    CopiedPose,
+    /// Columns that nothing uses.
+    IgnoredColumns,
+    /// Poses are known, and are not used here.
+    UnusedPoses,
+    /// Time runs backwards.
+    TimeGoesBack,
+    /// Readings of the rest pose are not of one pose.
+    MovedRest,
+    /// What the import of a log noted.
+    Imported,
+    /// A kind of a later version.
+    #[cfg_attr(feature = "serde", serde(other))]
+    Other,
+}
+
+/// What is suspicious: about the wiring as of the first fit, about the rest as of the last.
+#[must_use]
+pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<Warned> {
+    let wiring = before.warnings.iter().filter(|s| s.of_wiring());
+    let rest = after.warnings.iter().filter(|s| !s.of_wiring());
+    wiring.chain(rest).map(|s| of_suspicion(observations, s)).collect()
+}
+
+/// Which wires are exchanged; none where nothing says so.
+#[must_use]
+pub fn wires(observations: &Observations, fit: &Fit) -> Option<Warned> {
+    let found = fit.warnings.iter().find(|s| s.of_wires());
+    found.map(|s| of_suspicion(observations, s))
+}
+
+/// What must be noted of an estimate.
+#[must_use]
+pub fn of_parameter(parameter: &ParameterReport) -> Option<Warned> {
+    let kind = match parameter.note? {
+        Note::UnphysicalSign => Kind::UnphysicalSign,
+    };
+    Some(Warned { kind, target: Some(parameter.target.clone()), text: parameter.remark()? })
+}
+
+fn of_suspicion(observations: &Observations, suspicion: &Suspicion) -> Warned {
+    let mechanism = &observations.mechanism;
+    let channel = |c: &usize| mechanism.channels[*c].name.as_str();
+    let closure = |c: &usize| mechanism.closures[*c].name.as_str();
+    let joined = |names: Vec<&str>| Some(names.join("+"));
+    let channels = |of: &[usize]| joined(of.iter().map(channel).collect());
+    let (kind, target) = match suspicion {
+        Suspicion::Reversed { channels: of, .. } => (Kind::Reversed, channels(of)),
+        Suspicion::Exchanged { channels: of, .. } => (Kind::Exchanged, channels(of)),
+        Suspicion::Gap { channel, .. } => (Kind::Gap, channels(&[*channel])),
+        Suspicion::SameReadings { .. } => (Kind::SameReadings, None),
+        Suspicion::Follow { closures } => {
+            (Kind::Follow, joined(closures.iter().map(closure).collect()))
+        }
+        Suspicion::Degrees { channels: of, .. } => (Kind::Degrees, channels(of)),
+        Suspicion::Coarse { channel, .. } => (Kind::Coarse, channels(&[*channel])),
+        Suspicion::Noise { .. } => (Kind::Noise, None),
+        Suspicion::NoStart { .. } => (Kind::NoStart, None),
+    };
+    Warned { kind, target, text: words::suspicion(mechanism, suspicion) }
+}

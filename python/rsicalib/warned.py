@@ -1,0 +1,68 @@
+"""Warnings: what a program decides by, and the same in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+from rsicalib.records import Record
+
+__all__ = ["KINDS", "WIRING", "Warned", "WarnedKind"]
+
+WarnedKind: TypeAlias = Literal[
+    "reversed",
+    "exchanged",
+    "gap",
+    "no_start",
+    "same_readings",
+    "follow",
+    "degrees",
+    "coarse",
+    "noise",
+    "unphysical_sign",
+    "constant",
+    "stuck_bit",
+    "clipped",
+    "end_of_range",
+    "moved_pose",
+    "stale_rows",
+    "copied_pose",
+    "ignored_columns",
+    "unused_poses",
+    "time_goes_back",
+    "moved_rest",
+    "imported",
+    "other",
+]
+"""What a warning is about; the schema of the results says what each of them means."""
+
+KINDS: tuple[WarnedKind, ...] = get_args(WarnedKind)
+
+WIRING: frozenset[WarnedKind] = frozenset(
+    ("reversed", "exchanged", "gap", "no_start", "constant", "stuck_bit", "clipped", "end_of_range")
+)
+"""What somebody at the device can mend: a wire, a converter, the place of a sensor on its shaft."""
+
+
+@dataclass(frozen=True)
+class Warned(Record):
+    """Something suspicious about the readings, or about what is declared of them.
+
+    Programs decide by `kind` and `target`; `text` is for people, and may be worded otherwise in a
+    later version.
+    """
+
+    kind: WarnedKind
+    """What it is."""
+    target: str | None
+    """The channels or closures, joined by `+`; None where it is about all of them."""
+    text: str
+    """The same in words, with what to do."""
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """The channels or closures one by one."""
+        return () if self.target is None else tuple(self.target.split("+"))
