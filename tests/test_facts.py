@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rsicalib
-from rsicalib import _core
+from rsicalib import DEMO, _core
 from rsicalib.warned import KINDS, WIRING, Warned
 
 PACKAGE = Path(rsicalib.__file__).parent
@@ -17,7 +17,15 @@ PACKAGE = Path(rsicalib.__file__).parent
 SENTENCES = {"text", "reason", "message", "termination", "summary", "said"}
 """Attributes and keys of results that hold sentences."""
 
-LOOKS = {"startswith", "endswith", "partition", "find", "index", "split"}
+LOOKS = {
+    "startswith",
+    "endswith",
+    "partition",
+    "find",
+    "index",
+    "split",
+    "replace",
+}
 """Methods that look into text."""
 
 SEARCHES = {"search", "match", "fullmatch", "findall"}
@@ -27,7 +35,8 @@ SEARCHES = {"search", "match", "fullmatch", "findall"}
 def is_sentence(node: ast.AST) -> bool:
     """Whether an expression is a sentence of a result, by its name."""
     if isinstance(node, ast.Attribute):
-        return node.attr in SENTENCES
+        of_noise = node.attr == "source" and ast.unparse(node.value).endswith("noise")
+        return node.attr in SENTENCES or of_noise
     if isinstance(node, ast.Subscript):
         return isinstance(node.slice, ast.Constant) and node.slice.value in SENTENCES
     return False
@@ -60,6 +69,8 @@ def looks_into_sentences(source: str) -> list[int]:
         'step["reason"].startswith("a")',
         "RULE.search(w.text)",
         "re.match(r, e.message)",
+        'e.message.replace("pose 0", "pose 1")',
+        '"seatings" in result.noise.source',
     ],
 )
 def test_the_check_sees_text_that_is_looked_into(line: str) -> None:
@@ -83,6 +94,16 @@ def test_the_kinds_of_warnings_are_those_of_the_schema() -> None:
         of_core = [kind["const"] for kind in types["WarnedKind"]["oneOf"]]
         assert list(KINDS) == of_core and set(KINDS) >= WIRING
         assert list(types["Warned"]["properties"]) == list(Warned.__dataclass_fields__)
+
+
+def test_warnings_of_earlier_versions_are_their_text() -> None:
+    result = json.loads(rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv").to_json())
+    result["warnings"] = ["a22 looks odd", {"kind": "gap", "target": "a22", "text": "a gap"}]
+    read = rsicalib.Calibration.from_json(json.dumps(result))
+    assert read.warnings == (Warned("other", None, "a22 looks odd"), Warned("gap", "a22", "a gap"))
+    result["warnings"] = [{"kind": "gap", "target": 3, "text": "a gap"}]
+    with pytest.raises(rsicalib.InputError, match=r"warnings\[0\]\.target.*found integer `3`"):
+        rsicalib.Calibration.from_json(json.dumps(result))
 
 
 def test_what_somebody_at_the_device_can_mend_reaches_the_guide() -> None:

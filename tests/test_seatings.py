@@ -42,7 +42,7 @@ def test_repeats_of_a_seating_do_not_scale_its_play(declared: float | None) -> N
     # 840 degrees of freedom within poses: the noise is known to 2.4 %.
     assert found.noise is not None
     assert found.noise.sigma["q3"] == pytest.approx(SIGMA, rel=0.08)
-    assert not [w for w in found.warnings if "rounding" in w or "declared" in w]
+    assert not {"coarse", "noise"} & {w.kind for w in found.warnings}
     value, sd = offsets(found)
     # The noise, and with it a part of the variance, is estimated to a few percent.
     assert sd == pytest.approx(cone.bound(taken.angles, 8, SIGMA, PLAY), rel=0.03)
@@ -101,8 +101,8 @@ def test_repeats_without_the_column_pose_are_said() -> None:
     own = mechanism(None, PLAY)
     for numbered, said in ((True, "sample begins again 11 times"), (False, "12 groups")):
         loaded = rsicalib.load_readings(rows(taken, "pose", numbered), own)
-        (text,) = (w for w in loaded.warnings if "column pose" in w)
-        assert said in text
+        (warning,) = (w for w in loaded.warnings if w.kind == "unlabelled_repeats")
+        assert said in warning.text
     assert not rsicalib.load_readings(rows(taken, "", True), own).warnings
 
 
@@ -118,7 +118,7 @@ def test_rows_that_are_no_repeats_are_not_said_to_be(kind: str) -> None:
     }[kind]
     table = {f"q{k + 1}": angles[:, k] - 1.55 * (k == 1) for k in range(6)}
     loaded = rsicalib.load_readings({**table, "at": ["cone"] * len(angles)}, mechanism(None, PLAY))
-    assert not [w for w in loaded.warnings if "column pose" in w]
+    assert "unlabelled_repeats" not in {w.kind for w in loaded.warnings}
 
 
 def tracked(trembling: bool) -> tuple[dict[str, Array], Mechanism]:

@@ -303,7 +303,8 @@ def test_a_wiring_mistake_reaches_json_terminal_and_report(
     np.savetxt(tmp_path / "rest.csv", rest, "%d", ",", header=head, comments="")
     found = verb(tmp_path / "r.csv", rest=tmp_path / "rest.csv")
     words = "a22 reads the wrong way round"
-    assert [words in w["text"] for w in found.to_dict()["warnings"]] == [True]
+    (warned,) = found.to_dict()["warnings"]
+    assert (warned["kind"], warned["target"]) == ("reversed", "a22") and words in warned["text"]
     assert words in found.summary()
     assert words in found.report()
 

@@ -22,7 +22,6 @@ __all__ = [
     "draw_poses",
     "nominal",
     "nominal_device",
-    "readings_of",
     "workspace",
 ]
 
@@ -187,15 +186,6 @@ def workspace(mechanism: Mechanism, within: Within | None) -> FloatArray:
 def nominal_device(mechanism: Mechanism) -> Device:
     """The device that is exactly as the mechanism declares it."""
     return Device(mechanism, *nominal(mechanism))
-
-
-def readings_of(device: Device, poses: FloatArray) -> FloatArray:
-    """Exact readings of poses, by the closed forms (6)-(8) for the hand controller."""
-    if device.mechanism.name != "rsi":
-        return device.readings(poses)
-    exact = (_core.rsi_angles(np.ascontiguousarray(poses)) - device.offsets) / device.gains
-    found: FloatArray = np.where((exact >= 0) & (exact <= 4095), exact, np.nan)
-    return found
 
 
 def draw_poses(

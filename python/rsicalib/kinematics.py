@@ -125,7 +125,7 @@ def inverse(poses: npt.ArrayLike, mechanism: MechanismArg = "rsi") -> FloatArray
     poses : array_like, shape (n, 6) or (6,)
         `x y z` [length unit] and `rx ry rz` [rad].
     mechanism : str, path or Mechanism
-        With a platform; for `"rsi"` by the closed forms (6)-(8), within the joint limits.
+        With a platform; of the geometry of `"rsi"` by (6)-(8), within the joint limits.
 
     Returns
     -------
@@ -150,13 +150,5 @@ def inverse(poses: npt.ArrayLike, mechanism: MechanismArg = "rsi") -> FloatArray
         raise InputError("poses: found NaN or infinity, expected finite numbers")
     if array.shape[-1:] != (6,) or array.ndim > 2:
         raise InputError(f"found poses of shape {array.shape}, expected (n, 6) or (6,)")
-    closed = isinstance(mechanism, str) and mechanism == "rsi"
-    loaded = open_mechanism(mechanism)
-    found = []
-    for number, pose in enumerate(np.atleast_2d(array)):
-        try:
-            row = _core.rsi_inverse(list(pose)) if closed else loaded.inverse(list(pose))
-        except InputError as error:
-            raise InputError(error.message.replace("pose 0 ", f"pose {number} ", 1)) from None
-        found.append(np.ravel(row))
-    return np.array(found).reshape(*array.shape[:-1], -1)
+    found = _core.angles_at(open_mechanism(mechanism), np.ascontiguousarray(np.atleast_2d(array)))
+    return np.asarray(found).reshape(*array.shape[:-1], -1)

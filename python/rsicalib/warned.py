@@ -27,6 +27,7 @@ WarnedKind: TypeAlias = Literal[
     "moved_pose",
     "stale_rows",
     "copied_pose",
+    "unlabelled_repeats",
     "ignored_columns",
     "unused_poses",
     "time_goes_back",

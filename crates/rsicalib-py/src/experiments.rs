@@ -187,6 +187,24 @@ pub fn readings_at<'py>(
     PyArray1::from_vec(py, rows).reshape([poses.len(), channels])
 }
 
+/// Joint coordinates that hold the platform at poses of shape (n, 6): (n, channels) [rad, or length].
+#[pyfunction]
+pub fn angles_at<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    poses: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let poses = six(&poses)?;
+    let channels = mechanism.0.channels.len();
+    let at = |(number, pose)| {
+        reach::angles_at(&mechanism.0, pose).map_err(|error: rsicalib::Error| error.at_pose(number))
+    };
+    let found: Vec<Vec<f64>> =
+        work(py, || poses.iter().enumerate().map(at).collect::<Result<_, _>>())?
+            .map_err(PyError::from)?;
+    PyArray1::from_vec(py, found.concat()).reshape([poses.len(), channels])
+}
+
 /// Readings of random configurations within the limits of the joints, of shape (n, channels):
 /// closures between points that chains carry hold, others do not.
 #[pyfunction]

@@ -372,12 +372,6 @@ pub fn terms<'py>(py: Python<'py>, mechanism: &PyMechanism) -> PyResult<Bound<'p
     Ok(pythonize(py, &views)?)
 }
 
-/// Joint angles of the hand controller for a pose, eqs. (6)-(8): shape (3, 3) [rad].
-#[pyfunction]
-pub fn rsi_inverse(pose: [f64; 6]) -> Result<[[f64; 3]; 3], PyError> {
-    Ok(rsicalib::mechanism::hand_controller::inverse(&pose)?)
-}
-
 /// Handle pose of the hand controller for joint angles, eqs. (2)-(5).
 #[pyfunction]
 pub fn rsi_forward(angles: [[f64; 3]; 3]) -> [f64; 6] {

@@ -138,4 +138,15 @@ impl Error {
     ) -> Self {
         Self::Option { name, found: found.to_string(), expected: expected.into() }
     }
+
+    /// The same of the pose with a number among several, counted from 0.
+    #[must_use]
+    pub fn at_pose(self, number: usize) -> Self {
+        match self {
+            Self::OutOfReach { arm, by, unit, why, .. } => {
+                Self::OutOfReach { pose: number, arm, by, unit, why }
+            }
+            other => other,
+        }
+    }
 }

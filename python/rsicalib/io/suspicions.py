@@ -221,7 +221,7 @@ def _copied_poses(readings: Samples) -> Iterator[Warned]:
             )
 
 
-def _unlabelled_repeats(readings: Samples, mechanism: MechanismLike) -> Iterator[str]:
+def _unlabelled_repeats(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
     """Rows without `pose` that look like repeats of held poses: their noise is then not seen."""
     if readings.held or len(readings) < 4:
         return
@@ -233,16 +233,20 @@ def _unlabelled_repeats(readings: Samples, mechanism: MechanismLike) -> Iterator
     if readings.sample is not None:
         again = np.flatnonzero(np.diff(readings.sample) <= 0) + 1
         if len(again):
-            yield (
+            yield Warned(
+                "unlabelled_repeats",
+                None,
                 f"sample begins again {len(again)} time{'s' * (len(again) > 1)} "
-                f"({_places(readings, again)}), and there is no column pose; {advice}"
+                f"({_places(readings, again)}), and there is no column pose; {advice}",
             )
             return
     starts = _jumps(readings.values, _resolution(readings.values, mechanism))
     if len(starts):
-        yield (
+        yield Warned(
+            "unlabelled_repeats",
+            None,
             f"the rows come in {len(starts) + 1} groups that repeat the same readings within noise "
-            f"({_places(readings, starts)} begin{'s' * (len(starts) == 1)} a new one); {advice}"
+            f"({_places(readings, starts)} begin{'s' * (len(starts) == 1)} a new one); {advice}",
         )
 
 

@@ -343,7 +343,7 @@ def advice(result: ResultShape) -> list[str]:
         out.append("Find what is missing: rsicalib trace, with the same files.")
     out += list(dict.fromkeys(ADVICE[reason.kind] for reason in against))
     if result.verdict == "unjudged" and result.method != "fixture":
-        seated = result.noise is not None and "seatings" in result.noise.source
+        seated = result.noise is not None and result.noise.seating is not None
         out.append(
             "To judge the fit, declare how well what is touched holds its place: `noise` of the "
             "closure in the mechanism file."

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device, readings_of
+from rsicalib.devices import Device
 from rsicalib.errors import InputError
 
 __all__ = ["exact_readings", "placed"]
@@ -14,7 +14,7 @@ __all__ = ["exact_readings", "placed"]
 
 def exact_readings(device: Device, poses: npt.ArrayLike) -> FloatArray:
     """Readings without noise of poses that must all be within reach: shape (n, C)."""
-    exact = readings_of(device, np.asarray(poses, dtype=np.float64))
+    exact = device.readings(poses)
     bad = np.flatnonzero(~np.isfinite(exact).all(axis=1))
     if len(bad):
         raise InputError(f"poses: found number {bad[0] + 1} out of reach, expected reachable poses")
@@ -36,5 +36,5 @@ def placed(
         again = np.flatnonzero(~np.isfinite(exact).all(axis=1))
         if len(again) == 0:
             return exact.reshape(trials, len(aim), -1)
-        exact[again] = readings_of(device, aims[again] + sd * rng.standard_normal((len(again), 6)))
+        exact[again] = device.readings(aims[again] + sd * rng.standard_normal((len(again), 6)))
     raise InputError("poses: found one that cannot be taken wherever it is placed")

@@ -60,7 +60,7 @@ pub fn fixture(
         for rows in parts {
             let found = assembly::inverse(mechanism, &known[rows.start]);
             let share = rows.len() as f64 / count;
-            add(&mut angle, share, &found.map_err(|error| at(error, rows.start))?);
+            add(&mut angle, share, &found.map_err(|error| error.at_pose(rows.start))?);
             rows.for_each(|row| add(&mut value, 1.0 / count, readings.row(row)));
         }
         angles.push(angle);
@@ -80,15 +80,6 @@ pub fn fixture(
 /// `sum += share · values`
 fn add(sum: &mut [f64], share: f64, values: &[f64]) {
     sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
-}
-
-fn at(error: Error, row: usize) -> Error {
-    match error {
-        Error::OutOfReach { arm, by, unit, why, .. } => {
-            Error::OutOfReach { pose: row, arm, by, unit, why }
-        }
-        other => other,
-    }
 }
 
 /// Least squares of `theta` on `a`, eq. (13).

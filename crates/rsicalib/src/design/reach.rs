@@ -20,6 +20,19 @@ pub(crate) fn has_closed_form(mechanism: &Mechanism) -> bool {
         && limits
 }
 
+/// Joint coordinates (rad, or length units) that hold the platform at a pose, one per channel: of the
+/// geometry of the hand controller by (6) to (8), within its joint limits.
+///
+/// # Errors
+///
+/// As [`assembly::inverse`].
+pub fn angles_at(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
+    match has_closed_form(mechanism) {
+        true => hand_controller::inverse(pose).map(|angles| angles.concat()),
+        false => assembly::inverse(mechanism, pose),
+    }
+}
+
 /// Readings that hold the platform at a pose; none out of reach, beyond a joint
 /// limit, or within `margin` readings of the end of a range.
 ///
@@ -40,11 +53,7 @@ pub fn readings_at(
             return Err(Error::Shape { what: what.into(), found, expected });
         }
     }
-    let found = match has_closed_form(mechanism) {
-        true => hand_controller::inverse(pose).map(|angles| angles.concat()),
-        false => assembly::inverse(mechanism, pose),
-    };
-    let angles = match found {
+    let angles = match angles_at(mechanism, pose) {
         Ok(angles) => angles,
         Err(Error::OutOfReach { .. }) => return Ok(None),
         Err(other) => return Err(other),

@@ -3,6 +3,8 @@
 //! A fit of anything gives parameters. Where noise, misclosure or an effect is out of all
 //! proportion, the readings are not of this mechanism, or not in the units declared.
 
+use std::f64::consts::PI;
+
 use crate::diagnosis::curve::curve;
 use crate::estimate::noise::source::Source;
 use crate::estimate::search::ratios;
@@ -22,6 +24,8 @@ const NOISIER: f64 = 4.0;
 const GAIN: f64 = 2.0;
 /// Largest size of an effect, in its typical sizes.
 const EFFECT: f64 = 30.0;
+/// A typical change of a slope, as a share of the slope.
+const SLOPE: f64 = 0.02;
 /// Lengths below this share of the longest are no links: an offset drawn to be small.
 const LINK: f64 = 0.01;
 
@@ -119,9 +123,8 @@ fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Ab
     let parameters = instance.term.info().parameters.iter().zip(sizes);
     parameters.enumerate().find_map(|(parameter, (info, typical))| {
         let value = fit.beta[first + parameter];
-        // A typical slope is declared for the counts of a converter.
         let correction = match (info.unit, sensor(mechanism, instance.target)) {
-            ("rad/reading", Some(c)) => typical * COUNTS * travel(mechanism, c),
+            ("rad/reading", Some(c)) => SLOPE * travel(mechanism, c),
             _ => typical,
         };
         let absurd = match largest {
@@ -132,14 +135,12 @@ fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Ab
     })
 }
 
-/// Half of the counts of a converter, of which a typical slope is declared.
-const COUNTS: f64 = 2047.5;
-
-/// A radian; of a joint that slides, half its way.
+/// Half of what a channel can read, in radians or length units; half a turn where nothing bounds a
+/// joint that turns.
 fn travel(mechanism: &Mechanism, channel: usize) -> f64 {
-    let declared = &mechanism.channels[channel];
-    let half = 0.5 * span(mechanism, channel) * declared.gain.abs();
-    if mechanism.slides(channel) && half.is_finite() { half } else { 1.0 }
+    let half = 0.5 * span(mechanism, channel) * mechanism.channels[channel].gain.abs();
+    let unbounded = !half.is_finite() && !mechanism.slides(channel);
+    if unbounded { PI } else { half }
 }
 
 /// The channel that a sensor's law is of; of sensors of one make, which share it, the first.
@@ -170,4 +171,28 @@ fn largest_correction(fit: &Fit, instance: &Instance, first: usize) -> Option<f6
     let slope = if fitted(Role::Gain) { along(1) / along(0).max(f64::MIN_POSITIVE) } else { 0.0 };
     let left = |p: &[f64; 3]| (p[1] - middle[1] - slope * (p[0] - middle[0])).abs();
     curve.points.iter().map(left).reduce(f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn travel_is_the_same_in_every_unit_of_the_readings() {
+        let counts = Mechanism::rsi();
+        let mut radians = counts.clone();
+        for channel in &mut radians.channels {
+            let ends = channel.range.map(|range| range.map(|reading| reading * channel.gain.abs()));
+            (channel.gain, channel.range, channel.unit) = (1.0, ends, "rad".into());
+        }
+        for c in 0..counts.channels.len() {
+            let (counted, read) = (travel(&counts, c), travel(&radians, c));
+            assert!((counted - read).abs() < 1e-12 * read, "{counted} {read}");
+            // 340° are 4096 counts, and the limits are no wider.
+            assert!(read <= 170.0_f64.to_radians());
+        }
+        let mut free = counts;
+        (free.channels[0].range, free.channels[0].limits) = (None, None);
+        assert!(travel(&free, 0) <= PI);
+    }
 }

@@ -40,6 +40,9 @@ pub struct NoiseReport {
     pub correlation: f64,
     /// Units of the readings.
     pub unit: Named<String>,
+    /// How well what is touched holds its place, where only the fit tells it, length units.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub seating: Option<f64>,
 }
 
 /// How well a model fits.
@@ -223,6 +226,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
             correlation: fit.noise.correlation,
             unit: Named(unit.collect()),
+            seating: fit.noise.largest_seating(),
         },
         misclosure: misclosure(observations, fit),
         remarks: parameters.iter().filter_map(warned::of_parameter).collect(),

@@ -10,7 +10,7 @@ use crate::report::words;
 /// Programs decide by `kind` and `target`; `text` is for people, and may be worded otherwise in a later
 /// version.
 #[derive(Debug, Clone, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Warned {
     /// What it is.
@@ -19,6 +19,42 @@ pub struct Warned {
     pub target: Option<String>,
     /// The same in words, with what to do.
     pub text: String,
+}
+
+/// Results of earlier versions have the text alone.
+#[cfg(feature = "serde")]
+impl<'de> serde::Deserialize<'de> for Warned {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(Either)
+    }
+}
+
+#[cfg(feature = "serde")]
+struct Either;
+
+#[cfg(feature = "serde")]
+impl<'de> serde::de::Visitor<'de> for Either {
+    type Value = Warned;
+
+    fn expecting(&self, out: &mut std::fmt::Formatter) -> std::fmt::Result {
+        out.write_str("a warning: kind, target and text")
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Warned, E> {
+        Ok(Warned { kind: Kind::Other, target: None, text: text.into() })
+    }
+
+    fn visit_map<A: serde::de::MapAccess<'de>>(self, entries: A) -> Result<Warned, A::Error> {
+        #[derive(serde::Deserialize)]
+        struct Entries {
+            kind: Kind,
+            target: Option<String>,
+            text: String,
+        }
+        let from = serde::de::value::MapAccessDeserializer::new(entries);
+        let Entries { kind, target, text } = serde::Deserialize::deserialize(from)?;
+        Ok(Warned { kind, target, text })
+    }
 }
 
 /// What a warning is about.
@@ -63,6 +99,8 @@ pub enum Kind {
     StaleRows,
     /// A pose is a copy of another.
     CopiedPose,
+    /// Rows without a pose repeat others within noise.
+    UnlabelledRepeats,
     /// Columns that nothing uses.
     IgnoredColumns,
     /// Poses are known, and are not used here.

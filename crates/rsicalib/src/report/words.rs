@@ -29,10 +29,9 @@ pub fn noise(estimate: &NoiseEstimate) -> String {
         Source::Fit => "the fit itself",
     };
     let apart = if estimate.apart > 0 { ", by channel" } else { "" };
-    let seating = estimate.seating.iter().copied().fold(0.0, f64::max).sqrt();
-    match seating > 0.0 {
-        true => format!("{source}{apart}; seatings {seating:.2e}, of the fit itself"),
-        false => format!("{source}{apart}"),
+    match estimate.largest_seating() {
+        Some(seating) => format!("{source}{apart}; seatings {seating:.2e}, of the fit itself"),
+        None => format!("{source}{apart}"),
     }
 }
 

@@ -76,6 +76,13 @@ pub struct NoiseEstimate {
 }
 
 impl NoiseEstimate {
+    /// Standard deviation of the loosest seating of which only the fit tells, length units.
+    #[must_use]
+    pub fn largest_seating(&self) -> Option<f64> {
+        let largest = self.seating.iter().copied().fold(0.0, f64::max).sqrt();
+        (largest > 0.0).then_some(largest)
+    }
+
     /// True where lack of fit can be judged against it: nothing of it is of the fit alone.
     #[must_use]
     pub fn judges(&self) -> bool {
