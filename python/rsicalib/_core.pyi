@@ -279,6 +279,9 @@ class Term:
     def to_dict(self) -> dict[str, Any]:
         """The term as plain values, keys as in the TOML."""
 
+def angles_at(mechanism: Mechanism, poses: Array) -> Array:
+    """Joint coordinates that hold the platform at poses of shape (n, 6): (n, channels) [rad, or length]."""
+
 def bound(
     mechanism: Mechanism,
     counts: Array,
@@ -515,9 +518,6 @@ def rsi_angles(poses: Array) -> Array:
 
 def rsi_forward(angles: Sequence[Sequence[float]]) -> list[float]:
     """Handle pose of the hand controller for joint angles, eqs. (2)-(5)."""
-
-def rsi_inverse(pose: Sequence[float]) -> list[list[float]]:
-    """Joint angles of the hand controller for a pose, eqs. (6)-(8): shape (3, 3) [rad]."""
 
 def rsi_poses(angles: Array) -> Array:
     """Handle poses of the hand controller for angles of shape (n, 9), eqs. (2)-(5): (n, 6)."""
