@@ -407,7 +407,8 @@ def test_parameters_stand_beside_those_of_an_earlier_result(tmp_path: Path) -> N
 
 def test_channels_of_other_units_are_not_compared() -> None:
     sigma = {"q1": 2e-5, "q2": 1e-5, "x": 0.005}
-    noise = Noise("declared", sigma, None, None, {"q1": "rad", "q2": "rad", "x": "mm"})
+    units = {"q1": "rad", "q2": "rad", "x": "mm"}
+    noise = Noise("declared", sigma, None, None, units, "declared")
     figure = noise_figure(noise)
     bars = [e for e in ET.fromstring(figure.draw(svg.WIDE)).iter() if e.tag.endswith("rect")]
     q1, q2, x = (float(bar.get("width", "nan")) for bar in bars)
