@@ -153,7 +153,7 @@ def test_every_switch_shows_the_fit_without_its_suspect(traced: Trace, tmp_path:
     ]
     assert len(states) == len(board.fits) == 8
     assert traced.evidence.drawing is not None
-    poses = list(traced.evidence.drawing.poses) * 2  # two views
+    poses = list(traced.evidence.drawing.poses)
     for (wide, narrow, error, values, halves, heats), fit in zip(states, board.fits, strict=True):
         rows = np.array(fit.residuals).reshape(48, 3)
         sizes = np.sqrt((rows**2).mean(axis=1))[poses]
@@ -170,8 +170,136 @@ def test_every_switch_shows_the_fit_without_its_suspect(traced: Trace, tmp_path:
         assert all(map(shown_as, values, fit.values))
         assert all(
             shown_as(half, None if sd is None else 1.96 * sd)
-            for half, sd in zip(halves, fit.sd, strict=True)
+            for half, sd in zip(halves, fit.sd, strict=False)  # then those of hypotheses alone
         )
+
+
+CHOICES = """
+const text = (query) => [...document.querySelectorAll(query)].map((c) => c.textContent);
+return [...document.querySelectorAll("#hypotheses input")].map((choice) => {
+  choice.click();
+  const svg = document.querySelector("#switched .desk svg");
+  const scale = svg.querySelector(".scale").dataset;
+  return { error: text("[data-error]"),
+    dots: [...svg.querySelectorAll("[data-k]")].map((dot) =>
+      (dot.getAttribute("cy") - scale.zero) / scale.unit),
+    pixel: Math.abs(1 / scale.unit), bound: +scale.bound,
+    chosen: document.querySelector('#mechanism .desk [data-is="chosen"]').getAttribute("d") };
+});
+"""
+
+
+def test_every_hypothesis_shows_its_residual_its_error_and_where_it_puts_the_platform(
+    traced: Trace, tmp_path: Path
+) -> None:
+    states, errors = look(traced.report(), CHOICES, tmp_path)
+    assert errors == []
+    assert traced.evidence is not None
+    known = traced.evidence.hypotheses
+    assert [one.kind for one in known][:2] == ["nothing", "found"]
+    assert len(states) == len(known)
+    for state, one in zip(states, known, strict=True):
+        assert one.check is not None
+        assert shown_as(state["error"][0].split(" / ")[0], one.fit.chi2)
+        assert shown_as(state["error"][3], one.check.position_rms)
+        expected = np.clip(one.fit.residuals, -state["bound"], state["bound"])
+        # Pixels are written to a tenth, residuals in the page to a hundredth.
+        np.testing.assert_allclose(
+            state["dots"], expected, atol=0.05 * state["pixel"] + 0.006, rtol=0.0
+        )
+
+
+TURNS = """
+const view = document.querySelector("#mechanism .desk");
+const frame = (act) => { const all = []; window.requestAnimationFrame = (f) => all.push(f);
+  act(); all.forEach((f) => f()); };
+const at = () => [...view.querySelectorAll("circle[data-p]")].map((dot) =>
+  [+dot.getAttribute("cx"), +dot.getAttribute("cy")]);
+const { scale, x, y } = view.querySelector(".scene").dataset;
+const first = at();
+frame(() => view.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" })));
+const turned = at();
+frame(() => document.querySelectorAll("#mechanism .views button")[1].click());
+const data = document.getElementById("mechanism-data").textContent;
+return { first, turned, above: at(), scale: +scale, x: +x, y: +y,
+  centre: JSON.parse(data).centre };
+"""
+
+
+def test_keys_and_buttons_turn_the_mechanism(traced: Trace, tmp_path: Path) -> None:
+    """Against matrices of rotations: about z by the azimuth, then up by the elevation."""
+    found, errors = look(traced.report(), TURNS, tmp_path)
+    assert errors == []
+    assert traced.evidence is not None and traced.evidence.drawing is not None
+    places = np.array(traced.evidence.drawing.places) - found["centre"]
+
+    def seen(azimuth: float, elevation: float) -> np.ndarray:
+        c, s = np.cos(azimuth), np.sin(azimuth)
+        about_z = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # x to the viewer
+        c, s = np.cos(elevation), np.sin(elevation)
+        up = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        at = found["scale"] * places @ (up @ about_z).T
+        return np.stack([found["x"] + at[:, 1], found["y"] - at[:, 2]], axis=1)
+
+    for name, view in {
+        "first": (35.0, 20.0),
+        "turned": (30.0, 20.0),
+        "above": (0.0, 90.0),
+    }.items():
+        # Pixels are written to a tenth.
+        np.testing.assert_allclose(found[name], seen(*np.radians(view)), atol=0.07, rtol=0.0)
+
+
+def test_the_arrows_at_check_poses_are_the_errors_that_the_result_says(traced: Trace) -> None:
+    evidence = traced.evidence
+    assert evidence is not None and evidence.drawing is not None
+    known = evidence.drawing.known
+    at, before, after = (
+        np.array([getattr(k, n) for k in known]) for n in ("at", "before", "after")
+    )
+    found = rsicalib.forward(DEMO / "check.csv", calibration=traced)
+    table = rsicalib.load_readings(DEMO / "check.csv")
+    assert table.poses is not None
+    labels = np.asarray(table.pose)
+    means = np.array([found[labels == k].mean(axis=0)[:3] for k in dict.fromkeys(labels)])
+    # The pose of a mean reading and the mean of the poses differ to second order in the noise;
+    # the fit to means of samples differs from that to samples as little.
+    np.testing.assert_allclose(after, means, atol=2e-4)
+    assert traced.after.check is not None
+    rms = np.sqrt(np.mean((after - at) ** 2))
+    assert rms == pytest.approx(traced.after.check.position_rms, rel=0.02)
+    nothing = evidence.hypotheses[0]
+    assert nothing.check is not None
+    assert np.sqrt(np.mean((before - at) ** 2)) == pytest.approx(nothing.check.position_rms)
+
+
+SAVES = """
+const given = [];
+URL.createObjectURL = (blob) => { given.push(blob.type); return "blob:none"; };
+HTMLAnchorElement.prototype.click = () => {};
+document.querySelectorAll(".save button").forEach((button) => {
+  if (button.textContent === "SVG") button.click();
+});
+const dot = document.querySelector("#residuals .desk [data-p='3']");
+dot.dispatchEvent(new PointerEvent("pointerover", { bubbles: true }));
+return { given, figures: document.querySelectorAll("figure").length,
+  lit: [...document.querySelectorAll(".lit")].map((d) => [d.closest("figure").id, d.dataset.p]),
+  words: document.getElementById("pose-words").textContent };
+"""
+
+
+def test_every_figure_can_be_saved_and_a_pose_lights_up_in_all(
+    traced: Trace, tmp_path: Path
+) -> None:
+    found, errors = look(traced.report(), SAVES, tmp_path)
+    assert errors == []
+    assert found["given"] == ["image/svg+xml"] * found["figures"]
+    assert {figure for figure, _ in found["lit"]} == {"mechanism", "residuals", "switched"}
+    assert {p for _, p in found["lit"]} == {"3"}
+    assert traced.evidence is not None
+    label = traced.evidence.poses[3]
+    first = traced.evidence.readings[3][0]
+    assert found["words"].startswith(f"pose {label}: a11 {first:.5g}"[:16])
 
 
 def test_the_fit_with_all_switches_on_is_the_result_and_all_off_what_it_began_with(

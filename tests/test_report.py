@@ -109,9 +109,10 @@ def test_the_report_says_all_that_was_promised(traced: Trace) -> None:
     assert titles == [
         "Error before and after",
         "What to do next",
+        "What is left, pose by pose",
         "What was found",
-        "Switchboard",
-        "The mechanism in its poses",
+        "What if it were something else?",
+        "Over the workspace",
         "Parameters",
         "Readings",
         "What could hide",
@@ -119,7 +120,7 @@ def test_the_report_says_all_that_was_promised(traced: Trace) -> None:
     ]
     assert "curvature of sensor a22" in page
     assert "prefers-color-scheme: dark" in page and "@media print" in page
-    assert len(page.encode()) < 3e6
+    assert len(page.encode()) < 1e6
 
 
 def test_device_date_and_note_stand_at_the_top(traced: Trace) -> None:
@@ -207,7 +208,7 @@ def test_a_calibration_that_left_a_reading_out_can_take_it_back() -> None:
     expected = found.with_excluded.fit.chi2, found.fit.chi2
     # Means of samples instead of samples: to second order in the noise the same.
     assert [fit.chi2 for fit in board.fits] == pytest.approx(expected, rel=0.01)
-    assert "<h2>Switchboard</h2>" in found.report()
+    assert "<h2>What if it were something else?</h2>" in found.report()
 
 
 def test_labels_of_the_worst_dots_stay_in_their_panel(traced: Trace) -> None:
@@ -553,3 +554,21 @@ def test_channels_of_other_units_say_theirs_in_the_summary() -> None:
     assert [cell.split()[-1] for cell in cells["a11"]] == ["rad", "mrad/count"]
     assert [cell.split()[-1] for cell in cells["a12"]] == ["mm", "mm/count"]
     assert f"{LONG}1" in cells
+
+
+def test_the_page_of_garbage_says_why_and_draws_nothing() -> None:
+    whole = rsicalib.load_readings(READINGS)
+    values = np.random.default_rng(0).integers(0, 4096, whole.values.shape).astype(float)
+    found = rsicalib.trace(dataclasses.replace(whole, values=values), rest=REST)
+    assert found.verdict == "implausible"
+    page = found.report()
+    assert "<svg" not in page and "Error before and after" not in page
+    assert "<h2>Why it cannot be used</h2>" in page
+    assert page.count("these readings are not of this mechanism, or not in its units</li>") == 2
+    assert found.figures() == {}
+
+
+def test_nothing_is_called_certain_that_does_not_explain_it_all(traced: Trace) -> None:
+    assert "It is certain that it is this sensor." in traced.report()
+    part = dataclasses.replace(traced, verdict="partly_explained").report()
+    assert "certain that" not in part and "does not explain it all" in part

@@ -68,16 +68,31 @@ def test_what_is_written_whole_has_every_parameter_and_every_row() -> None:
 
 
 def test_the_command_prints_no_more_with_the_path_of_its_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from rsicalib.cli import main
 
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("NO_COLOR", "1")
     with pytest.raises(SystemExit) as done:
         main(["demo", "--out", str(tmp_path / "demo")])
     said, warned = capsys.readouterr()
     assert (done.value.code, warned) == (0, "")
     lines = said.splitlines()
     assert len(lines) <= 25 and lines[-1] == str(tmp_path / "demo" / "report.html")
+
+
+def test_a_pipe_is_never_cut(capsys: pytest.CaptureFixture[str]) -> None:
+    from rsicalib.cli import main
+
+    with pytest.raises(SystemExit):
+        main(["demo"])
+    said = capsys.readouterr().out
+    assert not re.search(r"\d+ more|…", said)
+    result = rsicalib.demo()
+    for p in result.parameters:
+        assert p.target in said and p.name in said
+    assert "check poses [in]" in said and "held-out" in said
 
 
 # ------------------------------------------------------------------ progress

@@ -34,6 +34,8 @@ __all__ = [
     "Groups",
     "HeldOut",
     "Hidden",
+    "Hypothesis",
+    "KnownPlace",
     "Law",
     "LawParameter",
     "Misclosure",
@@ -695,6 +697,18 @@ class Node(Record):
 
 
 @dataclass(frozen=True)
+class KnownPlace(Record):
+    """The position of a known pose."""
+
+    at: tuple[float, ...]
+    """Where it is known to be [length unit]."""
+    before: tuple[float, ...]
+    """Where it is found before, as in `before` [length unit]."""
+    after: tuple[float, ...]
+    """Where it is found with the calibration [length unit]."""
+
+
+@dataclass(frozen=True)
 class Drawing(Record):
     """The mechanism in its poses."""
 
@@ -711,6 +725,11 @@ class Drawing(Record):
     weakest: tuple[tuple[float, ...], ...]
     """Direction in which the parameters determine the position least, one standard deviation long
     [length unit]."""
+    before: tuple[tuple[float, ...], ...]
+    """`places` before: without what was found, or, where nothing was, with the mechanism as it is
+    declared [length unit]."""
+    known: tuple[KnownPlace, ...]
+    """Known poses, the instrument moved onto the calibration where that was asked for."""
 
 
 @dataclass(frozen=True)
@@ -812,6 +831,30 @@ class Switchboard(Record):
 
 
 @dataclass(frozen=True)
+class Hypothesis(Record):
+    """Effects that a session may be explained by, fitted to the averages of the samples of each
+    pose.
+    """
+
+    effects: tuple[Name, ...]
+    """The effects, wrong readings left out; none: the model that the search began with."""
+    probability: float | None
+    """Probability among the explanations that were weighed; null for what was not among them."""
+    kind: str
+    """What this is."""
+    parameters: tuple[ParameterName, ...]
+    """Estimates of all parameters, in the order of `fit.values`."""
+    fit: SwitchFit
+    """The fit."""
+    check: Check | None
+    """Error on known poses."""
+    places: tuple[tuple[float, ...], ...]
+    """`places` of the drawing with these effects [length unit]."""
+    known: tuple[tuple[float, ...], ...]
+    """Positions of the known poses with these effects [length unit]."""
+
+
+@dataclass(frozen=True)
 class Evidence(Record):
     """What the pictures of a report are drawn from, beyond the result itself.
 
@@ -822,6 +865,10 @@ class Evidence(Record):
     """Closure of each equation; a touch has several."""
     poses: tuple[int, ...]
     """Label of each pose; empty for a recording, whose poses are its rows."""
+    channels: tuple[str, ...]
+    """Names of the channels."""
+    readings: tuple[tuple[float, ...], ...]
+    """Mean reading of each channel, pose by pose, in its unit; empty for a recording."""
     effects: tuple[EffectEvidence, ...]
     """One for each effect that was found, in the order of `steps`."""
     left: tuple[Score, ...]
@@ -837,6 +884,8 @@ class Evidence(Record):
     """The place that it knows least there; null where nothing is uncertain."""
     switchboard: Switchboard | None
     """The fits with and without each suspect; null where nothing is suspected."""
+    hypotheses: tuple[Hypothesis, ...]
+    """What could be the matter, nothing first, each fitted: empty where nothing was found."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -272,7 +272,8 @@ impl PyObservations {
         self.heard()?;
         let (report, traced) = found.map_err(PyError::from)?;
         let equations = traced.last.residuals.equations;
-        let source = PyEvidenceSource(Found::Traced(Box::new(traced)));
+        let known = beside.and_then(|beside| beside.known);
+        let source = PyEvidenceSource { found: Found::Traced(Box::new(traced)), known };
         let found = with_source(pythonize(py, &report)?, source)?;
         found.set_item("before_residuals", by_pose(py, report.before_residuals, equations)?)?;
         found.set_item("after_residuals", by_pose(py, report.after_residuals, equations)?)?;
@@ -296,7 +297,7 @@ impl PyObservations {
         let with = calibrated.with.map(|fit| PyFit { observations, fit: Arc::new(fit) });
         let (used, fit) = (Arc::new(calibrated.observations), Arc::new(calibrated.fit));
         let found = Found::Calibrated(Arc::clone(&used), Arc::clone(&fit), calibrated.excluded);
-        let source = PyEvidenceSource(found);
+        let source = PyEvidenceSource { found, known: beside.and_then(|beside| beside.known) };
         let found = with_source(pythonize(py, &report)?, source)?;
         let equations = fit.residuals.equations;
         found.set_item("after_residuals", by_pose(py, report.after_residuals, equations)?)?;
@@ -341,16 +342,20 @@ enum Found {
 
 /// What a report is drawn from, gathered where a report is asked for.
 #[pyclass(frozen, skip_from_py_object, name = "EvidenceSource", module = "rsicalib._core")]
-pub struct PyEvidenceSource(Found);
+pub struct PyEvidenceSource {
+    found: Found,
+    known: Option<Known>,
+}
 
 #[pymethods]
 impl PyEvidenceSource {
     /// The evidence in the shape of its schema.
     fn gather<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let found = work(py, || match &self.0 {
-            Found::Traced(traced) => gather::of_trace(traced),
+        let known = self.known.as_ref();
+        let found = work(py, || match &self.found {
+            Found::Traced(traced) => gather::of_trace(traced, known),
             Found::Calibrated(observations, fit, excluded) => {
-                gather::of_calibration(observations, fit, excluded)
+                gather::of_calibration(observations, fit, excluded, known)
             }
         })?
         .map_err(PyError::from)?;

@@ -29,8 +29,10 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     if args.json:
         emit(result.to_json())
     elif not args.quiet:
-        width = terminal_width(sys.stdout) if sys.stdout.isatty() else None
-        summary = printable(result.summary(width=width))
+        seen = sys.stdout.isatty()
+        # Whoever reads a pipe or a file has no report beside it: nothing is left out there.
+        summary = result.summary(width=terminal_width(sys.stdout) if seen else None, whole=not seen)
+        summary = printable(summary)
         if wants_colour(sys.stdout):
             summary = painted(summary, result.exit_code == 0)
         print(summary)

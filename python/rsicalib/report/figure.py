@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from rsicalib.report.svg import NARROW, WIDE, Draw
 
-__all__ = ["STYLE", "Figure"]
+__all__ = ["STYLE", "Figure", "data_element"]
 
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 """Style of pages and figures."""
@@ -33,17 +36,20 @@ class Figure:
         An `<svg>` element for a width.
     caption : str
         What to see in it, in a sentence.
+    more : str
+        What a page has below the drawing: controls, and data of a script.
     """
 
     name: str
     draw: Draw
     caption: str
+    more: str = ""
 
     def html(self) -> str:
         """The figure in a page: the page shows the width that fits."""
         return (
             f'<figure id="{self.name}"><div class="desk">{self.draw(WIDE)}</div>'
-            f'<div class="phone">{self.draw(NARROW)}</div>'
+            f'<div class="phone">{self.draw(NARROW)}</div>{self.more}'
             f"<figcaption>{escape(self.caption)}</figcaption></figure>"
         )
 
@@ -52,3 +58,11 @@ class Figure:
         drawn = self.draw(WIDE)
         end = drawn.index(">") + 1
         return f"{drawn[:end]}\n<style><![CDATA[\n{OWN}]]></style>{drawn[end:]}\n"
+
+
+def data_element(name: str, data: Mapping[str, Any]) -> str:
+    """Data of a script in a page: no text in it can end the element."""
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    for sign in "<>&":
+        text = text.replace(sign, f"\\u{ord(sign):04x}")
+    return f'<script type="application/json" id="{name}">{text}</script>'

@@ -1,31 +1,189 @@
-"""Figures of the mechanism: its poses with their residuals, and how well it is known where."""
+"""The mechanism in space, in all its poses: where it errs before, and what is left after.
+
+Drawn from one side here; `turn.js` draws the same again from any side.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from typing import Any
 
 import numpy as np
 
 from rsicalib.arrays import FloatArray
-from rsicalib.report.figure import Figure
+from rsicalib.report.figure import Figure, data_element
 from rsicalib.report.residuals import Dots
-from rsicalib.report.svg import LETTER, WIDE, Axis, Canvas, Chart
-from rsicalib.report.words import listed_words, number, parameter_name, subject
-from rsicalib.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape, Weakest
+from rsicalib.report.svg import WIDE, Canvas
+from rsicalib.report.words import number, subject
+from rsicalib.shapes import Drawing, Evidence, ResultShape, TraceShape
 
-__all__ = ["mechanism_figure", "workspace_figure"]
+__all__ = ["Scene", "mechanism_figure", "scene_of"]
 
 GHOSTS = 40
 """Most poses whose whole mechanism is drawn."""
 
-LEVELS = 5
-"""Shades of a map."""
-
 AZIMUTH, ELEVATION = math.radians(35.0), math.radians(20.0)
+"""Where it is seen from at first."""
 
-LONGEST = 0.07
-"""Length of the longest line of uncertainty, of the width of the drawing."""
+LONGEST = 0.3
+"""Length of the longest arrow at most, of the width of the mechanism."""
+
+HEIGHT = {True: 500.0, False: 360.0}
+"""Height of the drawing on a desk, and on a phone."""
+
+FOOT = 60.0
+"""Of that, below the mechanism, for the legend."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn, in base coordinates.
+
+    Attributes
+    ----------
+    drawing : Drawing
+        The mechanism in its poses.
+    joints, chains : set of str
+        What is at fault.
+    sizes : list of float
+        Residual of each pose in units of noise.
+    """
+
+    drawing: Drawing
+    joints: set[str]
+    chains: set[str]
+    sizes: list[float]
+
+    @cached_property
+    def nodes(self) -> FloatArray:
+        """Joints and points: (poses, nodes, 3)."""
+        found = np.array(self.drawing.at, dtype=np.float64)
+        return found.reshape(len(found), -1, 3)
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """Positions of what is carried: (poses, 3)."""
+        return np.array(self.drawing.places, dtype=np.float64).reshape(-1, 3)
+
+    @cached_property
+    def before(self) -> FloatArray:
+        """How far off they are before: (poses, 3)."""
+        found = np.array(self.drawing.before, dtype=np.float64).reshape(-1, 3)
+        if found.shape != self.places.shape or not np.isfinite(found).all():
+            return np.zeros_like(self.places)
+        return found - self.places
+
+    @cached_property
+    def sd(self) -> FloatArray:
+        """How uncertain they are after, along the worst direction: (poses, 3)."""
+        return np.array(self.drawing.weakest, dtype=np.float64).reshape(-1, 3)
+
+    @cached_property
+    def known(self) -> FloatArray:
+        """Known poses, and their error before and after: (known poses, 3, 3)."""
+        rows = [(k.at, k.before, k.after) for k in self.drawing.known]
+        found = np.array(rows, dtype=np.float64).reshape(-1, 3, 3)
+        found[:, 1:] -= found[:, :1]
+        return found[np.isfinite(found).all(axis=(1, 2))]
+
+    @cached_property
+    def span(self) -> float:
+        """Width of all of it."""
+        return float(np.ptp(self.nodes.reshape(-1, 3), axis=0).max()) or 1.0
+
+    @cached_property
+    def longest(self) -> float:
+        """The longest error."""
+        rows = [self.before, self.sd, *self.known[:, 1:].transpose(1, 0, 2)]
+        return max(float(np.linalg.norm(r, axis=-1).max(initial=0.0)) for r in rows)
+
+    @cached_property
+    def times(self) -> float:
+        """By how much errors are magnified: 1, 2 or 5 times a power of ten."""
+        if not self.longest > 0.0:
+            return 0.0
+        return _round(LONGEST * self.span / self.longest)
+
+    @cached_property
+    def usual(self) -> int:
+        """The pose in the middle."""
+        middle = np.median(self.places, axis=0)
+        return int(np.argmin(np.linalg.norm(self.places - middle, axis=1)))
+
+    def edges(self, *, culprit: bool) -> list[tuple[int, ...]]:
+        """Pairs of nodes that are joined, by chains at fault or by others."""
+        nodes = self.drawing.nodes
+
+        def own(edge: Iterable[int]) -> bool:
+            chains = {nodes[k].chain for k in edge}
+            return len(chains) == 1 and chains <= self.chains
+
+        return [edge for edge in self.drawing.edges if own(edge) == culprit]
+
+    def data(self) -> dict[str, Any]:
+        """What the script needs to draw it from another side."""
+        digits = self.digits
+
+        def rows(values: FloatArray) -> list[Any]:
+            found: list[Any] = np.round(values, digits).tolist()
+            return found
+
+        stride = -(-len(self.nodes) // GHOSTS)
+        return {
+            "azimuth": AZIMUTH,
+            "elevation": ELEVATION,
+            "centre": rows(self.centre),
+            "ghosts": rows(self.nodes[::stride]),
+            "usual": rows(self.nodes[self.usual]),
+            "edges": self.edges(culprit=False),
+            "culprits": self.edges(culprit=True),
+            "all": self.drawing.edges,
+            "joints": [k for k, node in enumerate(self.drawing.nodes) if node.joint],
+            "places": rows(self.places),
+            "before": (self.times * self.before).round(digits).tolist(),
+            "sd": (self.times * self.sd).round(digits).tolist(),
+            "known": rows(self.known[:, 0]),
+            "known_before": (self.times * self.known[:, 1]).round(digits).tolist(),
+            "known_after": (self.times * self.known[:, 2]).round(digits).tolist(),
+        }
+
+    @cached_property
+    def digits(self) -> int:
+        """Decimals of a coordinate: far below a pixel."""
+        return max(0, 4 - math.floor(math.log10(self.span)))
+
+    @cached_property
+    def centre(self) -> FloatArray:
+        """The middle of all of it."""
+        points = self.nodes.reshape(-1, 3)
+        middle: FloatArray = (points.min(axis=0) + points.max(axis=0)) / 2
+        return middle
+
+    def scale(self, width: float, height: float) -> float:
+        """Pixels of a unit of length: nothing leaves the canvas, from wherever it is seen."""
+        points = self.nodes.reshape(-1, 3) - self.centre
+        flat = float(np.hypot(points[:, 0], points[:, 1]).max()) or 1e-9
+        round_ = float(np.linalg.norm(points, axis=1).max()) or 1e-9
+        return min((width - 16.0) / 2 / flat, (height - FOOT - 16.0) / 2 / round_)
+
+
+def _round(value: float) -> float:
+    """The nearest of 1, 2 and 5 times a power of ten below."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return float(max(s for s in (1.0, 2.0, 5.0) if s * power <= value * (1.0 + 1e-9)) * power)
+
+
+def seen(points: FloatArray, azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> FloatArray:
+    """Coordinates to the right and up, seen from far away."""
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    right = -math.sin(azimuth) * x + math.cos(azimuth) * y
+    depth = math.cos(azimuth) * x + math.sin(azimuth) * y
+    up = math.cos(elevation) * z - math.sin(elevation) * depth
+    return np.stack([right, up], axis=-1)
 
 
 def _culprits(result: ResultShape, drawing: Drawing) -> tuple[set[str], set[str], str]:
@@ -40,78 +198,176 @@ def _culprits(result: ResultShape, drawing: Drawing) -> tuple[set[str], set[str]
     return joints & set(part.values()), chains & set(part.values()), ", ".join(words)
 
 
-def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None) -> Figure | None:
-    """Draw the mechanism in its poses, coloured by the residual; None where nothing is carried."""
+def scene_of(result: ResultShape, evidence: Evidence) -> Scene | None:
+    """The scene of a result; None where nothing is carried."""
     drawing = evidence.drawing
     if drawing is None or not drawing.at:
         return None
-    nodes = np.array(drawing.at, dtype=np.float64).reshape(len(drawing.at), -1, 3)
-    places, weakest = np.array(drawing.places), np.array(drawing.weakest)
-    if not (np.isfinite(nodes).all() and np.isfinite(places).all()):
+    joints, chains, _ = _culprits(result, drawing)
+    scene = Scene(drawing, joints, chains, _rms_of_poses(result, drawing))
+    whole = np.isfinite(scene.nodes).all() and np.isfinite(scene.places).all()
+    return scene if whole else None
+
+
+def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None) -> Figure | None:
+    """Draw the mechanism in its poses, its error before, and what is left after."""
+    scene = scene_of(result, evidence)
+    if scene is None:
         return None
-    sizes = _rms_of_poses(result, drawing)
-    longest = float(np.linalg.norm(weakest, axis=1).max())
-    span = float(np.ptp(nodes.reshape(-1, 3), axis=0).max()) or 1.0
-    times = LONGEST * span / longest if longest > 0.0 else 0.0
-    joints, chains, wrong = _culprits(result, drawing)
+    unit = result.length_unit
+    labels = [
+        dots.labels[pose] if dots and pose < len(dots.labels) else f"pose {pose + 1}"
+        for pose in scene.drawing.poses
+    ]
 
     def draw(width: float) -> str:
-        views = [("from the side", _side)] + [("from above", _above)] * (width == WIDE)
-        canvas = Canvas(width, 330.0)
-        for k, (title, view) in enumerate(views):
-            room = width / len(views)
-            flat, where = view(nodes), view(places)
-            ends = view(places + times * weakest), view(places - times * weakest)
-            x, y = _fit(flat.reshape(-1, 2), room * k, room)
-            canvas.text(room * k + 4.0, 13.0, title, kind="title")
-            at = [[(x(u), y(v)) for u, v in pose] for pose in flat]
-            stride = -(-len(at) // GHOSTS)
-            for ghost in at[::stride]:
-                for a, b in drawing.edges:
-                    canvas.line(*ghost[a], *ghost[b], "ghost")
-            usual = int(np.argmin(np.linalg.norm(places - np.median(places, axis=0), axis=1)))
-            for a, b in drawing.edges:
-                own = {drawing.nodes[a].chain, drawing.nodes[b].chain}
-                kind = "body culprit" if len(own) == 1 and own <= chains else "body"
-                canvas.line(*at[usual][a], *at[usual][b], kind)
-            for (u, v), (ahead, behind), pose, size in zip(
-                where, zip(*ends, strict=True), drawing.poses, sizes, strict=True
-            ):
-                canvas.line(*(x(ahead[0]), y(ahead[1])), *(x(behind[0]), y(behind[1])), "weak")
-                name = dots.labels[pose] if dots and pose < len(dots.labels) else f"pose {pose + 1}"
-                said = f"{name}: residual {size:.1f} σ"
-                canvas.dot(x(u), y(v), 3.4, f"heat{_heat(size)}", said, p=pose)
-            nodes_at = list(zip(drawing.nodes, at[usual], strict=True))
-            # Joints that meet in a point must not hide the one at fault.
-            for node, place in sorted(nodes_at, key=lambda pair: pair[0].name in joints):
-                culprit = node.name in joints and node.joint
-                if node.joint:
-                    canvas.dot(
-                        *place, 5.0 if culprit else 2.6, "joint culprit" if culprit else "joint"
-                    )
-                if culprit:
-                    canvas.text(place[0] + 8.0, place[1] + 4.0, node.name, kind="culprit")
-        y0 = 322.0
-        for k, (x0, words) in enumerate(
-            ((12.0, "below 1.5 σ"), (108.0, "to 3 σ"), (172.0, "above"))
-        ):
-            canvas.dot(x0, y0 - 4.0, 3.4, f"heat{k}")
-            canvas.text(x0 + 8.0, y0, words)
-        return canvas.svg("the mechanism in its poses")
+        return _draw(scene, labels, width, unit)
 
-    caption = (
-        "The mechanism in its poses; a dot is where the platform (or the carried point) was, "
-        "coloured by the residual of the pose after the calibration. "
+    return Figure("mechanism", draw, _caption(result, scene), _turning(scene))
+
+
+def _turning(scene: Scene) -> str:
+    """The data of the script, and the buttons, which it shows."""
+    views = (("from the side", AZIMUTH, ELEVATION), ("from above", 0.0, math.pi / 2))
+    buttons = "".join(
+        f'<button type="button" data-azimuth="{a:.4f}" data-elevation="{e:.4f}">'
+        f"{escape(name)}</button>"
+        for name, a, e in views
     )
-    if times > 0.0:
-        caption += (
-            "The line through it is the direction in which the parameters leave it most uncertain, "
-            f"one standard deviation drawn {number(times, 2)} times too long: the longest is "
-            f"{number(longest, 2)} {result.length_unit}. "
+    return (
+        f'<div class="views" hidden>{buttons}<span class="faint">Drag, or use the arrow keys, '
+        f"to turn it.</span></div>{data_element('mechanism-data', scene.data())}"
+    )
+
+
+def _draw(scene: Scene, labels: list[str], width: float, unit: str) -> str:
+    height = HEIGHT[width == WIDE]
+    canvas = Canvas(width, height)
+    scale = scene.scale(width, height)
+    middle = (width / 2, (height - FOOT) / 2)
+
+    def flat(points: FloatArray) -> FloatArray:
+        at = scale * seen(points - scene.centre)
+        return np.stack([middle[0] + at[..., 0], middle[1] - at[..., 1]], axis=-1)
+
+    canvas.parts.append(
+        f'<g class="scene" data-scale="{scale:.4f}" data-x="{middle[0]:.1f}" '
+        f'data-y="{middle[1]:.1f}"></g>'
+    )
+    stride = -(-len(scene.nodes) // GHOSTS)
+    ghosts, body = flat(scene.nodes[::stride]), flat(scene.nodes[scene.usual])
+    _path(canvas, "ghosts", [g[list(e)] for g in ghosts for e in scene.drawing.edges])
+    _path(canvas, "body", [body[list(e)] for e in scene.edges(culprit=False)])
+    _path(canvas, "body culprit", [body[list(e)] for e in scene.edges(culprit=True)])
+    where, times = flat(scene.places), scene.times
+    for (x, y), pose, size, name in zip(
+        where, scene.drawing.poses, scene.sizes, labels, strict=True
+    ):
+        heat = int(size > 1.5) + int(size > 3.0)
+        canvas.dot(x, y, 2.8, f"heat{heat}", f"{name}: residual {size:.1f} σ", p=pose)
+    _arrows(canvas, "before", where, flat(scene.places + times * scene.before))
+    ends = flat(scene.places + times * scene.sd), flat(scene.places - times * scene.sd)
+    _arrows(canvas, "chosen", where[:0], where[:0])
+    _path(canvas, "weak", [np.array(pair) for pair in zip(*ends, strict=True)])
+    known, off = flat(scene.known[:, 0]), scene.known[:, :1] + times * scene.known[:, 1:]
+    _arrows(canvas, "before known", known, flat(off[:, 0]))
+    _arrows(canvas, "after known", known, flat(off[:, 1]))
+    for k, (x, y) in enumerate(known):
+        canvas.dot(x, y, 3.2, "check", f"check pose {k + 1}", c=k)
+    nodes_at = list(zip(scene.drawing.nodes, body, range(len(body)), strict=True))
+    # Joints that meet in a point must not hide the one at fault.
+    for node, (x, y), k in sorted(nodes_at, key=lambda entry: entry[0].name in scene.joints):
+        if not node.joint:
+            continue
+        culprit = node.name in scene.joints
+        canvas.dot(x, y, 6.0 if culprit else 2.6, "joint culprit" if culprit else "joint", n=k)
+        if culprit:
+            canvas.parts.append(
+                f'<text class="culprit" data-n="{k}" x="{x + 10:.1f}" y="{y + 4:.1f}">'
+                f"{escape(node.name)}</text>"
+            )
+    _legend(canvas, scene, scale, unit)
+    return canvas.svg("the mechanism in its poses, with its error before and after")
+
+
+def _path(canvas: Canvas, kind: str, lines: Iterable[FloatArray]) -> None:
+    """Straight lines as one path, so that a script can turn them at once."""
+    where = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
+    canvas.parts.append(f'<path class="{kind}" data-is="{kind.split()[-1]}" d="{where}"/>')
+
+
+HEAD = 5.0
+"""Length of the head of an arrow [px]; a shorter arrow has none."""
+
+
+def _arrows(canvas: Canvas, kind: str, starts: FloatArray, ends: FloatArray) -> None:
+    parts = []
+    for a, b in zip(starts, ends, strict=True):
+        parts.append(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}")
+        long = float(np.hypot(*(b - a)))
+        if long > HEAD:
+            along = HEAD * (b - a) / long
+            side = 0.5 * np.array([-along[1], along[0]])
+            left, right = b - along + side, b - along - side
+            parts.append(
+                f"M{left[0]:.1f} {left[1]:.1f}L{b[0]:.1f} {b[1]:.1f}L{right[0]:.1f} {right[1]:.1f}"
+            )
+    name = "-".join(reversed(kind.split()))
+    canvas.parts.append(f'<path class="arrow {kind}" data-is="{name}" d="{"".join(parts)}"/>')
+
+
+def _legend(canvas: Canvas, scene: Scene, scale: float, unit: str) -> None:
+    """What lines and dots are, and two scales: of the mechanism, and of its errors."""
+    wide = canvas.width == WIDE
+    entries = [("arrow before", "error before")] if scene.before.any() else []
+    entries += [("weak", "1 sd after")] if scene.sd.any() else []
+    entries += [("arrow after", "error after"), ("check", "check pose")] * bool(len(scene.known))
+    step = (canvas.width - 12.0) / max(len(entries), 1) if wide else 0.0
+    base = canvas.height - (46.0 if wide else 30.0 + 16.0 * len(entries))
+    for k, (kind, words) in enumerate(entries):
+        x, y = 12.0 + step * k, base + (0.0 if wide else 16.0 * k)
+        if kind == "check":
+            canvas.dot(x + 10.0, y - 4.0, 3.0, kind)
+        else:
+            canvas.line(x, y - 4.0, x + 20.0, y - 4.0, kind)
+        canvas.text(x + 26.0, y, words)
+    half, y = canvas.width / 2, canvas.height - 12.0
+    for x, times in ((12.0, 1.0), (half, scene.times)):
+        if not times > 0.0:
+            continue
+        length = _round(0.3 * canvas.width / scale / times)
+        canvas.line(x, y, x + length * times * scale, y, "axis")
+        for end in (x, x + length * times * scale):
+            canvas.line(end, y - 3.0, end, y + 3.0, "axis")
+        words = f"{length:g} {unit}" + (" of error" if x == half else "")
+        canvas.text(x, y - 7.0, words)
+
+
+def _caption(result: ResultShape, scene: Scene) -> str:
+    unit, (_, _, wrong) = result.length_unit, _culprits(result, scene.drawing)
+    found = isinstance(result, TraceShape) and bool(result.steps)
+    before = "without what was found" if found else "as it is declared"
+    out = "Every pose is a ghost of the mechanism. "
+    if scene.times > 0.0:
+        out += f"Errors are drawn {scene.times:,.0f} times" if scene.times >= 1.0 else ""
+        out = out if scene.times >= 1.0 else f"{out}Errors are drawn {number(scene.times)} times"
+        out += " too long. " if scene.times != 1.0 else " as long as they are. "
+    if scene.before.any():
+        worst = number(float(np.linalg.norm(scene.before, axis=1).max()), 2)
+        out += (
+            f"An arrow is how far the position is off {before}, against the calibration: up to "
+            f"{worst} {unit}. "
         )
-    if wrong:
-        caption += f"What is marked is at fault: {wrong}."
-    return Figure("mechanism", draw, caption.strip())
+    if scene.sd.any():
+        worst = number(float(np.linalg.norm(scene.sd, axis=1).max()), 2)
+        out += (
+            "The line through a dot is what the calibration leaves open, one standard deviation "
+            f"along the worst direction: up to {worst} {unit}. "
+        )
+    if len(scene.known):
+        out += "Rings are check poses, with their measured error before and after. "
+    out += "A dot is coloured by the residual of its pose: blue to 1.5 σ, yellow to 3 σ, red above."
+    return f"{out} What is marked is at fault: {wrong}." if wrong else out
 
 
 def _rms_of_poses(result: ResultShape, drawing: Drawing) -> list[float]:
@@ -120,122 +376,3 @@ def _rms_of_poses(result: ResultShape, drawing: Drawing) -> list[float]:
         return [0.0] * len(drawing.poses)
     size = np.sqrt(np.nanmean(rows**2, axis=1))
     return [float(size[p]) if p < len(size) else 0.0 for p in drawing.poses]
-
-
-def _heat(size: float) -> int:
-    return int(size > 1.5) + int(size > 3.0)
-
-
-def _side(points: FloatArray) -> FloatArray:
-    """Axonometric view: coordinates to the right and up."""
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    right = -math.sin(AZIMUTH) * x + math.cos(AZIMUTH) * y
-    depth = math.cos(AZIMUTH) * x + math.sin(AZIMUTH) * y
-    up = math.cos(ELEVATION) * z - math.sin(ELEVATION) * depth
-    return np.stack([right, up], axis=-1)
-
-
-def _above(points: FloatArray) -> FloatArray:
-    """View from above: x to the right, y up."""
-    return np.stack([points[..., 0], points[..., 1]], axis=-1)
-
-
-def _fit(points: FloatArray, left: float, room: float) -> tuple[Axis, Axis]:
-    """Axes of one scale that fit all points."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle = (low + high) / 2
-    scale = min((room - 30.0) / ((high - low)[0] or 1.0), 270.0 / ((high - low)[1] or 1.0))
-    cx, cy = left + room / 2, 162.0
-    u, v = float(middle[0]), float(middle[1])
-    return (
-        Axis(u - 1.0, u + 1.0, cx - scale, cx + scale),
-        Axis(v - 1.0, v + 1.0, cy + scale, cy - scale),
-    )
-
-
-def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
-    """Draw where what is carried can be, coloured by how well the calibration places it there."""
-    slices, unit = evidence.workspace, result.length_unit
-    values = [cell[2] for one in slices for cell in one.cells if math.isfinite(cell[2])]
-    if not values:
-        return None
-    low, high = min(values), max(values)
-
-    def level(sd: float) -> int:
-        return min(int(LEVELS * (sd - low) / (high - low or 1.0)), LEVELS - 1)
-
-    def draw(width: float) -> str:
-        across = min(len(slices), 2) if width == WIDE else 1
-        room = width / across
-        height = 250.0
-        canvas = Canvas(width, height * -(-len(slices) // across) + 26.0)
-        for k, one in enumerate(slices):
-            part = Canvas(room, 0.0)
-            x = _edges([c[0] for c in one.cells], one.step[0])
-            y = _edges([c[1] for c in one.cells], one.step[1])
-            words = f"{one.axes[0]} [{unit}]", f"{one.axes[1]} [{unit}]"
-            chart = Chart.on(part, x, y, words, title=_side_words(one, unit), height=height)
-            for u, v, sd in one.cells:
-                if not math.isfinite(sd):
-                    continue
-                left, top = chart.at((u - one.step[0] / 2, v + one.step[1] / 2))
-                right, bottom = chart.at((u + one.step[0] / 2, v - one.step[1] / 2))
-                said = f"{one.axes[0]} {number(u)}, {one.axes[1]} {number(v)}: {number(sd)} {unit}"
-                kind = f"level{level(sd)}"
-                part.rect(left, top, right - left + 0.3, bottom - top + 0.3, kind, said)
-            column, row = k % across, k // across
-            move = f"translate({room * column:.1f} {height * row:.1f})"
-            canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
-        # A scale of colours between the lowest and the highest.
-        base, first = canvas.height - 18.0, 12.0 + LETTER * len(number(low, 2))
-        canvas.text(first - 5.0, base + 10.0, number(low, 2), anchor="end")
-        for k in range(LEVELS):
-            canvas.rect(first + 30.0 * k, base, 30.3, 11.0, f"level{k}")
-        canvas.text(first + 30.0 * LEVELS + 5.0, base + 10.0, f"{number(high, 2)} {unit}")
-        return canvas.svg("standard deviation of what is carried, over the workspace")
-
-    names = list(dict.fromkeys(one.of for one in slices if one.of is not None))
-    what = listed_words(names) if names else "the platform"
-    caption = (
-        f"How well the calibration places {what}: standard deviation of a coordinate, noise of a "
-        f"reading not counted, from {number(low, 2)} to {number(high, 2)} {unit}"
-    )
-    if slices[0].value is not None and not names:
-        caption += " at orientation zero. "
-    else:
-        caption += (
-            ", wherever the limits of the joints allow; a cell is the mean over all postures that "
-            "reach it. "
-        )
-    caption += "Strong colours are where poses are lacking. "
-    if evidence.weakest is not None:
-        caption += _weakest_words(evidence.weakest, unit)
-    if result.unobservable:
-        caption += " What the readings do not determine at all is not in it."
-    return Figure("workspace", draw, caption.strip())
-
-
-def _side_words(one: Slice, unit: str) -> str:
-    """What a panel shows: `z = 1.2 in`, `ball, all z`."""
-    at = f"all {one.fixed}" if one.value is None else f"{one.fixed} = {number(one.value)} {unit}"
-    return at if one.of is None else f"{one.of}, {at}"
-
-
-def _weakest_words(weakest: Weakest, unit: str) -> str:
-    """Where it is known least, in which direction, and what that goes with."""
-    largest = max(map(abs, weakest.place)) or 1.0
-    digits = max(0, 2 - math.floor(math.log10(largest)))
-    place = ", ".join(f"{v:z.{digits}f}" for v in weakest.place)
-    size = math.hypot(*weakest.along)
-    along = ", ".join(f"{v / size:z.1f}" for v in weakest.along)
-    p = weakest.parameter
-    name = parameter_name(p.term, p.name)
-    of = "" if weakest.of is None else f"{weakest.of} "
-    return (
-        f"Least known is {of}at ({place}), by {number(size, 2)} {unit} along ({along}): an error "
-        f"there goes with {name} of {p.target} (correlation {weakest.correlation:.2f})."
-    )
-
-
-def _edges(values: Sequence[float], step: float) -> tuple[float, float]:
-    return min(values) - step / 2, max(values) + step / 2

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
 from rsicalib.report.effects import effect_figures, scores_figure
-from rsicalib.report.figure import STYLE, Figure
-from rsicalib.report.mechanism import mechanism_figure, workspace_figure
-from rsicalib.report.residuals import dots_of, normal_figure, residual_figure
+from rsicalib.report.figure import STYLE, Figure, data_element
+from rsicalib.report.mechanism import mechanism_figure, scene_of
+from rsicalib.report.plain import certainty_html, plain_words
+from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_figure
 from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
     advice,
@@ -19,6 +20,7 @@ from rsicalib.report.words import (
     excluded_words,
     labelled,
     law_words,
+    listed_words,
     name_of,
     noise_words,
     number,
@@ -29,6 +31,7 @@ from rsicalib.report.words import (
     size_words,
     subject,
 )
+from rsicalib.report.workspace import workspace_figure
 from rsicalib.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
 from rsicalib.units import with_unit
 from rsicalib.verdicts import EXIT_CODES
@@ -38,7 +41,11 @@ __all__ = ["document", "figures", "html", "listed", "pictures", "section", "tabl
 FEW = 3
 """Sentences of a list that are not folded."""
 
-SCRIPT = Path(__file__).with_name("script.js").read_text(encoding="utf-8")
+SCRIPT = "".join(
+    f"{Path(__file__).with_name(name).read_text(encoding='utf-8')}\n"
+    for name in ("pictures.js", "turn.js", "script.js")
+)
+"""Scripts of every page; each does nothing where the page has nothing for it."""
 
 
 def html(result: ResultShape, evidence: Evidence | None = None) -> str:
@@ -56,11 +63,14 @@ def html(result: ResultShape, evidence: Evidence | None = None) -> str:
     str
         The document.
     """
+    if is_garbage(result):
+        parts = [_first_screen(result, None), _why_garbage(result), _warnings(result)]
+        return document(f"{result.mechanism}: {result.verdict}", [*parts, _about(result)])
     parts = [
-        _first_screen(result, evidence),
+        _residuals(result, evidence),
         _found(result, evidence) if isinstance(result, TraceShape) else "",
         _switchboard(result, evidence),
-        _mechanism(result, evidence),
+        _workspace(result, evidence),
         _excluded(result),
         _moved(result),
         _parameters(result),
@@ -69,7 +79,11 @@ def html(result: ResultShape, evidence: Evidence | None = None) -> str:
         _warnings(result),
         _about(result),
     ]
-    return document(f"{result.mechanism}: {result.verdict or 'calibrated'}", parts)
+    # Where nothing is the matter the first screen says it all.
+    if result.verdict == "adequate" and not result.excluded and not result.warnings:
+        parts = [_folded("Everything else: residuals, workspace, parameters", *parts)]
+    first = _first_screen(result, evidence)
+    return document(f"{result.mechanism}: {result.verdict or 'calibrated'}", [first, *parts])
 
 
 def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, str]:
@@ -87,6 +101,8 @@ def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, 
     dict of str to str
         Name without an ending, and the text of the file.
     """
+    if is_garbage(result):
+        return {}
     found = [residual_figure(result, evidence), normal_figure(result)]
     if isinstance(result, TraceShape):
         found += _effects(result, evidence)
@@ -169,19 +185,72 @@ def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
     named = [result.device, result.valid_from]
     whose = f"Calibration of {result.mechanism}" + "".join(f" · {n}" for n in named if n)
     note = f"<p>{escape(result.note)}</p>" if result.note else ""
-    figure = residual_figure(result, evidence)
-    left = "\n".join(
+    figure = mechanism_figure(result, evidence, dots_of(result, evidence)) if evidence else None
+    said = "\n".join(
         [
             f"<h1>{escape(whose)}</h1>",
-            f'<p class="verdict {good}">{escape(sentence(result))}</p>',
+            f'<p class="verdict {good}">{escape(plain_words(result, evidence))}</p>',
+            certainty_html(result),
+            f'<p class="experts">{escape(sentence(result))}</p>',
             note,
-            _heading("Error before and after", _errors(result)),
+        ]
+    )
+    more = "\n".join(
+        [
+            "" if is_garbage(result) else _heading("Error before and after", _errors(result)),
             _heading("What to do next", listed(advice(result), "next")),
             f'<p class="faint">{escape(_data(result))}</p>',
         ]
     )
-    right = figure.html() if figure else ""
-    return f'<header class="first"><div>{left}</div>\n<div>{right}</div></header>'
+    if figure is None:
+        return f"<header>{said}\n{more}</header>"
+    return (
+        f'<header class="first"><div class="said">{said}</div>\n'
+        f'<div class="hero">{figure.html()}</div>\n<div class="more">{more}</div></header>'
+    )
+
+
+def is_garbage(result: ResultShape) -> bool:
+    """True where the readings are not of this mechanism: what is drawn of them means nothing."""
+    return result.verdict == "implausible"
+
+
+def _why_garbage(result: ResultShape) -> str:
+    """The reasons; those that differ in the channel alone are one."""
+    names = list(result.noise.sigma) if result.noise is not None else []
+    places: dict[str, list[str]] = {}
+    for text in result.implausible:
+        own = [n for n in names if re.search(rf"\b{re.escape(n)}\b", text)]
+        shape = re.sub(rf"\b{re.escape(own[0])}\b", "{}", text, count=1) if own else text
+        places.setdefault(shape, []).extend(own[:1])
+    reasons = [
+        shape.replace("{}", listed_words(at), 1) if at else shape for shape, at in places.items()
+    ]
+    return section("Why it cannot be used", listed(reasons))
+
+
+def _residuals(result: ResultShape, evidence: Evidence | None) -> str:
+    figure = residual_figure(result, evidence)
+    dots = dots_of(result, evidence)
+    if figure is None:
+        return ""
+    named = ""
+    if evidence is not None and dots is not None and dots.size == 1 and evidence.readings:
+        data = {"poses": _readings_of(evidence, dots)}
+        named = '<p id="pose-words" hidden></p>' + data_element("poses-data", data)
+    drawn = pictures([figure, normal_figure(result)])
+    return section("What is left, pose by pose", drawn, named)
+
+
+def _readings_of(evidence: Evidence, dots: Dots) -> list[str]:
+    """The readings of each pose, as they are shown where it is pointed at."""
+    return [
+        f"{label}: "
+        + ", ".join(
+            f"{name} {number(value, 5)}" for name, value in zip(evidence.channels, row, strict=True)
+        )
+        for label, row in zip(dots.labels, evidence.readings, strict=False)
+    ]
 
 
 def _heading(title: str, inner: str) -> str:
@@ -255,20 +324,17 @@ def _cost(step: Step, unit: str) -> str:
 
 def _switchboard(result: ResultShape, evidence: Evidence | None) -> str:
     dots = dots_of(result, evidence)
-    board = evidence.switchboard if evidence else None
-    if board is None or dots is None:
+    if evidence is None or dots is None or not (evidence.switchboard or evidence.hypotheses):
         return ""
-    return section("Switchboard", switchboard_html(board, dots, result.length_unit))
+    scene = scene_of(result, evidence)
+    unit = result.length_unit
+    return section("What if it were something else?", switchboard_html(evidence, dots, unit, scene))
 
 
-def _mechanism(result: ResultShape, evidence: Evidence | None) -> str:
+def _workspace(result: ResultShape, evidence: Evidence | None) -> str:
     if evidence is None:
         return ""
-    drawn = [
-        mechanism_figure(result, evidence, dots_of(result, evidence)),
-        workspace_figure(result, evidence),
-    ]
-    return section("The mechanism in its poses", pictures(drawn))
+    return section("Over the workspace", pictures([workspace_figure(result, evidence)]))
 
 
 def _excluded(result: ResultShape) -> str:
@@ -347,7 +413,6 @@ def _readings(result: ResultShape, evidence: Evidence | None) -> str:
     drawn: list[Figure | None] = []
     if result.noise is not None and result.noise.sigma:
         drawn.append(noise_figure(result.noise))
-    drawn.append(normal_figure(result))
     rows = ""
     found = evidence.reliability if evidence else None
     if found is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
-from rsicalib.shapes import Evidence, ResultShape
+from rsicalib.shapes import Evidence, ResultShape, TraceShape
 
 __all__ = ["Dots", "dots_of", "normal_figure", "residual_figure"]
 
@@ -100,6 +100,8 @@ def residual_figure(result: ResultShape, evidence: Evidence | None = None) -> Fi
         for title, rows in (("before", result.before_residuals), ("after", result.after_residuals))
         if rows is not None and rows.size
     ]
+    if isinstance(result, TraceShape) and not (result.steps or result.excluded):
+        panels = panels[-1:]  # nothing has changed
     if len(panels) == 1:
         panels = [("every closure of every pose", panels[0][1])]
     what = "one closure of one pose" if dots.size == 1 else f"one closure over {dots.size} rows"
@@ -172,7 +174,8 @@ def draw_residuals(
                 x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
                 culprit = (pose, e) in far and abs(value) > FAR
                 kind = f"{kind} far" if culprit else kind
-                number = {"k": pose * len(row) + e} if numbered else {}
+                number = {"p": pose} if dots.size == 1 else {}
+                number |= {"k": pose * len(row) + e} if numbered else {}
                 canvas.dot(x, y, radius, kind, said, **number)
         _label(chart, rows, far, bound)
     return canvas.svg("residuals in units of noise, before and after")

@@ -1,41 +1,31 @@
-// The switchboard of a report: shows the fit that the switches choose. Opens what is folded for
-// a printer. Writes text and numbers only, never markup.
+// The hypotheses and the switches of a report: shows the fit that is chosen, in every picture and
+// table. Writes text and numbers only, never markup.
 "use strict";
 (() => {
-  const each = (query, act) => document.querySelectorAll(query).forEach(act);
-  const folded = [];
-  window.addEventListener("beforeprint", () => each("details:not([open])", (part) => {
-    folded.push(part);
-    part.open = true;
-  }));
-  window.addEventListener("afterprint", () => folded.splice(0).forEach((part) => {
-    part.open = false;
-  }));
-
   const source = document.getElementById("switchboard-data");
   if (!source) return;
-  const { fits, poses, equations } = JSON.parse(source.textContent);
+  const each = (query, act) => document.querySelectorAll(query).forEach(act);
+  const { fits, hypotheses, poses, equations, named } = JSON.parse(source.textContent);
   const boxes = [...document.querySelectorAll("#switches input")];
-  const full = fits[fits.length - 1];
+  const choices = [...document.querySelectorAll("#hypotheses input")];
+  const fader = document.getElementById("fader");
+  const status = document.getElementById("switched-words");
+  const full = fits[fits.length - 1] || hypotheses[named];
+  // The same fit; the hypothesis knows the error at check poses as well.
+  if (hypotheses.length) full.error = hypotheses[named].error;
   const write = (cell, text, before) => {
     cell.textContent = text;
     cell.classList.toggle("changed", text !== before);
   };
 
-  const show = () => {
-    const number = boxes.reduce((sum, box) => sum + (box.checked ? 1 << box.dataset.bit : 0), 0);
-    const fit = fits[number];
+  const show = (fit, words) => {
     each("[data-error]", (cell) => {
-      write(cell, fit.error[cell.dataset.error], full.error[cell.dataset.error]);
+      write(cell, fit.error[cell.dataset.error] || "–", full.error[cell.dataset.error] || "–");
     });
-    each("[data-value]", (cell) => {
-      const k = cell.dataset.value;
-      write(cell, fit.parameters[k][0], full.parameters[k][0]);
-    });
-    each("[data-half]", (cell) => {
-      const k = cell.dataset.half;
-      write(cell, fit.parameters[k][1], full.parameters[k][1]);
-    });
+    [["value", 0], ["half", 1]].forEach(([kind, at]) => each(`[data-${kind}]`, (cell) => {
+      const of = (one) => (one.parameters[cell.dataset[kind]] || ["–", "–"])[at];
+      write(cell, of(fit), of(full));
+    }));
     each("#switched svg", (picture) => {
       const scale = picture.querySelector(".scale").dataset;
       const [zero, unit, bound] = [+scale.zero, +scale.unit, +scale.bound];
@@ -48,7 +38,7 @@
         said.textContent = said.textContent.replace(/: [^:]*$/, `: ${value.toFixed(2)}`);
       });
     });
-    each("#mechanism [data-p]", (dot) => {
+    each("#mechanism circle[data-p]", (dot) => {
       if (!poses) return;
       const row = fit.residuals.slice(dot.dataset.p * equations, (+dot.dataset.p + 1) * equations);
       const size = Math.sqrt(row.reduce((sum, r) => sum + r * r, 0) / row.length);
@@ -56,13 +46,51 @@
       const said = dot.querySelector("title");
       said.textContent = said.textContent.replace(/[^ ]* σ$/, `${size.toFixed(1)} σ`);
     });
+    status.textContent = words;
+    document.dispatchEvent(new CustomEvent("hypothesis", { detail: fit.places ? fit : null }));
+  };
+
+  const switched = () => {
+    const number = boxes.reduce((sum, box) => sum + (box.checked ? 1 << box.dataset.bit : 0), 0);
     const off = boxes.filter((box) => !box.checked).length;
-    const words = `${off} of ${boxes.length} switches off: χ² / degrees of freedom ${fit.error[0]}.`;
-    document.getElementById("switched-words").textContent =
-      off ? words : "All switches are on.";
+    choices.forEach((choice, k) => { choice.checked = !off && k === named; });
+    const words = `${off} of ${boxes.length} switches off: χ² / degrees of freedom `;
+    show(fits[number], off ? `${words}${fits[number].error[0]}.` : "All switches are on.");
     document.body.dataset.fit = String(number);
   };
-  boxes.forEach((box) => box.addEventListener("change", show));
+  const choose = (k) => {
+    boxes.forEach((box) => { box.checked = true; });
+    const one = hypotheses[k];
+    show(one, `${one.words}: χ² / degrees of freedom ${one.error[0]}.`);
+    if (fader && (k === 0 || k === named)) fader.value = k === named ? 100 : 0;
+    if (fader) fade(false);
+  };
+  // Between nothing and what was found the model is linear: the residual follows the size, and χ²
+  // is a parabola, to first order.
+  const fade = (changes) => {
+    const share = fader.value / 100;
+    const [none, found] = [hypotheses[0], hypotheses[named]];
+    const chi2 = found.chi2 + (none.chi2 - found.chi2) * (1 - share) ** 2;
+    document.getElementById("faded").textContent =
+      `${fader.value} %, χ² ${chi2 < 1e4 ? chi2.toFixed(0) : chi2.toExponential(2)}`;
+    const dot = document.getElementById("fader-dot");
+    dot.setAttribute("cx", dot.dataset.x0 * 1 + share * dot.dataset.x1);
+    dot.setAttribute("cy", dot.dataset.y0 - (1 - share) ** 2 * dot.dataset.y1);
+    if (!changes) return;
+    choices.forEach((choice, k) => { choice.checked = (k === 0 && share === 0) ||
+      (k === named && share === 1); });
+    const between = (a, b) => a.map((v, k) => share * v + (1 - share) * b[k]);
+    const mixed = (a, b) => a.map((v, k) => between(v, b[k]));
+    show({ ...found, error: [`${chi2.toPrecision(3)} / ${found.error[0].split(" / ")[1]}`],
+      residuals: between(found.residuals, none.residuals),
+      places: found.places && mixed(found.places, none.places),
+      known: found.known && mixed(found.known, none.known) },
+      `${fader.value} % of what was found, to first order.`);
+  };
+  boxes.forEach((box) => box.addEventListener("change", switched));
+  choices.forEach((choice, k) => choice.addEventListener("change", () => choose(k)));
+  if (fader) fader.addEventListener("input", () => fade(true));
   boxes.forEach((box) => { box.checked = true; });
-  show();
+  if (boxes.length) switched();
+  else if (choices.length) choose(named);
 })();

@@ -1,20 +1,27 @@
-"""The switchboard: suspects that a reader can take out of the model, and what then changes."""
+"""What a reader can choose to believe, or take out of the model, and what then changes."""
 
 from __future__ import annotations
 
-import json
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from rsicalib.arrays import FloatArray
-from rsicalib.report.figure import Figure
+from rsicalib.report.figure import Figure, data_element
+from rsicalib.report.hypotheses import (
+    choices_html,
+    fader_html,
+    fit_data,
+    hypothesis_data,
+    key_of,
+    residuals_of,
+)
+from rsicalib.report.mechanism import Scene
 from rsicalib.report.residuals import Dots, draw_residuals
-from rsicalib.report.words import name_of, number, plus_minus, probability, subject
-from rsicalib.shapes import Switch, Switchboard, SwitchFit
+from rsicalib.report.words import name_of, number, subject
+from rsicalib.shapes import Evidence, ParameterName, Switch
 
-__all__ = ["data_of", "script_data", "switchboard_html", "words_of"]
+__all__ = ["data_of", "switchboard_html", "words_of"]
 
 
 MOST = 10.0
@@ -29,94 +36,92 @@ def words_of(switch: Switch) -> str:
     return f"the reading of pose {switch.pose}{at} is left out"
 
 
-def residuals_of(fit: SwitchFit, equations: int) -> FloatArray:
-    """Residuals of a fit: (poses, equations)."""
-    rows: FloatArray = np.array(fit.residuals, dtype=np.float64).reshape(-1, equations)
-    return rows
-
-
-def data_of(board: Switchboard, dots: Dots) -> dict[str, Any]:
+def data_of(evidence: Evidence, dots: Dots, scene: Scene | None) -> dict[str, Any]:
     """What the script of a page needs: every number as it is to be written."""
-
-    def estimate(value: float | None, sd: float | None) -> list[str]:
-        return list(plus_minus(value, None if sd is None else 1.96 * sd))
-
-    fits = [
-        {
-            "error": [
-                f"{number(fit.chi2)} / {number(fit.dof)}",
-                probability(fit.p_value),
-                number(fit.rms_misclosure),
-            ],
-            "parameters": [estimate(v, s) for v, s in zip(fit.values, fit.sd, strict=True)],
-            "residuals": [
-                round(float(v), 2)
-                for v in dots.blocks(residuals_of(fit, len(dots.equations))).ravel()
-            ],
-        }
-        for fit in board.fits
-    ]
+    board, known = evidence.switchboard, evidence.hypotheses
+    fits = board.fits if board else ()
+    parameters = board.parameters if board else ()
+    named = next((k for k, one in enumerate(known) if one.kind == "found"), 0)
     # A dot of the mechanism is a pose; blocks of a recording have no dot there.
-    return {"fits": fits, "poses": dots.size == 1, "equations": len(dots.equations)}
+    return {
+        "fits": [fit_data(fit, parameters, dots) for fit in fits],
+        "hypotheses": [hypothesis_data(one, dots, scene, known[named]) for one in known],
+        "named": named,
+        "poses": dots.size == 1,
+        "equations": len(dots.equations),
+    }
 
 
-def script_data(data: dict[str, Any]) -> str:
-    """Data in a page: no text in it can end the element."""
-    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    for sign in "<>&":
-        text = text.replace(sign, f"\\u{ord(sign):04x}")
-    return f'<script type="application/json" id="switchboard-data">{text}</script>'
+def _parameters(evidence: Evidence) -> list[ParameterName]:
+    """The parameters of all fits, each once."""
+    board = evidence.switchboard
+    every = [*(board.parameters if board else ())]
+    every += [p for one in evidence.hypotheses for p in one.parameters]
+    return list({key_of(p): p for p in every}.values())
 
 
-def switchboard_html(board: Switchboard, dots: Dots, unit: str) -> str:
-    """The switches, what the fit with them says, and the data of all fits."""
-    data = data_of(board, dots)
-    full = data["fits"][-1]
+def switchboard_html(evidence: Evidence, dots: Dots, unit: str, scene: Scene | None) -> str:
+    """What a reader can choose, what the fit says that was chosen, and the data of all fits."""
+    data = data_of(evidence, dots, scene)
+    board, known = evidence.switchboard, evidence.hypotheses
+    fits = [*(board.fits if board else ()), *(one.fit for one in known)]
+    full = known[data["named"]].fit if not board else board.fits[-1]
+    shown = data["fits"][-1] if data["fits"] else data["hypotheses"][data["named"]]
     boxes = "".join(
         f'<label><input type="checkbox" checked data-bit="{k}"> {escape(words_of(switch))}</label>'
-        for k, switch in enumerate(board.switches)
+        for k, switch in enumerate(board.switches if board else ())
     )
-    names = ("χ² / degrees of freedom", "p-value", f"misclosure, rms [{unit}]")
+    switches = f'<fieldset id="switches"><legend>Suspects</legend>{boxes}</fieldset>'
+    if known:
+        words = "Take out one effect, or take back a reading, at a time"
+        switches = f"<details><summary>{words}</summary>{switches}</details>"
+    names = ["χ² / degrees of freedom", "p-value", f"misclosure, rms [{unit}]"]
+    if any(one.check is not None for one in known):
+        names += [f"position, check poses [{unit}]", "orientation, check poses [rad]"]
+    now = data["hypotheses"][data["named"]]["error"] if known else shown["error"]
     errors = "".join(
-        f'<tr><td>{escape(name)}</td><td class="n">{escape(now)}</td>'
-        f'<td class="n" data-error="{k}">{escape(now)}</td></tr>'
-        for k, (name, now) in enumerate(zip(names, full["error"], strict=True))
+        f'<tr><td>{escape(name)}</td><td class="n">{escape(value)}</td>'
+        f'<td class="n" data-error="{k}">{escape(value)}</td></tr>'
+        for k, (name, value) in enumerate(zip(names, now, strict=True))
     )
-    rows = "".join(
-        f"<tr><td>{escape(p.target)}</td><td>{escape(_name(p.term, p.name))}</td>"
-        f'<td class="n">{escape(value)}</td><td class="n" data-value="{k}">{escape(value)}</td>'
-        f'<td class="n" data-half="{k}">{escape(half)}</td><td>{escape(p.unit)}</td></tr>'
-        for k, (p, (value, half)) in enumerate(
-            zip(board.parameters, full["parameters"], strict=True)
+    rows = ""
+    for p in _parameters(evidence):
+        key = escape(key_of(p))
+        value, half = shown["parameters"].get(key_of(p), ("–", "–"))
+        rows += (
+            f"<tr><td>{escape(p.target)}</td><td>{escape(_name(p.term, p.name))}</td>"
+            f'<td class="n">{escape(value)}</td>'
+            f'<td class="n" data-value="{key}">{escape(value)}</td>'
+            f'<td class="n" data-half="{key}">{escape(half)}</td><td>{escape(p.unit)}</td></tr>'
         )
-    )
-    panel = residuals_of(board.fits[-1], len(dots.equations))
-    largest = max(float(np.abs(residuals_of(f, len(dots.equations))).max()) for f in board.fits)
+    panel = residuals_of(full, len(dots.equations))
+    largest = max(float(np.abs(residuals_of(f, len(dots.equations))).max()) for f in fits)
     picture = Figure(
         "switched",
         lambda width: draw_residuals(
-            [("as switched", dots.blocks(panel))],
+            [("as chosen", dots.blocks(panel))],
             dots,
             width,
             numbered=True,
             at_least=min(1.1 * largest, MOST),
         ),
-        "The residual of the fit as switched: take out an effect or take back a reading, and see "
-        f"where the residual grows (the largest of all these fits is {number(largest)} σ).",
+        "The residual of what is chosen: choose another hypothesis, take out an effect or take "
+        f"back a reading, and see where it grows (the largest of all is {number(largest)} σ).",
     )
     return (
-        "<p>Fits with and without each suspect. They are fits to the mean of the samples of each "
-        "pose, whose misclosure is smaller than that of single samples.</p>"
-        f'<fieldset id="switches"><legend>Suspects</legend>{boxes}</fieldset>'
+        f'<div class="choose"><div>{choices_html(evidence)}{fader_html(evidence)}{switches}'
         '<p id="switched-words" role="status" aria-live="polite">All switches are on.</p>'
-        f'<div class="scroll" role="region" aria-label="error as switched" tabindex="0"><table>'
-        '<thead><tr><th></th><th class="n">all on</th><th class="n">as switched</th></tr></thead>'
-        f"<tbody>{errors}</tbody></table></div>{picture.html()}"
-        f"<details><summary>Parameters as switched</summary>"
-        '<div class="scroll" role="region" aria-label="parameters as switched" tabindex="0">'
-        '<table><thead><tr><th>target</th><th>parameter</th><th class="n">all on</th>'
-        '<th class="n">as switched</th><th class="n">± 95 %</th><th>unit</th></tr></thead>'
-        f"<tbody>{rows}</tbody></table></div></details>{script_data(data)}"
+        f'<div class="scroll" role="region" aria-label="error as chosen" tabindex="0"><table>'
+        '<thead><tr><th></th><th class="n">as found</th><th class="n">as chosen</th></tr></thead>'
+        f"<tbody>{errors}</tbody></table></div></div><div>{picture.html()}</div></div>"
+        "<details><summary>Parameters as chosen</summary>"
+        '<div class="scroll" role="region" aria-label="parameters as chosen" tabindex="0">'
+        '<table><thead><tr><th>target</th><th>parameter</th><th class="n">as found</th>'
+        '<th class="n">as chosen</th><th class="n">± 95 %</th><th>unit</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table></div></details>"
+        '<p class="faint">All are fits to the mean of the samples of each pose, whose misclosure '
+        "is smaller than that of single samples.</p>"
+        f"{data_element('switchboard-data', data)}"
     )
 
 

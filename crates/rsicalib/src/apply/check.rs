@@ -78,17 +78,32 @@ pub fn compare(
     Ok(Check { poses: runs.len(), ..error_of(&pairs, align) })
 }
 
+fn at(p: &[f64; 6]) -> Vector3<f64> {
+    Vector3::new(p[0], p[1], p[2])
+}
+
+fn turn(p: &[f64; 6]) -> Rotation3<f64> {
+    Rotation3::from_euler_angles(p[3], p[4], p[5])
+}
+
+/// The rigid motion that brings found positions nearest to known ones, pairs of known and found;
+/// none at all unless one is asked for and three pairs determine it.
+pub(crate) fn motion_of(
+    pairs: &[([f64; 6], [f64; 6])],
+    align: bool,
+) -> (Rotation3<f64>, Vector3<f64>) {
+    if !align || pairs.len() < 3 {
+        return (Rotation3::identity(), Vector3::zeros());
+    }
+    let (from, to): (Vec<_>, Vec<_>) = pairs.iter().map(|(k, f)| (at(f), at(k))).unzip();
+    let pose = rigid_fit(&from, &to);
+    (turn(&pose), at(&pose))
+}
+
 /// Root mean square difference of pairs of poses, known first.
 #[must_use]
 pub fn error_of(pairs: &[([f64; 6], [f64; 6])], align: bool) -> Check {
-    let at = |p: &[f64; 6]| Vector3::new(p[0], p[1], p[2]);
-    let turn = |p: &[f64; 6]| Rotation3::from_euler_angles(p[3], p[4], p[5]);
-    let mut motion = (Rotation3::identity(), Vector3::zeros());
-    if align && pairs.len() >= 3 {
-        let (from, to): (Vec<_>, Vec<_>) = pairs.iter().map(|(k, f)| (at(f), at(k))).unzip();
-        let pose = rigid_fit(&from, &to);
-        motion = (turn(&pose), at(&pose));
-    }
+    let motion = motion_of(pairs, align);
     let (mut position, mut orientation) = (0.0, 0.0);
     for (known, found) in pairs {
         position += (motion.0 * at(found) + motion.1 - at(known)).norm_squared();

@@ -7,7 +7,7 @@ pub mod earlier;
 pub mod export;
 pub mod fixture;
 pub mod groups;
-mod known;
+pub(crate) mod known;
 pub mod moved;
 pub mod places;
 pub mod poses;

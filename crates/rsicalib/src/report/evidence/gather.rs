@@ -2,20 +2,22 @@
 
 use crate::Error;
 use crate::diagnosis::held_out::averaged;
-use crate::diagnosis::score::scored::Judge;
+use crate::diagnosis::score::scored::{Judge, is_data};
 use crate::diagnosis::trace::{Found, Traced};
 use crate::estimate::progress::Progress;
-use crate::estimate::{Fit, Observations};
+use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::report::evidence::added_variable::added_variable;
 use crate::report::evidence::against::against;
 use crate::report::evidence::drawing::drawing;
+use crate::report::evidence::hypotheses::hypotheses;
 use crate::report::evidence::laws::law;
 use crate::report::evidence::reliability::reliability;
 use crate::report::evidence::scores::scores;
 use crate::report::evidence::shapes::{EffectEvidence, Evidence};
 use crate::report::evidence::switchboard::{Full, switchboard};
 use crate::report::evidence::workspace::workspace;
+use crate::report::result::Known;
 use crate::screening::excluded::Excluded;
 
 /// Evidence of a trace.
@@ -23,9 +25,10 @@ use crate::screening::excluded::Excluded;
 /// # Errors
 ///
 /// As [`crate::fit`].
-pub fn of_trace(traced: &Traced) -> Result<Evidence, Error> {
+pub fn of_trace(traced: &Traced, known: Option<&Known>) -> Result<Evidence, Error> {
     let (session, answer) = traced.answer();
-    let evidence = of_fit(session, answer)?;
+    let without = traced.found.first().map(|_| without(traced)).transpose()?;
+    let evidence = of_fit(session, answer, without.as_ref(), known)?;
     let effects = traced.found.iter().map(|found| effect(traced, found));
     let full = Full {
         small: &traced.small,
@@ -39,8 +42,23 @@ pub fn of_trace(traced: &Traced) -> Result<Evidence, Error> {
         left: scores(&traced.small, &traced.scores, &[]),
         // A long recording is not fitted again.
         switchboard: if traced.stretches.is_some() { None } else { switchboard(&full)? },
+        hypotheses: match traced.stretches {
+            Some(_) => Vec::new(),
+            None => hypotheses(traced, known)?,
+        },
         ..evidence
     })
+}
+
+/// The fit without what was found, readings that are wrong still left out.
+fn without(traced: &Traced) -> Result<Fit, Error> {
+    let (session, answer) = traced.answer();
+    let found = |i: &Instance| {
+        let own = traced.found.iter().map(|found| found.instance);
+        own.filter(|own| !is_data(own)).any(|own| own == *i || traced.in_all(&own) == *i)
+    };
+    let kept = answer.model.instances.iter().filter(|i| !found(i)).copied().collect();
+    fit(session, kept, Some(answer))
 }
 
 /// Evidence of a calibration without the readings that were left out.
@@ -52,6 +70,7 @@ pub fn of_calibration(
     observations: &Observations,
     fit: &Fit,
     excluded: &[Excluded],
+    known: Option<&Known>,
 ) -> Result<Evidence, Error> {
     // Whoever listened has been told that the job is done.
     let mut observations = observations.clone();
@@ -61,22 +80,38 @@ pub fn of_calibration(
     let left = fit.unverified().then_some([last.chi2, last.dof]);
     let judge = Judge { noise_dof: fit.noise.dof_of_pose(), residual_dof, left };
     let full = Full { small: &small, last: &last, found: Vec::new(), excluded, judge };
-    Ok(Evidence { switchboard: switchboard(&full)?, ..of_fit(&small, &last)? })
+    Ok(Evidence { switchboard: switchboard(&full)?, ..of_fit(&small, &last, None, known)? })
 }
 
-fn of_fit(small: &Observations, fit: &Fit) -> Result<Evidence, Error> {
+fn of_fit(
+    small: &Observations,
+    fit: &Fit,
+    before: Option<&Fit>,
+    known: Option<&Known>,
+) -> Result<Evidence, Error> {
     let readings = &small.readings;
     let (workspace, weakest) = workspace(small, fit)?;
     Ok(Evidence {
         equations: equations(fit),
         poses: if readings.held { readings.labels.clone() } else { Vec::new() },
+        channels: small.mechanism.channels.iter().map(|c| c.name.clone()).collect(),
+        readings: match readings.held {
+            true => readings
+                .table
+                .values
+                .chunks(readings.channels.max(1))
+                .map(<[f64]>::to_vec)
+                .collect(),
+            false => Vec::new(),
+        },
         effects: Vec::new(),
         left: Vec::new(),
         reliability: reliability(small, fit),
-        drawing: drawing(small, fit),
+        drawing: drawing(small, fit, before, known)?,
         workspace,
         weakest,
         switchboard: None,
+        hypotheses: Vec::new(),
     })
 }
 

@@ -4,6 +4,8 @@ mod added_variable;
 mod against;
 mod drawing;
 pub mod gather;
+mod hypotheses;
+mod known;
 mod laws;
 mod points;
 mod reliability;

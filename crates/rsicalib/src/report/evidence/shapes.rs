@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::apply::check::Check;
 use crate::estimate::directions::ParameterReport;
 use crate::report::document::Name;
 
@@ -15,6 +16,10 @@ pub struct Evidence {
     pub equations: Vec<String>,
     /// Label of each pose; empty for a recording, whose poses are its rows.
     pub poses: Vec<i64>,
+    /// Names of the channels.
+    pub channels: Vec<String>,
+    /// Mean reading of each channel, pose by pose, in its unit; empty for a recording.
+    pub readings: Vec<Vec<f64>>,
     /// One for each effect that was found, in the order of `steps`.
     pub effects: Vec<EffectEvidence>,
     /// Scores of what is not in the final model, best first.
@@ -30,6 +35,8 @@ pub struct Evidence {
     pub weakest: Option<Weakest>,
     /// The fits with and without each suspect; null where nothing is suspected.
     pub switchboard: Option<Switchboard>,
+    /// What could be the matter, nothing first, each fitted: empty where nothing was found.
+    pub hypotheses: Vec<Hypothesis>,
 }
 
 /// Evidence of one effect.
@@ -134,6 +141,57 @@ pub struct Drawing {
     /// Direction in which the parameters determine the position least, one standard deviation
     /// long [length unit].
     pub weakest: Vec<[f64; 3]>,
+    /// `places` before: without what was found, or, where nothing was, with the mechanism as it is
+    /// declared [length unit].
+    pub before: Vec<[f64; 3]>,
+    /// Known poses, the instrument moved onto the calibration where that was asked for.
+    pub known: Vec<KnownPlace>,
+}
+
+/// The position of a known pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct KnownPlace {
+    /// Where it is known to be [length unit].
+    pub at: [f64; 3],
+    /// Where it is found before, as in `before` [length unit].
+    pub before: [f64; 3],
+    /// Where it is found with the calibration [length unit].
+    pub after: [f64; 3],
+}
+
+/// Effects that a session may be explained by, fitted to the averages of the samples of each pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Hypothesis {
+    /// The effects, wrong readings left out; none: the model that the search began with.
+    pub effects: Vec<Name>,
+    /// Probability among the explanations that were weighed; null for what was not among them.
+    pub probability: Option<f64>,
+    /// What this is.
+    pub kind: HypothesisKind,
+    /// Estimates of all parameters, in the order of `fit.values`.
+    pub parameters: Vec<ParameterName>,
+    /// The fit.
+    pub fit: SwitchFit,
+    /// Error on known poses.
+    pub check: Option<Check>,
+    /// `places` of the drawing with these effects [length unit].
+    pub places: Vec<[f64; 3]>,
+    /// Positions of the known poses with these effects [length unit].
+    pub known: Vec<[f64; 3]>,
+}
+
+/// What a hypothesis is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HypothesisKind {
+    /// Nothing is missing.
+    Nothing,
+    /// What was found.
+    Found,
+    /// An explanation that is nearly as good.
+    Rival,
+    /// A smooth curve in place of each sensor's law: a law that no term has.
+    AnyCurve,
 }
 
 /// A joint, or a point that a chain carries.

@@ -1,0 +1,118 @@
+"""Hypotheses that a reader chooses from: what each leaves, and where it puts the platform."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from rsicalib.arrays import FloatArray
+from rsicalib.report.mechanism import Scene
+from rsicalib.report.residuals import Dots
+from rsicalib.report.words import listed_words, number, plus_minus, probability, subject
+from rsicalib.shapes import Evidence, Hypothesis, ParameterName, SwitchFit
+
+__all__ = ["choices_html", "fader_html", "fit_data", "hypothesis_data", "key_of", "residuals_of"]
+
+
+def key_of(p: ParameterName) -> str:
+    """What a parameter is called in the data of a page."""
+    return f"{p.term}@{p.target}.{p.name}"
+
+
+def residuals_of(fit: SwitchFit, equations: int) -> FloatArray:
+    """Residuals of a fit: (poses, equations)."""
+    rows: FloatArray = np.array(fit.residuals, dtype=np.float64).reshape(-1, equations)
+    return rows
+
+
+def fit_data(fit: SwitchFit, parameters: Sequence[ParameterName], dots: Dots) -> dict[str, Any]:
+    """What the script of a page needs of a fit: every number as it is to be written."""
+    rows = dots.blocks(residuals_of(fit, len(dots.equations)))
+    return {
+        "error": [
+            f"{number(fit.chi2)} / {number(fit.dof)}",
+            probability(fit.p_value),
+            number(fit.rms_misclosure),
+        ],
+        "parameters": {
+            key_of(p): list(plus_minus(v, None if s is None else 1.96 * s))
+            for p, v, s in zip(parameters, fit.values, fit.sd, strict=True)
+        },
+        "residuals": [round(float(v), 2) for v in rows.ravel()],
+    }
+
+
+def words_of(one: Hypothesis) -> str:
+    """What a hypothesis says, in words."""
+    if one.kind == "nothing":
+        return "Nothing is missing"
+    if one.kind == "any_curve":
+        return f"A law that no term has, at {listed_words(_targets(one))}"
+    words = listed_words([subject(name) for name in one.effects])
+    return words[:1].upper() + words[1:]
+
+
+def _targets(one: Hypothesis) -> list[str]:
+    return list(dict.fromkeys(name.target for name in one.effects))
+
+
+def hypothesis_data(
+    one: Hypothesis, dots: Dots, scene: Scene | None, found: Hypothesis
+) -> dict[str, Any]:
+    """The same of a hypothesis, and how far it puts the platform from where what was found does."""
+    data = fit_data(one.fit, one.parameters, dots)
+    if one.check is not None:
+        data["error"] += [number(one.check.position_rms), number(one.check.orientation_rms)]
+    data |= {"words": words_of(one), "chi2": one.fit.chi2}
+    if scene is None or one is found or len(one.places) != len(scene.places):
+        return data
+    digits = scene.digits
+    apart = scene.times * (np.array(one.places) - np.array(found.places))
+    if np.isfinite(apart).all():
+        data["places"] = apart.round(digits).tolist()
+        known = np.array(one.known).reshape(-1, 3)
+        same = len(known) == len(scene.known)
+        off = scene.times * (known - scene.known[:, 0]) if same else scene.known[:0, 0]
+        data["known"] = off.round(digits).tolist()
+    return data
+
+
+def choices_html(evidence: Evidence) -> str:
+    """The hypotheses to choose from, with their probabilities; what was found is chosen."""
+    rows = []
+    for one in evidence.hypotheses:
+        p = one.probability
+        share = "" if p is None else f'<span class="share" style="width:{100 * p:.1f}%"></span>'
+        words = "" if p is None else f"{100 * p:.0f} %"
+        mark = " checked" if one.kind == "found" else ""
+        rows.append(
+            f'<label><input type="radio" name="hypothesis"{mark}> {escape(words_of(one))}'
+            f'<span class="likely">{share}</span><span class="percent">{words}</span></label>'
+        )
+    if not rows:
+        return ""
+    return f'<fieldset id="hypotheses"><legend>What is it?</legend>{"".join(rows)}</fieldset>'
+
+
+def fader_html(evidence: Evidence) -> str:
+    """The size of what was found, between nothing and one and a half times as much, with χ²."""
+    kinds = [one.kind for one in evidence.hypotheses]
+    if "nothing" not in kinds or "found" not in kinds:
+        return ""
+    none, found = (evidence.hypotheses[kinds.index(k)].fit.chi2 for k in ("nothing", "found"))
+    low, across, up = 10.0, 120.0, 60.0
+    curve = " ".join(
+        f"{low + across * s / 100:.1f},{72 - up * (1 - s / 100) ** 2:.1f}" for s in range(0, 151, 5)
+    )
+    return (
+        '<div class="fader"><label for="fader">Size of what was found: '
+        f'<output id="faded">100 %, χ² {number(found)}</output></label>'
+        '<input id="fader" type="range" min="0" max="150" value="100">'
+        f'<svg viewBox="0 0 200 80" role="img" aria-label="χ² from {number(none)} without it to '
+        f'{number(found)} with it, over its size"><polyline class="law" points="{curve}"/>'
+        f'<circle id="fader-dot" class="dot" r="4" cx="{low + across}" cy="72" data-x0="{low}" '
+        f'data-x1="{across}" data-y0="72" data-y1="{up}"/></svg></div>'
+    )

@@ -1,0 +1,144 @@
+"""What a result says to people who do not calibrate: one or two sentences, and how sure."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+from rsicalib.report.words import labelled, listed_words, name_of, number, subject
+from rsicalib.shapes import Evidence, ResultShape, Rival, Step, TraceShape
+
+__all__ = ["certainty_html", "plain_words"]
+
+WRONG = {
+    "sensor": "The sensor {target} does not read true",
+    "electronics": "The electronics read all channels wrong",
+    "geometry": "{target} is not as it is drawn",
+    "closure": "What {target} says does not hold",
+    "load": "{target} gives under load",
+}
+"""What is the matter, by the class of an effect."""
+
+THIS = {"sensor": "this sensor", "electronics": "the electronics"}
+"""What is called so, by the class of an effect; a part of the mechanism else."""
+
+SURE = 0.95
+"""Probability from which something is called certain."""
+
+SEGMENTS = 5
+"""Explanations that have a part of the strip of their own."""
+
+
+def plain_words(result: ResultShape, evidence: Evidence | None) -> str:
+    """The result in one or two sentences without a term of statistics."""
+    if result.verdict == "implausible":
+        return "These readings do not fit this mechanism as it is declared. Do not use the result."
+    if result.verdict == "undetermined":
+        return "These poses are too few, or too much alike, to calibrate the mechanism."
+    if isinstance(result, TraceShape) and result.steps:
+        if result.verdict != "explained":
+            return _in_part(result)
+        return " ".join(_found(result, step) for step in _worst(result)[:2])
+    right = _right(result, evidence)
+    if result.verdict == "unexplained":
+        left = result.unexplained if isinstance(result, TraceShape) else None
+        at = "" if left is None or left.target in (None, "all") else f" at {left.target}"
+        return f"Something is wrong{at}, and no known effect explains it.{right}"
+    if result.verdict == "adequate":
+        return f"The mechanism is calibrated, and nothing is missing.{right}"
+    return f"The mechanism is calibrated.{right}"
+
+
+def _right(result: ResultShape, evidence: Evidence | None) -> str:
+    """How right it is over the workspace, or at the poses where no more is known."""
+    cells = [c[2] for one in evidence.workspace for c in one.cells] if evidence else []
+    known = [sd for sd in cells if math.isfinite(sd)]
+    if known:
+        size = math.sqrt(sum(sd * sd for sd in known) / len(known))
+        return f" It is right to {number(size, 2)} {result.length_unit} over the workspace."
+    if result.predicted is None:
+        return ""
+    size = result.predicted.position_sd
+    return f" It is right to {number(size, 2)} {result.length_unit} at these poses."
+
+
+def _worst(result: TraceShape) -> list[Step]:
+    """The effects, those first that harm most."""
+    harm = [s.platform_rms.position or 0.0 if s.platform_rms else 0.0 for s in result.steps]
+    order = sorted(range(len(harm)), key=lambda k: -harm[k])
+    return [result.steps[k] for k in order]
+
+
+def _in_part(result: TraceShape) -> str:
+    """What was found where it is not all, or does not hold elsewhere: nothing is certain then."""
+    targets = [labelled(step.target, step.label) for step in _worst(result)]
+    named = listed_words(list(dict.fromkeys(targets))[:3])
+    return f"Something is wrong, at {named} most of all; what was found does not explain it all."
+
+
+def _found(result: TraceShape, step: Step) -> str:
+    target = labelled(step.target, step.label)
+    said = WRONG.get(step.klass, "{target} is wrong").format(target=target)
+    said = said[:1].upper() + said[1:]
+    off = None if step.platform_rms is None else step.platform_rms.position
+    if off:
+        said += f": it puts the platform {number(off, 2)} {result.length_unit} off"
+    return f"{said}. {_sure(result, step)}"
+
+
+def _sure(result: TraceShape, step: Step) -> str:
+    """How sure it is that it is this target, and what it is."""
+    rivals = result.rivals
+    shape = name_of(step.term)
+    shapes = [shape, *(name_of(n.term) for n in step.also_fits if n.target == step.target)]
+    for rival in rivals:
+        shapes += [name_of(n.term) for n in rival.terms if n.target == step.target]
+    shapes = list(dict.fromkeys(shapes))
+    subject = "Its shape" if step.klass == "sensor" else "It"
+    be = "is" if len(shapes) == 1 else "may be"
+    what = f"{subject} {be} {_either(shapes[:4])}."
+    if not rivals:
+        return what
+    thing = THIS.get(step.klass, "this part")
+    here = sum(r.probability for r in rivals if any(n.target == step.target for n in r.terms))
+    if here >= SURE:
+        return f"It is certain that it is {thing}. {what}"
+    others = {n.target for r in rivals for n in r.terms} - {s.target for s in result.steps}
+    or_at = f"; it may be at {_either(sorted(others)[:3])}" if others else ""
+    return f"That it is {thing} has a probability of {100 * here:.0f} %{or_at}. {what}"
+
+
+def _either(items: list[str]) -> str:
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} or {items[-1]}"
+
+
+def certainty_html(result: ResultShape) -> str:
+    """The explanations with their probabilities, as one bar; nothing where there are none."""
+    rivals = result.rivals if isinstance(result, TraceShape) else ()
+    if not rivals:
+        return ""
+    shown = sorted(rivals, key=lambda r: -r.probability)[:SEGMENTS]
+    rest = 1.0 - sum(r.probability for r in shown)
+    rows = [(_name(r), r.probability) for r in shown]
+    rows += [("others", rest)] if rest > 0.005 else []
+    bar = "".join(
+        f'<span class="part{k}" style="flex:{max(p, 0.004):.4f}"></span>'
+        for k, (_, p) in enumerate(rows)
+    )
+    keys = "".join(
+        f'<li><span class="key part{k}"></span>{escape(words)} <strong>{_percent(p)}</strong></li>'
+        for k, (words, p) in enumerate(rows)
+    )
+    said = ", ".join(f"{words} {_percent(p)}" for words, p in rows)
+    return (
+        f'<div class="certainty"><div class="strip" role="img" aria-label="How sure: '
+        f'{escape(said)}">{bar}</div><ul>{keys}</ul></div>'
+    )
+
+
+def _name(rival: Rival) -> str:
+    return listed_words([subject(name) for name in rival.terms])
+
+
+def _percent(p: float) -> str:
+    return "< 1 %" if p < 0.01 else f"{100 * p:.0f} %"
