@@ -275,6 +275,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
     words = "where samples come from, as CSV: standard input (-), a file that grows, a command"
     sub.add_argument("--source", metavar="-|FILE|COMMAND", default="-", help=words)
+    words = "moves a robot: is told each pose as a line of JSON, answers with its readings"
+    sub.add_argument("--drive", metavar="COMMAND", help=words)
     sub.add_argument("--resume", action="store_true", help="go on with the session in --out")
     words = "of the page, on this machine alone; a free one where not given"
     sub.add_argument("--port", type=parsed("port"), default=0, help=words)

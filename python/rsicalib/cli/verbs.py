@@ -238,6 +238,7 @@ def guide(args: Args) -> int:
         rest=args.rest,
         target=args.target,
         source=args.source,
+        drive=args.drive,
         resume=args.resume,
         port=args.port,
         browser=not args.no_browser,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,6 +32,8 @@ GAIN_SD = 0.05
 """What is known of a gain, as a fraction of it."""
 REST_SD = 0.1
 """What is known of where the rest pose holds the platform, as a fraction of its longest side."""
+EQUATIONS = {"touch": 3, "line": 2}
+"""Equations of a closure, where they are not one."""
 SPARE = 6
 """Equations beyond the parameters, from which on a session is traced."""
 
@@ -53,6 +56,8 @@ class Advice:
 
     pose: FloatArray | None = None
     readings: FloatArray | None = None
+    keys: tuple[str, ...] = ()
+    """What the next pose touches: a text for each text column."""
     why: str = ""
     criterion: str = ""
     sd: float | None = None
@@ -88,7 +93,7 @@ class Adviser:
     def equations(self) -> int:
         """Equations of one sample."""
         kinds = [c["kind"] for c in self.mechanism.to_dict()["closure"]]
-        return sum(3 if kind == "touch" else 1 for kind in kinds)
+        return sum(EQUATIONS.get(kind, 1) for kind in kinds)
 
     def advise(
         self,
@@ -150,8 +155,10 @@ class Adviser:
             return None
 
     def _spare(self, fitted: Mapping[int, Sequence[Sample]]) -> int:
-        """Equations beyond the parameters."""
-        return len(fitted) * self.equations - 2 * len(self.mechanism.channels)
+        """Equations beyond the parameters: of the sensors, and of what is touched."""
+        touched = {samples[0].keys for samples in fitted.values()} - {()}
+        sensors = 2 * len(self.mechanism.channels)
+        return len(fitted) * self.equations - sensors - 3 * len(touched)
 
     def _traced(self, fitted: Mapping[int, Sequence[Sample]]) -> Trace | None:
         if self._spare(fitted) < SPARE:
@@ -170,14 +177,21 @@ class Adviser:
             pose=np.array([label for label, _ in rows]),
             time_s=np.array([s.time_s for _, s in rows]),
             temperature_c=None if None in warm else np.array(warm, dtype=np.float64),
+            keys={
+                name: [s.keys[k] for _, s in rows]
+                for k, name in enumerate(self.mechanism.key_columns)
+            },
         )
 
     def _session(
-        self, fitted: Mapping[int, Sequence[Sample]], enough: bool, starts: int | None = None
+        self,
+        fitted: Mapping[int, Sequence[Sample]],
+        result: Trace | None,
+        starts: int | None = None,
     ) -> _core.Session:
         """The poses for planning; before they are enough, the rest pose is one of them."""
         poses = dict(fitted)
-        if not enough and self.rest is not None:
+        if result is None and self.rest is not None:
             first = min((s[0].time_s for s in poses.values()), default=0.0)
             at_rest = [Sample(first - 1.0, _warmth(poses), tuple(row)) for row in self.rest.values]
             poses[0] = at_rest
@@ -185,7 +199,9 @@ class Adviser:
             middle = tuple(_middle(self.prior))
             poses[0] = [Sample(0.0, None, middle)] * 2
         table = as_table([self._readings(poses)], self.mechanism)
-        return _core.Session(self.prior, table, starts=starts)
+        # What no pose can show would be as uncertain as its prior for ever.
+        hidden = result is not None and bool(result.unobservable)
+        return _core.Session(self.mechanism if hidden else self.prior, table, starts=starts)
 
     def _planned(
         self,
@@ -195,7 +211,9 @@ class Adviser:
         off: Sequence[Sequence[float]],
         decide: bool,
     ) -> dict[str, Any]:
-        session = self._session(fitted, result is not None)
+        if not fitted and self.mechanism.key_columns:
+            return {}  # what there is to touch is known from the first poses
+        session = self._session(fitted, result)
         rivals = [] if result is None else explanations(result)
         specs = [
             ([_core.spec(t.term, t.target, t.place) for t in terms], chi2, probability)
@@ -222,13 +240,14 @@ class Adviser:
         spread = found["forecast"]["platform_sd"]
         names = [words(terms) for terms, _, _ in rivals]
         return {
-            "pose": found["poses"][0],
+            "pose": found["poses"][0] if len(found["poses"]) else None,
             "readings": found["readings"][0],
+            "keys": tuple(column[0] for column in found["keys"]),
             "why": reason(found["purposes"][0], names, self.mechanism.length_unit),
             "criterion": found["criterion"],
             "gain": found["purposes"][0].get("tells", (None, None))[1],
-            "sd": spread[0]["position"],
-            "sd_next": spread[1]["position"],
+            "sd": _known(spread[0]["position"]),
+            "sd_next": _known(spread[1]["position"]),
             "wait_s": found["waits"][0] * _length_s(fitted),
             "troubles": self._troubles(
                 w
@@ -264,6 +283,9 @@ def closure_errors(mechanism: Mechanism, result: Trace, readings: Readings) -> F
     None where the mechanism has no distance between points that are known.
     """
     drawing = mechanism.to_dict()
+    known = [c for c in drawing["closure"] if isinstance(c.get("value"), int | float)]
+    if not known or mechanism.key_columns:
+        return None
     drawing.pop("platform", None)
     drawing.pop("rest", None)
     bare = _core.Mechanism.from_dict(plain(drawing))
@@ -271,14 +293,17 @@ def closure_errors(mechanism: Mechanism, result: Trace, readings: Readings) -> F
     names, values, _ = _core.places(bare, as_applied(result, bare), table, None)
     at = {name: np.asarray(values)[:, k] for k, name in enumerate(names)}
     errors = []
-    for closure in drawing["closure"]:
+    for closure in known:
         columns = [[f"{end}.{axis}" for axis in "xyz"] for end in closure["between"]]
-        value = closure.get("value")
-        if not isinstance(value, int | float) or not all(c in at for end in columns for c in end):
+        if not all(c in at for end in columns for c in end):
             continue
         first, second = (np.stack([at[c] for c in end], axis=1) for end in columns)
-        errors.append(np.linalg.norm(first - second, axis=1) - value)
+        errors.append(np.linalg.norm(first - second, axis=1) - closure["value"])
     return np.stack(errors, axis=1) if errors else None
+
+
+def _known(sd: float | None) -> float | None:
+    return None if sd is None or not math.isfinite(sd) else float(sd)
 
 
 def _rms(values: FloatArray) -> float:

@@ -22,18 +22,21 @@ __all__ = ["Columns", "Log", "Sample"]
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample: when [s], how warm [°C], and the channels in order."""
+    """One sample: when [s], how warm [°C], the channels in order, and what it touches."""
 
     time_s: float
     temperature_c: float | None
     values: tuple[float, ...]
+    keys: tuple[str, ...] = ()
+    """Text columns that unknown points and planes need, in their order."""
 
 
 class Columns:
     """Lines of CSV as samples: the header first, columns in any order."""
 
-    def __init__(self, channels: Sequence[str]) -> None:
+    def __init__(self, channels: Sequence[str], keys: Sequence[str] = ()) -> None:
         self.channels = tuple(channels)
+        self.keys = tuple(keys)
         self._header: list[str] | None = None
 
     def sample(self, line: str, clock_s: float) -> Sample | str | None:
@@ -41,11 +44,11 @@ class Columns:
         cells = [cell.strip() for cell in line.strip().split(",")]
         if cells == [""]:
             return None
-        if set(self.channels) <= set(cells):
+        if {*self.channels, *self.keys} <= set(cells):
             self._header = cells
             return None
         if self._header is None:
-            missing = ", ".join(c for c in self.channels if c not in cells)
+            missing = ", ".join(c for c in (*self.channels, *self.keys) if c not in cells)
             return f"found no header with the channels ({missing} missing)"
         if len(cells) != len(self._header):
             return f"found {len(cells)} columns, expected {len(self._header)}"
@@ -58,15 +61,21 @@ class Columns:
             return f"found no number ({error})"
         if not all(abs(v) < float("inf") for v in (*values, time_s, warm or 0.0)):
             return "found a reading that is not a number"
-        return Sample(time_s, warm, values)
+        keys = tuple(row[name] for name in self.keys)
+        if not all(keys):
+            return f"found no {self.keys[keys.index('')]}"
+        return Sample(time_s, warm, values, keys)
 
 
 class Log:
     """The files of a session in one folder."""
 
-    def __init__(self, folder: Path, channels: Sequence[str], resume: bool) -> None:
+    def __init__(
+        self, folder: Path, channels: Sequence[str], resume: bool, keys: Sequence[str] = ()
+    ) -> None:
         self.folder = folder
         self.channels = tuple(channels)
+        self.keys = tuple(keys)
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -114,7 +123,8 @@ class Log:
 
     def _header(self, name: str) -> list[str]:
         of_pose = [] if name == "samples" else ["pose", "sample"]
-        return [*of_pose, "time_s", *(["temperature_c"] if self.warm else []), *self.channels]
+        warm = ["temperature_c"] if self.warm else []
+        return [*of_pose, "time_s", *warm, *self.channels, *self.keys]
 
     def _file(self, name: str) -> TextIO:
         """A file to append to, with its header."""
@@ -150,10 +160,10 @@ class Log:
 
     def _restore(self) -> None:
         """Read back what is whole, and drop the rest."""
-        self.samples = [_sample(row, self.channels) for row in self._rows("samples")]
+        self.samples = [self._sample(row) for row in self._rows("samples")]
         for name in ("readings", "held_out"):
             for row in self._rows(name):
-                self.poses.setdefault(int(row["pose"]), []).append(_sample(row, self.channels))
+                self.poses.setdefault(int(row["pose"]), []).append(self._sample(row))
         if len(self.poses) > 1:
             # Rows of a pose are written together: the last pose alone may lack some.
             last = max(self.poses, key=lambda k: self.poses[k][-1].time_s)
@@ -173,27 +183,29 @@ class Log:
         lines = text[: text.rfind("\n") + 1].splitlines()
         if not lines:
             return []
-        missing = [c for c in self.channels if c not in lines[0].split(",")]
+        needed = (*self.channels, *self.keys)
+        missing = [c for c in needed if c not in lines[0].split(",")]
         if missing:
             found = f"no column {missing[0]}"
             raise InputError.at(str(path), found=found, expected="a session of this mechanism")
         rows = list(csv.DictReader(lines))
-        return [row for row in rows if all(row.get(c) not in (None, "") for c in self.channels)]
+        return [row for row in rows if all(row.get(c) not in (None, "") for c in needed)]
 
     def _cells(self, sample: Sample) -> list[object]:
         warm = [repr(sample.temperature_c)] if self.warm else []
-        return [repr(sample.time_s), *warm, *(f"{v:.10g}" for v in sample.values)]
+        values = (f"{v:.10g}" for v in sample.values)
+        return [repr(sample.time_s), *warm, *values, *sample.keys]
+
+    def _sample(self, row: dict[str, str]) -> Sample:
+        warm = row.get("temperature_c") or None
+        values = tuple(float(row[name]) for name in self.channels)
+        keys = tuple(row[name] for name in self.keys)
+        return Sample(float(row["time_s"]), None if warm is None else float(warm), values, keys)
 
     def close(self) -> None:
         """Close the files."""
         for file in self._files.values():
             file.close()
-
-
-def _sample(row: dict[str, str], channels: Sequence[str]) -> Sample:
-    warm = row.get("temperature_c") or None
-    values = tuple(float(row[name]) for name in channels)
-    return Sample(float(row["time_s"]), None if warm is None else float(warm), values)
 
 
 def _append(file: TextIO, rows: Iterable[Sequence[object]]) -> None:

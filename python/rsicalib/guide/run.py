@@ -11,6 +11,8 @@ from pathlib import Path
 from rsicalib.devices import workspace
 from rsicalib.errors import InputError
 from rsicalib.guide.advice import Adviser
+from rsicalib.guide.drive import Robot
+from rsicalib.guide.drive import drive as take_by
 from rsicalib.guide.log import Columns, Log, Sample
 from rsicalib.guide.server import Page
 from rsicalib.guide.session import Session, Settings
@@ -36,6 +38,7 @@ def guide(
     rest: ReadingsArg | None = None,
     target: float | None = None,
     source: str = "-",
+    drive: str | None = None,
     resume: bool = False,
     port: int | None = 0,
     browser: bool = False,
@@ -45,7 +48,7 @@ def guide(
     quiet: bool = False,
     told: Callable[[str], None] | None = None,
 ) -> Trace | None:
-    """Guide a person at the handle: which pose next, how good already, when done.
+    """Guide a person at the handle, or a robot: which pose next, how good already, when done.
 
     Parameters
     ----------
@@ -53,7 +56,7 @@ def guide(
         Folder of the session: `samples.csv` has every sample, `readings.csv` the poses that are
         fitted, `held_out.csv` every fourth pose, `result.json` the trace so far.
     mechanism : str, path or Mechanism
-        With a platform.
+        With a platform, or with a target.
     rest : path or Readings, optional
         A reading of the rest pose: what the sensors are known by at first.
     target : float, optional
@@ -61,6 +64,9 @@ def guide(
     source : str
         Where samples come from, as lines of CSV with a header: `-` for standard input, a file that
         grows, or a command.
+    drive : str, optional
+        A command that moves the robot. It is told each pose as a line of JSON, and answers with a
+        line of JSON that has its readings; see `docs/guide.md`.
     resume : bool
         Go on with the session in `out`.
     port : int or None
@@ -90,16 +96,20 @@ def guide(
     """
     opened = open_mechanism(mechanism)
     drawing = opened.to_dict()
-    if not drawing.get("platform"):
-        found = f"mechanism {opened.name!r} without a platform"
-        raise InputError(f"guide: found {found}, expected one whose platform a hand can hold")
     if target is None:
+        if not drawing.get("platform"):
+            found = f"mechanism {opened.name!r} without a platform, and no target"
+            raise InputError(f"guide: found {found}, expected the standard deviation to reach")
         bounds = workspace(opened, None)[:3]
         target = TRAVEL * float((bounds[:, 1] - bounds[:, 0]).max())
     at_rest = None if rest is None else load(rest, Bare(opened), False)
     names = [c.name for c in opened.channels]
-    lines = open_source(source)
-    log = Log(Path(os.fspath(out)), names, resume)
+    keys = opened.key_columns
+    if drive is not None and source != "-":
+        raise InputError(f"--drive: found --source {source} beside it, expected one of the two")
+    log = Log(Path(os.fspath(out)), names, resume, keys)
+    lines = open_source(source) if drive is None else None
+    robot = None if drive is None else Robot(drive, opened, samples)
     session = Session(
         opened, Adviser(opened, at_rest, seed), log, Settings(target, samples, seconds)
     )
@@ -110,14 +120,20 @@ def guide(
                 told(page.url)
             if browser:
                 webbrowser.open(page.url)
-        skip = len(log.samples) if resume and os.path.exists(source) else 0
-        _measure(session, lines, Columns(names), Screen(quiet=quiet), skip)
+        screen = Screen(quiet=quiet)
+        if robot is not None:
+            take_by(session, robot, screen.show)
+        elif lines is not None:
+            skip = len(log.samples) if resume and os.path.exists(source) else 0
+            _measure(session, lines, Columns(names, keys), screen, skip)
         result = session.finish()
         if page is not None:
             time.sleep(0.5)  # the page hears of the end
         return result
     finally:
-        lines.close()
+        for one in (lines, robot):
+            if one is not None:
+                one.close()
         if page is not None:
             page.close()
 

@@ -99,6 +99,15 @@ class Session:
                 self.hold.feed(sample)
                 self._look()
 
+    def arrive(self, *poses: Sequence[Sample]) -> None:
+        """Take poses that a robot holds, each as a whole."""
+        with self._lock:
+            for samples in poses:
+                self.log.take(samples)
+                self._recent.extend(sample.values for sample in samples)
+                self._take(samples)
+            self._ask()
+
     def strike_off(self) -> None:
         """The operator cannot reach the pose that is asked for: ask for another one."""
         with self._lock:
@@ -129,6 +138,18 @@ class Session:
         return None if self.advice is None else self.advice.result
 
     @property
+    def next_label(self) -> int:
+        """Label of the pose that is taken next."""
+        return max(self.log.poses, default=0) + 1
+
+    @property
+    def why(self) -> str:
+        """What the next pose is for."""
+        if self._repeat() is not None:
+            return "once more"
+        return "" if self.advice is None else self.advice.why
+
+    @property
     def busy(self) -> bool:
         """Whether advice is being worked out."""
         return self._pending is not None
@@ -151,7 +172,7 @@ class Session:
             return
         at = [float(v) for v in now]
         taken = min(self._means.items(), key=lambda m: apart(at, m[1], self.spans), default=None)
-        wanted = self._goal()
+        wanted = self.goal()
         near = wanted is not None and apart(at, wanted, self.spans) < NEAR
         repeat = self._repeat()
         again = repeat is not None and taken is not None and taken[0] == repeat
@@ -161,11 +182,11 @@ class Session:
         if not near and self.hold.held_s < LONGER * self.settings.seconds:
             self.message = "go on to the pose, or hold to have this one taken"
             return
-        self._take()
+        self._take(self.hold.taken())
+        self._ask()
 
-    def _take(self) -> None:
-        samples = self.hold.taken()
-        label = max(self.log.poses, default=0) + 1
+    def _take(self, samples: Sequence[Sample]) -> None:
+        label = self.next_label
         repeat = self._repeat()
         if repeat is not None:
             self.log.withdraw(repeat)
@@ -181,7 +202,6 @@ class Session:
         kept = ": it checks the closure and is not fitted" if self.log.held_out(label) else ""
         self.note = f"pose {label} is taken{kept}"
         self.message = ""
-        self._ask()
 
     def _ask(self) -> None:
         """Have advice worked out on what there is."""
@@ -237,12 +257,19 @@ class Session:
         repeats = self.advice.repeat if self.advice is not None else ()
         return [r.label for r in repeats if r.label in self._means and r.label in self.repeated]
 
-    def _goal(self) -> FloatArray | None:
+    def goal(self) -> FloatArray | None:
         """Readings of where to go."""
         repeat = self._repeat()
         if repeat is not None:
             return self._means[repeat]
         return None if self.advice is None else self.advice.readings
+
+    def goal_keys(self) -> tuple[str, ...]:
+        """What is touched there: a text for each text column."""
+        repeat = self._repeat()
+        if repeat is not None:
+            return self.log.poses[repeat][0].keys
+        return () if self.advice is None else self.advice.keys
 
     def _nearest_other(self, label: int) -> int | None:
         own = self._means.get(label)
@@ -320,7 +347,7 @@ class Session:
         advice = self.advice
         # What was asked for is done with while the next pose is chosen.
         asks = self._pending is None and advice is not None
-        goal = self._goal() if asks else None
+        goal = self.goal() if asks else None
         now = self.hold.now
         if now is None and self._recent:
             now = np.array(self._recent[-1])
@@ -347,10 +374,11 @@ class Session:
             "phase": self._phase(),
             "channels": bars,
             "hold": self.hold.progress if asks else 0.0,
-            "next": max(self.log.poses, default=0) + 1,
+            "next": self.next_label,
             "repeat": repeat,
             "pose": None if pose is None else [float(v) for v in pose],
-            "why": "" if advice is None or pose is None else advice.why,
+            "touch": " ".join(self.goal_keys()) if asks else "",
+            "why": "" if advice is None or not asks or repeat is not None else advice.why,
             "wait_s": 0.0 if advice is None else advice.wait_s,
             "taken": len(self.log.poses),
             "held_out": sum(self.log.held_out(k) for k in self.log.poses),

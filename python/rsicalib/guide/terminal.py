@@ -29,7 +29,7 @@ class Screen:
             self.out.flush()
             return
         news = [state["note"], *(f"! {t}" for t in state["troubles"])]
-        if state["phase"] in ("move", "think") and state["pose"] is not None:
+        if state["phase"] in ("move", "think") and (state["pose"] is not None or state["touch"]):
             news.append(f"{headline(state)}: {place(state)}  {state['why']}")
         if state["done"]:
             news.append(f"DONE: {size(state['sd'], state['unit'])} after {state['taken']} poses")
@@ -80,7 +80,7 @@ def headline(state: dict[str, Any]) -> str:
 def place(state: dict[str, Any]) -> str:
     """Where the next pose is."""
     if state["pose"] is None:
-        return ""
+        return str(state["touch"])
     x, y, z, *turns = state["pose"]
     rx, ry, rz = (math.degrees(v) for v in turns)
     return f"x {x:.1f} y {y:.1f} z {z:.1f} {state['unit']}  rx {rx:.0f}° ry {ry:.0f}° rz {rz:.0f}°"

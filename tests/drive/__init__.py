@@ -1,0 +1,1 @@
+"""An arm of MuJoCo that takes its session alone, led by `rsicalib guide --drive`."""

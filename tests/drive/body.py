@@ -1,0 +1,198 @@
+"""The arm as bodies of MuJoCo, which moves, is loaded and touches: physics that nobody here wrote.
+
+Nothing is added to a reading but the noise of the encoder. A soft joint is a spring between two
+bodies, play is a gap between two bodies, an eccentric encoder is a disc off its axis under a head
+that is fixed, a bent link is a bend of the body in the middle of the link.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from tests.drive.arm import NOISE, PLAY, Arm
+from tests.machines.arm import LIMITS
+from tests.oracle import Array
+
+MM = 1e-3
+BALL = 0.01
+"""Radius of the ball [m]."""
+DISC = 0.03
+"""Radius of the disc of an encoder [m]."""
+ABOVE = 0.04
+"""Height from which a touch begins [m]."""
+PRESS, REST = 25.0, 0.5
+"""Force on the tool while it looks for its seat, and while it is read [N]."""
+STEP_S = 5e-4
+FIRM = 300.0
+"""Of the drives, which give way to the seat [N m/rad]."""
+
+
+def document(arm: Arm) -> str:
+    """The model of MuJoCo [m, kg]."""
+    inner = f'<site name="tip" pos="{_text(arm.body.tool * MM)}"/>'
+    inner += f'<body name="ball" pos="{_text(arm.body.tool * MM)}">' + _mass(0.05, np.zeros(3))
+    inner += f'<geom type="sphere" size="{BALL}" contype="1" conaffinity="1"/></body>'
+    last = len(arm.body.rows) - 1
+    for k in range(last, -1, -1):
+        # From the joint of this row to what it carries: along the link, then its twist.
+        inner = _way(arm, k, inner)
+        row = arm.body.rows[k]
+        own = _mass(row["mass"], np.array(row["com"]) * MM)
+        disc = np.zeros(3)
+        if (arm.kind, arm.joint) == ("eccentric", k):
+            disc[:2] = arm.size * DISC * np.array([np.cos(arm.turn), np.sin(arm.turn)])
+        encoder = f'<site name="disc{k}" pos="{_text(disc)}"/>'
+        low, high = LIMITS[k]
+        motor = (
+            f'<joint name="m{k}" axis="0 0 1" limited="true" range="{low - 0.5} {high + 0.5}" '
+            'armature="0.3" damping="5"/>'
+        )
+        if (arm.kind, arm.joint) == ("stiffness", k):
+            stiff = arm.largest_torque / arm.size
+            spring = f'<joint name="s{k}" axis="0 0 1" stiffness="{stiff}" damping="{stiff / 30}"/>'
+            inner = f"{_mass(1e-3, np.zeros(3))}{encoder}<body>{spring}{own}{inner}</body>"
+        elif (arm.kind, arm.joint) == ("backlash", k):
+            gap = (
+                f'<joint name="s{k}" axis="0 0 1" limited="true" range="{-arm.size} {arm.size}" '
+                'damping="0.5" solreflimit="0.001 1" solimplimit="0.9999 0.9999 0.001"/>'
+            )
+            inner = f"{_mass(1e-3, np.zeros(3))}{encoder}<body>{gap}{own}{inner}</body>"
+        else:
+            inner = f"{own}{encoder}{inner}"
+        inner = f'<site name="head{k}" pos="{DISC} 0 0"/><body name="b{k}">{motor}{inner}</body>'
+    drives = "".join(f'<position joint="m{k}" kp="{FIRM}" dampratio="1"/>' for k in range(6))
+    return f"""<mujoco><compiler angle="radian" autolimits="false"/>
+<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic"/>
+<default><geom contype="0" conaffinity="0" condim="1" solref="0.002 1"
+ solimp="0.999 0.9999 0.0001"/></default>
+<worldbody>{inner}{_held(arm)}</worldbody><actuator>{drives}</actuator></mujoco>"""
+
+
+def _way(arm: Arm, k: int, inner: str) -> str:
+    """The link after a joint: half of it, its bend, the other half, its twist."""
+    row = arm.body.rows[k]
+    half = np.array([row.get("a", 0.0), 0.0, row.get("d", 0.0)]) * MM / 2
+    bend = np.array([1.0, 0.0, 0.0, 0.0])
+    if (arm.kind, arm.joint) == ("bent", k):
+        axis = np.array([np.cos(arm.turn), np.sin(arm.turn), 0.0])
+        bend = np.r_[np.cos(arm.size / 2), np.sin(arm.size / 2) * axis]
+    twist = row.get("alpha", 0.0) / 2
+    turned = np.array([np.cos(twist), np.sin(twist), 0.0, 0.0])
+    middle = f'<body pos="{_text(half)}" quat="{_text(turned)}">{inner}</body>'
+    return f'<body pos="{_text(half)}" quat="{_text(bend)}">{middle}</body>'
+
+
+def _held(arm: Arm) -> str:
+    """What the ball touches: cones of three faces each, or a table; each moves by its play."""
+    out = ""
+    for name, at in arm.places.items():
+        faces = ""
+        if arm.touch == "plane":
+            faces = f'<geom type="box" size="2 2 0.05" pos="0 0 {-BALL - 0.05}" contype="1"/>'
+        for third in range(3 if arm.touch == "cones" else 0):
+            turn = 2 * np.pi * third / 3
+            normal = np.array([np.cos(turn), np.sin(turn), 1.0]) / np.sqrt(2.0)
+            axis = np.array([-np.sin(turn), np.cos(turn), 0.0])
+            quat = np.r_[np.cos(np.pi / 8), np.sin(np.pi / 8) * axis]
+            pos = -(BALL + 0.005) * normal
+            faces += f'<geom type="box" size="0.04 0.04 0.005" pos="{_text(pos)}" '
+            faces += f'quat="{_text(quat)}" contype="1"/>'
+        out += f'<body name="{name}" mocap="true" pos="{_text(at * MM)}">{faces}</body>'
+    return out
+
+
+def _mass(mass: float, at: Array) -> str:
+    wide = max(mass * 0.004, 1e-5)
+    return f'<inertial mass="{mass}" pos="{_text(at)}" diaginertia="{wide} {wide} {wide}"/>'
+
+
+def _text(values: Array) -> str:
+    return " ".join(f"{v:.12g}" for v in values)
+
+
+class Body:
+    """The arm at work: goes to readings, presses its ball into its seat, and is read."""
+
+    def __init__(self, arm: Arm, seed: int) -> None:
+        self.arm = arm
+        self.rng = np.random.default_rng([seed, 38])
+        self.model = mujoco.MjModel.from_xml_string(document(arm))
+        self.data = mujoco.MjData(self.model)
+        names = [f"m{k}" for k in range(6)]
+        self.at = np.array([self.model.joint(n).qposadr[0] for n in names])
+        self.dof = np.array([self.model.joint(n).dofadr[0] for n in names])
+        self.moved = False
+        self.beyond = 0
+        """How often a motor was beyond its limits, on its straight ways and while it touches."""
+        self.ball = self.model.body("ball").id
+
+    def encoders(self) -> Array:
+        """What the heads see of their discs, without noise (6,) [rad]."""
+        out = np.empty(6)
+        for k in range(6):
+            turn = self.data.body(f"b{k}").xmat.reshape(3, 3)
+            seen = turn.T @ (self.data.site(f"head{k}").xpos - self.data.site(f"disc{k}").xpos)
+            angle = -np.arctan2(seen[1], seen[0])
+            near = self.data.qpos[self.at[k]]
+            out[k] = angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
+        return out - self.arm.offsets
+
+    def read(self, samples: int) -> Array:
+        """Readings of all joints, (samples, 6)."""
+        return self.encoders() + NOISE * self.rng.standard_normal((samples, 6))
+
+    def touch(self, goal: Array) -> bool:
+        """Go to readings from above, and press the ball into its seat; whether it sits."""
+        self._play()
+        ways = np.linspace(self.data.qpos[self.at], goal + self.arm.offsets, 100)
+        self._place(goal + self.arm.offsets)
+        self._count(ways[1:] if self.moved else ways[-1:])
+        self.moved = True
+        lifted = self._lifted()
+        self.data.ctrl[:] = goal + self.arm.offsets
+        self._place(lifted)
+        self._run(0.9, PRESS)
+        self.data.ctrl[:] = self.data.qpos[self.at]
+        self._run(0.3, REST)
+        mujoco.mj_forward(self.model, self.data)
+        return bool(self.data.ncon == (3 if self.arm.touch == "cones" else 1))
+
+    def _play(self) -> None:
+        """Where the ball sits this time."""
+        for k, at in enumerate(self.arm.places.values()):
+            self.data.mocap_pos[k] = (at + PLAY * self.rng.standard_normal(3)) * MM
+
+    def _place(self, motors: Array) -> None:
+        """Stand at angles of the motors, at rest."""
+        self.data.qpos[:], self.data.qvel[:] = 0.0, 0.0
+        self.data.qpos[self.at] = motors
+        mujoco.mj_forward(self.model, self.data)
+
+    def slopes(self) -> Array:
+        """Derivative of the place of the ball by the motors: (3, 6) [m/rad]."""
+        whole = np.zeros((3, self.model.nv))
+        mujoco.mj_jacSite(self.model, self.data, whole, None, self.model.site("tip").id)
+        return np.asarray(whole[:, self.dof])
+
+    def _lifted(self) -> Array:
+        """Angles of the motors with the ball above where it is now."""
+        wanted = self.data.site("tip").xpos + [0.0, 0.0, ABOVE]
+        for _ in range(10):
+            off = wanted - self.data.site("tip").xpos
+            self._place(self.data.qpos[self.at] + np.linalg.pinv(self.slopes(), 1e-3) @ off)
+        return np.array(self.data.qpos[self.at])
+
+    def _run(self, seconds: float, press: float) -> None:
+        """Let time pass: drives hold against the weights, the tool is pressed down."""
+        chunk = 40
+        for _ in range(int(seconds / STEP_S / chunk)):
+            self.data.qfrc_applied[self.dof] = self.data.qfrc_bias[self.dof]
+            self.data.xfrc_applied[self.ball] = [0.0, 0.0, -press, 0.0, 0.0, 0.0]
+            mujoco.mj_step(self.model, self.data, chunk)
+            self._count(self.data.qpos[self.at][None])
+
+    def _count(self, motors: Array) -> None:
+        """Count angles of motors, (n, 6), whose encoder reads beyond the limits."""
+        read, ends = motors - self.arm.offsets, np.array(LIMITS)
+        self.beyond += int(np.sum(np.any((read < ends[:, 0]) | (read > ends[:, 1]), axis=1)))

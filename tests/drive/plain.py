@@ -1,0 +1,63 @@
+"""A robot without physics, in plain matrix products: `python -m tests.drive.plain`.
+
+It puts its ball into a cone, where it stands still, and answers as a robot does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+import numpy as np
+
+from tests.cone import CONE, LIMITS, OFFSETS, tip, touching
+from tests.oracle import Array
+
+
+def main() -> None:
+    """Answer until nothing more is asked; refuse so many poses, or answer something else."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--refuse", type=int, default=0)
+    parser.add_argument("--answer", help="to every line")
+    args = parser.parse_args()
+    rng = np.random.default_rng(4)
+    for line in sys.stdin:
+        asked = json.loads(line)
+        if args.answer is not None:
+            print(args.answer, flush=True)
+            continue
+        if asked["go"] is not None and args.refuse > 0:
+            args.refuse -= 1
+            print(json.dumps({"cannot": "something is in the way"}), flush=True)
+            continue
+        q = shown(rng) if asked["go"] is None else None
+        if q is None:
+            q = touching(np.array([asked["go"][n] for n in NAMES]) + OFFSETS, CONE)
+        if not holds(q):
+            print(json.dumps({"cannot": "the cone is out of reach"}), flush=True)
+            continue
+        read = q - OFFSETS + 2e-5 * rng.standard_normal((asked["samples"], 6))
+        rows = [{**dict(zip(NAMES, row, strict=True)), "at": "cone"} for row in read.tolist()]
+        print(json.dumps({"readings": rows}), flush=True)
+
+
+def shown(rng: np.random.Generator) -> Array:
+    """Joint angles to which a hand has led the arm."""
+    while True:
+        near = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0])
+        q = touching(near + rng.uniform(-1, 1, 6) * [1, 0.6, 0.8, 1.5, 1.5, 3], CONE)
+        if holds(q):
+            return q
+
+
+def holds(q: Array) -> bool:
+    """Whether the ball is in the cone and every joint within its limits."""
+    inside = np.all((q > LIMITS[:, 0] + 0.02) & (q < LIMITS[:, 1] - 0.02))
+    return bool(inside and np.allclose(tip(q), CONE, atol=1e-6))
+
+
+NAMES = tuple(f"q{k + 1}" for k in range(6))
+
+if __name__ == "__main__":
+    main()
