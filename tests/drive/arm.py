@@ -26,7 +26,7 @@ SIZES: Mapping[str, tuple[float, float]] = {
 }
 WHERE: Mapping[str, tuple[int, ...]] = {
     "stiffness": (1, 2),  # joints that carry much: shoulder and elbow
-    "backlash": (2, 4),  # joints whose load changes its side within the limits
+    "backlash": (2,),  # the elbow: what it carries is far more than the tool is pressed
     "eccentric": (1, 2, 3, 4, 5),  # the first joint's turns the whole cell as well
     "bent": (1, 2),  # the long links
 }

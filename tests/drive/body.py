@@ -21,8 +21,10 @@ DISC = 0.03
 """Radius of the disc of an encoder [m]."""
 ABOVE = 0.04
 """Height from which a touch begins [m]."""
-PRESS, REST = 25.0, 0.5
-"""Force on the tool while it looks for its seat, and while it is read [N]."""
+PRESS, LESS, REST = 25.0, 3.0, 0.5
+"""Force on the tool while it looks for its seat, while the drives give way, and in the end [N]."""
+FAR = 0.5
+"""A joint that must turn more to lift the ball is near a posture that the arm keeps away from."""
 STEP_S = 5e-4
 FIRM = 300.0
 """Of the drives, which give way to the seat [N m/rad]."""
@@ -147,14 +149,16 @@ class Body:
         self._play()
         ways = np.linspace(self.data.qpos[self.at], goal + self.arm.offsets, 100)
         self._place(goal + self.arm.offsets)
-        self._count(ways[1:] if self.moved else ways[-1:])
+        self.beyond += self._beyond(ways[1:] if self.moved else ways[-1:])
         self.moved = True
         lifted = self._lifted()
+        if np.abs(lifted - goal - self.arm.offsets).max() > FAR or self._beyond(lifted[None]):
+            return False
         self.data.ctrl[:] = goal + self.arm.offsets
         self._place(lifted)
         self._run(0.9, PRESS)
-        self.data.ctrl[:] = self.data.qpos[self.at]
-        self._run(0.3, REST)
+        self._run(0.4, LESS, gives=True)
+        self._run(0.4, REST, gives=True)
         mujoco.mj_forward(self.model, self.data)
         return bool(self.data.ncon == (3 if self.arm.touch == "cones" else 1))
 
@@ -183,16 +187,21 @@ class Body:
             self._place(self.data.qpos[self.at] + np.linalg.pinv(self.slopes(), 1e-3) @ off)
         return np.array(self.data.qpos[self.at])
 
-    def _run(self, seconds: float, press: float) -> None:
-        """Let time pass: drives hold against the weights, the tool is pressed down."""
+    def _run(self, seconds: float, press: float, gives: bool = False) -> None:
+        """Let time pass: drives hold against the weights, the tool is pressed down.
+
+        Drives that give hold no angle: they go where the tool is pushed.
+        """
         chunk = 40
         for _ in range(int(seconds / STEP_S / chunk)):
+            if gives:
+                self.data.ctrl[:] = self.data.qpos[self.at]
             self.data.qfrc_applied[self.dof] = self.data.qfrc_bias[self.dof]
             self.data.xfrc_applied[self.ball] = [0.0, 0.0, -press, 0.0, 0.0, 0.0]
             mujoco.mj_step(self.model, self.data, chunk)
-            self._count(self.data.qpos[self.at][None])
+            self.beyond += self._beyond(self.data.qpos[self.at][None])
 
-    def _count(self, motors: Array) -> None:
-        """Count angles of motors, (n, 6), whose encoder reads beyond the limits."""
+    def _beyond(self, motors: Array) -> int:
+        """How many of so many angles of motors, (n, 6), are beyond what the encoders may read."""
         read, ends = motors - self.arm.offsets, np.array(LIMITS)
-        self.beyond += int(np.sum(np.any((read < ends[:, 0]) | (read > ends[:, 1]), axis=1)))
+        return int(np.sum(np.any((read < ends[:, 0]) | (read > ends[:, 1]), axis=1)))

@@ -23,6 +23,9 @@ from rsicalib.io.sources import LONGEST_LINE
 
 __all__ = ["Robot", "drive", "passed"]
 
+MOST_REFUSED = 30
+"""Poses that a robot cannot take one after the other; the session then ends with what it has."""
+
 EXPECTED = 'one line of JSON: {"readings": [{channel: number, …}, …]} or {"cannot": "why"}'
 
 
@@ -151,20 +154,24 @@ def drive(session: Session, robot: Robot, show: Any) -> None:
             here = samples[-1].values
             _check(session.mechanism, here, f"the taught pose {label}")
         session.arrive(*taught.values())
-    while not session.done:
+    refused = 0
+    while not session.done and refused < MOST_REFUSED:
         _settled(session, show)
         goal = session.goal()
         if session.done or goal is None:
             return
         # Limits are intervals: a straight way between two poses that keep them keeps them.
         if passed(session.mechanism, goal) or (here and passed(session.mechanism, here)):
+            refused += 1
             session.strike_off()
             continue
         found = robot.go(session.next_label, goal, session.goal_keys(), session.why)
         if isinstance(found, str):
+            refused += 1
             session.note = f"the robot cannot: {found}"
             session.strike_off()
             continue
+        refused = 0
         here = found[-1].values
         _check(session.mechanism, here, f"pose {session.next_label}")
         session.arrive(found)
