@@ -87,6 +87,8 @@ RUST = (
     "monitor",
     "screening",
     "diagnosis",
+    "history",
+    "population",
     "design",
     "report",
 )

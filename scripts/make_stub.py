@@ -103,6 +103,18 @@ PARAMETERS = {
     "within": "Sequence[Sequence[float]] | None",
     "without": "Sequence[str] | None",
     "xtol": "float | None",
+    "expected": "Mapping[str, Any] | None",
+    "shares.expected": "Mapping[str, Any]",
+    "shares.terms": "Sequence[str]",
+    "rests": "Sequence[Array | None]",
+    "tables": "Sequence[Mapping[str, Any]]",
+    "population.shares": "Sequence[Mapping[str, Any]]",
+    "population.tolerances": "Sequence[float]",
+    "summed.devices": "Sequence[tuple[float, float, float]]",
+    "common_shift.devices": "Sequence[tuple[float, float]]",
+    "course.past": "Sequence[tuple[float, float, float]]",
+    "course.told": "Sequence[int]",
+    "course.tests": "int",
 }
 
 RETURNS = {
@@ -184,6 +196,12 @@ RETURNS = {
     "terms": "list[dict[str, Any]]",
     "within_limits": "Array",
     "workspace": "list[list[float]]",
+    "centre_of_population": "list[float]",
+    "shares": "list[dict[str, Any] | str]",
+    "population": "tuple[dict[str, Any], list[list[tuple[float, float]]]]",
+    "summed": "dict[str, Any] | None",
+    "common_shift": "dict[str, Any] | None",
+    "course": "dict[str, Any] | None",
 }
 
 HEAD = '''\

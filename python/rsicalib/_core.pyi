@@ -223,6 +223,7 @@ class Session:
         max_iterations: int | None = None,
         xtol: float | None = None,
         progress: Callable[[str, float], object] | None = None,
+        expected: Mapping[str, Any] | None = None,
     ) -> Session: ...
     def calibrate(
         self, beside: Mapping[str, Any] | None = None
@@ -300,8 +301,8 @@ def bound_at(
 
 def calibrate_devices(
     mechanism: Mechanism,
-    tables: Any,
-    rests: Any,
+    tables: Sequence[Mapping[str, Any]],
+    rests: Sequence[Array | None],
     *,
     terms: Sequence[str] | None = None,
     closures: Sequence[str] | None = None,
@@ -317,6 +318,9 @@ def calibrate_devices(
 
 def calibrated_sensors(mechanism: Mechanism, applied: Mapping[str, Any]) -> Mechanism:
     """The mechanism with the gains and offsets that a result has found."""
+
+def centre_of_population(mechanism: Mechanism) -> list[float]:
+    """Readings from which offsets of a population are counted, one per channel."""
 
 def check(
     mechanism: Mechanism,
@@ -341,11 +345,24 @@ def closing(
     the result needs more than one row for that.
     """
 
+def common_shift(devices: Sequence[tuple[float, float]]) -> dict[str, Any] | None:
+    """Common shift of a parameter, from (distance from the drawing, sd) of each device:
+    `{devices, value, half, between, p_value}`, None for too few.
+    """
+
 def compared(
     mechanism: Mechanism, earlier: Sequence[Estimate], now: Sequence[Estimate]
 ) -> list[tuple[int, float, float, float, bool]]:
     """Parameters that an earlier result knows, too: number among the new ones, before, after, standard
     deviation of the difference, and whether it is beyond both uncertainties.
+    """
+
+def course(
+    past: Sequence[tuple[float, float, float]], told: Sequence[int], tests: int
+) -> dict[str, Any] | None:
+    """What a parameter has done over results of (day, value, sd), by date: as in `history.json`; None
+    where that cannot be told. `told` are the results from which on something has changed, as one of
+    them says; `tests` is how many parameters are looked at.
     """
 
 def evidence_schema() -> str:
@@ -502,6 +519,13 @@ def plan(
     `beside` holds readings of poses that are visited already, of shape (m, channels).
     """
 
+def population(
+    shares: Sequence[Mapping[str, Any]], tolerances: Sequence[float]
+) -> tuple[dict[str, Any], list[list[tuple[float, float]]]]:
+    """The joint estimate in the shape of the JSON, and value and deviation of the parameters of each
+    device with what the others tell (corrections of the drawing, (n, 2); empty for outliers).
+    """
+
 def read_result(text: str) -> dict[str, Any]:
     """A result from its JSON text, as plain values: checked against the types that made it."""
 
@@ -525,6 +549,18 @@ def rsi_poses(angles: Array) -> Array:
 def schemas() -> Sequence[tuple[str, str]]:
     """JSON Schema of each format of results, as text: what can be read."""
 
+def shares(
+    mechanism: Mechanism,
+    tables: Sequence[Mapping[str, Any]],
+    rests: Sequence[Array | None],
+    terms: Sequence[str],
+    expected: Mapping[str, Any],
+    *,
+    closures: Sequence[str] | None = None,
+    noise: Sequence[float] | None = None,
+) -> list[dict[str, Any] | str]:
+    """What each device tells of `terms`, given what is expected; why not, for one that tells nothing."""
+
 def spec(term: str, target: str | None = None, place: str | None = None) -> str:
     """A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`."""
 
@@ -545,6 +581,9 @@ def steps(values: Array, counts: Sequence[bool]) -> list[float]:
 
     `values` has shape (n, channels), `counts` says which are read in whole counts.
     """
+
+def summed(devices: Sequence[tuple[float, float, float]]) -> dict[str, Any] | None:
+    """The tests of fit of many devices together: `{devices, chi2, dof, p_value}`, None for too few."""
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""

@@ -17,6 +17,7 @@ from rsicalib.work.arguments import (
 from rsicalib.work.job import Work
 from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
+from rsicalib.work.prior import PopulationArg
 
 __all__ = ["calibrate"]
 
@@ -33,6 +34,7 @@ def calibrate(
     method: str | None = None,
     noise: float | Mapping[str, float] | None = None,
     calibration: CalibrationArg | None = None,
+    population: PopulationArg | None = None,
     align: bool = False,
     fit_groups: Sequence[str] | None = None,
     hold_out_groups: Sequence[str] | None = None,
@@ -76,6 +78,9 @@ def calibrate(
         An earlier result: where the search starts, whose terms are identified,
         and with which the new one is compared: parameter by parameter (`moved`), and
         by what may have changed and whether an update is worth it (`update`).
+    population : path or mapping, optional
+        What devices of the same design share, `population.json` of `fleet`: a prior of the
+        parameters, whose terms are identified unless others are given. Fewer poses are enough.
     align : bool, optional
         Give the error of the check poses also after the best rigid motion of
         the instrument that measured them.
@@ -122,7 +127,7 @@ def calibrate(
     'misclosure of repeats'
     """
     readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
-    job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
+    job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date), population)
     job.take(readings, fit_groups, hold_out_groups)
     options = {
         "closures": names("closures", closures),

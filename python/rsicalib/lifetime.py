@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import math
 import os
 from collections import Counter
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.measures import parameters_of
 from rsicalib.plain_text import meant
-from rsicalib.report.past import Forecast, History, LeftOut, Past, Series
+from rsicalib.report.past import Forecast, History, Jump, LeftOut, Past, Series
 from rsicalib.results import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import MechanismArg, earlier_result, open_mechanism
@@ -91,7 +90,7 @@ def history(
         raise InputError(f"device: found {found}, expected {expected}")
     own.sort(key=lambda one: _day(one[1]))
     lasting, session_only = _lasting([result for _, result in own], opened)
-    series = [_series(key, own) for key in lasting]
+    series = [_series(key, own, len(lasting)) for key in lasting]
     return History(
         device=chosen,
         mechanism=opened.name,
@@ -176,20 +175,31 @@ def _lasting(results: Sequence[Result], mechanism: Mechanism) -> tuple[list[Key]
     return list(keys), list(passing)
 
 
-def _series(key: Key, own: Sequence[tuple[str, Result]]) -> Series:
+def _series(key: Key, own: Sequence[tuple[str, Result]], tests: int) -> Series:
+    """One parameter over time, with what it has done; `tests` parameters are looked at."""
     at, name = key
-    dates, values, sd, days = [], [], [], []
-    unit = ""
-    for _, result in own:
+    told = set(_told(key, own))
+    dates: list[str] = []
+    values, sd, days, changed = [], [], [], []
+    unit, since = "", False
+    for i, (_, result) in enumerate(own):
+        since |= i in told
         for p in result.parameters:
             if (p.at, p.name) == key and p.value is not None and p.sd is not None:
                 assert result.valid_from is not None
+                if since:
+                    changed.append(len(dates))
+                    since = False
                 dates.append(result.valid_from)
                 values.append(p.value)
                 sd.append(p.sd)
                 days.append(_day(result))
                 unit = p.unit
-    rate, rate_sd, p_value = _drift(np.array(days), np.array(values), np.array(sd))
+    course = _core.course(list(zip(days, values, sd, strict=True)), changed, tests) or {}
+    jumps = tuple(
+        Jump(dates[j["from"]], j["value"], j["sd"], j["told"]) for j in course.get("jumps", ())
+    )
+    level, level_sd = course.get("level", (None, None))
     return Series(
         term=at[0],
         target=at[1] or "all",
@@ -198,45 +208,36 @@ def _series(key: Key, own: Sequence[tuple[str, Result]]) -> Series:
         valid_from=tuple(dates),
         values=tuple(values),
         sd=tuple(sd),
-        rate=rate,
-        rate_sd=rate_sd,
-        p_value=p_value,
+        rate=course.get("rate"),
+        rate_sd=course.get("rate_sd"),
+        p_value=course.get("p_value"),
         place=at[2],
+        kind=course.get("kind"),
+        jumps=jumps,
+        level=level,
+        level_sd=level_sd,
+        scatter=course.get("scatter"),
+        wide=course.get("wide", 1.96),
     )
 
 
-def _drift(
-    days: FloatArray, values: FloatArray, sd: FloatArray
-) -> tuple[float | None, float | None, float | None]:
-    """Weighted line through estimates: rate, its standard deviation, its probability by chance."""
-    if len(np.unique(days)) < 2 or not (sd > 0.0).all():
-        return None, None, None
-    weight = sd**-2.0
-    centre = float((weight * days).sum() / weight.sum())
-    moment = float((weight * (days - centre) ** 2).sum())
-    rate = float((weight * (days - centre) * values).sum()) / moment
-    mean = float((weight * values).sum() / weight.sum())
-    left = values - mean - rate * (days - centre)
-    dof, chi2 = len(days) - 2, float((weight * left**2).sum())
-    scattered = dof > 0 and chi2 > _chance(dof)
-    rate_sd = ((chi2 / dof if scattered else 1.0) / moment) ** 0.5
-    return rate, rate_sd, _two_sided(rate / rate_sd, dof if scattered else None)
+def _told(key: Key, own: Sequence[tuple[str, Result]]) -> list[int]:
+    """Results from which on a parameter has changed, as one of them says.
 
-
-def _chance(dof: int) -> float:
-    """The value that χ² exceeds once in a hundred times, by Wilson and Hilferty."""
-    part = 2.0 / (9.0 * dof)
-    return dof * (1.0 - part + 2.326 * math.sqrt(part)) ** 3
-
-
-def _two_sided(z: float, dof: int | None) -> float:
-    """Probability of a larger deviation: normal, or Student's where the scale was estimated."""
-    if dof is None:
-        return math.erfc(abs(z) / math.sqrt(2.0))
-    # t = √dof tan(angle) turns the tail of Student's t into an integral of a power of a cosine.
-    angle = np.linspace(math.atan(abs(z) / math.sqrt(dof)), math.pi / 2, 2001)
-    scale = math.exp(math.lgamma(0.5 * (dof + 1)) - math.lgamma(0.5 * dof)) / math.sqrt(math.pi)
-    return min(1.0, 2.0 * scale * float(np.trapezoid(np.cos(angle) ** (dof - 1), angle)))
+    A result that was compared with an earlier one says what changed since (`update`); a slip within
+    a session is a new level from the next result on.
+    """
+    term, target, _ = key[0]
+    told = []
+    for i, (_, result) in enumerate(own):
+        update = getattr(result, "update", None)
+        for change in () if update is None else update.changes:
+            if (change.term, change.target) == (term, target):
+                told.append(i)
+        for step in getattr(result, "steps", ()):
+            if step.place is not None and step.target == target and step.term != term:
+                told.append(i + 1)
+    return told
 
 
 def _forecast(
@@ -257,6 +258,9 @@ def _forecast(
     rate_sd = np.array([0.0 if s is None or s.rate_sd is None else s.rate_sd for s in found])
     now = rng.multivariate_normal(np.zeros(len(known)), covariance, DRAWS, method="svd")
     drift = rate + rate_sd * rng.standard_normal((DRAWS, len(known)))
+    # What scatters from session to session is elsewhere now, as it was elsewhere then.
+    scatter = np.array([0.0 if s is None or s.scatter is None else s.scatter for s in found])
+    now = now + np.sqrt(2.0) * scatter * rng.standard_normal((DRAWS, len(known)))
     here, there = now @ slopes.T, drift @ slopes.T  # (draws, values): error, and error per day
 
     def error(days: float) -> FloatArray:

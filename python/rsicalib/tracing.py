@@ -17,6 +17,7 @@ from rsicalib.work.arguments import (
 from rsicalib.work.job import Work
 from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
+from rsicalib.work.prior import PopulationArg
 
 __all__ = ["trace"]
 
@@ -33,6 +34,7 @@ def trace(
     closures: Sequence[str] | None = None,
     noise: float | Mapping[str, float] | None = None,
     calibration: CalibrationArg | None = None,
+    population: PopulationArg | None = None,
     align: bool = False,
     fit_groups: Sequence[str] | None = None,
     hold_out_groups: Sequence[str] | None = None,
@@ -90,7 +92,7 @@ def trace(
     [('sensor', 'a22')]
     """
     readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
-    job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date))
+    job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date), population)
     job.take(readings, fit_groups, hold_out_groups)
     options = {
         "closures": names("closures", closures),

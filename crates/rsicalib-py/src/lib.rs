@@ -7,10 +7,12 @@ mod documents;
 mod error;
 mod experiments;
 mod faults;
+mod history;
 mod mechanism;
 mod monitor;
 mod numbers;
 mod observations;
+mod population;
 mod threads;
 
 use pyo3::PyClass;
@@ -79,6 +81,12 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(faults::steps, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
     module.add_function(wrap_pyfunction!(monitor::closing, module)?)?;
+    module.add_function(wrap_pyfunction!(history::course, module)?)?;
+    module.add_function(wrap_pyfunction!(population::centre_of_population, module)?)?;
+    module.add_function(wrap_pyfunction!(population::shares, module)?)?;
+    module.add_function(wrap_pyfunction!(population::population, module)?)?;
+    module.add_function(wrap_pyfunction!(population::summed, module)?)?;
+    module.add_function(wrap_pyfunction!(population::common_shift, module)?)?;
     module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
 }

@@ -14,7 +14,7 @@ use rsicalib::diagnosis::trace::Traced;
 use rsicalib::diagnosis::verdict::worth_an_update;
 use rsicalib::estimate::directions::directions;
 use rsicalib::estimate::progress::Progress;
-use rsicalib::estimate::{Fit, FitOptions, Method, Observations};
+use rsicalib::estimate::{Expected, Fit, FitOptions, Method, Observations};
 use rsicalib::mechanism::Mechanism;
 use rsicalib::monitor::compare::{Judged, compare};
 use rsicalib::readings::Table;
@@ -31,6 +31,7 @@ use serde::Serialize;
 use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
+use crate::population::PyExpected;
 use crate::threads::work;
 
 /// Readings of one mechanism, with what is known beside them.
@@ -192,7 +193,8 @@ impl PyObservations {
     /// Checks readings against a mechanism and gathers the options.
     #[new]
     #[pyo3(signature = (mechanism, table, *, rest=None, terms=None, closures=None, method=None,
-                        noise=None, starts=None, max_iterations=None, xtol=None, progress=None))]
+                        noise=None, starts=None, max_iterations=None, xtol=None, progress=None,
+                        expected=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new(
         py: Python<'_>,
@@ -207,11 +209,13 @@ impl PyObservations {
         max_iterations: Option<usize>,
         xtol: Option<f64>,
         progress: Option<Py<PyAny>>,
+        expected: Option<PyExpected>,
     ) -> PyResult<Self> {
         let mut options = fit_options(terms, closures, method, noise)?;
         options.starts = starts.unwrap_or(options.starts);
         options.lm.max_iterations = max_iterations.unwrap_or(options.lm.max_iterations);
         options.lm.xtol = xtol.unwrap_or(options.lm.xtol);
+        options.expected = expected.map(Expected::from);
         let listener = progress.map(Listener::new);
         if let Some(listener) = &listener {
             options.progress = listener.progress();

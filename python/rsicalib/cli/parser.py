@@ -157,6 +157,8 @@ def make_parser() -> argparse.ArgumentParser:
         sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
         _add_check(sub)
         sub.add_argument("--calibration", metavar="FILE", help="start from an earlier result")
+        words = "population.json of `fleet --population`: a prior of the parameters"
+        sub.add_argument("--population", metavar="FILE", help=words)
         sub.add_argument(
             "--terms",
             metavar="TERM,…",
@@ -263,6 +265,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--dask", metavar="ADDRESS", help="the workers of this scheduler compute")
     words = "keep the rows of devices whose readings are the same"
     sub.add_argument("--resume", action="store_true", help=words)
+    words = "what the devices share: errors of the drawing, a prior for the next device"
+    sub.add_argument("--population", action="store_true", help=words)
     words = "folder for fleet.parquet and fleet.html"
     sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
 

@@ -261,8 +261,8 @@ def fleet(args: Args) -> int:
     """Many devices: a row of results each, and a page with those that stand out."""
     from rsicalib.fleets.run import fleet as calibrate_fleet
 
-    names = "mechanism out by terms closures noise trace held_out workers dask resume".split()
-    options = {name: getattr(args, name) for name in names}
+    names = "mechanism out by terms closures noise trace held_out workers dask resume population"
+    options = {name: getattr(args, name) for name in names.split()}
     with progress_of(args) or contextlib.nullcontext() as line:
         told = None if line is None else line.counted
         found = calibrate_fleet(args.dataset, **options, progress=told)
@@ -438,6 +438,6 @@ def _with_logs(args: Args) -> None:
 
 def _session(args: Args) -> dict[str, Any]:
     """Options that `calibrate` and `trace` share, by the names they have in Python."""
-    names = """mechanism rest check terms closures noise calibration align fit_groups
+    names = """mechanism rest check terms closures noise calibration population align fit_groups
         hold_out_groups skip_bad_rows device note date"""
     return {name: getattr(args, name) for name in names.split()}

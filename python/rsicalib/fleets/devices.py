@@ -22,7 +22,7 @@ from rsicalib.options import names
 from rsicalib.records import plain
 from rsicalib.work.arguments import Bare, MechanismArg, noise_of_channels, open_mechanism
 
-__all__ = ["REST", "calibrate_devices", "digests", "without"]
+__all__ = ["REST", "Device", "calibrate_devices", "devices_of", "digests", "without"]
 
 NUMBERS = ("poses", "samples", "chi2", "dof", "p_value", "rms_misclosure")
 """Columns of the results that hold numbers, beside the parameters."""
@@ -95,7 +95,9 @@ def calibrate_devices(
     mechanism = open_mechanism(mechanism)
     if by in (*TEXT, *NUMBERS):
         raise InputError(f"by: found {by!r}, a column of the results, expected another name")
-    devices = _devices(columns_of(frame), None if rest is None else columns_of(rest), mechanism, by)
+    devices = devices_of(
+        columns_of(frame), None if rest is None else columns_of(rest), mechanism, by
+    )
     usable = [one for one in devices if one.refused is None]
     found = _core.calibrate_devices(
         mechanism,
@@ -122,7 +124,7 @@ def calibrate_devices(
     return frame_like(frame, rows, by)
 
 
-def _spread(cells: list[Any], devices: Sequence[_Device]) -> list[Any]:
+def _spread(cells: list[Any], devices: Sequence[Device]) -> list[Any]:
     """Results of the usable devices, in rows of all devices."""
     of_usable = iter(cells)
     return [next(of_usable) if one.refused is None else None for one in devices]
@@ -130,7 +132,7 @@ def _spread(cells: list[Any], devices: Sequence[_Device]) -> list[Any]:
 
 def digests(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str) -> dict[Any, str]:
     """Digest of each device's rows, as `calibrate_devices` writes it."""
-    return {one.label: one.sha256 for one in _devices(frame, rest, mechanism, by)}
+    return {one.label: one.sha256 for one in devices_of(frame, rest, mechanism, by)}
 
 
 def without(frame: Columns, by: str, labels: set[Any]) -> Columns:
@@ -140,7 +142,7 @@ def without(frame: Columns, by: str, labels: set[Any]) -> Columns:
 
 
 @dataclass(frozen=True)
-class _Device:
+class Device:
     """Readings of one device."""
 
     label: Any
@@ -152,7 +154,7 @@ class _Device:
     sha256: str
 
 
-def _devices(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str) -> list[_Device]:
+def devices_of(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str) -> list[Device]:
     """The devices of a table, in the order of their first rows."""
     frame, at_rest = _rest_rows(frame, by)
     rests = _rest_readings([r for r in (at_rest, rest) if r is not None], mechanism, by)
@@ -238,7 +240,7 @@ class _Read:
                 )
         return None
 
-    def device(self, label: Any, rows: Any, rest: FloatArray | str | None) -> _Device:
+    def device(self, label: Any, rows: Any, rest: FloatArray | str | None) -> Device:
         """One device as the core takes it."""
         values = self.values[rows]
         pose = self.cells["pose"][rows] if "pose" in self.cells else None
@@ -264,7 +266,7 @@ class _Read:
             "columns": [self.cells[name][rows].tolist() for name in self.mechanism.value_columns],
         }
         sha256 = _digest(label, table, rest)
-        return _Device(label, table, rest, runs, len(values), refused, sha256)
+        return Device(label, table, rest, runs, len(values), refused, sha256)
 
     def _optional(self, name: str, rows: Any) -> FloatArray | None:
         return self.cells[name][rows] if name in self.cells else None

@@ -8,7 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPo
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
@@ -16,10 +16,24 @@ from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.devices import calibrate_devices
 from rsicalib.fleets.frames import joined_rows
 
-__all__ = ["Job", "Rows", "over_dask", "over_threads"]
+__all__ = ["Job", "Rows", "Task", "over_dask", "over_threads"]
 
 Rows: TypeAlias = dict[str, Any]
 """Results by column, each of length n."""
+
+
+class Task(Protocol):
+    """What engines hand partitions to."""
+
+    @property
+    def by(self) -> str:
+        """The column that names the device."""
+
+    def __call__(self, partition: Partition) -> Rows:
+        """Rows of the devices of a partition."""
+
+    def refuse(self, refused: Mapping[Any, str]) -> Rows:
+        """Rows of devices without a result."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +71,7 @@ AHEAD = 2
 
 
 def over_threads(
-    job: Job, partitions: Iterable[Partition], workers: int
+    job: Task, partitions: Iterable[Partition], workers: int
 ) -> Iterator[tuple[Partition, Rows]]:
     """Results as they are ready, computed by threads of this process."""
     source = iter(partitions)
@@ -76,7 +90,7 @@ def over_threads(
 
 
 def over_dask(
-    job: Job, partitions: Iterable[Partition], address: str
+    job: Task, partitions: Iterable[Partition], address: str
 ) -> Iterator[tuple[Partition, Rows]]:
     """Results as they are ready, computed by the workers of a Dask cluster.
 

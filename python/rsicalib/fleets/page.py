@@ -23,7 +23,9 @@ BINS = 20
 WIDTH, HEIGHT, FOOT = 720.0, 160.0, 30.0
 
 
-def page(rows: Mapping[str, Sequence[Any]], by: str, mechanism: Mechanism) -> str:
+def page(
+    rows: Mapping[str, Sequence[Any]], by: str, mechanism: Mechanism, together: Sequence[str] = ()
+) -> str:
     """Write the page as one HTML file that needs no network.
 
     Parameters
@@ -34,6 +36,8 @@ def page(rows: Mapping[str, Sequence[Any]], by: str, mechanism: Mechanism) -> st
         The column that names the device.
     mechanism : Mechanism
         What all devices are.
+    together : sequence of str
+        What the devices have in common, in sentences.
 
     Returns
     -------
@@ -49,6 +53,7 @@ def page(rows: Mapping[str, Sequence[Any]], by: str, mechanism: Mechanism) -> st
     parts = [
         f"<h1>Fleet of {escape(mechanism.name)}</h1>",
         f'<p class="verdict {good}">{escape(sentence)}</p>',
+        *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
         _remarks(out),
         _effects(rows),

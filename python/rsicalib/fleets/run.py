@@ -14,9 +14,10 @@ from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Dataset, Partition
 from rsicalib.fleets.devices import digests, without
-from rsicalib.fleets.engines import Job, Rows, over_dask, over_threads
+from rsicalib.fleets.engines import Job, Rows, Task, over_dask, over_threads
 from rsicalib.fleets.frames import runs_of
 from rsicalib.fleets.page import page
+from rsicalib.fleets.population import first_line, joint, sentences, tolerances_of
 from rsicalib.fleets.store import Store
 from rsicalib.options import checked, names
 from rsicalib.tabular import Tabular
@@ -42,11 +43,18 @@ class Fleet(Tabular):
         The column that names the device.
     files : tuple of Path
         What was written.
+    first : dict
+        The fleet as a whole: `summed`, the tests of fit of all devices together, and `shifts` of
+        each parameter from the drawing.
+    population : dict, optional
+        What the devices share, as `population.json` has it.
     """
 
     rows: Rows
     by: str
     files: tuple[Path, ...]
+    first: dict[str, Any]
+    population: dict[str, Any] | None = None
 
     def __len__(self) -> int:
         return len(self.rows[self.by])
@@ -77,13 +85,16 @@ class Fleet(Tabular):
             **head,
             "devices": len(self),
             "verdicts": self.verdicts,
+            **self.first,
+            **({} if self.population is None else {"population": self.population}),
             "files": [str(path) for path in self.files],
         }
 
     def text(self) -> str:
         """A few lines for the terminal."""
         counts = ", ".join(f"{count} {word}" for word, count in self.verdicts.items())
-        return "\n".join([f"{len(self)} devices: {counts}", *map(str, self.files)]) + "\n"
+        lines = [f"{len(self)} devices: {counts}", *sentences(self.first, self.population)]
+        return "\n".join([*lines, *map(str, self.files)]) + "\n"
 
 
 @checked
@@ -101,6 +112,7 @@ def fleet(
     workers: int | None = None,
     dask: str | None = None,
     resume: bool = False,
+    population: bool = False,
     progress: Progress | None = None,
 ) -> Fleet:
     """Calibrate the devices of a dataset: one row each.
@@ -125,6 +137,10 @@ def fleet(
     resume : bool
         Keep the rows in `out` of devices whose readings are the same, also those of a run that
         was interrupted.
+    population : bool
+        Estimate what the devices share, errors of the drawing and their spread, in
+        `population.json`: a prior for each of them (`population.parquet`) and for the next
+        (`calibrate`, `population`). The mechanism needs the tolerances, `[model] sd`, of all terms.
     progress : callable, optional
         Called with a word, the devices that are done, and how many are known so far.
 
@@ -147,6 +163,7 @@ def fleet(
         "held_out": held_out,
     }
     job = Job(open_mechanism(mechanism), by, options)
+    tolerances = tolerances_of(job.mechanism, names("terms", terms)) if population else {}
     source = Dataset(Path(dataset), by)
     store = Store(Path(out), by, _run(job))
     known = store.begin(resume)
@@ -162,13 +179,13 @@ def fleet(
             if len(part.frame[by]) or part.refused:
                 yield part
 
-    engine = (
-        over_threads(job, new(), workers or available_cores())
-        if dask is None
-        else over_dask(job, new(), dask)
-    )
+    def over(task: Task, partitions: Iterator[Partition]) -> Iterator[tuple[Partition, Rows]]:
+        if dask is None:
+            return over_threads(task, partitions, workers or available_cores())
+        return over_dask(task, partitions, dask)
+
     done = 0
-    for _, rows in engine:
+    for _, rows in over(job, new()):
         store.keep(rows)
         done += len(rows[by])
         if progress is not None:
@@ -176,8 +193,15 @@ def fleet(
     rows = store.finish(order)
     if not rows.get(by):
         raise InputError.at(str(dataset), found="no device", expected="at least one")
-    html = page(rows, by, job.mechanism)
-    return Fleet(rows, by, store.write_page(html))
+    first, found = first_line(rows, job.mechanism), None
+    files: tuple[Path, ...] = ()
+    if population:
+        used = {name: options[name] for name in ("closures", "noise")}
+        again = lambda task: over(task, source.partitions(PARTITION))  # noqa: E731
+        found, devices = joint(job.mechanism, by, tolerances, used, again)
+        files = store.write_population(found, devices)
+    html = page(rows, by, job.mechanism, sentences(first, found))
+    return Fleet(rows, by, (*store.write_page(html), *files), first, found)
 
 
 def _unknown(

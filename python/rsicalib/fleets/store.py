@@ -135,6 +135,12 @@ class Store:
         self.parts.rmdir()
         return rows
 
+    def write_population(self, found: Mapping[str, Any], devices: Rows) -> tuple[Path, ...]:
+        """Write what the devices share, and a row for each with it."""
+        place = self.folder / "population.parquet"
+        self._write(devices, place)
+        return (write_text(self.folder / "population.json", to_json(found)), place)
+
     def write_page(self, html: str) -> tuple[Path, ...]:
         """Write the page; all files of the run."""
         return (self.table, write_text(self.folder / "fleet.html", html))

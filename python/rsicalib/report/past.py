@@ -22,7 +22,7 @@ from rsicalib.units import axis_words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Forecast", "History", "LeftOut", "Past", "Series"]
+__all__ = ["Forecast", "History", "Jump", "LeftOut", "Past", "Series"]
 
 FORMAT = "rsicalib.history/1"
 
@@ -30,9 +30,6 @@ YEAR = 365.25
 """Days: rates are shown per year."""
 
 HEIGHT = 180.0
-
-SURE = 0.01
-"""Rates less probable than this by chance are called drifts, all parameters together."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +59,20 @@ class LeftOut(Record):
 
 
 @dataclass(frozen=True)
+class Jump(Record):
+    """A new level of a parameter: an event of the history."""
+
+    valid_from: str
+    """Date of the first result that has it."""
+    value: float
+    """How far the level jumped."""
+    sd: float
+    """Standard deviation of the jump."""
+    told: bool
+    """True where a result itself says that something changed there."""
+
+
+@dataclass(frozen=True)
 class Series(Record):
     """One parameter over time."""
 
@@ -80,13 +91,25 @@ class Series(Record):
     sd: tuple[float, ...]
     """Their standard deviations."""
     rate: float | None
-    """Drift per day; None with less than two dates."""
+    """Drift per day between the jumps; None with less than two dates."""
     rate_sd: float | None
-    """Standard deviation of the rate, grown by scatter that the estimates' own does not explain."""
+    """Standard deviation of the rate, with the scatter that the estimates' own does not explain."""
     p_value: float | None
     """Probability of such a rate by chance."""
     place: str | None = None
     """Where a searched term acts: another channel, an order."""
+    kind: str | None = None
+    """`still`, `drift`, `jump` or `drift and jump`: what is worth its price; None as `rate`."""
+    jumps: tuple[Jump, ...] = ()
+    """New levels, by date."""
+    level: float | None = None
+    """Level at the last date: all results since the last jump."""
+    level_sd: float | None = None
+    """Its standard deviation."""
+    scatter: float | None = None
+    """Standard deviation between sessions beside that of the estimates; 0 where it is no more."""
+    wide: float = 1.96
+    """Half width of an interval of 95 % of level and rate, in standard deviations."""
 
     @property
     def key(self) -> str:
@@ -192,8 +215,9 @@ class History(Told, Tabular, Record):
 
     def __repr__(self) -> str:
         drifting = ", ".join(one.key for one in _drifts(self)) or "nothing"
+        jumps = "".join(f", {one.key} jumped" for one in self.parameters if one.jumps)
         called = self.device or self.mechanism
-        return f"<History of {called!r}: {len(self.results)} results, {drifting} drifts>"
+        return f"<History of {called!r}: {len(self.results)} results, {drifting} drifts{jumps}>"
 
 
 def lines(history: History) -> list[str]:
@@ -211,6 +235,8 @@ def lines(history: History) -> list[str]:
     drifts = _drifts(history)
     names = ", ".join(f"{s.term}@{s.target}" for s in drifts)
     out += ["", f"drifts beyond chance: {names or 'none'}"]
+    out += [event_words(one, jump) for one in history.parameters for jump in one.jumps]
+    out += [scatter_words(one) for one in history.parameters if one.scatter]
     if history.session_only:
         out.append(f"of single sessions, not compared: {', '.join(history.session_only)}")
     if history.forecast is not None:
@@ -237,14 +263,28 @@ def _cells(one: Series) -> list[str]:
     value, half = plus_minus(one.values[-1], 1.96 * one.sd[-1])
     rate, rate_half = "-", "-"
     if one.rate is not None and one.rate_sd is not None:
-        rate, rate_half = plus_minus(YEAR * one.rate, 1.96 * YEAR * one.rate_sd)
+        rate, rate_half = plus_minus(YEAR * one.rate, one.wide * YEAR * one.rate_sd)
     return [f"{name:24}", f"{value:>14}", f"{half:>10}", f"{rate:>12}", f"{rate_half:>10}"]
 
 
 def _drifts(history: History) -> list[Series]:
-    """Parameters whose rate is beyond chance, the number of parameters counted in."""
-    limit = SURE / max(len(history.parameters), 1)
-    return [s for s in history.parameters if s.p_value is not None and s.p_value < limit]
+    """Parameters with a rate that is worth its price, the number of parameters counted in."""
+    return [s for s in history.parameters if s.kind in ("drift", "drift and jump")]
+
+
+def event_words(one: Series, jump: Jump) -> str:
+    """A jump as a line."""
+    value, half = plus_minus(jump.value, 1.96 * jump.sd)
+    told = ", as its result says" if jump.told else ""
+    return f"jumped: {one.key} by {value} ± {half} {one.unit} by {jump.valid_from}{told}"
+
+
+def scatter_words(one: Series) -> str:
+    """Scatter as a line."""
+    return (
+        f"scatters: {one.key} by {number(one.scatter)} {one.unit} from session to session, "
+        "beside what its results state"
+    )
 
 
 def forecast_words(forecast: Forecast, unit: str) -> str:
@@ -265,14 +305,18 @@ def page(history: History) -> str:
     words = lines(history)[0]
     drifts = _drifts(history)
     drifting = ", ".join(f"{s.term} of {s.target}" for s in drifts)
-    verdict = f"{words}. " + (
-        f"Drifting: {drifting}." if drifts else "Nothing drifts beyond chance."
-    )
-    mood = "bad" if drifts else "good"
+    events = [event_words(one, jump) for one in history.parameters for jump in one.jumps]
+    still = "Nothing drifts and nothing jumped beyond chance."
+    if drifts or events:
+        still = "" if drifts else "Nothing drifts beyond chance."
+    verdict = f"{words}. " + (f"Drifting: {drifting}." if drifts else still)
+    mood = "bad" if drifts or events else "good"
     parts = [
         "<h1>History of a calibration</h1>",
         f'<p class="verdict {mood}">{escape(verdict)}</p>',
     ]
+    told = [*events, *(scatter_words(one) for one in history.parameters if one.scatter)]
+    parts += [f"<p>{escape(line[0].upper() + line[1:])}.</p>" for line in told]
     if history.forecast is not None:
         forecast = forecast_words(history.forecast, history.length_unit)
         parts.append(f"<p>{escape(forecast[0].upper() + forecast[1:])}.</p>")

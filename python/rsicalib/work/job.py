@@ -39,6 +39,7 @@ from rsicalib.work.outcome import (
     reference_of,
     update_of,
 )
+from rsicalib.work.prior import PopulationArg, expected_of, read_population
 
 __all__ = ["Work"]
 
@@ -56,8 +57,13 @@ class Work:
         skip: bool,
         calibration: CalibrationArg | None,
         about: Mapping[str, str | None],
+        population: PopulationArg | None = None,
     ) -> None:
         self.mechanism = open_mechanism(mechanism)
+        self.population = (
+            None if population is None else read_population(population, self.mechanism)
+        )
+        """What devices of the same design share."""
         self.skip = skip
         self.earlier: Result | None = None
         self.supersedes: str | None = None
@@ -112,6 +118,8 @@ class Work:
 
     def terms(self, terms: Sequence[str] | None) -> list[str] | None:
         """As asked for; else those of the earlier result that hold beyond its session."""
+        if terms is None and self.population is not None:
+            return list(self.population["terms"])
         if terms is not None or self.earlier is None:
             return options.names("terms", terms)
         return _core.lasting(self.mechanism, [p.at for p in self.earlier.parameters])
@@ -134,6 +142,8 @@ class Work:
             self.warnings += _moved(loaded, self.mechanism)
             values = loaded.values
         table = as_table(self.readings, self.mechanism)
+        if self.population is not None:
+            options = {**options, "expected": expected_of(self.population)}
         return _core.Session(mechanism, table, rest=values, terms=terms, **options)
 
     def known(self, check: ReadingsArg | None) -> Known | None:

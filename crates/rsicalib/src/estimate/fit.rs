@@ -53,7 +53,7 @@ pub fn fit(
     from: Option<&Fit>,
 ) -> Result<Fit, Error> {
     let model = observations.model_after(from.map(|fit| &*fit.model), instances)?;
-    let priors = model.priors();
+    let priors = observations.priors(&model);
     let equations = model.equations() * observations.weights.iter().filter(|w| **w > 0.0).count();
     if equations + priors.len() < model.parameters {
         return Err(Error::TooFew {
@@ -383,10 +383,8 @@ fn conclude(
     let p_value = (noise.judges() && dof >= 1.0)
         .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
 
-    // A residual above the noise has moved the estimates, too.
-    let left =
-        if p_value.is_some_and(|p| p < WIDENING_LEVEL) { (chi2 / dof).max(1.0) } else { 1.0 };
-    let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise.slow * left);
+    let wider = widening(&noise, p_value, chi2 / dof);
+    let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * wider);
     let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
     let part = Part { model: &model, readings, weights };
     let squares = part.mean_square_lengths(&outcome.x);
@@ -421,6 +419,13 @@ fn conclude(
         warnings: start.warnings,
         adjusted: None,
     }
+}
+
+/// Factor of the covariance beside the inverse of the Gram matrix: of correlated noise, and of a
+/// residual above the noise, which has moved the estimates, too.
+pub(crate) fn widening(noise: &NoiseEstimate, p_value: Option<f64>, per_dof: f64) -> f64 {
+    let left = if p_value.is_some_and(|p| p < WIDENING_LEVEL) { per_dof.max(1.0) } else { 1.0 };
+    noise.slow * left
 }
 
 /// A residual with a smaller p-value than this widens the intervals.

@@ -21,7 +21,7 @@ pub struct Observations {
     pub rest_angles: Option<Vec<f64>>,
     /// Weight of each sample; zero for a sample that is left out.
     pub weights: Vec<f64>,
-    /// Readings at which offsets are defined, one per channel: the means.
+    /// Readings at which offsets are defined, one per channel: the means, or as is expected.
     pub centre: Vec<f64>,
     /// Step of the codes of each channel, in its unit; zero where it has none.
     pub steps: Vec<f64>,
@@ -157,7 +157,17 @@ impl Observations {
         (0..readings.samples).filter(copied).for_each(|row| weights[row] = 0.0);
         let counters: Vec<bool> = mechanism.channels.iter().map(|c| c.counts()).collect();
         let steps = codes::steps(&readings.table.values, &counters);
-        let centre = readings.mean.clone();
+        let centre = match &options.expected {
+            Some(expected) if expected.centre.len() == mechanism.channels.len() => {
+                expected.centre.clone()
+            }
+            Some(expected) => {
+                let found = format!("{} readings to count offsets from", expected.centre.len());
+                let channels = format!("{} channels", mechanism.channels.len());
+                return Err(Error::option("population", found, channels));
+            }
+            None => readings.mean.clone(),
+        };
         Ok(Self {
             mechanism,
             readings,

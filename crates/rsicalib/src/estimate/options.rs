@@ -1,6 +1,7 @@
 //! How to fit.
 
 use crate::Error;
+use crate::estimate::expected::Expected;
 use crate::estimate::progress::Progress;
 use crate::numerics::lm;
 
@@ -36,6 +37,8 @@ pub struct FitOptions {
     /// True where the noise is from an earlier fit of these readings, which has judged what
     /// was declared: nothing questions it again.
     pub settled: bool,
+    /// What is expected of parameters before any reading, in place of the drawing's `sd`.
+    pub expected: Option<Expected>,
     /// Starts to try at the most.
     pub starts: usize,
     /// A start whose χ² per degree of freedom is below this ends the search.
@@ -57,6 +60,7 @@ impl Default for FitOptions {
             seating: Vec::new(),
             measured: None,
             settled: false,
+            expected: None,
             starts: 40,
             good_start: 50.0,
             lm: lm::SolverOptions { xtol: 1e-10, ftol: 1e-12, ..lm::SolverOptions::default() },
@@ -88,6 +92,12 @@ impl FitOptions {
         if !(1..=MOST_STARTS).contains(&self.starts) {
             let expected = format!("1 to {MOST_STARTS}");
             return Err(Error::option("starts", self.starts, expected));
+        }
+        for of in self.expected.iter().flat_map(|expected| &expected.parameters) {
+            if !(of.mean.is_finite() && of.sd.is_finite() && of.sd > 0.0) {
+                let found = format!("{} = {} ± {}", of.spec, of.mean, of.sd);
+                return Err(Error::option("population", found, "a number and an sd above 0"));
+            }
         }
         if self.lm.max_iterations == 0 {
             return Err(Error::option("max_iterations", 0, "at least 1"));

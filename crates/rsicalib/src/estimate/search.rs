@@ -191,7 +191,7 @@ impl<'a> StartSearch<'a> {
             readings,
             weights,
             noise: noise.clone(),
-            priors: model.priors(),
+            priors: observations.priors(model),
             options: lm::SolverOptions {
                 max_iterations: 60,
                 xtol: 1e-8,

@@ -31,7 +31,7 @@ pub(crate) fn sized(
     let part = Part { model, readings, weights: Some(&observations.weights) };
     let live = observations.weights.iter().filter(|w| **w > 0.0).count();
     let good = observations.options.good_start * (model.equations() * live) as f64;
-    let priors = model.priors();
+    let priors = observations.priors(model);
     let end = |beta: &[f64]| {
         let problem = Implicit::new(vec![(part, noise.clone())], &priors).coarse();
         lm::minimize(&problem, beta, &observations.options.lm)

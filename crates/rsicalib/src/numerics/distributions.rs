@@ -1,7 +1,7 @@
 //! Tail probabilities and quantiles.
 
 use statrs::distribution::{
-    ChiSquared, ContinuousCDF, DiscreteCDF, FisherSnedecor, Normal, Poisson,
+    ChiSquared, ContinuousCDF, DiscreteCDF, FisherSnedecor, Normal, Poisson, StudentsT,
 };
 
 /// `P(χ²(dof) > x)`; one for zero degrees of freedom.
@@ -75,6 +75,12 @@ pub fn normal_quantile(p: f64) -> f64 {
 #[must_use]
 pub fn two_sided_limit(level: f64, tests: usize) -> f64 {
     normal_quantile(1.0 - 0.5 * level / tests.max(1) as f64)
+}
+
+/// `t` with `P(Student(dof) < t) = p`; NaN where `p` is no probability or `dof` not above 0.
+#[must_use]
+pub fn student_quantile(p: f64, dof: f64) -> f64 {
+    StudentsT::new(0.0, 1.0, dof).map_or(f64::NAN, |d| quantile(&d, p))
 }
 
 /// The one place that asks for a quantile: the library panics where `p` is no probability.

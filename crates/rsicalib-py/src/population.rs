@@ -1,0 +1,184 @@
+//! What devices of one design share.
+
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyAny, PyDict};
+use pythonize::pythonize;
+use rsicalib::estimate::directions::ParameterReport;
+use rsicalib::estimate::{Expectation, Expected};
+use rsicalib::model::Spec;
+use rsicalib::population::{Candidate, Share, Shift, Summed, middles};
+
+use crate::error::PyError;
+use crate::mechanism::PyMechanism;
+use crate::observations::{PyTable, fit_options};
+use crate::threads::work;
+
+/// What is expected of parameters: the readings at which offsets are meant, and
+/// (term, target, name, mean, sd) of each parameter.
+#[derive(FromPyObject)]
+pub struct PyExpected {
+    #[pyo3(item)]
+    centre: Vec<f64>,
+    #[pyo3(item)]
+    parameters: Vec<(String, Option<String>, Option<String>, f64, f64)>,
+}
+
+impl From<PyExpected> for Expected {
+    fn from(given: PyExpected) -> Self {
+        let of = |(term, target, name, mean, sd)| {
+            let spec = Spec { term, target, place: None };
+            Expectation { spec, name, mean, sd }
+        };
+        let parameters = given.parameters.into_iter().map(of).collect();
+        Self { centre: given.centre, parameters }
+    }
+}
+
+/// What a device tells, as Python carries it: matrices as arrays, the rest as lists.
+#[derive(FromPyObject)]
+pub struct PyShare<'py> {
+    #[pyo3(item)]
+    information: PyReadonlyArray2<'py, f64>,
+    #[pyo3(item)]
+    told: PyReadonlyArray1<'py, f64>,
+    #[pyo3(item)]
+    parameters: Vec<(String, String, String, String)>,
+    #[pyo3(item)]
+    candidates: Vec<(String, Option<String>, String, Vec<usize>)>,
+}
+
+impl From<&PyShare<'_>> for Share {
+    fn from(given: &PyShare<'_>) -> Self {
+        let parameter =
+            |(term, target, name, unit): &(String, String, String, String)| ParameterReport {
+                term: term.clone(),
+                target: target.clone(),
+                place: None,
+                name: name.clone(),
+                value: f64::NAN,
+                sd: None,
+                unit: unit.clone(),
+                note: None,
+            };
+        let candidate =
+            |(term, target, name, columns): &(_, Option<String>, String, Vec<usize>)| {
+                let spec = Spec { term: String::clone(term), target: target.clone(), place: None };
+                Candidate { spec, name: name.clone(), columns: columns.clone() }
+            };
+        let h = given.information.as_array();
+        Self {
+            parameters: given.parameters.iter().map(parameter).collect(),
+            information: h.iter().copied().collect(),
+            told: given.told.as_array().to_vec(),
+            candidates: given.candidates.iter().map(candidate).collect(),
+        }
+    }
+}
+
+/// Readings from which offsets of a population are counted, one per channel.
+#[pyfunction]
+pub fn centre_of_population(mechanism: &PyMechanism) -> Vec<f64> {
+    middles(&mechanism.0)
+}
+
+/// What each device tells of `terms`, given what is expected; why not, for one that tells nothing.
+#[pyfunction]
+#[pyo3(signature = (mechanism, tables, rests, terms, expected, *, closures=None, noise=None))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+pub fn shares<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    tables: Vec<PyTable<'py>>,
+    rests: Vec<Option<PyReadonlyArray2<'py, f64>>>,
+    terms: Vec<String>,
+    expected: PyExpected,
+    closures: Option<Vec<String>>,
+    noise: Option<Vec<f64>>,
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let rest = |rest: &Option<PyReadonlyArray2<'_, f64>>| {
+        rest.as_ref().map(|r| r.as_array().iter().copied().collect())
+    };
+    let readings: Vec<_> = tables.iter().zip(&rests).map(|(t, r)| (t.table(), rest(r))).collect();
+    let options = fit_options(None, closures, None, noise)?;
+    let expected = Expected::from(expected);
+    let mechanism = mechanism.0.clone();
+    let found: Vec<Result<Share, rsicalib::Error>> = work(py, || {
+        let one = |(table, rest)| {
+            let expected = expected.clone();
+            rsicalib::population::share(&mechanism, table, rest, &options, &terms, expected)
+        };
+        readings.into_iter().map(one).collect()
+    })?;
+    found.into_iter().map(|one| told(py, one)).collect()
+}
+
+fn told<'py>(
+    py: Python<'py>,
+    found: Result<Share, rsicalib::Error>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let share = match found {
+        Ok(share) => share,
+        Err(error) => return Ok(error.to_string().into_pyobject(py)?.into_any()),
+    };
+    let out = PyDict::new(py);
+    let n = share.told.len();
+    let rows: Vec<Vec<f64>> = share.information.chunks(n.max(1)).map(<[f64]>::to_vec).collect();
+    let parameters: Vec<_> =
+        share.parameters.into_iter().map(|p| (p.term, p.target, p.name, p.unit)).collect();
+    let candidates: Vec<_> = share
+        .candidates
+        .into_iter()
+        .map(|c| (c.spec.term, c.spec.target, c.name, c.columns))
+        .collect();
+    out.set_item("information", PyArray2::from_vec2(py, &rows)?)?;
+    out.set_item("told", PyArray1::from_vec(py, share.told))?;
+    out.set_item("parameters", parameters)?;
+    out.set_item("candidates", candidates)?;
+    Ok(out.into_any())
+}
+
+/// The joint estimate in the shape of the JSON, and value and deviation of the parameters of each
+/// device with what the others tell (corrections of the drawing, (n, 2); empty for outliers).
+#[pyfunction]
+pub fn population<'py>(
+    py: Python<'py>,
+    shares: Vec<PyShare<'py>>,
+    tolerances: Vec<f64>,
+) -> PyResult<(Bound<'py, PyAny>, Vec<Vec<(f64, f64)>>)> {
+    let shares: Vec<Share> = shares.iter().map(Share::from).collect();
+    let n = tolerances.len();
+    let alike = |s: &Share| s.told.len() == n && s.information.len() == n * n;
+    if !shares.iter().all(alike) {
+        let found = "devices with other parameters than the first";
+        return Err(PyError::from(rsicalib::Error::Option {
+            name: "population",
+            found: found.into(),
+            expected: "the same terms of every device".into(),
+        })
+        .into());
+    }
+    let found = work(py, || rsicalib::population::found(&shares, &tolerances))?;
+    Ok((pythonize(py, &found)?, found.with_others))
+}
+
+/// The tests of fit of many devices together: `{devices, chi2, dof, p_value}`, None for too few.
+#[pyfunction]
+pub fn summed<'py>(
+    py: Python<'py>,
+    devices: Vec<(f64, f64, f64)>,
+) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let found: Option<Summed> = rsicalib::population::summed(&devices);
+    Ok(found.map(|found| pythonize(py, &found)).transpose()?)
+}
+
+/// Common shift of a parameter, from (distance from the drawing, sd) of each device:
+/// `{devices, value, half, between, p_value}`, None for too few.
+#[pyfunction]
+pub fn common_shift<'py>(
+    py: Python<'py>,
+    devices: Vec<(f64, f64)>,
+) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let found: Option<Shift> = rsicalib::population::common_shift(&devices);
+    Ok(found.map(|found| pythonize(py, &found)).transpose()?)
+}

@@ -1,0 +1,100 @@
+//! What the rows of a fleet tell without a joint estimate: the summed χ² and common shifts.
+
+use crate::numerics::distributions::{f_tail, normal_cdf, normal_quantile, student_quantile};
+
+/// Common error of the noise of a fleet, in parts, that a sum of χ² must not take for an effect.
+const NOISE: f64 = 0.01;
+
+/// The χ² of many devices together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Summed {
+    /// Number of devices.
+    pub devices: usize,
+    /// Sum of χ².
+    pub chi2: f64,
+    /// Sum of the degrees of freedom.
+    pub dof: f64,
+    /// Probability of as much where every device is sound, and noise is known to 1 %.
+    pub p_value: f64,
+}
+
+/// Sums the tests of fit of many devices: χ², degrees of freedom and p-value of each.
+///
+/// A sum of χ² does not know how well each noise is known, its p-value does. With `w² = dof`,
+///
+/// ```text
+/// z = Σ w Φ⁻¹(1 - p) / √Σ w² - 2 ε √(Σ dof / 2)                                   (126)
+/// ```
+///
+/// is normal where no device lacks anything; the last part is what a noise that is `ε` = 1 % too
+/// small everywhere would make.
+#[must_use]
+pub fn summed(devices: &[(f64, f64, f64)]) -> Option<Summed> {
+    let known = |d: &&(f64, f64, f64)| d.0.is_finite() && d.1 >= 1.0 && (0.0..=1.0).contains(&d.2);
+    let all: Vec<_> = devices.iter().filter(known).collect();
+    let (chi2, dof) = all.iter().fold((0.0, 0.0), |(c, n), d| (c + d.0, n + d.1));
+    // A p-value of zero is one that has no number: 37 standard deviations.
+    let z = |p: f64| -normal_quantile(p.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON));
+    let sum: f64 = all.iter().map(|d| d.1.sqrt() * z(d.2)).sum();
+    let z = sum / dof.sqrt() - 2.0 * NOISE * (dof / 2.0).sqrt();
+    (all.len() > 1).then(|| Summed { devices: all.len(), chi2, dof, p_value: normal_cdf(-z) })
+}
+
+/// Mean of a parameter over devices beside the drawing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Shift {
+    /// Number of devices.
+    pub devices: usize,
+    /// Mean distance from the drawing, in the parameter's unit.
+    pub value: f64,
+    /// Half width of the interval of 95 %.
+    pub half: f64,
+    /// Standard deviation between devices, beside the noise of their estimates.
+    pub between: f64,
+    /// Probability of as much where the drawing is right.
+    pub p_value: f64,
+}
+
+/// Common shift of a parameter: estimates and standard deviations of devices, from the drawing.
+///
+/// Devices differ by `τ²` beside the noise of their estimates (Paule and Mandel 1982: the `τ²`
+/// with which the weighted squares are as many as the devices less one). With the weights
+/// `w = 1/(sd² + τ²)` the variance of the mean is `Σ w (x - m)² / ((D-1) Σ w)`, and the bound is Student's
+/// (Hartung and Knapp 2001): it holds where standard deviations are wrong by a common factor.
+#[must_use]
+pub fn common_shift(devices: &[(f64, f64)]) -> Option<Shift> {
+    let known = |d: &&(f64, f64)| d.0.is_finite() && d.1.is_finite() && d.1 > 0.0;
+    let all: Vec<_> = devices.iter().filter(known).copied().collect();
+    if all.len() < 3 {
+        return None;
+    }
+    let dof = all.len() as f64 - 1.0;
+    let at = |tau2: f64| {
+        let weights = all.iter().map(|d| (d.1 * d.1 + tau2).recip());
+        let sum: f64 = weights.clone().sum();
+        let mean = weights.clone().zip(&all).map(|(w, d)| w * d.0).sum::<f64>() / sum;
+        let q: f64 = weights.zip(&all).map(|(w, d)| w * (d.0 - mean).powi(2)).sum();
+        (mean, sum, q)
+    };
+    let (mut low, mut high) = (0.0, 0.0);
+    if at(0.0).2 > dof {
+        let mean = all.iter().map(|d| d.0).sum::<f64>() / all.len() as f64;
+        // With all of the spread between devices the weighted squares are too few.
+        high = 2.0 * all.iter().map(|d| (d.0 - mean).powi(2)).sum::<f64>() / dof;
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if at(middle).2 > dof { low = middle } else { high = middle }
+        }
+    }
+    let (value, sum, q) = at(high);
+    let variance = q.max(f64::MIN_POSITIVE) / (dof * sum);
+    Some(Shift {
+        devices: all.len(),
+        value,
+        half: student_quantile(0.975, dof) * variance.sqrt(),
+        between: high.sqrt(),
+        p_value: f_tail(value * value / variance, 1.0, dof),
+    })
+}

@@ -1,0 +1,239 @@
+"""What the devices of a fleet share: errors of their drawing, and a prior for the next device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rsicalib import _core
+from rsicalib._core import Mechanism
+from rsicalib.errors import InputError
+from rsicalib.fleets.dataset import Partition
+from rsicalib.fleets.devices import devices_of
+from rsicalib.fleets.engines import Rows
+from rsicalib.options import names
+from rsicalib.work.arguments import noise_of_channels
+from rsicalib.work.prior import FORMAT
+
+__all__ = ["ShareJob", "first_line", "joint", "sentences", "tolerances_of"]
+
+ROUNDS = 3
+"""Linearisations: what the fleet has in common is where the next one is made."""
+
+Run = Callable[["ShareJob"], Iterable[tuple[Partition, Rows]]]
+"""Hands the partitions of the dataset to a job, and its rows back."""
+
+LEVEL = 0.01
+"""Probability of calling any shift common, or the sum of the fits significant, by chance."""
+
+
+def tolerances_of(mechanism: Mechanism, terms: Sequence[str] | None) -> dict[str, float]:
+    """Tolerances by term: those that are identified, and all others with an `sd`.
+
+    Raises
+    ------
+    InputError
+        A term has no tolerance: without one, what devices tell weakly is named as a design error.
+    """
+    model = mechanism.to_dict().get("model", {})
+    sd = dict(model.get("sd", {}))
+    asked = list(terms if terms is not None else model.get("terms", ("offset", "gain")))
+    found = {
+        term: sd.get(term.split("@")[0]) for term in [*asked, *(t for t in sd if t not in asked)]
+    }
+    without = [term for term, value in found.items() if value is None]
+    if without:
+        listed = ", ".join(f"{term} = …" for term in without)
+        raise InputError(
+            f"--population: found no tolerance of {', '.join(without)} in the mechanism, expected "
+            f"the sd of the drawing: [model] sd = {{{listed}}}"
+        )
+    return {term: value for term, value in found.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class ShareJob:
+    """What each device of a partition tells of the population; travels to the workers."""
+
+    mechanism: Mechanism
+    by: str
+    expected: Mapping[str, Any]
+    """`centre` and `parameters`, as the core takes them."""
+    terms: Sequence[str]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """`closures` and `noise` of `calibrate_devices`."""
+
+    def __call__(self, partition: Partition) -> Rows:
+        """Shares of the devices of a partition; a text where one tells nothing."""
+        if not len(partition.frame[self.by]):
+            return self.refuse(dict(partition.refused))
+        try:
+            devices = devices_of(partition.frame, partition.rest, self.mechanism, self.by)
+        except InputError as error:
+            if not partition.apart:
+                raise
+            refused = dict.fromkeys(partition.frame[self.by], error.message)
+            return self.refuse(refused | dict(partition.refused))
+        usable = [one for one in devices if one.refused is None]
+        found = _core.shares(
+            self.mechanism,
+            [one.table for one in usable],
+            [one.rest for one in usable],
+            list(self.terms),
+            self.expected,
+            closures=names("closures", self.options.get("closures")),
+            noise=noise_of_channels(self.options.get("noise"), self.mechanism),
+        )
+        refused = {one.label: one.refused for one in devices if one.refused is not None}
+        rows = self.refuse(refused | dict(partition.refused))
+        labels = [one.label for one in usable]
+        return {self.by: [*labels, *rows[self.by]], "share": [*found, *rows["share"]]}
+
+    def refuse(self, refused: Mapping[Any, str]) -> Rows:
+        """Rows of devices that tell nothing."""
+        return {self.by: list(refused), "share": list(refused.values())}
+
+
+def joint(
+    mechanism: Mechanism,
+    by: str,
+    tolerances: Mapping[str, float],
+    options: Mapping[str, Any],
+    run: Run,
+) -> tuple[dict[str, Any], Rows]:
+    """What the devices share, as `population.json` has it, and a row for each of them."""
+    centre = _core.centre_of_population(mechanism)
+    expected = {"centre": centre, "parameters": list(_drawn(tolerances))}
+    found: dict[str, Any] = {}
+    devices: list[tuple[Any, Any]] = []
+    with_others: list[Any] = []
+    told: Mapping[str, Any] = {}
+    for _ in range(ROUNDS):
+        job = ShareJob(mechanism, by, expected, list(tolerances), options)
+        rows = [pair for _, part in run(job) for pair in zip(part[by], part["share"], strict=True)]
+        devices = sorted((d for d in rows if not isinstance(d[1], str)), key=lambda d: str(d[0]))
+        if len(devices) < 2:
+            why = next((share for _, share in rows if isinstance(share, str)), "no device")
+            raise InputError(
+                f"--population: found {len(devices)} devices ({why}), expected several"
+            )
+        told = devices[0][1]
+        own = [tolerances[_term(p, tolerances)] for p in told["parameters"]]
+        found, with_others = _core.population([share for _, share in devices], own)
+        expected = {"centre": centre, "parameters": list(_common(found))}
+    found["outliers"] = [devices[k][0] for k in found["outliers"]]
+    head: dict[str, Any] = {
+        "format": FORMAT,
+        "version": _core.__version__,
+        "mechanism": mechanism.name,
+    }
+    head |= {"length_unit": mechanism.length_unit, "terms": list(tolerances), "centre": centre}
+    return head | found, _rows(by, told, [label for label, _ in devices], with_others)
+
+
+def _drawn(tolerances: Mapping[str, float]) -> Iterator[tuple[str, str | None, None, float, float]]:
+    """What the drawing says: nothing is off, within the tolerances."""
+    for spec, sd in tolerances.items():
+        term, _, target = spec.partition("@")
+        yield term, target or None, None, 0.0, sd
+
+
+def _common(found: Mapping[str, Any]) -> Iterator[tuple[str, str, str, float, float]]:
+    """What the fleet says of one of its devices."""
+    for p in found["parameters"]:
+        yield p["term"], p["target"], p["name"], p["shift"], p["between"]
+
+
+def _term(parameter: Sequence[str], tolerances: Mapping[str, float]) -> str:
+    term, target = parameter[:2]
+    own = f"{term}@{target}"
+    return own if own in tolerances else term
+
+
+def _rows(by: str, told: Mapping[str, Any], labels: list[Any], with_others: list[Any]) -> Rows:
+    """Corrections of the drawing of each device with what the others tell; None for outliers."""
+    rows: Rows = {by: labels}
+    for k, (term, target, name, _) in enumerate(told["parameters"]):
+        key = f"{term}@{target}" if name == term else f"{term}@{target}.{name}"
+        rows[key] = [one[k][0] if one else None for one in with_others]
+        rows[f"{key}_sd"] = [one[k][1] if one else None for one in with_others]
+    return rows
+
+
+def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[str, Any]:
+    """What the rows of a fleet tell of it as a whole, without a joint estimate.
+
+    Parameters
+    ----------
+    rows : mapping of str to list
+        Columns of `fleet.parquet`.
+    mechanism : Mechanism
+        The drawing that parameters are compared with.
+
+    Returns
+    -------
+    dict
+        `summed`: the tests of fit of all devices together, or None; `shifts`: distance of each
+        parameter from the drawing, in its unit, with the half width of an interval of 95 %.
+    """
+    fits = zip(rows["chi2"], rows["dof"], rows["p_value"], strict=True)
+    known = [fit for fit in fits if None not in fit and np.isfinite(fit).all()]
+    shifts = []
+    for name in [n for n in rows if f"{n}_sd" in rows]:
+        drawn = _value_drawn(name, mechanism)
+        pairs = zip(rows[name], rows[f"{name}_sd"], strict=True)
+        off = [(value - drawn, sd) for value, sd in pairs if value is not None and sd is not None]
+        found = _core.common_shift(off)
+        if found is not None:
+            shifts.append({"parameter": name, **found})
+    limit = LEVEL / max(len(shifts), 1)
+    for one in shifts:
+        one["common"] = one["p_value"] < limit
+    return {"summed": _core.summed(known), "shifts": shifts}
+
+
+def _value_drawn(name: str, mechanism: Mechanism) -> float:
+    """What the drawing says of a parameter: absolute for offsets and gains, else nothing."""
+    term, _, target = name.partition("@")
+    for channel in mechanism.channels:
+        if channel.name == target and term in ("offset", "gain"):
+            return float(getattr(channel, term))
+    return 0.0
+
+
+def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[str]:
+    """The first line in words: what the fleet has in common."""
+    lines = []
+    summed = first["summed"]
+    if summed is not None:
+        ratio = summed["chi2"] / summed["dof"]
+        what = f"χ² is {ratio:.3f} times its degrees of freedom over {summed['devices']} devices"
+        if summed["p_value"] < LEVEL:
+            lines.append(
+                f"Together the devices do not fit: {what} (p = {summed['p_value']:.1g}). "
+                "They lack the same effect, even if none of them alone shows it."
+            )
+        else:
+            lines.append(f"Together the devices fit: {what} (p = {summed['p_value']:.2g}).")
+    if found is None:
+        shifted = sorted((s for s in first["shifts"] if s["common"]), key=lambda s: s["p_value"])
+        for s in shifted[:3]:
+            value, half = f"{s['value']:+.4g}", f"{s['half']:.2g}"
+            lines.append(f"{s['parameter']} is {value} ± {half} from the drawing in all devices.")
+        return lines
+    for one in found["design"]:
+        value, half = f"{one['value']:+.4g}", f"{1.96 * one['sd']:.2g}"
+        other = f" (or {', '.join(one['also_fits'][:3])})" if one["also_fits"] else ""
+        lines.append(
+            f"The drawing is wrong: {one['term']} of {one['target']} by {value} ± {half} "
+            f"{one['unit']}{other}."
+        )
+    if not found["design"]:
+        lines.append("No error of the drawing stands out.")
+    if found["outliers"]:
+        listed = ", ".join(map(str, found["outliers"][:5]))
+        lines.append(f"{len(found['outliers'])} devices are unlike the others: {listed}.")
+    return lines

@@ -1,0 +1,57 @@
+"""A population as a prior of one more of its devices."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from rsicalib._core import Mechanism
+from rsicalib.errors import InputError
+
+__all__ = ["FORMAT", "PopulationArg", "expected_of", "read_population"]
+
+FORMAT = "rsicalib.population/1"
+
+PopulationArg: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]
+"""A `population.json`, or what stands in it."""
+
+
+def read_population(population: PopulationArg, mechanism: Mechanism) -> dict[str, Any]:
+    """What `fleet --population` has found of a mechanism.
+
+    Raises
+    ------
+    InputError
+        It is no such file, or of another mechanism.
+    """
+    where = "population" if isinstance(population, Mapping) else str(population)
+    try:
+        if isinstance(population, Mapping):
+            found: Any = dict(population)
+        else:
+            found = json.loads(Path(population).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError.at(where, found=f"no JSON ({error})", expected="population.json") from None
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise InputError.at(where, found="another format", expected=FORMAT)
+    if found.get("mechanism") != mechanism.name:
+        own = f"devices of {found.get('mechanism')!r}"
+        raise InputError.at(where, found=own, expected=f"of {mechanism.name!r}")
+    return found
+
+
+def expected_of(population: Mapping[str, Any]) -> dict[str, Any]:
+    """What it expects of a device: the common shift, what is not known of it, and the spread."""
+    try:
+        parameters = [
+            (p["term"], p["target"], p["name"], p["shift"], math.hypot(p["between"], p["sd"]))
+            for p in population["parameters"]
+        ]
+        return {"centre": list(population["centre"]), "parameters": parameters}
+    except (KeyError, TypeError) as error:
+        found = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"population: found {found}, expected {FORMAT}") from None

@@ -1,0 +1,1 @@
+"""Fleets of devices of one design, with a known error of the drawing."""

@@ -1,0 +1,242 @@
+"""What devices of one design share."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+import rsicalib
+from rsicalib import InputError, _core
+from tests.oracle import Array
+from tests.population.__main__ import mechanism
+from tests.population.production import Production, frame, readings
+
+pa = pytest.importorskip("pyarrow")
+parquet = pytest.importorskip("pyarrow.parquet")
+
+TOLERANCE = np.array([0.5, 0.5, 2.0, 2.0])
+"""Of four parameters of two terms."""
+PARAMETERS = [("p", "a", "p", "rad"), ("p", "b", "p", "rad"), ("q", "a", "q", "in")]
+PARAMETERS += [("q", "b", "q", "in")]
+CANDIDATES = [(t, target, name, [k]) for k, (t, target, name, _) in enumerate(PARAMETERS)]
+CANDIDATES += [("p", None, "p", [0, 1]), ("q", None, "q", [2, 3])]
+
+
+def share(information: Array, told: Array) -> dict[str, Any]:
+    """What a device tells, as the core takes it."""
+    own = {"parameters": PARAMETERS, "candidates": CANDIDATES}
+    return {"information": information, "told": told, **own}
+
+
+def linear_fleet(
+    rng: np.random.Generator, devices: int, shift: Array, between: Array
+) -> tuple[list[Array], list[Array]]:
+    """`X` and `y` of devices with linear readings of unit noise, ten each."""
+    columns, values = [], []
+    for _ in range(devices):
+        x = rng.standard_normal((10, 4)) @ np.diag([3.0, 3.0, 1.0, 1.0])
+        x[:, 1] += 0.8 * x[:, 0]
+        beta = shift + between * rng.standard_normal(4)
+        columns.append(x)
+        values.append(x @ beta + rng.standard_normal(10))
+    return columns, values
+
+
+def solved(columns: list[Array], values: list[Array]) -> tuple[dict[str, Any], list[Any]]:
+    """The core's answer."""
+    shares = [share(x.T @ x, x.T @ y) for x, y in zip(columns, values, strict=True)]
+    found, with_others = _core.population(shares, TOLERANCE.tolist())
+    return found, with_others
+
+
+def test_the_joint_estimate_is_that_of_one_large_regression() -> None:
+    rng = np.random.default_rng(1)
+    columns, values = linear_fleet(rng, 12, np.array([0.3, 0.0, -1.0, 0.0]), np.full(4, 0.3))
+    found, with_others = solved(columns, values)
+    shift = np.array([p["shift"] for p in found["parameters"]])
+    sd = np.array([p["sd"] for p in found["parameters"]])
+    between = np.array([p["between"] for p in found["parameters"]])
+
+    # Witness: all parameters of all devices and the shift in one least-squares problem, with a row
+    # for each reading, each deviation from the shift, and each tolerance.
+    n = 4 * len(columns) + 4
+    rows, right = [], []
+    for d, (x, y) in enumerate(zip(columns, values, strict=True)):
+        block = np.zeros((10, n))
+        block[:, 4 + 4 * d : 8 + 4 * d] = x
+        rows.append(block)
+        right.append(y)
+        apart = np.zeros((4, n))
+        apart[:, 4 + 4 * d : 8 + 4 * d] = np.diag(1.0 / between)
+        apart[:, :4] = -np.diag(1.0 / between)
+        rows.append(apart)
+        right.append(np.zeros(4))
+    drawn = np.zeros((4, n))
+    drawn[:, :4] = np.diag(1.0 / TOLERANCE)
+    a, b = np.vstack([*rows, drawn]), np.concatenate([*right, np.zeros(4)])
+    covariance = np.linalg.inv(a.T @ a)
+    x = covariance @ (a.T @ b)
+    deviation = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(shift, x[:4], rtol=1e-8)
+    np.testing.assert_allclose(sd, deviation[:4], rtol=1e-8)
+    own = np.array(with_others)
+    np.testing.assert_allclose(own[:, :, 0].ravel(), x[4:], rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(own[:, :, 1].ravel(), deviation[4:], rtol=1e-7)
+
+
+def test_the_spread_between_devices_has_the_largest_restricted_likelihood() -> None:
+    rng = np.random.default_rng(2)
+    columns, values = linear_fleet(rng, 8, np.zeros(4), np.array([0.3, 0.3, 1.0, 1.0]))
+    found, _ = solved(columns, values)
+    between = [found["parameters"][k]["between"] for k in (0, 2)]
+
+    def cost(ln: Array) -> float:
+        # Witness: the density of the readings, shift integrated with its tolerance.
+        t = np.exp(2 * np.repeat(ln, 2))
+        y = np.concatenate(values)
+        x = np.vstack(columns)
+        v = np.eye(len(y)) + x @ np.diag(TOLERANCE**2) @ x.T
+        for d, own in enumerate(columns):
+            at = slice(10 * d, 10 * d + 10)
+            v[at, at] += own @ np.diag(t) @ own.T
+        return float(np.linalg.slogdet(v)[1] + y @ np.linalg.solve(v, y))
+
+    best = optimize.minimize(cost, np.log([0.3, 1.0]), method="Nelder-Mead", tol=1e-8)
+    # Rounds end where a variance changes by 1e-4: the deviation by less than 1e-3 of itself.
+    np.testing.assert_allclose(between, np.exp(best.x), rtol=1e-3)
+
+
+def test_fleets_without_an_error_of_the_drawing_name_none_and_bounds_hold() -> None:
+    rng = np.random.default_rng(3)
+    false, inside, z2 = 0, 0, 0.0
+    fleets = 150
+    for _ in range(fleets):
+        columns, values = linear_fleet(rng, 25, np.zeros(4), np.array([0.3, 0.3, 0.5, 0.5]))
+        found, _ = solved(columns, values)
+        false += bool(found["design"])
+        for p in found["parameters"]:
+            inside += abs(p["shift"]) < 1.96 * p["sd"]
+            z2 += (p["shift"] / p["sd"]) ** 2
+    # 1.5 are expected, more than 6 come in one run of 700; 95 % of 600 ± 5.3.
+    assert false <= 6
+    assert abs(inside - 570) < 4 * 5.3
+    assert z2 / (4 * fleets) == pytest.approx(1.0, abs=4 * np.sqrt(2 / (4 * fleets)))
+
+
+def test_an_error_of_the_drawing_is_named_with_its_size() -> None:
+    rng = np.random.default_rng(4)
+    columns, values = linear_fleet(rng, 40, np.array([0.0, 0.0, 0.6, 0.6]), np.full(4, 0.2))
+    found, _ = solved(columns, values)
+    (one,) = found["design"]
+    assert (one["term"], one["target"]) == ("q", "all")
+    assert abs(one["value"] - 0.6) < 3 * one["sd"] < 0.3
+
+
+def test_a_device_unlike_the_others_is_left_out_and_keeps_its_own() -> None:
+    rng = np.random.default_rng(5)
+    columns, values = linear_fleet(rng, 20, np.zeros(4), np.full(4, 0.1))
+    values[7] += columns[7] @ np.array([4.0, 0.0, 0.0, 0.0])
+    found, with_others = solved(columns, values)
+    assert found["outliers"] == [7] and found["devices"] == 19
+    assert with_others[7] == [] and all(len(one) == 4 for one in with_others[:7])
+
+
+def test_common_shifts_have_bounds_that_hold() -> None:
+    rng = np.random.default_rng(6)
+    inside = false = 0
+    for _ in range(2000):
+        sd = rng.uniform(0.5, 2.0, 12)
+        # Stated deviations are half of the true ones: what a spread of devices shows.
+        off = 0.7 + np.hypot(2 * sd, 1.0) * rng.standard_normal(12)
+        one = _core.common_shift(list(zip(off, sd, strict=True)))
+        assert one is not None
+        inside += abs(one["value"] - 0.7) < one["half"]
+    assert abs(inside / 2000 - 0.95) < 4 * 0.005
+    for _ in range(2000):
+        sd = rng.uniform(0.5, 2.0, 12)
+        one = _core.common_shift(list(zip(sd * rng.standard_normal(12), sd, strict=True)))
+        assert one is not None
+        false += one["p_value"] < 0.05
+    # Without a spread between devices the bound is as wide or wider.
+    assert false / 2000 < 0.05 + 4 * 0.005
+    assert _core.common_shift([(1.0, 1.0), (2.0, 1.0)]) is None
+
+
+def test_the_sum_of_the_fits_needs_more_than_one_per_cent_of_noise() -> None:
+    rng = np.random.default_rng(7)
+
+    def fleet(factor: float) -> dict[str, Any]:
+        # F of 60 and 300 degrees of freedom: noise that each device estimates itself.
+        f = factor * rng.f(60, 300, 2000)
+        fits = zip(60 * f, stats.f.sf(f, 60, 300), strict=True)
+        found = _core.summed([(chi2, 60.0, p) for chi2, p in fits])
+        assert found is not None
+        return found
+
+    sound = [fleet(1.0) for _ in range(20)]
+    assert all(one["p_value"] > 0.01 for one in sound)
+    assert all(fleet(1.02)["p_value"] > 1e-3 for _ in range(20))
+    assert fleet(1.08)["p_value"] < 1e-6
+    assert sound[0]["devices"] == 2000 and sound[0]["dof"] == 120_000
+    assert _core.summed([(1.0, 1.0, 0.5)]) is None
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, rsicalib.Fleet]:
+    """A fleet whose forearms are all too long."""
+    place = tmp_path_factory.mktemp("fleet")
+    partition, _ = frame(Production(length=0.0005, design={"length@4": 0.04}), 12, 1, poses=16)
+    parquet.write_table(pa.table(dict(partition.frame)), place / "readings.parquet")
+    (place / "rsi.toml").write_text(mechanism().to_toml(), encoding="utf-8")
+    out = place / "out"
+    found = rsicalib.fleet(
+        place / "readings.parquet", place / "rsi.toml", out=out, trace=False, population=True
+    )
+    return out, found
+
+
+def test_the_forearm_of_a_fleet_is_named_on_page_and_in_json(
+    fleet: tuple[Path, rsicalib.Fleet],
+) -> None:
+    out, found = fleet
+    saved = json.loads((out / "population.json").read_text())
+    assert saved["format"] == "rsicalib.population/1" and saved["devices"] == 12
+    (one,) = saved["design"]
+    assert one["term"] == "link_length" and one["target"] == "each/4"
+    assert abs(one["value"] - 0.04) < 4 * one["sd"] < 0.04
+    page = (out / "fleet.html").read_text()
+    assert "The drawing is wrong: link_length of each/4" in page
+    assert found.to_dict()["summed"]["devices"] == 12
+    assert found.to_dict()["population"]["design"] == saved["design"]
+    rows = parquet.read_table(out / "population.parquet").to_pydict()
+    assert len(rows["device"]) == 12 and len(rows) == 1 + 2 * 30
+
+
+def test_a_population_is_a_prior_of_the_next_device(
+    fleet: tuple[Path, rsicalib.Fleet],
+) -> None:
+    out, _ = fleet
+    rng = np.random.default_rng(9)
+    production = Production(length=0.0005, design={"length@4": 0.04})
+    few = readings(production.device(rng), rng, 6, 4).reshape(-1, 9)
+    session = rsicalib.Readings.from_arrays(mechanism(), few, pose=np.repeat(np.arange(6), 4))
+    own = rsicalib.calibrate(session, mechanism())
+    prior = rsicalib.calibrate(session, mechanism(), population=out / "population.json")
+    sd = {p.spec: p.sd for p in own.parameters}
+    with_prior = {p.spec: p for p in prior.parameters}
+    assert with_prior["link_length@arm1/4"].value == pytest.approx(0.04, abs=0.02)
+    for name in ("gain@a11", "gain@a22", "gain@a33"):
+        narrow, wide = with_prior[name].sd, sd[name]
+        assert narrow is not None and wide is not None and narrow < wide
+    with pytest.raises(InputError, match=r"rsicalib\.population/1"):
+        rsicalib.calibrate(session, mechanism(), population={"format": "rsicalib.fleet/1"})
+
+
+def test_tolerances_of_the_drawing_are_required(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"tolerance of offset, gain.*\[model\] sd"):
+        rsicalib.fleet(tmp_path, "rsi", out=tmp_path / "out", population=True)
