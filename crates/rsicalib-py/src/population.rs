@@ -14,14 +14,19 @@ use crate::mechanism::PyMechanism;
 use crate::observations::{PyTable, fit_options};
 use crate::threads::work;
 
-/// What is expected of parameters: the readings at which offsets are meant, and
-/// (term, target, name, mean, sd) of each parameter.
+/// Term, target, name, mean and standard deviation of what is expected of a parameter.
+type PyExpectation = (String, Option<String>, Option<String>, f64, f64);
+
+/// Value and standard deviation of each parameter.
+type Values = Vec<(f64, f64)>;
+
+/// What is expected of parameters, and the readings at which offsets are meant.
 #[derive(FromPyObject)]
 pub struct PyExpected {
     #[pyo3(item)]
     centre: Vec<f64>,
     #[pyo3(item)]
-    parameters: Vec<(String, Option<String>, Option<String>, f64, f64)>,
+    parameters: Vec<PyExpectation>,
 }
 
 impl From<PyExpected> for Expected {
@@ -145,7 +150,7 @@ pub fn population<'py>(
     py: Python<'py>,
     shares: Vec<PyShare<'py>>,
     tolerances: Vec<f64>,
-) -> PyResult<(Bound<'py, PyAny>, Vec<Vec<(f64, f64)>>)> {
+) -> PyResult<(Bound<'py, PyAny>, Vec<Values>)> {
     let shares: Vec<Share> = shares.iter().map(Share::from).collect();
     let n = tolerances.len();
     let alike = |s: &Share| s.told.len() == n && s.information.len() == n * n;
