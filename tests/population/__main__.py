@@ -21,7 +21,7 @@ from rsicalib.fleets.population import first_line, joint
 from tests import oracle
 from tests.blind.geometry import Geometry, forward_arm, inverse
 from tests.oracle import Array
-from tests.population.production import MIDDLE, TOLERANCES, Production, frame
+from tests.population.production import MIDDLE, TOLERANCES, Production, clear, frame
 
 LOOSE = {"offset": 0.04, "gain": 0.02, "length": 0.002}
 FOREARM = 0.006 * oracle.L3
@@ -54,8 +54,7 @@ def handle_error(rows: dict[str, Any], made: list[Any], rng: np.random.Generator
     squares = []
     for k, (middle, gain, geometry) in enumerate(made):
         pose = rng.uniform(low, high, (60, 6))
-        drawn = oracle.rsi_inverse(pose)
-        pose = pose[np.isfinite(drawn).all(axis=(1, 2)) & (drawn[:, :, 1] < -0.35).all(axis=1)]
+        pose = pose[clear(oracle.rsi_inverse(pose))]
         true = inverse(geometry, pose).reshape(-1, 9)
         counts = (true - middle) / gain
         if rows[f"offset@{names[0]}"][k] is None:

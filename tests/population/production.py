@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rsicalib.fleets.dataset import Partition
 from tests import oracle
@@ -66,6 +67,15 @@ class Production:
         return middle, gains, geometry
 
 
+def clear(drawn: Array) -> npt.NDArray[np.bool_]:
+    """Which angles of the drawing (n, 3, 3) keep clear of straight elbows and sideways forearms.
+
+    There an arm as built could not follow.
+    """
+    within = (drawn[:, :, 1] > -2.6) & (drawn[:, :, 1] < -0.6) & (np.abs(drawn[:, :, 2]) < 1.0)
+    return np.isfinite(drawn).all(axis=(1, 2)) & within.all(axis=1)
+
+
 def readings(
     device: tuple[Array, Array, Geometry],
     rng: np.random.Generator,
@@ -80,9 +90,7 @@ def readings(
     while len(exact) < poses:
         pose = rng.uniform(low, high, (4 * poses, 6))
         drawn = oracle.rsi_inverse(pose)
-        # Joints keep clear of straight, where an arm as built could not follow.
-        reached = np.isfinite(drawn).all(axis=(1, 2)) & (drawn[:, :, 1] < -0.35).all(axis=1)
-        angles = inverse(geometry, pose[reached]).reshape(-1, 9)
+        angles = inverse(geometry, pose[clear(drawn)]).reshape(-1, 9)
         counts = (angles - middle) / gains + MIDDLE
         within = (counts > 30).all(axis=1) & (counts < 4065).all(axis=1)
         exact = np.vstack([exact, counts[within]])
