@@ -1,7 +1,7 @@
-"""Write `docs/formats.md` and the schema of mechanism files: `python -m scripts.make_formats`.
+"""Write `docs/formats.md` and schemas of files and documents: `python -m scripts.make_formats`.
 
 Keys, types and meanings are those of the core (mechanisms and results), of the columns that
-readings may have, and of the docstrings of the other documents; a test compares.
+readings may have, and of the classes of the other documents; a test compares.
 """
 
 from __future__ import annotations
@@ -16,13 +16,11 @@ from rsicalib import _core
 from rsicalib.io.cells import COLUMNS
 from rsicalib.io.files import write_text
 from rsicalib.io.mechanisms import URDF_KEYS
-from rsicalib.plans import Bound, Forecast, Hidden, Plan, Spread, WorstHidden
-from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
-from rsicalib.supposing import SupposedEffect, SupposedParameter, Supposition
+from scripts import declared
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "formats.md"
-SCHEMA = ROOT / "python" / "rsicalib" / "schema" / "mechanism.json"
+SCHEMAS = ROOT / "python" / "rsicalib" / "schema"
 
 SECTIONS = {
     "Mechanism": ("The whole file", ""),
@@ -41,13 +39,6 @@ SECTIONS = {
     "OwnTerm": ("`[[term]]`: a law of your own", "term"),
 }
 """Types of a mechanism file in the order of the page, with their headings."""
-
-OTHERS = {
-    "rsicalib.plan/1": (Plan, Bound, Forecast, Spread, Hidden, WorstHidden),
-    "rsicalib.supposition/1": (Supposition, SupposedEffect, SupposedParameter),
-    "rsicalib.paper/1": (Paper, Table, Row, Cell, Misprint),
-}
-"""Documents whose keys are those of classes."""
 
 BY_HAND = {
     "rsicalib.poses/1": {
@@ -169,11 +160,7 @@ def text() -> str:
     parts += [RESULTS, *results()]
     for name, keys in BY_HAND.items():
         parts += [f"### `{name}`\n\n", keys_table(keys), "\n"]
-    for name, classes in OTHERS.items():
-        parts += [f"### `{name}`\n\n"]
-        parts += [keys_table(documented(name)), "\n"]
-        for cls in classes[1:]:
-            parts += [f"`{cls.__name__}`: {_sentence(cls)}\n\n", keys_table(_attributes(cls)), "\n"]
+    parts += documents()
     return "".join(parts).rstrip() + "\n"
 
 
@@ -202,6 +189,17 @@ def results() -> Iterator[str]:
                 yield schema_table(definition, schema["$defs"]) + "\n"
 
 
+def documents() -> Iterator[str]:
+    """Tables of the keys of the documents that classes hold."""
+    for name in declared.DOCUMENTS:
+        schema = declared.schema(name)
+        yield f"### `{name}`\n\n{schema['description']}\n\n"
+        yield schema_table(schema, schema["$defs"]) + "\n"
+        for kind, definition in schema["$defs"].items():
+            yield f"#### {kind} of `{name}`\n\n{definition['description']}\n\n"
+            yield schema_table(definition, schema["$defs"]) + "\n"
+
+
 def schema_table(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:
     """A table of the keys of one type."""
     needed = set(schema.get("required", ()))
@@ -222,6 +220,8 @@ def keys_table(keys: Mapping[str, str]) -> str:
 
 def _kind(value: Mapping[str, Any], types: Mapping[str, Any]) -> str:
     """A type in words."""
+    if "title" in value:
+        return str(value["title"])
     if "$ref" in value:
         name = value["$ref"].rpartition("/")[2]
         found = types.get(name, {})
@@ -280,33 +280,21 @@ def _prose(doc: str) -> str:
     return "".join(parts).strip()
 
 
-def _sentence(cls: type) -> str:
-    return (cls.__doc__ or "").strip().split("\n\n")[0]
-
-
-def _attributes(cls: type) -> dict[str, str]:
-    """Keys and their words, from the section Attributes of a docstring."""
-    doc = re.sub(r"^ {4}", "", cls.__doc__ or "", flags=re.M)
-    _, _, section = doc.partition("Attributes\n----------\n")
-    found: dict[str, str] = {}
-    for names, words in re.findall(r"^(\S[^:\n]*?) :[^\n]*\n((?:    .*\n?)+)", section, re.M):
-        for name in names.split(","):
-            found[name.strip()] = " ".join(words.split())
-    return found
-
-
-def documented(name: str) -> dict[str, str]:
-    """Keys of a document that is no result, with those that a command adds."""
-    if name in BY_HAND:
-        return BY_HAND[name]
-    head = {"format": f"`{name}`.", "version": "Version of the program."}
-    return head | _attributes(OTHERS[name][0])
+def documented(name: str) -> Iterable[str]:
+    """Keys of a document that is no result."""
+    return BY_HAND[name] if name in BY_HAND else declared.schema(name)["properties"]
 
 
 def files() -> dict[Path, str]:
     """Everything that is written, by path."""
-    schema = json.loads(_core.mechanism_schema())
-    return {PAGE: text(), SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n"}
+    schemas = {"mechanism": json.loads(_core.mechanism_schema())}
+    for name in declared.DOCUMENTS:
+        schemas[name.removeprefix("rsicalib.").replace("/", "-")] = declared.schema(name)
+    written = {
+        SCHEMAS / f"{stem}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+        for stem, schema in schemas.items()
+    }
+    return {PAGE: text(), **written}
 
 
 def main(paths: Iterable[tuple[Path, str]]) -> None:

@@ -42,68 +42,47 @@ MEANING = {
 
 @dataclass(frozen=True)
 class Measures(Record):
-    """Measures of the singular values `s` of the Jacobian (12) under one scaling.
-
-    Attributes
-    ----------
-    scaling : str
-        Name of the scaling.
-    o1 : float
-        Geometric mean of `s` over √rows (Borm & Menq 1991).
-    o2 : float
-        Smallest over largest (Driels & Pathre 1990): the inverse condition number.
-    o3 : float
-        Smallest (Nahvi, Hollerbach & Hayward 1994).
-    o4 : float
-        Smallest squared over largest (Nahvi & Hollerbach 1996).
-    o5 : float
-        `1 / Σ 1/s²` (Sun & Hollerbach 2008).
-    condition : float
-        Largest over smallest.
-    singular_values : tuple of float
-        Largest first.
-    """
+    """Measures of the singular values `s` of the Jacobian (12) under one scaling."""
 
     scaling: str
+    """Name of the scaling."""
     o1: float
+    """Geometric mean of `s` over √rows (Borm & Menq 1991)."""
     o2: float
+    """Smallest over largest (Driels & Pathre 1990): the inverse condition number."""
     o3: float
+    """Smallest (Nahvi, Hollerbach & Hayward 1994)."""
     o4: float
+    """Smallest squared over largest (Nahvi & Hollerbach 1996)."""
     o5: float
+    """`1 / Σ 1/s²` (Sun & Hollerbach 2008)."""
     condition: float
+    """Largest over smallest."""
     singular_values: tuple[float, ...]
+    """Largest first."""
 
 
 @dataclass(frozen=True, repr=False)
 class Observability(Tabular, Record):
-    """What poses can tell of the paper's parameters.
-
-    Attributes
-    ----------
-    samples : int
-        Rows of readings that took part.
-    scalings : tuple of Measures
-        One for each scaling.
-    offset_sd, gain_sd : ndarray, shape (C,)
-        Cramér-Rao bound for one unit of noise per reading: rad, rad/reading; NaN where these
-        poses cannot tell.
-    unobservable : tuple of str
-        Directions in the space of parameters that the poses cannot determine, in words.
-    weak : tuple of str
-        Directions that the poses determine badly, for one unit of noise per reading.
-    channels : tuple of str
-        Names of the `C` channels; not in the JSON.
-    """
+    """What poses can tell of the paper's parameters."""
 
     ROWS: ClassVar[str | None] = "channel"
 
     samples: int
+    """Rows of readings that took part."""
     scalings: tuple[Measures, ...]
+    """One for each scaling."""
     offset_sd: FloatArray
+    """Cramér-Rao bound of the offsets for one unit of noise per reading [rad], shape (C,); NaN
+    where these poses cannot tell."""
     gain_sd: FloatArray
+    """The same of the gains [rad/reading]."""
     unobservable: tuple[str, ...]
+    """Directions in the space of parameters that the poses cannot determine, in words."""
     weak: tuple[str, ...]
+    """Directions that the poses determine badly, for one unit of noise per reading."""
     channels: tuple[str, ...] = field(default=(), metadata=NOT_WRITTEN)
+    """Names of the `C` channels; not in the JSON."""
 
     def __getitem__(self, scaling: str) -> Measures:
         """The measures under one scaling."""

@@ -28,24 +28,16 @@ POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Bound(Record):
-    """The least uncertainty that any unbiased estimate from these poses can have.
-
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of one reading that it is for; it grows in proportion.
-    offset_sd : ndarray, shape (C,)
-        Bound of the offsets, at reading zero [rad]; NaN where the poses do not determine it.
-    gain_sd : ndarray, shape (C,)
-        Bound of the gains [rad/reading].
-    joint_sd : ndarray, shape (C,)
-        Bound of the joint coordinates, root mean square over the poses [rad].
-    """
+    """The least uncertainty that any unbiased estimate from these poses can have."""
 
     noise: float
+    """Standard deviation of one reading that it is for; it grows in proportion."""
     offset_sd: FloatArray
+    """Bound of the offsets, at reading zero [rad]; NaN where the poses do not determine it."""
     gain_sd: FloatArray
+    """Bound of the gains [rad/reading]."""
     joint_sd: FloatArray
+    """Bound of the joint coordinates, root mean square over the poses [rad]."""
 
     @property
     def offset_rms(self) -> float:
@@ -68,7 +60,9 @@ class Spread(Record):
     """Standard deviation of the platform before and after a plan."""
 
     before: Rms
+    """Now."""
     after: Rms
+    """With the poses of the plan."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +70,11 @@ class WorstHidden(Record):
     """An absent effect, and what it does to the platform at the size that just shows."""
 
     term: str
+    """Id of the term."""
     target: str
+    """What it acts on."""
     platform_rms: Rms
+    """What it does to the platform [length unit, rad]."""
 
 
 @dataclass(frozen=True)
@@ -85,89 +82,65 @@ class Hidden(Record):
     """The worst effect that could be there unseen, before and after a plan."""
 
     before: WorstHidden | None
+    """Now; None where nothing can hide."""
     after: WorstHidden | None
+    """With the poses of the plan."""
 
 
 @dataclass(frozen=True)
 class Forecast(Record):
-    """What is to be expected of a plan.
-
-    Attributes
-    ----------
-    decides : float or None
-        Probability that the right explanation is decided for; None where nothing is open.
-    least_lambda : float or None
-        By how much χ² of a wrong explanation is expected to grow beyond that of the right one, the
-        least of all pairs.
-    platform_sd : Spread or None
-        Standard deviation of the platform over the workspace by the parameters, of the carried
-        point without a platform. What no pose could show is held; None inside where the readings
-        do not show something that matters there.
-    worst_hidden : Hidden
-        The worst effect that could be there unseen.
-    """
+    """What is to be expected of a plan."""
 
     decides: float | None
+    """Probability that the right explanation is decided for; None where nothing is open."""
     least_lambda: float | None
+    """By how much χ² of a wrong explanation is expected to grow beyond that of the right one, the
+    least of all pairs."""
     platform_sd: Spread | None
+    """Standard deviation of the platform over the workspace by the parameters, of the carried
+    point without a platform. What no pose could show is held; None inside where the readings do
+    not show something that matters there."""
     worst_hidden: Hidden
+    """The worst effect that could be there unseen."""
 
 
 @dataclass(frozen=True, repr=False)
 class Plan(Tabular, Record):
-    """Poses to visit.
-
-    Attributes
-    ----------
-    mechanism, length_unit : str
-        Name of the mechanism, and the unit of x, y, z.
-    criterion : str
-        Criterion that was minimised.
-    seed : int
-        Seed of the candidates.
-    channels : tuple of str
-        Names of the columns of `readings`.
-    poses : ndarray, shape (n, 6)
-        `x y z` [length unit], `rx ry rz` [rad], in the order of the visits; shape (0, 6) without a
-        platform.
-    readings : ndarray, shape (n, C)
-        What the channels should read there, about.
-    why : tuple of str
-        What each pose is visited for.
-    bound : Bound or None
-        Bound with these poses and those visited already, by the offsets and gains alone.
-    before : Bound or None
-        Bound with only the poses visited already.
-    keys : dict of str to tuple of str
-        Columns that tell unknown points apart: `group`, `at`.
-    waits : tuple of float
-        Pause before each pose, as a share of the session; empty where none is planned.
-    first : int
-        Label of the first pose.
-    merged : tuple of str
-        Explanations that no pose tells apart, in words.
-    forecast : Forecast or None
-        What is to be expected, beside a result.
-    advice : tuple of str
-        What poses cannot do, and what would: in sentences.
-    """
+    """Poses to visit."""
 
     mechanism: str
+    """Name of the mechanism."""
     length_unit: str
+    """Unit of every length."""
     criterion: str
+    """Criterion that was minimised."""
     seed: int
+    """Seed of the candidates."""
     channels: tuple[str, ...]
+    """Names of the columns of `readings`."""
     poses: FloatArray
+    """`x y z` [length unit], `rx ry rz` [rad], in the order of the visits; shape (0, 6) without a
+    platform."""
     readings: FloatArray
+    """What the channels should read there, about."""
     why: tuple[str, ...]
+    """What each pose is visited for."""
     bound: Bound | None = field(default=None, metadata=IF_KNOWN)
+    """Bound with these poses and those visited already, by the offsets and gains alone."""
     before: Bound | None = None
+    """Bound with only the poses visited already."""
     keys: dict[str, tuple[str, ...]] = field(default_factory=dict, metadata=OMIT)
+    """Columns that tell unknown points apart: `group`, `at`."""
     waits: tuple[float, ...] = field(default=(), metadata=OMIT)
+    """Pause before each pose, as a share of the session; empty where none is planned."""
     first: int = 1
+    """Label of the first pose."""
     merged: tuple[str, ...] = field(default=(), metadata=OMIT)
+    """Explanations that no pose tells apart, in words."""
     forecast: Forecast | None = field(default=None, metadata=IF_KNOWN)
+    """What is to be expected, beside a result."""
     advice: tuple[str, ...] = field(default=(), metadata=OMIT)
+    """What poses cannot do, and what would: in sentences."""
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw where the poses are in x and z, coloured by their order; needs matplotlib.

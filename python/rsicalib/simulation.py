@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
 from rsicalib.devices import Device, Within, draw_poses
-from rsicalib.io.folders import MARK, TRUTH, write_folder
+from rsicalib.io.folders import MARK, TRUTH, Sealed
 from rsicalib.io.readings import Readings
 from rsicalib.records import to_json
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
@@ -29,7 +28,7 @@ POSE_S, SAMPLE_S = 15.0, 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Simulated:
+class Simulated(Sealed):
     """A session of a simulated device.
 
     Attributes
@@ -46,6 +45,8 @@ class Simulated:
         What `truth.json` holds.
     """
 
+    SEAL: ClassVar[str] = TRUTH
+
     device: Device
     readings: Readings
     rest: Readings | None
@@ -59,26 +60,8 @@ class Simulated:
     def _repr_html_(self) -> str:
         return self.readings._repr_html_()
 
-    def save(self, folder: PathLike, *, force: bool = False) -> list[Path]:
-        """Write readings.csv, rest.csv, check.csv, truth.json and mechanism.toml.
-
-        Parameters
-        ----------
-        folder : path
-            Made if it is not there.
-        force : bool
-            Replace files that this package did not write as well.
-
-        Returns
-        -------
-        list of Path
-            The files.
-
-        Raises
-        ------
-        InputError
-            One cannot write there, or a file that is there was not written by this package.
-        """
+    def files(self) -> dict[str, str]:
+        """Texts of readings.csv, rest.csv, check.csv, mechanism.toml and truth.json."""
         tables = {
             f"{name}.csv": table.csv()
             for name in ("readings", "rest", "check")
@@ -87,12 +70,8 @@ class Simulated:
         version = _core.__version__
         digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in tables.items()}
         truth = {"format": "rsicalib.truth/1", "version": version, "files": digests, **self.truth}
-        files = {
-            **tables,
-            TRUTH: to_json(truth),
-            "mechanism.toml": f"# {MARK} {version}\n{self.device.mechanism.to_toml()}",
-        }
-        return write_folder(folder, files, seal=TRUTH, force=force)
+        mechanism = f"# {MARK} {version}\n{self.device.mechanism.to_toml()}"
+        return {**tables, TRUTH: to_json(truth), "mechanism.toml": mechanism}
 
 
 @options.checked

@@ -38,42 +38,30 @@ SEEN = 0.5
 
 @dataclass(frozen=True)
 class SupposedParameter(Record):
-    """A parameter of an effect, with the value that it is supposed to have.
-
-    Attributes
-    ----------
-    name, unit : str
-        Name of the parameter, and unit of the value.
-    value : float
-        The value.
-    """
+    """A parameter of an effect, with the value that it is supposed to have."""
 
     name: str
+    """Name of the parameter."""
     value: float
+    """The value."""
     unit: str
+    """Unit of the value."""
 
 
 @dataclass(frozen=True)
 class SupposedEffect(Record):
-    """An effect with the sizes that it is supposed to have.
-
-    Attributes
-    ----------
-    term, target : str
-        Id of the term, and what it belongs to.
-    klass : str
-        Where its fault lies.
-    place : str or None
-        Where a searched term acts.
-    parameters : tuple of SupposedParameter
-        All parameters of the term.
-    """
+    """An effect with the sizes that it is supposed to have."""
 
     term: str
+    """Id of the term."""
     target: str
+    """What it acts on."""
     klass: str = field(metadata={"key": "class"})
+    """Where its fault lies."""
     place: str | None
+    """Where a searched term acts."""
     parameters: tuple[SupposedParameter, ...]
+    """All parameters of the term."""
 
     @property
     def words(self) -> str:
@@ -86,39 +74,28 @@ class SupposedEffect(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Supposition(Told, Record):
-    """What an effect would do in given poses, to first order in its size.
-
-    Attributes
-    ----------
-    mechanism, length_unit : str
-        Name of the mechanism, and its unit of length.
-    effects : tuple of SupposedEffect
-        What is supposed.
-    noncentrality : float
-        By how much χ² would grow on average, after the other parameters have absorbed what they
-        can.
-    seen : float
-        Probability that `trace` scores the effect above chance.
-    noticed : float
-        Probability that the residual as a whole is significant.
-    platform_rms : Rms or None
-        What the effect does to the platform while it is not in the model [length unit, rad];
-        None without a platform.
-    poses : tuple of int
-        Numbers of the poses.
-    residuals : ndarray, shape (poses, equations)
-        Residual that the effect would leave, in units of noise.
-    """
+    """What an effect would do in given poses, to first order in its size."""
 
     mechanism: str
+    """Name of the mechanism."""
     length_unit: str
+    """Unit of every length."""
     effects: tuple[SupposedEffect, ...]
+    """What is supposed."""
     noncentrality: float
+    """By how much χ² would grow on average, after the other parameters have absorbed what they
+    can."""
     seen: float
+    """Probability that `trace` scores the effect above chance."""
     noticed: float
+    """Probability that the residual as a whole is significant."""
     platform_rms: Rms | None
+    """What the effect does to the platform while it is not in the model [length unit, rad]; None
+    without a platform."""
     poses: tuple[int, ...]
+    """Numbers of the poses."""
     residuals: FloatArray
+    """Residual that the effect would leave, in units of noise."""
 
     def text(self) -> str:
         """What would happen, for people."""

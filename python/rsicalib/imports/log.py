@@ -5,11 +5,10 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,7 @@ import numpy.typing as npt
 from rsicalib import _core
 from rsicalib.arrays import IntArray
 from rsicalib.io.cells import MechanismLike
-from rsicalib.io.folders import IMPORT, MARK, write_folder
+from rsicalib.io.folders import IMPORT, MARK, Sealed
 from rsicalib.io.readings import Readings, readings_of_table
 from rsicalib.io.tables import Table
 from rsicalib.records import to_json
@@ -68,7 +67,7 @@ class Session:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Log(Told):
+class Log(Told, Sealed):
     """What `import_log` makes of the log of another program.
 
     Attributes
@@ -88,6 +87,8 @@ class Log(Told):
     sha256 : str
         Digest of the bytes that were read.
     """
+
+    SEAL: ClassVar[str] = IMPORT
 
     source: str
     format: str
@@ -143,23 +144,6 @@ class Log(Told):
             files["mechanism.toml"] = head + self.mechanism
         digests = {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}
         return {**files, IMPORT: to_json({**self.to_dict(), "files": digests})}
-
-    def save(self, folder: str | os.PathLike[str], *, force: bool = False) -> list[Path]:
-        """Write the readings, and the mechanism where the log has one, into a folder.
-
-        Parameters
-        ----------
-        folder : path
-            Made if it is not there.
-        force : bool
-            Replace files that this package did not write as well.
-
-        Returns
-        -------
-        list of Path
-            The files.
-        """
-        return write_folder(folder, self.files(), seal=IMPORT, force=force)
 
     def to_dict(self) -> dict[str, Any]:
         """What is in the log, without its rows."""

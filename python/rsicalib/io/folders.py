@@ -15,11 +15,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import ClassVar
 
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_bytes, write_text
 
-__all__ = ["EXPORT", "IMPORT", "MARK", "TRUTH", "refuse_foreign", "write_folder"]
+__all__ = ["EXPORT", "IMPORT", "MARK", "TRUTH", "Sealed", "refuse_foreign", "write_folder"]
 
 MARK = "Written by rsicalib"
 """A line with these words marks a text file that may be replaced."""
@@ -36,6 +37,38 @@ IMPORT = "import.json"
 
 EXPORT = "export.json"
 """The seal of a result that was written for others, likewise."""
+
+
+class Sealed:
+    """Files of one folder; the last of them, `SEAL`, says that all are there."""
+
+    SEAL: ClassVar[str]
+
+    def files(self) -> Mapping[str, str | bytes]:
+        """Content of each file, by its name."""
+        raise NotImplementedError
+
+    def save(self, folder: str | os.PathLike[str], *, force: bool = False) -> list[Path]:
+        """Write the files into a folder.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+        force : bool
+            Replace files that this package did not write as well.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        InputError
+            One cannot write there, or a file that is there was not written by this package.
+        """
+        return write_folder(folder, self.files(), seal=self.SEAL, force=force)
 
 
 def write_folder(

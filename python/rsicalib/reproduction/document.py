@@ -12,21 +12,14 @@ __all__ = ["Cell", "Misprint", "Paper", "Row", "Table"]
 
 @dataclass(frozen=True)
 class Cell(Record):
-    """One figure of a table.
-
-    Attributes
-    ----------
-    computed : float or None
-        Our figure; None where the paper gives nothing to compute it from.
-    printed : float or None
-        Figure of the paper, misprints corrected; None where it has no such figure.
-    sd : float or None
-        Standard error of `computed`, where it is a mean over trials.
-    """
+    """One figure of a table."""
 
     computed: float | None = None
+    """Our figure; None where the paper gives nothing to compute it from."""
     printed: float | None = None
+    """Figure of the paper, misprints corrected; None where it has no such figure."""
     sd: float | None = None
+    """Standard error of `computed`, where it is a mean over trials."""
 
     def text(self) -> str:
         """Our figure ± its standard error, the printed one in parentheses."""
@@ -41,35 +34,27 @@ class Row(Record):
     """A line of a table."""
 
     label: str
+    """What the line is of."""
     cells: tuple[Cell, ...]
+    """Its figures, one for each column."""
 
 
 @dataclass(frozen=True)
 class Table(Record):
-    """A table of the paper, or a set of figures from its text.
-
-    Attributes
-    ----------
-    id : str
-        `I` to `IX`, `convergence`, `calibrations`, `bound`.
-    title : str
-        What it shows.
-    columns : tuple of str
-        Heads of the cells, with units.
-    rows : tuple of Row
-        The figures.
-    verdict : str
-        `reproduced`, `partly reproduced`, `order only`, `simulated`, `as printed` or `ours`.
-    notes : tuple of str
-        What differs, and why.
-    """
+    """A table of the paper, or a set of figures from its text."""
 
     id: str
+    """`I` to `IX`, `convergence`, `calibrations`, `bound`."""
     title: str
+    """What it shows."""
     columns: tuple[str, ...]
+    """Heads of the cells, with units."""
     rows: tuple[Row, ...]
+    """The figures."""
     verdict: str
+    """`reproduced`, `partly reproduced`, `order only`, `simulated`, `as printed` or `ours`."""
     notes: tuple[str, ...] = ()
+    """What differs, and why."""
 
     def __getitem__(self, label: str) -> Row:
         """The row of a label."""
@@ -99,47 +84,36 @@ class Table(Record):
 
 @dataclass(frozen=True)
 class Misprint(Record):
-    """A place where the paper cannot mean what it prints.
-
-    Attributes
-    ----------
-    where, printed, right : str
-        The place, what stands there, and what should.
-    why : str
-        The calculation, with its numbers.
-    evidence : dict of str to float
-        The numbers alone.
-    """
+    """A place where the paper cannot mean what it prints."""
 
     where: str
+    """The place."""
     printed: str
+    """What stands there."""
     right: str
+    """What should stand there."""
     why: str
+    """The calculation, with its numbers."""
     evidence: dict[str, float]
+    """The numbers alone."""
 
 
 @dataclass(frozen=True, repr=False)
 class Paper(Record):
-    """Everything that the paper prints, computed again.
-
-    Attributes
-    ----------
-    format, version : str
-        Format of the JSON, and version of rsicalib.
-    trials, seed : int
-        Number of trials of the simulations, and their seed.
-    tables : tuple of Table
-        In the paper's order, then convergence, calibrations and the bound.
-    misprints : tuple of Misprint
-        Each settled by a calculation.
-    """
+    """Everything that the paper prints, computed again."""
 
     format: str
+    """Kind of the document and version of its shape."""
     version: str
+    """Version of the program."""
     trials: int
+    """Number of trials of the simulations."""
     seed: int
+    """Their seed."""
     tables: tuple[Table, ...]
+    """In the paper's order, then convergence, calibrations and the bound."""
     misprints: tuple[Misprint, ...]
+    """Each settled by a calculation."""
 
     def __getitem__(self, table: str) -> Table:
         """A table by its id."""
