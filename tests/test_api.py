@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import datetime
 import importlib
+import inspect
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -325,3 +327,24 @@ def test_importing_the_package_imports_nothing_that_it_does_not_need_yet() -> No
     assert out.stdout == "[]\n"
     with pytest.raises(AttributeError, match="no attribute 'calibrat'"):
         rsicalib.calibrat  # noqa: B018
+
+
+def test_a_named_index_of_pandas_is_a_column() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.read_csv(READINGS)
+    whole = rsicalib.load_readings(frame)
+    indexed = rsicalib.load_readings(frame.set_index("pose"))
+    np.testing.assert_array_equal(indexed.pose, whole.pose)
+    assert indexed.held and whole.held
+    twice = frame.set_index("pose", drop=False)
+    with pytest.raises(rsicalib.InputError, match="pose"):
+        rsicalib.load_readings(twice)
+
+
+def test_what_docstrings_say_is_returned_can_be_imported() -> None:
+    known = {"Axes", "DataFrame", "Path", "Table", "Examples", "Raises", "Warns", "None"}
+    for name in rsicalib.__all__:
+        found = inspect.getdoc(getattr(rsicalib, name)) or ""
+        _, _, after = found.partition("Returns\n-------\n")
+        words = re.findall(r"\b[A-Z][a-z]+[A-Za-z]*\b", after.split("\n")[0])
+        assert all(hasattr(rsicalib, word) or word in known for word in words), (name, words)

@@ -100,7 +100,7 @@ def test_every_picture_is_drawn_at_every_width_without_a_script_error(
     found, errors = look(traced.report(), PICTURES, tmp_path, width)
     assert errors == []
     names = {"residuals", "effect1-law", "effect1-added", "effect1-scores", "switched"}
-    names |= {"mechanism", "workspace", "noise", "normal", "reliability"}
+    names |= {"mechanism", "workspace", "normal", "reliability"}
     assert set(found["names"]) == names
     assert sorted(s["figure"] for s in found["shown"]) == sorted(names)  # one of two widths each
     for picture in found["shown"]:

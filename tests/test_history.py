@@ -130,7 +130,7 @@ def test_the_command_prints_text_json_and_a_page(folder: Path, tmp_path: Path) -
     )
     assert json.loads(done.stdout)["format"] == "rsicalib.history/1"
     page = (tmp_path / "history.html").read_text()
-    assert page.count("<figure") == 18
+    assert page.count("<figure") == 18 + 1  # and all in one grid
     assert "Drifting: offset of a22" in page
 
 

@@ -136,7 +136,7 @@ def test_a_result_that_was_read_from_a_file_has_a_report_with_fewer_pictures(
     traced.save(tmp_path / "result.json")
     read = rsicalib.load_calibration(tmp_path / "result.json")
     assert read.evidence is None
-    assert set(read.figures()) == {"effect1-law", "noise"}
+    assert set(read.figures()) == {"effect1-law"}
     assert "<figure" in read.report()
 
 

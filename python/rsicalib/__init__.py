@@ -30,43 +30,61 @@ if TYPE_CHECKING:
         terms,
         trace,
     )
-    from rsicalib.errors import InputError, RsicalibError, UndeterminedError
+    from rsicalib.devices import Device
+    from rsicalib.errors import InputError, OpenLoopsWarning, RsicalibError, UndeterminedError
     from rsicalib.export import export_toml, export_urdf
     from rsicalib.exports.opening import export_result
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
-    from rsicalib.identifiability import identifiable
+    from rsicalib.identifiability import Identifiable, identifiable
     from rsicalib.imports.log import Log
     from rsicalib.imports.opening import import_log
     from rsicalib.io.readings import Readings
     from rsicalib.lifetime import history
-    from rsicalib.measures import observability
-    from rsicalib.monitor import Alarm, Monitor, watch
+    from rsicalib.measures import Observability, observability
+    from rsicalib.monitor import Alarm, Monitor, Watch, Watching, watch
     from rsicalib.planning import plan
-    from rsicalib.platform_sd import workspace
+    from rsicalib.plans import Plan
+    from rsicalib.platform_sd import Workspace, workspace
+    from rsicalib.report.past import History
+    from rsicalib.reproduction.document import Paper
     from rsicalib.reproduction.paper import paper
     from rsicalib.results import Calibration, Trace, load_calibration
     from rsicalib.shapes import Parameter, Step
-    from rsicalib.simulation import simulate
-    from rsicalib.supposing import suppose
+    from rsicalib.simulation import Simulated, simulate
+    from rsicalib.supposing import Supposition, suppose
+    from rsicalib.warned import Warned
 
 __all__ = [
     "DEMO",
     "Alarm",
     "Calibration",
     "Channel",
+    "Device",
     "Fleet",
+    "History",
+    "Identifiable",
     "InputError",
     "Log",
     "Mechanism",
     "Monitor",
+    "Observability",
+    "OpenLoopsWarning",
+    "Paper",
     "Parameter",
+    "Plan",
     "Readings",
     "RsicalibError",
+    "Simulated",
     "Step",
+    "Supposition",
     "Term",
     "Trace",
     "UndeterminedError",
+    "Warned",
+    "Watch",
+    "Watching",
+    "Workspace",
     "__version__",
     "calibrate",
     "calibrate_devices",
@@ -100,25 +118,30 @@ _HOMES = {
     "rsicalib._core": "Channel Mechanism Term __version__",
     "rsicalib.api": """DEMO calibrate demo fixture forward forward_sd inverse load_mechanism
         load_readings terms trace""",
-    "rsicalib.errors": "InputError RsicalibError UndeterminedError",
+    "rsicalib.devices": "Device",
+    "rsicalib.errors": "InputError OpenLoopsWarning RsicalibError UndeterminedError",
     "rsicalib.export": "export_toml export_urdf",
     "rsicalib.exports.opening": "export_result",
     "rsicalib.fleets.devices": "calibrate_devices",
     "rsicalib.fleets.run": "Fleet fleet",
-    "rsicalib.lifetime": "history",
-    "rsicalib.identifiability": "identifiable",
+    "rsicalib.identifiability": "Identifiable identifiable",
     "rsicalib.imports.log": "Log",
     "rsicalib.imports.opening": "import_log",
     "rsicalib.io.readings": "Readings",
-    "rsicalib.measures": "observability",
-    "rsicalib.monitor": "Alarm Monitor watch",
+    "rsicalib.lifetime": "history",
+    "rsicalib.measures": "Observability observability",
+    "rsicalib.monitor": "Alarm Monitor Watch Watching watch",
     "rsicalib.planning": "plan",
-    "rsicalib.platform_sd": "workspace",
+    "rsicalib.plans": "Plan",
+    "rsicalib.platform_sd": "Workspace workspace",
+    "rsicalib.report.past": "History",
+    "rsicalib.reproduction.document": "Paper",
     "rsicalib.reproduction.paper": "paper",
     "rsicalib.results": "Calibration Trace load_calibration",
     "rsicalib.shapes": "Parameter Step",
-    "rsicalib.simulation": "simulate",
-    "rsicalib.supposing": "suppose",
+    "rsicalib.simulation": "Simulated simulate",
+    "rsicalib.supposing": "Supposition suppose",
+    "rsicalib.warned": "Warned",
 }
 """Names by the module that has them; a module is imported where its first name is used."""
 

@@ -11,8 +11,10 @@ from typing import Any
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.fleets.map import map_figure
 from rsicalib.fleets.standing_out import Remark, Spread, remarks, spreads
 from rsicalib.report.figure import STYLE
+from rsicalib.report.words import name_of
 
 __all__ = ["page"]
 
@@ -55,7 +57,8 @@ def page(
         f'<p class="verdict {good}">{escape(sentence)}</p>',
         *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
-        _remarks(out),
+        _map(spread, rows, by),
+        _remarks(out, _found(rows, by)),
         _effects(rows),
         _fits(rows),
         _parameters(spread, rows, by),
@@ -86,10 +89,24 @@ def _verdicts(rows: Mapping[str, Sequence[Any]]) -> str:
     return f"<p>{escape(words)}.</p>"
 
 
-def _remarks(out: Sequence[Remark]) -> str:
+def _map(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:
+    figure = map_figure(spread, rows, by)
+    return f"<h2>All at a glance</h2>\n{figure.html()}" if figure is not None else ""
+
+
+def _found(rows: Mapping[str, Sequence[Any]], by: str) -> dict[str, str]:
+    """What was traced in each device, as words."""
+    found = {}
+    for device, steps in zip(rows[by], rows["steps"], strict=True):
+        names = [f"{name_of(s['term'])} of {s['target']}" for s in json.loads(steps or "[]")]
+        found[str(device)] = ", ".join(names)
+    return found
+
+
+def _remarks(out: Sequence[Remark], found: Mapping[str, str]) -> str:
     if not out:
         return ""
-    listed = [(str(r.device), r.verdict, r.why) for r in out[:LISTED]]
+    listed = [(str(r.device), r.verdict, r.why or found[str(r.device)]) for r in out[:LISTED]]
     more = f'<p class="faint">and {len(out) - LISTED} more</p>' if len(out) > LISTED else ""
     heads = ("device", "verdict", "why")
     return f"<h2>Devices that stand out</h2>\n{_table(heads, listed)}{more}"

@@ -95,6 +95,7 @@ def columns_of(frame: Any) -> Columns:
         names = list(frame.schema.names)
         cells = [_arrow(frame.column(i)) for i in range(len(names))]
     elif hasattr(frame, "columns"):  # pandas, Polars
+        frame = _with_index(frame)
         names = list(map(str, frame.columns))
         _refuse_doubled(names)
         cells = [frame[name] for name in frame.columns]
@@ -109,6 +110,16 @@ def columns_of(frame: Any) -> Columns:
         sizes = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
         raise InputError(f"found columns of different lengths ({sizes}), expected one length")
     return columns
+
+
+def _with_index(frame: Any) -> Any:
+    """A frame of pandas with the levels of its index that have a name as columns."""
+    names = [n for n in getattr(getattr(frame, "index", None), "names", ()) if n is not None]
+    if not names:
+        return frame
+    _refuse_doubled([*map(str, names), *map(str, frame.columns)])
+    unnamed = [k for k, name in enumerate(frame.index.names) if name is None]
+    return (frame.reset_index(level=unnamed, drop=True) if unnamed else frame).reset_index()
 
 
 def _as_arrow(frame: Any) -> Any:

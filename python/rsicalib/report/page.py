@@ -83,7 +83,8 @@ def html(result: ResultShape, evidence: Evidence | None = None) -> str:
     if result.verdict == "adequate" and not result.excluded and not result.warnings:
         parts = [_folded("Everything else: residuals, workspace, parameters", *parts)]
     first = _first_screen(result, evidence)
-    return document(f"{result.mechanism}: {result.verdict or 'calibrated'}", [first, *parts])
+    title = f"{result.mechanism}: {result.verdict or 'calibrated'}"
+    return document(title, [first, *parts], _whose(result))
 
 
 def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, str]:
@@ -111,20 +112,31 @@ def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, 
         found.append(workspace_figure(result, evidence))
         if evidence.reliability is not None:
             found.append(reliability_figure(result, evidence.reliability))
-    if result.noise is not None and result.noise.sigma:
-        found.append(noise_figure(result.noise))
+    found.append(_noise(result))
     return {figure.name: figure.svg() for figure in found if figure is not None}
 
 
-def document(title: str, parts: Iterable[str]) -> str:
-    """A page of these parts."""
+def document(title: str, parts: Iterable[str], running: str = "") -> str:
+    """A page of these parts; `running` stands at the top of each sheet that is printed."""
     body = "\n".join(part for part in parts if part)
     script = f"<script>\n{SCRIPT}</script>\n"
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{STYLE}</style>\n</head>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{STYLE}{_sheet(running)}</style>\n</head>\n"
         f"<body>\n<main>\n{body}\n</main>\n{script}</body>\n</html>\n"
+    )
+
+
+def _sheet(running: str) -> str:
+    """The head of a printed sheet; no text in it can end the string or the element."""
+    if not running:
+        return ""
+    text = "".join(c if c.isalnum() or c in " .-:" else f"\\{ord(c):x} " for c in running)
+    number = 'counter(page) " / " counter(pages)'
+    return (
+        f'@page {{ margin: 18mm 15mm; @top-left {{ content: "{text}"; font-size: 8pt; }} '
+        f"@top-right {{ content: {number}; font-size: 8pt; }} }}\n"
     )
 
 
@@ -182,8 +194,7 @@ def _folded(title: str, *parts: str) -> str:
 
 def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
     good = "good" if EXIT_CODES[result.verdict] == 0 else "bad"
-    named = [result.device, result.valid_from]
-    whose = f"Calibration of {result.mechanism}" + "".join(f" · {n}" for n in named if n)
+    whose = _whose(result)
     note = f"<p>{escape(result.note)}</p>" if result.note else ""
     figure = mechanism_figure(result, evidence, dots_of(result, evidence)) if evidence else None
     said = "\n".join(
@@ -208,6 +219,12 @@ def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
         f'<header class="first"><div class="said">{said}</div>\n'
         f'<div class="hero">{figure.html()}</div>\n<div class="more">{more}</div></header>'
     )
+
+
+def _whose(result: ResultShape) -> str:
+    """What was calibrated, and when."""
+    named = [result.device, result.valid_from]
+    return f"Calibration of {result.mechanism}" + "".join(f" · {n}" for n in named if n)
 
 
 def is_garbage(result: ResultShape) -> bool:
@@ -409,10 +426,16 @@ def _earlier(p: Parameter) -> tuple[str, str]:
     return known, "–" if p.change is None else f"{p.change:+z.1f}"
 
 
+def _noise(result: ResultShape) -> Figure | None:
+    """The noise of the channels, where it differs: bars of one length show nothing."""
+    noise = result.noise
+    differs = noise is not None and len(set(noise.sigma.values())) > 1
+    return noise_figure(noise) if noise is not None and differs else None
+
+
 def _readings(result: ResultShape, evidence: Evidence | None) -> str:
     drawn: list[Figure | None] = []
-    if result.noise is not None and result.noise.sigma:
-        drawn.append(noise_figure(result.noise))
+    drawn.append(_noise(result))
     rows = ""
     found = evidence.reliability if evidence else None
     if found is not None:

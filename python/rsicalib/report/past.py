@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rsicalib import _core
 from rsicalib.estimates import parameter_key
 from rsicalib.plots import intervals, on_axes
 from rsicalib.records import Record, to_json
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, pictures, section, table
-from rsicalib.report.svg import Canvas, Chart, bounds
+from rsicalib.report.residuals import FAR
+from rsicalib.report.svg import LETTER, WIDE, Axis, Canvas, Chart, bounds
 from rsicalib.report.words import number, p_is, plus_minus
 from rsicalib.tabular import Tabular, Told
 from rsicalib.units import axis_words
@@ -320,6 +323,7 @@ def page(history: History) -> str:
     if history.forecast is not None:
         forecast = forecast_words(history.forecast, history.length_unit)
         parts.append(f"<p>{escape(forecast[0].upper() + forecast[1:])}.</p>")
+    parts.append(section("Over time", _sparklines(history)))
     rows = [
         (one.valid_from, one.verdict, ", ".join(one.found), one.note or "", one.file)
         for one in history.results
@@ -329,11 +333,71 @@ def page(history: History) -> str:
     columns = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
     cells = [(*(c.strip() for c in _cells(s)), p_is(s.p_value), s.unit) for s in history.parameters]
     parts.append(section("Parameters", table(columns, cells)))
-    parts.append(section("Over time", pictures(map(_figure, history.parameters))))
+    each = pictures(map(_figure, history.parameters))
+    if each:
+        words = "Each parameter by itself, with 95 % intervals"
+        parts.append(f"<details><summary>{words}</summary>\n{each}</details>")
     rows_out = [(one.file, one.reason) for one in history.left_out]
     if rows_out:
         parts.append(section("Left out", table(("file", "why"), rows_out, text=2)))
     return document(f"{called}: history", parts)
+
+
+ROW = 26.0
+"""Height of a parameter in the grid."""
+
+REACH = 4.0
+"""Standard deviations that a row has room for, at least, up and down."""
+
+
+def _sparklines(history: History) -> str:
+    """All parameters in one grid: each in its own standard deviations, events marked."""
+    shown = history.parameters
+    if not shown:
+        return ""
+    days = [_days(date) for one in shown for date in one.valid_from]
+    first, last = min(days), max(max(days), min(days) + 1.0)
+
+    def draw(width: float) -> str:
+        left = 150.0 if width == WIDE else 104.0
+        letters = int((left - 8.0) / LETTER)
+        canvas = Canvas(width, ROW * len(shown) + 30.0)
+        x = Axis(first, last, left, width - 14.0)
+        bottom = ROW * len(shown)
+        for past in history.results:
+            at = x(_days(past.valid_from))
+            canvas.line(at, 0.0, at, bottom, "grid")
+            if past.note or past.found:
+                said = ", ".join(filter(None, [past.valid_from, past.note, *past.found]))
+                canvas.dot(at, bottom + 6.0, 3.0, "ring", said)
+        for k, one in enumerate(shown):
+            middle, usual = float(np.median(one.values)), float(np.median(one.sd)) or 1.0
+            far = [(value - middle) / usual for value in one.values]
+            reach = max(REACH, *(abs(z) for z in far))
+            y = Axis(-reach, reach, ROW * (k + 1) - 4.0, ROW * k + 4.0)
+            canvas.text(left - 6.0, y(0.0) + 4.0, one.key[:letters], anchor="end")
+            canvas.rect(left, y(2.0), width - 14.0 - left, y(-2.0) - y(2.0), "noise")
+            along = [x(_days(date)) for date in one.valid_from]
+            canvas.path(list(zip(along, map(y, far), strict=True)), "law thin")
+            for px, date, value, z in zip(along, one.valid_from, one.values, far, strict=True):
+                said = f"{one.key}, {date}: {value:g} {one.unit}, {z:+.1f} sd from the median"
+                canvas.dot(px, y(z), 2.2, "dot far" if abs(z) > FAR else "dot", said)
+            for jump in one.jumps:
+                px = x(_days(jump.valid_from))
+                canvas.line(px, ROW * k + 1.0, px, ROW * (k + 1) - 1.0, "law jump")
+        for words, px, anchor in (
+            (min(one.valid_from[0] for one in shown), left, "start"),
+            (max(one.valid_from[-1] for one in shown), width - 14.0, "end"),
+        ):
+            canvas.text(px, canvas.height - 4.0, words[:10], anchor=anchor)
+        return canvas.svg("all parameters over time, in standard deviations from the median")
+
+    caption = (
+        "Each row is a parameter in standard deviations of one of its estimates from its median; "
+        "the band is ± 2. A red line is a jump. Rings below have a note, or an effect that was "
+        "found: point at them."
+    )
+    return Figure("sparklines", draw, caption).html()
 
 
 def _figure(one: Series) -> Figure:

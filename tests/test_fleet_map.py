@@ -1,0 +1,63 @@
+"""The map of a fleet: devices by parameters."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+
+import rsicalib
+from rsicalib.fleets.map import MOST, map_figure
+from rsicalib.fleets.page import page
+from rsicalib.fleets.standing_out import spreads
+from rsicalib.report.svg import NARROW, WIDE
+
+COUNT = 100
+NAMES = ("offset@a11", "gain@a11")
+
+
+def drawn() -> dict[str, list[object]]:
+    rng = np.random.default_rng(0)
+    rows: dict[str, list[object]] = {
+        "device": [f"no. {k}" for k in range(COUNT)],
+        "verdict": ["adequate"] * COUNT,
+        "message": [""] * COUNT,
+        "steps": ["[]"] * COUNT,
+        "chi2": [126.0] * COUNT,
+        "dof": [126.0] * COUNT,
+        "p_value": rng.uniform(size=COUNT).tolist(),
+    }
+    for name in NAMES:
+        rows[name] = (1.0 + 0.02 * rng.standard_normal(COUNT)).tolist()
+        rows[f"{name}_sd"] = [0.003] * COUNT
+    rows["gain@a11"][17] = 1.3
+    return rows
+
+
+def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
+    rows = drawn()
+    figure = map_figure(spreads(rows), rows, "device")
+    assert figure is not None
+    values = np.array([rows[name] for name in NAMES], dtype=float)
+    middle = np.median(values, axis=1, keepdims=True)
+    between = 1.4826 * np.median(np.abs(values - middle), axis=1, keepdims=True)
+    far = ((values - middle) / between).T
+    order = np.argsort(-np.abs(far).max(axis=1))[:MOST]
+    for width in (NARROW, WIDE):
+        said = re.findall(r"<title>(no\. \d+), (\S+): (\S+) sd</title>", figure.draw(width))
+        expected = [
+            (f"no. {d}", name, f"{far[d, k]:+.1f}") for d in order for k, name in enumerate(NAMES)
+        ]
+        assert said == expected
+        assert figure.draw(width).count('class="above3"') == 1 + 1  # and in the scale
+    assert f"{COUNT - MOST} more are nearer" in figure.caption
+
+
+def test_why_of_a_traced_device_is_what_was_found() -> None:
+    rows = drawn()
+    rows["verdict"][5] = "explained"
+    rows["steps"][5] = json.dumps([{"term": "once_per_turn", "target": "a22"}])
+    text = page(rows, "device", rsicalib.load_mechanism("rsi"))
+    assert "<td>no. 5</td><td>explained</td><td>once per turn of a22</td>" in text
+    assert '<figure id="map">' in text
