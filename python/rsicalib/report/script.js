@@ -26,6 +26,11 @@
       const of = (one) => (one.parameters[cell.dataset[kind]] || ["–", "–"])[at];
       write(cell, of(fit), of(full));
     }));
+    // What neither model has is no row.
+    each("[data-value]", (cell) => {
+      const has = (one) => one.parameters[cell.dataset.value];
+      cell.parentElement.hidden = !has(fit) && !has(full);
+    });
     each("#switched svg", (picture) => {
       const scale = picture.querySelector(".scale").dataset;
       const [zero, unit, bound] = [+scale.zero, +scale.unit, +scale.bound];

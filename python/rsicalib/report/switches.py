@@ -89,7 +89,8 @@ def switchboard_html(evidence: Evidence, dots: Dots, unit: str, scene: Scene | N
         key = escape(key_of(p))
         value, half = shown["parameters"].get(key_of(p), ("–", "–"))
         rows += (
-            f"<tr><td>{escape(p.target)}</td><td>{escape(_name(p.term, p.name))}</td>"
+            f"<tr{' hidden' * (value == '–')}><td>{escape(p.target)}</td>"
+            f"<td>{escape(_name(p.term, p.name))}</td>"
             f'<td class="n">{escape(value)}</td>'
             f'<td class="n" data-value="{key}">{escape(value)}</td>'
             f'<td class="n" data-half="{key}">{escape(half)}</td><td>{escape(p.unit)}</td></tr>'
@@ -114,7 +115,7 @@ def switchboard_html(evidence: Evidence, dots: Dots, unit: str, scene: Scene | N
         f'<div class="scroll" role="region" aria-label="error as chosen" tabindex="0"><table>'
         '<thead><tr><th></th><th class="n">as found</th><th class="n">as chosen</th></tr></thead>'
         f"<tbody>{errors}</tbody></table></div></div><div>{picture.html()}</div></div>"
-        "<details><summary>Parameters as chosen</summary>"
+        '<details class="as-chosen"><summary>Parameters as chosen</summary>'
         '<div class="scroll" role="region" aria-label="parameters as chosen" tabindex="0">'
         '<table><thead><tr><th>target</th><th>parameter</th><th class="n">as found</th>'
         '<th class="n">as chosen</th><th class="n">± 95 %</th><th>unit</th></tr></thead>'
