@@ -115,11 +115,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0, help="of the first arm")
+    parser.add_argument("--touch", choices=("cones", "plane"), default="cones")
     args = parser.parse_args()
     runs: list[Run] = []
     for seed in range(args.seed, args.seed + args.runs):
         with TemporaryDirectory() as folder:
-            one = run(seed, Path(folder))
+            one = run(seed, Path(folder), touch=args.touch)
         runs.append(one)
         mean = np.mean(one.squares) if one.squares else np.nan
         print(

@@ -19,13 +19,19 @@ BALL = 0.01
 """Radius of the ball [m]."""
 DISC = 0.03
 """Radius of the disc of an encoder [m]."""
-ABOVE = 0.04
-"""Height from which a touch begins [m]."""
-PRESS, LESS, REST = 25.0, 3.0, 0.5
-"""Force on the tool while it looks for its seat, while the drives give way, and in the end [N]."""
+ABOVE = {"cones": (0.04,), "plane": (0.1, 0.03)}
+"""Heights from which a touch may begin [m]."""
+DOWN = 1e-3
+"""Between two looks whether the ball touches, on its way down [m]."""
+PRESS = {"cones": 25.0, "plane": 3.0}
+"""Force on the tool while it looks for its seat: a cone is found from its side [N]."""
+LESS, REST = 3.0, 0.5
+"""Force while the drives give way, and in the end [N]."""
 FAR = 0.5
 """A joint that must turn more to lift the ball is near a posture that the arm keeps away from."""
 STEP_S = 5e-4
+GIVES = 0.02
+"""Share of the way to where they are pushed that drives go in a turn of their control."""
 FIRM = 300.0
 """Of the drives, which give way to the seat [N m/rad]."""
 
@@ -124,7 +130,8 @@ class Body:
         names = [f"m{k}" for k in range(6)]
         self.at = np.array([self.model.joint(n).qposadr[0] for n in names])
         self.dof = np.array([self.model.joint(n).dofadr[0] for n in names])
-        self.moved = False
+        self.stands: Array | None = None
+        """Angles of the motors where the arm came to stand."""
         self.beyond = 0
         """How often a motor was beyond its limits, on its straight ways and while it touches."""
         self.ball = self.model.body("ball").id
@@ -147,19 +154,19 @@ class Body:
     def touch(self, goal: Array) -> bool:
         """Go to readings from above, and press the ball into its seat; whether it sits."""
         self._play()
-        ways = np.linspace(self.data.qpos[self.at], goal + self.arm.offsets, 100)
-        self._place(goal + self.arm.offsets)
-        self.beyond += self._beyond(ways[1:] if self.moved else ways[-1:])
-        self.moved = True
-        lifted = self._lifted()
-        if np.abs(lifted - goal - self.arm.offsets).max() > FAR or self._beyond(lifted[None]):
-            return False
-        self.data.ctrl[:] = goal + self.arm.offsets
+        start = self._above(goal + self.arm.offsets)
+        if start is None:
+            return False  # it has not moved
+        lifted, goal = start
+        if self.stands is not None:
+            self.beyond += self._beyond(np.linspace(self.stands, goal, 100))
+        self.data.ctrl[:] = goal
         self._place(lifted)
-        self._run(0.9, PRESS)
+        self._run(0.9, PRESS[self.arm.touch])
         self._run(0.4, LESS, gives=True)
         self._run(0.4, REST, gives=True)
         mujoco.mj_forward(self.model, self.data)
+        self.stands = np.array(self.data.qpos[self.at])
         return bool(self.data.ncon == (3 if self.arm.touch == "cones" else 1))
 
     def _play(self) -> None:
@@ -179,9 +186,28 @@ class Body:
         mujoco.mj_jacSite(self.model, self.data, whole, None, self.model.site("tip").id)
         return np.asarray(whole[:, self.dof])
 
-    def _lifted(self) -> Array:
+    def _above(self, goal: Array) -> tuple[Array, Array] | None:
+        """Where a touch begins, and what its drives hold: angles of the motors; None: nowhere.
+
+        Onto a table the arm goes down until it touches, wherever the table was thought to be.
+        """
+        for height in ABOVE[self.arm.touch]:
+            self._place(goal)
+            lifted = self._lifted(height)
+            if np.abs(lifted - goal).max() > FAR or self._beyond(lifted[None]) or self.data.ncon:
+                continue
+            if self.arm.touch == "cones":
+                return lifted, goal
+            for _ in range(int(2 * height / DOWN)):
+                before = np.array(self.data.qpos[self.at])
+                self._place(before - np.linalg.pinv(self.slopes(), 1e-3)[:, 2] * DOWN)
+                if self.data.ncon:
+                    return before, before
+        return None
+
+    def _lifted(self, height: float) -> Array:
         """Angles of the motors with the ball above where it is now."""
-        wanted = self.data.site("tip").xpos + [0.0, 0.0, ABOVE]
+        wanted = self.data.site("tip").xpos + [0.0, 0.0, height]
         for _ in range(10):
             off = wanted - self.data.site("tip").xpos
             self._place(self.data.qpos[self.at] + np.linalg.pinv(self.slopes(), 1e-3) @ off)
@@ -190,12 +216,12 @@ class Body:
     def _run(self, seconds: float, press: float, gives: bool = False) -> None:
         """Let time pass: drives hold against the weights, the tool is pressed down.
 
-        Drives that give hold no angle: they go where the tool is pushed.
+        Drives that give follow where the tool is pushed.
         """
-        chunk = 40
+        chunk = 8
         for _ in range(int(seconds / STEP_S / chunk)):
             if gives:
-                self.data.ctrl[:] = self.data.qpos[self.at]
+                self.data.ctrl += GIVES * (self.data.qpos[self.at] - self.data.ctrl)
             self.data.qfrc_applied[self.dof] = self.data.qfrc_bias[self.dof]
             self.data.xfrc_applied[self.ball] = [0.0, 0.0, -press, 0.0, 0.0, 0.0]
             mujoco.mj_step(self.model, self.data, chunk)

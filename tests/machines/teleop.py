@@ -1,0 +1,144 @@
+"""How a follower follows its leader, in plain numpy: `python -m tests.machines.teleop DATA`.
+
+Joint by joint, percent F of the follower on percent L of the leader:
+
+    F(t) + T F'(t) = o + g L(t - τ) + h sign(L'(t - τ))
+
+τ is a delay (messages, a loop of control), T the time constant of a servo, h what it stands short
+of its goal in the direction of its motion (play, friction), g and o the ranges. Intervals are those
+of a bootstrap of blocks of one second: what is left is alike over many rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.oracle import Array
+
+JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
+CLAMP = 99.9
+"""Percents beyond are stops of the range, and say nothing."""
+LAGS = np.arange(0.0, 9.01, 0.1)
+"""Delays that are tried [rows]."""
+BLOCK_S = 1.0
+DRAWS = 200
+SLOW = 4.0
+"""Below so many percents a second the direction of motion is blurred by the steps of encoders."""
+NAMES = ("shift", "delay", "T", "h", "g", "o")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One joint of one episode: time [s], leader and follower [percent]."""
+
+    time: Array
+    leader: Array
+    follower: Array
+
+    @property
+    def step(self) -> float:
+        """From row to row [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    def equations(self, lag: float, whole: bool) -> tuple[Array, Array]:
+        """Columns and right sides of the rows that say something, the same ones for all lags."""
+        n = np.arange(len(self.time))
+        led = np.interp(n - lag, n, self.leader)
+        told = np.abs(self.leader) < CLAMP
+        before = np.convolve(~told, np.ones(int(LAGS[-1]) + 2))[: len(n)] > 0
+        rows = ~before & (np.abs(self.follower) < CLAMP) & (n > LAGS[-1] + 1) & (n < n[-1] - 1)
+        columns = [led, np.ones(len(n))]
+        if whole:
+            columns += [-np.gradient(self.follower, self.step)]
+            columns += [np.tanh(np.gradient(led, self.step) / SLOW)]
+        return np.column_stack(columns)[rows], self.follower[rows]
+
+
+def read(file: Path) -> dict[str, Recording]:
+    """An episode, joint by joint."""
+    with file.open(newline="", encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    cell = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    return {
+        j: Recording(cell["time_s"], cell[f"leader_{j}"], cell[f"follower_{j}"]) for j in JOINTS
+    }
+
+
+def fitted(recording: Recording, pick: Array | None = None) -> tuple[Array, float, float]:
+    """`NAMES` in rows, rows, s, percent, 1, percent; scatter with the shift alone, and with all."""
+    found = []
+    for whole in (False, True):
+        best = (np.inf, 0.0, np.zeros(4))
+        for lag in LAGS:
+            x, y = recording.equations(lag, whole)
+            if pick is not None:
+                x, y = x[pick], y[pick]
+            beta = np.linalg.lstsq(x, y, rcond=None)[0]
+            left = float(np.std(y - x @ beta))
+            if left < best[0]:
+                best = (left, float(lag), beta)
+        found.append(best)
+    (alone, shift, plain), (scatter, delay, beta) = found
+    return np.array([shift, delay, beta[2], beta[3], plain[0], plain[1]]), alone, scatter
+
+
+def intervals(recording: Recording, seed: int = 0) -> tuple[Array, Array]:
+    """Lowest and highest of the 95 % interval of each of `NAMES`."""
+    rng = np.random.default_rng(seed)
+    rows = len(recording.equations(0.0, False)[1])
+    width = round(BLOCK_S / recording.step)
+    draws = []
+    for _ in range(DRAWS):
+        first = rng.integers(0, rows - width, size=-(-rows // width))
+        pick = (first[:, None] + np.arange(width)).ravel()[:rows]
+        draws.append(fitted(recording, pick)[0])
+    low, high = np.percentile(draws, [2.5, 97.5], axis=0)
+    return low, high
+
+
+def quantum(values: Array) -> float:
+    """The step of an encoder, as percents have it: one tick of its range."""
+    return float(np.min(np.diff(np.unique(np.round(values, 4)))))
+
+
+def table(folder: Path) -> Iterator[str]:
+    """Lines of a table of all joints of all episodes."""
+    yield "| joint | shift [ms] | delay [ms] | T [ms] | h [percent] | slope | offset [percent] | "
+    yield "scatter, shift alone and all [percent] | ticks, follower by leader |"
+    for file in sorted(folder.glob("teleop_*.csv")):
+        for joint, one in read(file).items():
+            value, alone, scatter = fitted(one)
+            low, high = intervals(one)
+            row = 1e3 * one.step
+            scale = np.array([row, row, 1e3, 1.0, 1.0, 1.0])
+            cells = [
+                f"{v:.{d}f} ({a:.{d}f} to {b:.{d}f})"
+                for v, a, b, d in zip(
+                    value * scale, low * scale, high * scale, (0, 0, 0, 2, 3, 1), strict=True
+                )
+            ]
+            ticks = quantum(one.leader) / quantum(one.follower)
+            name = f"{file.stem[-1]} {joint}"
+            yield (
+                f"| {name} | "
+                + " | ".join(cells)
+                + f" | {alone:.2f}, {scatter:.2f} | {ticks:.3f} |"
+            )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    for line in table(parser.parse_args().data / "so101"):
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
