@@ -186,13 +186,20 @@ def test_the_sum_of_the_fits_needs_more_than_one_per_cent_of_noise() -> None:
     assert _core.summed([(1.0, 1.0, 0.5)]) is None
 
 
+def drawn() -> rsicalib.Mechanism:
+    """The hand controller with a tolerance of its lengths that the forearms below keep."""
+    own = mechanism().to_dict()
+    own["model"]["sd"]["link_length"] = 0.05
+    return rsicalib.Mechanism.from_dict(own)
+
+
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, rsicalib.Fleet]:
     """A fleet whose forearms are all too long."""
     place = tmp_path_factory.mktemp("fleet")
     partition, _ = frame(Production(length=0.0005, design={"length@4": 0.04}), 12, 1, poses=16)
     parquet.write_table(pa.table(dict(partition.frame)), place / "readings.parquet")
-    (place / "rsi.toml").write_text(mechanism().to_toml(), encoding="utf-8")
+    (place / "rsi.toml").write_text(drawn().to_toml(), encoding="utf-8")
     out = place / "out"
     found = rsicalib.fleet(
         place / "readings.parquet", place / "rsi.toml", out=out, trace=False, population=True
@@ -224,9 +231,9 @@ def test_a_population_is_a_prior_of_the_next_device(
     rng = np.random.default_rng(9)
     production = Production(length=0.0005, design={"length@4": 0.04})
     few = readings(production.device(rng), rng, 6, 4).reshape(-1, 9)
-    session = rsicalib.Readings.from_arrays(mechanism(), few, pose=np.repeat(np.arange(6), 4))
-    own = rsicalib.calibrate(session, mechanism())
-    prior = rsicalib.calibrate(session, mechanism(), population=out / "population.json")
+    session = rsicalib.Readings.from_arrays(drawn(), few, pose=np.repeat(np.arange(6), 4))
+    own = rsicalib.calibrate(session, drawn())
+    prior = rsicalib.calibrate(session, drawn(), population=out / "population.json")
     sd = {p.spec: p.sd for p in own.parameters}
     with_prior = {p.spec: p for p in prior.parameters}
     assert with_prior["link_length@arm1/4"].value == pytest.approx(0.04, abs=0.02)
@@ -234,7 +241,7 @@ def test_a_population_is_a_prior_of_the_next_device(
         narrow, wide = with_prior[name].sd, sd[name]
         assert narrow is not None and wide is not None and narrow < wide
     with pytest.raises(InputError, match=r"rsicalib\.population/1"):
-        rsicalib.calibrate(session, mechanism(), population={"format": "rsicalib.fleet/1"})
+        rsicalib.calibrate(session, drawn(), population={"format": "rsicalib.fleet/1"})
 
 
 def test_tolerances_of_the_drawing_are_required(tmp_path: Path) -> None:

@@ -2,8 +2,9 @@
 
 `--part` chooses a table: `table` is handle error alone and with the others, for tight and loose
 production; `sound` counts errors of the drawing that are named in fleets that have none; `forearm`
-counts fleets of 60 devices whose forearm, .6 % too long in all of them, is named; `sum` is the
-summed χ² of sound devices.
+counts fleets of 60 devices whose forearm, .6 % too long in all of them, is named; `linear` counts
+what is named in many fleets without an error, drawn with the information of real devices; `sum` is
+the summed χ² of sound devices.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from typing import Any
 import numpy as np
 
 import rsicalib
+from rsicalib import _core
 from rsicalib.fleets.devices import calibrate_devices
-from rsicalib.fleets.population import first_line, joint
+from rsicalib.fleets.population import ShareJob, first_line, joint
 from tests import oracle
 from tests.blind.geometry import Geometry, forward_arm, inverse
 from tests.oracle import Array
@@ -65,7 +67,7 @@ def handle_error(rows: dict[str, Any], made: list[Any], rng: np.random.Generator
         own = Geometry()
         for arm in range(3):
             for row in range(4):
-                own = own.with_row(arm, row, 2, rows[f"link_length@arm{arm + 1}/{row + 1}"][k])
+                own = own.with_row(arm, row, 2, rows[f"link_length@arm{arm + 1}/{row + 1}.a"][k])
         wrists = np.stack([forward_arm(own, i, angles[:, i])[0] for i in range(3)], axis=1)
         squares.append((wrists.mean(axis=1) - pose[:, :3]).ravel())
     return float(np.sqrt(np.mean(np.concatenate(squares) ** 2)))
@@ -84,7 +86,7 @@ def alone(partition: Any, count: int) -> dict[str, Any]:
         out[f"offset@{name}"] = at - (offsets[k] + gains[k] * MIDDLE)
     for arm in range(3):
         for row in range(4):
-            out[f"link_length@arm{arm + 1}/{row + 1}"] = np.zeros(count)
+            out[f"link_length@arm{arm + 1}/{row + 1}.a"] = np.zeros(count)
     return out
 
 
@@ -120,6 +122,38 @@ def named(options: argparse.Namespace, production: Production, poses: int) -> No
     print(dict(counts), flush=True)
 
 
+def linear(options: argparse.Namespace) -> None:
+    """What is named where devices are linear, with the information of real ones and no error."""
+    partition, _ = frame(Production(), options.devices, options.seed)
+    own = mechanism()
+    parameters = [(term, None, None, 0.0, sd) for term, sd in TOLERANCES.items()]
+    expected = {"centre": [MIDDLE] * 9, "parameters": parameters}
+    told = ShareJob(own, "device", expected, list(TOLERANCES))(partition)["share"]
+    spread = {"offset": 0.005, "gain": 0.003 * 1.45e-3, "link_length": 0.004}
+    between = np.array([spread[p[0]] for p in told[0]["parameters"]])
+    tolerances = [TOLERANCES[p[0]] for p in told[0]["parameters"]]
+    rng = np.random.default_rng(options.seed)
+    roots = []
+    for share in told:
+        values, vectors = np.linalg.eigh(share["information"])
+        roots.append(vectors * np.sqrt(values.clip(0.0)))
+    counts: Counter[str] = Counter()
+    inside = total = 0
+    for _ in range(options.fleets):
+        drawn = []
+        for share, root in zip(told, roots, strict=True):
+            off = between * rng.standard_normal(len(between))
+            h = root @ (root.T @ off + rng.standard_normal(len(between)))
+            drawn.append({**share, "information": root @ root.T, "told": h})
+        found, _ = _core.population(drawn, tolerances)
+        counts["fleets"] += 1
+        counts["anything named"] += bool(found["design"])
+        counts["outliers"] += len(found["outliers"])
+        inside += sum(abs(p["shift"]) < 1.96 * p["sd"] for p in found["parameters"])
+        total += len(found["parameters"])
+    print(dict(counts), f"intervals of the shift hold {100 * inside / total:.1f} %", flush=True)
+
+
 def summed(options: argparse.Namespace) -> None:
     """The summed χ² of sound devices."""
     chi2 = dof = 0.0
@@ -134,7 +168,7 @@ def summed(options: argparse.Namespace) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parts = ("table", "sound", "forearm", "sum")
+    parts = ("table", "sound", "forearm", "linear", "sum")
     parser.add_argument("--part", choices=parts, default="table")
     parser.add_argument("--fleets", type=int, default=100, help="of table: devices of the fleet")
     parser.add_argument("--devices", type=int, default=60)
@@ -146,6 +180,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         named(options, Production(), 24)
     elif options.part == "forearm":
         named(options, Production(length=0.0005, design={"length@4": FOREARM}), 24)
+    elif options.part == "linear":
+        linear(options)
     else:
         summed(options)
 

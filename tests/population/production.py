@@ -23,12 +23,8 @@ MIDDLE = 4095 / 2
 LENGTHS = ((0, abs(oracle.L1)), (1, oracle.L2), (3, oracle.L3))
 """Rows of an arm with a length of the drawing: base, upper arm, forearm [in]."""
 
-TOLERANCES = {"offset": 0.05, "gain": 3e-5, "link_length": 0.05}
-"""`sd` of the drawing: rad, rad per count (2 %), in."""
-
-MECHANISM = (
-    "[model]\nterms = ['offset', 'gain']\nsd = {offset = 0.05, gain = 3e-5, link_length = 0.05}"
-)
+TOLERANCES = {"offset": 0.05, "gain": 3e-5, "link_length": 0.02}
+"""`sd` of the drawing: rad, rad per count (2 %), in (half a percent)."""
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,10 @@ def joint(
     for _ in range(ROUNDS):
         job = ShareJob(mechanism, by, expected, list(tolerances), options)
         rows = [pair for _, part in run(job) for pair in zip(part[by], part["share"], strict=True)]
-        devices = sorted((d for d in rows if not isinstance(d[1], str)), key=lambda d: str(d[0]))
+        devices = sorted(
+            (d for d in rows if not isinstance(d[1], str)),
+            key=lambda d: (isinstance(d[0], str), d[0]),
+        )
         if len(devices) < 2:
             why = next((share for _, share in rows if isinstance(share, str)), "no device")
             raise InputError(

@@ -195,7 +195,7 @@ impl Life<'_> {
         let lined = Shape { line: true, ..shape.clone() };
         let rated = fitted(self.past, &lined, tau2(&lined));
         let dof = |shape: &Shape| match best.scatter {
-            true => (self.past.len() as f64 - shape.width() as f64).max(1.0),
+            true => shape.dof(self.past.len()).max(1.0),
             false => f64::INFINITY,
         };
         let (rate, rate_sd) = (rated.x[1], rated.covariance[(1, 1)].max(0.0).sqrt());

@@ -20,6 +20,11 @@ impl Shape {
         1 + usize::from(self.line) + self.jumps.len()
     }
 
+    /// Degrees of freedom that are left of `n` results: the place of a jump is a parameter, too.
+    pub(super) fn dof(&self, n: usize) -> f64 {
+        n as f64 - (self.width() + self.jumps.len()) as f64
+    }
+
     /// Row of a result: of the level, the rate where there is one, and the jumps.
     fn row(&self, past: &[Past], i: usize) -> Vec<f64> {
         let last = past.len() - 1;
@@ -89,7 +94,7 @@ pub(super) fn likeliest(past: &[Past], shape: &Shape) -> f64 {
 /// The scatter with which the weighted squares are as many as the degrees of freedom
 /// (Paule and Mandel 1982), `τ²`: unbiased where that with the largest likelihood is too small.
 pub(super) fn unbiased(past: &[Past], shape: &Shape) -> f64 {
-    let dof = past.len() as f64 - shape.width() as f64;
+    let dof = shape.dof(past.len());
     let over = |tau2: f64| fitted(past, shape, tau2).chi2 > dof;
     if dof < 1.0 || !over(0.0) {
         return 0.0;
