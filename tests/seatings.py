@@ -4,6 +4,7 @@
 with the noise of its encoders declared and without, how many clean arms are called otherwise than
 adequate, the mean of χ² over its degrees of freedom, and how many 95 % intervals of the offsets of
 joints 2 to 6 hold the truth. 40 seatings of 8 samples each; the readings are from `tests/cone.py`.
+`--rows` and `--noise` choose one of the four, `--first` continues.
 """
 
 from __future__ import annotations
@@ -69,14 +70,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arms", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--rows", choices=["dh", "urdf"], nargs="+", default=["dh", "urdf"])
+    parser.add_argument(
+        "--noise", choices=["undeclared", "declared"], nargs="+", default=["undeclared", "declared"]
+    )
     options = parser.parse_args(arguments)
-    for from_urdf in (False, True):
-        for noise in (None, SIGMA):
+    first = options.seed + options.first
+    for from_urdf in (rows == "urdf" for rows in options.rows):
+        for noise in (SIGMA if word == "declared" else None for word in options.noise):
             verdicts: Counter[str] = Counter()
             ratios, inside = [], []
             with tempfile.TemporaryDirectory() as folder:
                 own = mechanism(Path(folder), noise, from_urdf)
-                for seed in range(options.seed, options.seed + options.arms):
+                for seed in range(first, first + options.arms):
                     found = rsicalib.calibrate(cone.session(seed).table, own)
                     verdicts[found.verdict] += 1
                     assert found.fit.chi2 is not None and found.fit.dof is not None

@@ -232,3 +232,16 @@ def test_placements_in_any_order_give_the_same_result() -> None:
         assert other.after.chi2 == pytest.approx(first.after.chi2, rel=1e-6)
         assert other.groups is not None and first.groups is not None
         assert other.groups.fitted == pytest.approx(first.groups.fitted, rel=1e-6)
+
+
+# ------------------------------------------------------------------ closing is not accuracy
+
+
+def test_a_predicted_error_far_above_the_misclosure_is_in_the_first_line() -> None:
+    """Of sound sessions it is 0.2 to 1.6 times the misclosure, of arms and of hand controllers."""
+    found = said(rsicalib.calibrate, trials.staged([31, 0]))
+    assert found.predicted is not None and found.fit.rms_misclosure is not None
+    assert found.summary().startswith("Adequate: ")
+    far = replace(found.predicted, position_sd=20.0 * found.fit.rms_misclosure)
+    first = replace(found, predicted=far).summary()
+    assert first.startswith("Adequate, yet the platform is predicted to err by ")

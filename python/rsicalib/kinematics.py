@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError, InputTypeError, OpenLoopsWarning
+from rsicalib.errors import InputError, InputTypeError
 from rsicalib.places import Places, places, readings_for
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -18,7 +16,7 @@ from rsicalib.work.arguments import (
     earlier_result,
     open_mechanism,
 )
-from rsicalib.work.closing import open_loops
+from rsicalib.work.closing import warn_of_open_loops
 
 __all__ = ["forward", "forward_sd", "inverse"]
 
@@ -111,9 +109,7 @@ def _placed(
     if calibration is not None:
         result, loaded = earlier_result(calibration, loaded)
     if result is not None and not sd:
-        said = open_loops(one, loaded, result)
-        if said is not None:
-            warnings.warn(said, OpenLoopsWarning, stacklevel=3)
+        warn_of_open_loops(one, loaded, result, stacklevel=3)
     return places(one, loaded, result, sd=sd)
 
 

@@ -14,6 +14,37 @@ pub fn quoted(text: &str) -> String {
     format!("{start:?}… ({whole} characters)")
 }
 
+/// Texts in quotation marks, with commas between them.
+#[must_use]
+pub fn listed(texts: &[String]) -> String {
+    texts.iter().map(|text| quoted(text)).collect::<Vec<_>>().join(", ")
+}
+
+/// A character in quotation marks.
+#[must_use]
+pub fn character(one: char) -> String {
+    format!("{one:?}")
+}
+
+/// A number with all its digits and no more zeros than a reader counts.
+#[must_use]
+pub fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// Numbers in brackets, with commas between them.
+#[must_use]
+pub fn listed_numbers(values: &[f64]) -> String {
+    let each: Vec<String> = values.iter().map(|value| number(*value)).collect();
+    format!("[{}]", each.join(", "))
+}
+
+/// The word for a choice without values of its own, as files have it.
+#[must_use]
+pub fn word(choice: &dyn std::fmt::Debug) -> String {
+    format!("{choice:?}").to_lowercase()
+}
+
 /// The known name that may have been meant, in brackets; empty where none is near.
 ///
 /// `known` are the names with commas between them. A name is near that differs by a third of its

@@ -8,20 +8,29 @@ from typing import Any
 
 import numpy as np
 
+from rsicalib.arrays import FloatArray
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import coordinates, unit_of
 from rsicalib.imports.extras import needed
 from rsicalib.imports.log import Session
+from rsicalib.io.readings import Readings
+from rsicalib.work.closing import warn_of_open_loops
 
 __all__ = ["write_csv", "write_mcap"]
 
 TOPIC = "/joint_states"
 
 
+def _corrected(ask: Ask) -> tuple[Readings, FloatArray]:
+    """The readings, and the coordinates that they are under the result."""
+    readings = ask.needed("are to be corrected")
+    warn_of_open_loops(readings, ask.mechanism, ask.result, stacklevel=4)
+    return readings, coordinates(readings, ask.mechanism, ask.result)
+
+
 def write_csv(ask: Ask) -> dict[str, str]:
     """Write `corrected.csv`, and the mechanism under which such rows are read as they are."""
-    readings = ask.needed("are to be corrected")
-    values = coordinates(readings, ask.mechanism, ask.result)
+    readings, values = _corrected(ask)
     columns: dict[str, Any] = {"pose": readings.pose} if readings.held else {}
     single = {"sample": readings.sample, "time_s": readings.time_s}
     single["temperature_c"] = readings.temperature_c
@@ -52,11 +61,10 @@ def _without_none(table: dict[str, Any]) -> dict[str, Any]:
 
 def write_mcap(ask: Ask) -> dict[str, bytes]:
     """Write `corrected.mcap`: joint states with the corrected positions."""
-    readings = ask.needed("are to be corrected")
+    readings, values = _corrected(ask)
     rosbag2 = needed("rosbags.rosbag2", "corrected.mcap", "a bag of ROS 2")
     typesys = needed("rosbags.typesys", "corrected.mcap", "a bag of ROS 2")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    values = coordinates(readings, ask.mechanism, ask.result)
     times = np.arange(len(values)) * 1.0 if readings.time_s is None else readings.time_s
     kind, empty = "sensor_msgs/msg/JointState", np.zeros(0)
     with tempfile.TemporaryDirectory() as folder:

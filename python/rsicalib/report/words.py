@@ -176,7 +176,8 @@ def sentence(result: ResultShape) -> str:
         missing = listed_words([subject(step) for step in result.steps])
         were = "was" if len(result.steps) == 1 else "were"
         if result.verdict == "explained":
-            return f"Explained: {missing} {were} missing; what is left is noise ({judged})."
+            yet = _yet(result)
+            return f"Explained{yet}: {missing} {were} missing; what is left is noise ({judged})."
         more = any(reason.kind == "residual" for reason in result.reasons)
         leave = "leave more than noise" if more else "leave no more than noise"
         if against:
@@ -195,7 +196,25 @@ def sentence(result: ResultShape) -> str:
         return f"The residual is significant ({judged}): the model lacks something."
     count = len(result.excluded)
     out = "" if not count else f" without {count} bad reading{'s' * (count > 1)}"
-    return f"Adequate: what is left{out} is the noise of the readings ({judged})."
+    return f"Adequate{_yet(result)}: what is left{out} is the noise of the readings ({judged})."
+
+
+FAR = 10.0
+"""Predicted errors of what is carried that are more often the misclosure are said at once."""
+
+
+def _yet(result: ResultShape) -> str:
+    """That loops which close do not make what is carried right; empty where nothing says so."""
+    error, fit = result.predicted, quality(result)
+    gap_size = fit.rms_misclosure
+    if error is None or gap_size is None or fit.misclosure_unit not in (None, result.length_unit):
+        return ""
+    if not error.position_sd > FAR * gap_size:
+        return ""
+    what = "carried points are" if error.orientation_sd is None else "the platform is"
+    size, gap = number(error.position_sd, 2), number(gap_size, 2)
+    unit = result.length_unit
+    return f", yet {what} predicted to err by {size} {unit} beside a misclosure of {gap} {unit}"
 
 
 def _found(result: ResultShape) -> str:

@@ -6,17 +6,20 @@ of the readings do not close under it as they did in its own session, and that i
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
+from rsicalib.errors import OpenLoopsWarning
 from rsicalib.io.readings import Readings
 from rsicalib.results import Result
 from rsicalib.work.applying import as_applied, covariance_of
 
-__all__ = ["first_rows", "open_loops"]
+__all__ = ["first_rows", "open_loops", "warn_of_open_loops"]
 
 LEVEL = 1e-6
 """Probability that the loops of a sound device are called open: of a million uses one."""
@@ -86,6 +89,15 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
         f"{unit}{as_own}. Something has changed since, the result is of another device, or its "
         "numbers were edited: identify again with --calibration, which says what has changed"
     )
+
+
+def warn_of_open_loops(
+    readings: Readings, mechanism: Mechanism, result: Result, *, stacklevel: int
+) -> None:
+    """Warn where they do not, before a result is applied to readings that may not be its own."""
+    said = open_loops(readings, mechanism, result)
+    if said is not None:
+        warnings.warn(said, OpenLoopsWarning, stacklevel=stacklevel + 1)
 
 
 def _own(result: Result) -> float | None:

@@ -22,6 +22,7 @@ use crate::mechanism::{Chain, Mechanism, Row, Target, Value};
 use crate::model::{Spec, is_unknown_thing};
 use crate::terms::Ratio;
 use crate::terms::term::{Acts, Freedom, Outlasts, Role, Spot, Term};
+use crate::text::{number, quoted};
 
 /// A mechanism under which readings give the same points as under a result.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +66,8 @@ impl fmt::Display for Note {
                 write!(f, "chain {chain}: row 1 is new and carries the place of its base")
             }
             Self::Column { closure, column, add } => {
-                write!(f, "distance@{closure}: add {add:?} to column {column:?}")
+                let (add, column) = (number(*add), quoted(column));
+                write!(f, "distance@{closure}: add {add} to column {column}")
             }
             Self::NoPlace(spec) => {
                 write!(f, "{spec} has no place in a mechanism: apply it with --calibration")

@@ -30,6 +30,7 @@ use crate::numerics::random::Random;
 use crate::numerics::rank::{Spaces, eliminated, rank, scaled, unit};
 use crate::terms::targets::targets;
 use crate::terms::term::Acts;
+use crate::text::quoted;
 use crate::{Error, terms};
 
 /// Rows of all chains, or parameters of a model, beyond which none are counted.
@@ -492,7 +493,7 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
         mechanism.points.iter().filter(|p| p.chain.is_some()).cloned().collect();
     if points.is_empty() {
         return Err(Error::Mechanism {
-            place: format!("{:?}", mechanism.name),
+            place: quoted(&mechanism.name),
             found: "no point on a chain".into(),
             expected: "one".into(),
         });
@@ -518,7 +519,7 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
 
 fn not_numbers(mechanism: &Mechanism) -> Error {
     Error::Mechanism {
-        place: format!("{:?}", mechanism.name),
+        place: quoted(&mechanism.name),
         found: "derivatives that are not numbers".into(),
         expected: "lengths and gains of usual size".into(),
     }

@@ -18,6 +18,7 @@ use crate::model::{Model, parse};
 use crate::numerics::random::Random;
 use crate::numerics::workers;
 use crate::readings::{Readings, Table};
+use crate::text::listed_numbers;
 
 /// A box of poses: lowest and highest x, y, z (length unit), rx, ry, rz (rad).
 pub type Within = [[f64; 2]; 6];
@@ -199,7 +200,7 @@ pub fn workspace(mechanism: &Mechanism, within: Option<Within>) -> Result<Within
     let ordered = |[low, high]: &[f64; 2]| low.is_finite() && high.is_finite() && low <= high;
     if !within.iter().all(ordered) {
         let expected = "six pairs of numbers, the lower end first";
-        return Err(Error::option("within", format!("{within:?}"), expected));
+        return Err(Error::option("within", listed_numbers(within.as_flattened()), expected));
     }
     Ok(within)
 }

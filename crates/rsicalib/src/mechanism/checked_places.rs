@@ -3,20 +3,21 @@
 use crate::Error;
 use crate::mechanism::drawing::{Mechanism, Point};
 use crate::mechanism::validation::{finite, known, refuse};
+use crate::text::{listed, quoted};
 
 impl Mechanism {
     /// Checks the keys of a point that say where it is unknown or measured.
     pub(super) fn check_where(&self, point: &Point) -> Result<(), Error> {
-        let place = || format!("point {:?}", point.name);
+        let place = || format!("point {}", quoted(&point.name));
         if let Some(keys) = point.unknown.as_ref().filter(|keys| point.moves() && keys.len() > 1) {
             let expected = "`pose` alone: every pose has a place of its own";
-            return Err(refuse(place(), format!("unknown = {keys:?}"), expected.into()));
+            return Err(refuse(place(), format!("unknown = [{}]", listed(keys)), expected.into()));
         }
         if let Some(free) = &point.free {
             let axes = ["x", "y", "z"];
             let strange = free.iter().find(|f| !axes.contains(&f.as_str()));
             let found = match strange {
-                Some(name) => format!("free coordinate {name:?}"),
+                Some(name) => format!("free coordinate {}", quoted(name)),
                 None if free.is_empty() => "no free coordinate".into(),
                 None if !point.is_unknown() => "free coordinates of a known point".into(),
                 None if point.at.is_none() && point.frees().contains(&false) => {
@@ -33,7 +34,7 @@ impl Mechanism {
             Some(frame) if point.columns.is_some() => known(self.frame_index(frame), place),
             Some(frame) => {
                 let expected = "`columns` of a point that is measured in a frame";
-                Err(refuse(place(), format!("frame {frame:?}"), expected.into()))
+                Err(refuse(place(), format!("frame {}", quoted(frame)), expected.into()))
             }
             None => Ok(()),
         }
@@ -49,7 +50,7 @@ impl Mechanism {
             }
         };
         for plane in &self.planes {
-            let place = || format!("plane {:?}", plane.name);
+            let place = || format!("plane {}", quoted(&plane.name));
             finite(plane.offset.iter(), place)?;
             if let Some(normal) = &plane.normal {
                 direction(place(), normal)?;
@@ -60,12 +61,12 @@ impl Mechanism {
             }
         }
         for line in &self.lines {
-            let place = || format!("line {:?}", line.name);
+            let place = || format!("line {}", quoted(&line.name));
             finite(line.at.iter(), place)?;
             direction(place(), &line.direction)?;
         }
         for frame in &self.frames {
-            let place = || format!("frame {:?}", frame.name);
+            let place = || format!("frame {}", quoted(&frame.name));
             finite(frame.pose.iter().flatten(), place)?;
             if frame.pose.is_none() && frame.unknown.is_none() {
                 let expected = "`pose = [x, y, z, rx, ry, rz]`, or `unknown = [columns]`";

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::numerics::bounds;
 use crate::numerics::formula::{Graph, Id, Program, parse};
 use crate::numerics::lanes::Lanes;
-use crate::text::quoted;
+use crate::text::{quoted, word};
 
 /// Most parameters that one term may have.
 pub const MOST_PARAMETERS: usize = 64;
@@ -207,7 +207,7 @@ impl Law {
             Ok(self.parameters.len() + k)
         };
         let value = parse(text, &mut graph, &mut input).map_err(|misread| {
-            let place = format!("term {:?}, {key}", self.id);
+            let place = format!("term {}, {key}", quoted(&self.id));
             refuse(place, format!("{misread} in {}", quoted(text)), misread.expected)
         })?;
         Ok(Formula { graph, value, variables })
@@ -243,7 +243,7 @@ impl Law {
     ///
     /// [`Error::Mechanism`] with the entry, what was found and what was expected.
     pub fn check(&self) -> Result<(), Error> {
-        let place = |key: &str| format!("term {:?}, {key}", self.id);
+        let place = |key: &str| format!("term {}, {key}", quoted(&self.id));
         let named = |name: &str| {
             let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
             !name.is_empty()
@@ -252,7 +252,7 @@ impl Law {
         };
         if !named(&self.id) {
             let expected = "letters, digits and _, and no digit first";
-            return Err(refuse("term, id".into(), format!("{:?}", self.id), expected.into()));
+            return Err(refuse("term, id".into(), quoted(&self.id), expected.into()));
         }
         let (allowed, words): (&[Per], _) = match self.class {
             Class::Sensor | Class::Electronics | Class::Load => {
@@ -266,8 +266,8 @@ impl Law {
             }
         };
         if !allowed.contains(&self.per) {
-            let found = format!("{:?}", self.per).to_lowercase();
-            return Err(refuse(place("per"), format!("{found:?}"), words.into()));
+            let found = quoted(&word(&self.per));
+            return Err(refuse(place("per"), found, words.into()));
         }
         let has = (self.correction.is_some(), self.moves.is_some(), self.amount.is_some());
         let (wanted, words) = match self.class {
@@ -278,7 +278,7 @@ impl Law {
             let there = [("correction", has.0), ("moves", has.1), ("amount", has.2)];
             let there: Vec<&str> = there.iter().filter(|k| k.1).map(|k| k.0).collect();
             let found = if there.is_empty() { "none".into() } else { there.join(", ") };
-            return Err(refuse(format!("term {:?}", self.id), found, words.into()));
+            return Err(refuse(format!("term {}", quoted(&self.id)), found, words.into()));
         }
         if !(1..=MOST_PARAMETERS).contains(&self.parameters.len()) {
             let expected = format!("1 to {MOST_PARAMETERS}");
@@ -289,7 +289,7 @@ impl Law {
             let taken = self.variable(name, None).is_some() || name == "theta" || name == "pi";
             if !named(name) || taken {
                 let expected = "a name that is no variable, of letters, digits and _";
-                return Err(refuse(place("parameters"), format!("{name:?}"), expected.into()));
+                return Err(refuse(place("parameters"), quoted(name), expected.into()));
             }
             if !bounds::positive(*typical) {
                 let found = format!("{name} = {typical}");
@@ -304,7 +304,7 @@ impl Law {
     fn check_formula(&self) -> Result<(), Error> {
         let Formula { mut graph, value, variables } = self.formula()?;
         let (key, text) = self.text();
-        let place = format!("term {:?}, {key}", self.id);
+        let place = format!("term {}, {key}", quoted(&self.id));
         if variables.len() > MOST_VARIABLES {
             let found = format!("{} variables", variables.len());
             return Err(refuse(place, found, format!("at most {MOST_VARIABLES}")));
@@ -325,7 +325,7 @@ impl Law {
             let slope = graph.derivative(value, k);
             let slope = at(&graph, slope);
             if slope.0.iter().all(|v| *v == 0.0) || slope.0.iter().any(|v| !v.is_finite()) {
-                let found = format!("parameter {name:?}, which changes nothing by itself");
+                let found = format!("parameter {}, which changes nothing by itself", quoted(name));
                 let expected = "parameters that act when all others are zero; write other \
                                 constants as numbers";
                 return Err(refuse(place, found, expected.into()));

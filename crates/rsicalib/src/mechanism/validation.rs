@@ -6,7 +6,7 @@ use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
-use crate::text::{meant, quoted};
+use crate::text::{meant, number, quoted};
 
 impl Mechanism {
     /// Checks that every name is known and unique, and that every number can be used.
@@ -53,7 +53,7 @@ impl Mechanism {
             law.check()?;
             self.check_joints(law)?;
             if self.laws[..k].iter().any(|other| other.id == law.id) {
-                let place = format!("term {:?}", law.id);
+                let place = format!("term {}", quoted(&law.id));
                 return Err(refuse(place, "the name again".into(), "one of its own".into()));
             }
         }
@@ -68,7 +68,7 @@ impl Mechanism {
                 && k > most
             {
                 let (place, expected) =
-                    (format!("term {:?}, {}", law.id, law.text().0), "theta[1]");
+                    (format!("term {}, {}", quoted(&law.id), law.text().0), "theta[1]");
                 let expected = format!("{expected} to theta[{most}]: joints of a chain");
                 return Err(refuse(place, format!("theta[{k}]"), expected));
             }
@@ -95,12 +95,12 @@ impl Mechanism {
         let mut seen: Vec<(&String, usize, &Row)> = Vec::new();
         for (number, chain) in self.chains.iter().enumerate() {
             for (i, row) in chain.rows.iter().enumerate() {
-                let place = || format!("chain {:?}, row {}", chain.name, i + 1);
+                let place = || format!("chain {}, row {}", quoted(&chain.name), i + 1);
                 check_row(row, place)?;
                 let Some(name) = &row.channel else { continue };
                 if self.channels.iter().all(|c| c.name != *name) {
                     let known = list(self.channels.iter().map(|c| &c.name));
-                    return Err(refuse(place(), format!("channel {name:?}"), known));
+                    return Err(refuse(place(), format!("channel {}", quoted(name)), known));
                 }
                 let expected = match seen.iter().find(|(of, ..)| *of == name) {
                     Some(_) if row.ratio.is_none() => "each channel at one joint, or a ratio here",
@@ -113,7 +113,7 @@ impl Mechanism {
                         continue;
                     }
                 };
-                let found = format!("channel {name:?} again");
+                let found = format!("channel {} again", quoted(name));
                 return Err(refuse(place(), found, expected.into()));
             }
         }
@@ -129,7 +129,7 @@ impl Mechanism {
         };
         match self.channels.iter().find(|channel| !senses(channel)) {
             Some(channel) => Err(refuse(
-                format!("channel {:?}", channel.name),
+                format!("channel {}", quoted(&channel.name)),
                 "no joint that it senses".into(),
                 "a row of a chain that names it, or a closure".into(),
             )),
@@ -138,7 +138,7 @@ impl Mechanism {
     }
 
     fn check_point(&self, point: &Point) -> Result<(), Error> {
-        let place = || format!("point {:?}", point.name);
+        let place = || format!("point {}", quoted(&point.name));
         if let Some(chain) = &point.chain {
             known(self.chain_index(chain), place)?;
         }
@@ -158,7 +158,7 @@ impl Mechanism {
     }
 
     fn check_closure(&self, closure: &Closure) -> Result<(), Error> {
-        let place = || format!("closure {:?}", closure.name);
+        let place = || format!("closure {}", quoted(&closure.name));
         for noise in closure.noise.iter().chain(&closure.sd) {
             if !(bounds::usable(*noise) && *noise >= 0.0) {
                 return Err(refuse(place(), format!("{noise}"), "a length of 0 or more".into()));
@@ -187,7 +187,7 @@ impl Mechanism {
         }
         let [a, b] = &closure.between;
         if a == b {
-            return Err(refuse(place(), format!("{a:?} twice"), "two of them".into()));
+            return Err(refuse(place(), format!("{} twice", quoted(a)), "two of them".into()));
         }
         if self.is_link(closure) {
             return self.check_unknowns(closure);
@@ -219,8 +219,8 @@ impl Mechanism {
                     true => "points of the mechanism".into(),
                     false => format!("unknown points with columns of theirs: {}", known.join(", ")),
                 };
-                let place = format!("closure {:?}, between", closure.name);
-                Err(refuse(place, format!("{end:?}"), expected))
+                let place = format!("closure {}, between", quoted(&closure.name));
+                Err(refuse(place, quoted(end), expected))
             }
         }
     }
@@ -264,7 +264,7 @@ fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Result<(),
     let mut seen = Vec::new();
     for name in names {
         if seen.contains(&name) || name.is_empty() {
-            let place = format!("{kind} {name:?}");
+            let place = format!("{kind} {}", quoted(name));
             return Err(refuse(place, "the name again, or none".into(), "one of its own".into()));
         }
         seen.push(name);
@@ -277,7 +277,7 @@ pub(super) fn finite<'a>(
     place: impl Fn() -> String,
 ) -> Result<(), Error> {
     match numbers.find(|n| !bounds::usable(**n)) {
-        Some(n) => Err(refuse(place(), format!("{n:?}"), bounds::expected(*n))),
+        Some(n) => Err(refuse(place(), number(*n), bounds::expected(*n))),
         None => Ok(()),
     }
 }
@@ -294,14 +294,14 @@ fn check_row(row: &Row, place: impl Fn() -> String) -> Result<(), Error> {
         (Some(_), false) => "a number other than 0",
         (None, _) => "a channel of which it is the ratio",
     };
-    Err(refuse(place(), format!("ratio {ratio:?}"), expected.into()))
+    Err(refuse(place(), format!("ratio {}", number(ratio)), expected.into()))
 }
 
 fn check_channel(channel: &Channel) -> Result<(), Error> {
-    let place = || format!("channel {:?}", channel.name);
+    let place = || format!("channel {}", quoted(&channel.name));
     finite([channel.gain, channel.offset].iter(), place)?;
     if !bounds::positive(channel.gain.abs()) {
-        let found = format!("gain {:?}", channel.gain);
+        let found = format!("gain {}", number(channel.gain));
         return Err(refuse(place(), found, "a gain other than zero".into()));
     }
     for [low, high] in channel.range.iter().chain(&channel.limits) {

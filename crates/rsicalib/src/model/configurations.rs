@@ -24,6 +24,7 @@ use crate::numerics::random::Random;
 use crate::numerics::rank::RANK;
 use crate::numerics::workers;
 use crate::readings::{Readings, Table};
+use crate::text::quoted;
 
 /// Values of a column that tells unknown points apart, where the mechanism names none.
 const PLACEMENTS: usize = 6;
@@ -185,7 +186,7 @@ impl Configurations {
         let (kept, asked) = (found.iter().map(Vec::len).sum::<usize>(), each * self.keys.len());
         if 4 * kept < 3 * asked {
             return Err(Error::Mechanism {
-                place: format!("{:?}", self.free.name),
+                place: quoted(&self.free.name),
                 found: format!("{kept} of {asked} random configurations that close"),
                 expected: "joint limits within which its loops can be closed".into(),
             });

@@ -9,6 +9,7 @@ use crate::model::instance::{Instance, bound_to_session, place_name, places};
 use crate::readings::Readings;
 use crate::terms::targets::{shared, targets};
 use crate::terms::term::{ORDER_STEP, ORDERS, Per, Placed, Term};
+use crate::text::quoted;
 use crate::{Error, terms};
 
 /// A term, where it acts, and which of its places that is: `curvature@a22`, `slip@a22:17`.
@@ -201,7 +202,7 @@ fn nearest_order(name: &str) -> Result<usize, Error> {
 pub fn check_names(mechanism: &Mechanism) -> Result<(), Error> {
     if let Some(law) = mechanism.laws.iter().find(|law| terms::find(&law.id).is_ok()) {
         return Err(Error::Mechanism {
-            place: format!("term {:?}", law.id),
+            place: format!("term {}", quoted(&law.id)),
             found: "the id of a term of the catalogue".into(),
             expected: "an id of its own".into(),
         });
@@ -214,7 +215,7 @@ pub fn check_names(mechanism: &Mechanism) -> Result<(), Error> {
             let place = format!("model, {key}");
             return Err(Error::Mechanism {
                 place,
-                found: format!("term {found:?}"),
+                found: format!("term {}", quoted(&found)),
                 expected: known,
             });
         }

@@ -5,6 +5,7 @@ use serde::Deserialize;
 
 use crate::numerics::bounds;
 use crate::report::document::{Calibration, FORMATS, Parameter, Parts, Trace};
+use crate::text::quoted;
 
 /// Numbers of a result that are one agree to this: they are written with all their digits, and
 /// computed one from the other.
@@ -51,7 +52,7 @@ pub fn read(text: &str) -> Result<Document, Refused> {
     if format == FORMATS[1] {
         return Ok(Document::Trace(Box::new(checked(text)?)));
     }
-    let found = if format.is_empty() { head.format.to_string() } else { format!("{format:?}") };
+    let found = if format.is_empty() { head.format.to_string() } else { quoted(&format) };
     Err(Refused { place: "format".into(), found, expected: FORMATS.join(" or ") })
 }
 

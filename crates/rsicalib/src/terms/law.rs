@@ -11,6 +11,7 @@ use crate::numerics::formula::Program;
 use crate::numerics::lanes::Lanes;
 use crate::terms::coupled::Coupled;
 use crate::terms::term::{Acts, Info, Needs, Parameter, Sensor, Site, Term};
+use crate::text::word;
 
 /// The terms of laws so far. Terms live as long as the program, so there is one for each law that
 /// differs from all others, however often its mechanism is read.
@@ -105,7 +106,7 @@ fn leaked(text: &str) -> &'static str {
 /// The description with the formula.
 fn doc(law: &Law) -> String {
     let (key, text) = law.text();
-    let moves = law.moves.map_or(String::new(), |m| format!("moves {m:?}, ").to_lowercase());
+    let moves = law.moves.map_or(String::new(), |m| format!("moves {}, ", word(&m)));
     format!("{}\n\n{moves}{key} = {text}", law.doc.trim())
 }
 

@@ -6,6 +6,7 @@ use std::fmt;
 type Named<'n> = dyn FnMut(&str, Option<usize>) -> Result<usize, String> + 'n;
 
 use crate::numerics::formula::graph::{Func, Graph, Id, Pair};
+use crate::text::{character, quoted};
 
 /// Longest formula, in characters.
 const LONGEST: usize = 8000;
@@ -79,7 +80,7 @@ impl Parser<'_> {
     fn misread(&mut self, expected: &str) -> Misread {
         let found = match self.peek() {
             None => "the end of the formula".into(),
-            Some(c) => format!("{c:?}"),
+            Some(c) => character(c),
         };
         Misread { at: self.at + 1, found, expected: expected.into() }
     }
@@ -162,7 +163,7 @@ impl Parser<'_> {
     }
 
     fn close(&mut self, bracket: char) -> Result<(), Misread> {
-        if self.take(bracket) { Ok(()) } else { Err(self.misread(&format!("{bracket:?}"))) }
+        if self.take(bracket) { Ok(()) } else { Err(self.misread(&character(bracket))) }
     }
 
     /// The characters from here on that are all of a kind.
@@ -186,11 +187,7 @@ impl Parser<'_> {
         }
         match text.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(self.graph.constant(value)),
-            _ => Err(Misread {
-                at: start + 1,
-                found: format!("{text:?}"),
-                expected: "a number".into(),
-            }),
+            _ => Err(Misread { at: start + 1, found: quoted(&text), expected: "a number".into() }),
         }
     }
 
@@ -222,7 +219,7 @@ impl Parser<'_> {
         let input = (self.input)(&name, index);
         let input = input.map_err(|expected| Misread {
             at: start + 1,
-            found: format!("{:?}", found()),
+            found: quoted(&found()),
             expected,
         })?;
         Ok(self.graph.input(input))
@@ -236,7 +233,7 @@ impl Parser<'_> {
             return Ok(self.graph.apply(function, first));
         }
         let Some(pair) = Pair::named(name) else {
-            let found = format!("function {name:?}");
+            let found = format!("function {}", quoted(name));
             return Err(Misread { at: start + 1, found, expected: functions() });
         };
         self.close(',')?;
