@@ -235,6 +235,32 @@ def test_lines_that_cannot_be_read_are_told_from_samples() -> None:
     assert "not a number" in str(columns.sample("1.5," + ",".join(["nan"] * 9), 0.0))
 
 
+def test_messages_are_samples_in_any_order_of_names() -> None:
+    columns = Columns(CHANNELS)
+    values = [float(k) for k in range(9)]
+    good = Sample(12.5, None, tuple(values))
+    flat = {"time_s": 12.5, **dict(zip(CHANNELS, values, strict=True)), "state": {"ok": True}}
+    assert columns.sample(json.dumps(flat), 0.0) == good
+    state = {
+        "header": {"stamp": {"sec": 12, "nanosec": 500_000_000}, "frame_id": ""},
+        "name": [*reversed(CHANNELS), "finger"],
+        "position": [*reversed(values), 0.4],
+    }
+    assert columns.sample(json.dumps(state), 0.0) == good
+    for change, words in (
+        ({"position": values}, "10 names and 9 positions"),
+        ({"name": [*CHANNELS, "a11"]}, "expected one of each"),
+        ({"name": [*CHANNELS[1:], "b", "c"]}, f"no {CHANNELS[0]}"),
+        ({"position": [True, *values]}, "no a33"),
+        ({"header": {"stamp": {"sec": "soon"}}}, "no time"),
+        ({"position": [float("nan"), *values]}, "not a number"),
+    ):
+        assert words in str(columns.sample(json.dumps({**state, **change}), 0.0))
+    assert "no JSON" in str(columns.sample('{"a11": 1.0', 0.0))
+    bare = {**state, "header": "none"}
+    assert columns.sample(json.dumps(bare), 3.0) == Sample(3.0, None, tuple(values))
+
+
 def test_half_a_line_is_dropped_and_half_a_pose_is_taken_again(tmp_path: Path) -> None:
     log = Log(tmp_path, CHANNELS, False)
     rows = [Sample(float(k), 21.0, tuple(float(k + c) for c in range(9))) for k in range(12)]

@@ -8,6 +8,7 @@ is dropped, and a pose of which rows are missing is taken again from its samples
 from __future__ import annotations
 
 import csv
+import json
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -32,7 +33,7 @@ class Sample:
 
 
 class Columns:
-    """Lines of CSV as samples: the header first, columns in any order."""
+    """Lines as samples: CSV, the header first and columns in any order, or one JSON object each."""
 
     def __init__(self, channels: Sequence[str], keys: Sequence[str] = ()) -> None:
         self.channels = tuple(channels)
@@ -41,18 +42,12 @@ class Columns:
 
     def sample(self, line: str, clock_s: float) -> Sample | str | None:
         """A sample; None for the header and for empty lines; else what is wrong, in words."""
-        cells = [cell.strip() for cell in line.strip().split(",")]
-        if cells == [""]:
-            return None
-        if {*self.channels, *self.keys} <= set(cells):
-            self._header = cells
-            return None
-        if self._header is None:
-            missing = ", ".join(c for c in (*self.channels, *self.keys) if c not in cells)
-            return f"found no header with the channels ({missing} missing)"
-        if len(cells) != len(self._header):
-            return f"found {len(cells)} columns, expected {len(self._header)}"
-        row = dict(zip(self._header, cells, strict=True))
+        row = _message(line) if line.lstrip().startswith("{") else self._row(line)
+        if not isinstance(row, dict):
+            return row
+        missing = [c for c in (*self.channels, *self.keys) if c not in row]
+        if missing:
+            return f"found no {missing[0]}"
         try:
             values = tuple(float(row[name]) for name in self.channels)
             time_s = float(row["time_s"]) if row.get("time_s") else clock_s
@@ -65,6 +60,43 @@ class Columns:
         if not all(keys):
             return f"found no {self.keys[keys.index('')]}"
         return Sample(time_s, warm, values, keys)
+
+    def _row(self, line: str) -> dict[str, str] | str | None:
+        """Cells of a line of CSV by their columns."""
+        cells = [cell.strip() for cell in line.strip().split(",")]
+        if cells == [""]:
+            return None
+        if {*self.channels, *self.keys} <= set(cells):
+            self._header = cells
+            return None
+        if self._header is None:
+            missing = ", ".join(c for c in (*self.channels, *self.keys) if c not in cells)
+            return f"found no header with the channels ({missing} missing)"
+        if len(cells) != len(self._header):
+            return f"found {len(cells)} columns, expected {len(self._header)}"
+        return dict(zip(self._header, cells, strict=True))
+
+
+def _message(line: str) -> dict[str, str] | str:
+    """Values of a message by their names: flat, or as `sensor_msgs/JointState` has them."""
+    try:
+        message = json.loads(line)
+    except ValueError as error:
+        return f"found no JSON ({error})"
+    names, positions = message.get("name"), message.get("position")
+    if isinstance(names, list) and isinstance(positions, list):
+        if len(names) != len(positions) or len({str(n) for n in names}) != len(names):
+            return f"found {len(names)} names and {len(positions)} positions, expected one of each"
+        header = message.get("header")
+        stamp = header.get("stamp") if isinstance(header, dict) else None
+        message = dict(zip(map(str, names), positions, strict=True))
+        if isinstance(stamp, dict) and "sec" in stamp:
+            try:
+                message["time_s"] = float(stamp["sec"]) + 1e-9 * float(stamp.get("nanosec", 0))
+            except (TypeError, ValueError):
+                return "found a stamp that is no time"
+    plain = {k: v for k, v in message.items() if isinstance(v, int | float | str)}
+    return {k: str(v) for k, v in plain.items() if not isinstance(v, bool)}
 
 
 class Log:
