@@ -279,7 +279,7 @@ impl Open {
         let open = Configurations::new(&opened(mechanism)?, random)?;
         let geometric: Vec<Instance> = instances
             .iter()
-            .filter(|i| !matches!(i.term.acts(), Acts::Distance | Acts::Surface(_)))
+            .filter(|i| !matches!(i.term.acts(), Acts::Distance | Acts::Surface(_) | Acts::End))
             .copied()
             .collect();
         // Three equations of each carried point: more rows than parameters by half.

@@ -177,6 +177,23 @@ impl Mechanism {
         closure.channel.is_none() && closure.kind.is_between_points()
     }
 
+    /// The one end of a closure between points that stands: on no chain, and not anew in each pose.
+    pub(crate) fn standing_end(&self, closure: usize) -> Option<usize> {
+        let closure = &self.closures[closure];
+        if !closure.kind.is_between_points() || self.is_link(closure) {
+            return None;
+        }
+        let stands = closure.between.each_ref().map(|name| {
+            let point = self.points.iter().find(|point| point.name == *name);
+            point.is_some_and(|point| point.chain.is_none() && !point.moves())
+        });
+        match stands {
+            [true, false] => Some(0),
+            [false, true] => Some(1),
+            _ => None,
+        }
+    }
+
     /// True for a point on a plane.
     pub(crate) fn is_on_plane(&self, closure: usize) -> bool {
         self.closures[closure].kind.facts().between()[1] == Part::Plane

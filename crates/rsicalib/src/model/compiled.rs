@@ -10,7 +10,7 @@ use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{Closure, ClosureKind, Mechanism, Target, Value, Variable, around};
 use crate::model::drives::Drives;
-use crate::model::ends::{self, End, Measured, Posed};
+use crate::model::ends::{self, End, Measured, MovedEnd, Posed};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Thing, Unknown, number_unknowns};
@@ -62,6 +62,8 @@ pub(crate) struct CompiledClosure {
     pub(crate) plane: Option<usize>,
     /// What terms add to the value.
     pub(crate) added: Vec<Added>,
+    /// Ends that terms move.
+    pub(crate) moved: Vec<MovedEnd>,
     /// Shapes of its plane.
     pub(crate) shapes: Vec<ShapeAt>,
     /// Coordinates of the laws of this closure.
@@ -478,12 +480,12 @@ impl Model {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
-                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_)
+                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End
                     if instance.term.placed() == Placed::AtPose =>
                 {
                     self.gates.push(Gate { instance: number, place, session });
                 }
-                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) => {}
+                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End => {}
             }
         }
         let channels = self.mechanism.channels.len();
@@ -610,6 +612,7 @@ impl Model {
                 value,
                 column,
                 added,
+                moved: self.moved_ends(k),
                 shapes: self.shapes_of(k),
                 laws: self.laws.iter().filter(|law| law.of_closure(k)).map(|l| l.to).collect(),
                 equation,
@@ -622,6 +625,21 @@ impl Model {
             equation += kind.equations();
         }
         Ok(())
+    }
+
+    /// What terms move the standing end of a closure of the mechanism by.
+    fn moved_ends(&self, closure: usize) -> Vec<MovedEnd> {
+        let Some(end) = self.mechanism.standing_end(closure) else { return Vec::new() };
+        let own = |i: &Instance| {
+            matches!(i.term.acts(), Acts::End) && i.target == Target::Closure(closure)
+        };
+        let instances = self.instances.iter().zip(&self.first).enumerate();
+        let moved = instances.filter(|(_, (i, _))| own(i)).map(|(number, (_, &first))| MovedEnd {
+            end,
+            first,
+            gate: self.gates.iter().position(|gate| gate.instance == number),
+        });
+        moved.collect()
     }
 
     /// Shapes that terms give the plane of a closure of the mechanism.

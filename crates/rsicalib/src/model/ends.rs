@@ -4,6 +4,7 @@ use nalgebra::Rotation3;
 
 use crate::Error;
 use crate::closures::kind::Part;
+use crate::kinematics::elements::Source;
 use crate::mechanism::{Closure, Mechanism};
 use crate::model::numbering::{Owned, Thing};
 use crate::numerics::lanes::{Lanes, Vec3};
@@ -35,6 +36,28 @@ pub(crate) enum End {
     Seen([usize; 3], Measured),
     /// The coordinate of a channel, as the first of three.
     Coordinate(usize),
+}
+
+/// An end of a closure that a term moves along the axes of the base.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MovedEnd {
+    /// The first end or the second.
+    pub(crate) end: usize,
+    /// The first of three parameters.
+    pub(crate) first: usize,
+    /// Number of its gate; none where it acts in all samples.
+    pub(crate) gate: Option<usize>,
+}
+
+impl MovedEnd {
+    /// Where its movement along an axis comes from.
+    #[inline(always)]
+    pub(crate) fn source(&self, axis: usize) -> Source {
+        match self.gate {
+            Some(gate) => Source::Gated(self.first + axis, gate),
+            None => Source::Parameter(self.first + axis),
+        }
+    }
 }
 
 /// A point that is somewhere else in each pose.

@@ -426,10 +426,16 @@ impl Model {
         for closure in self.closures.iter().filter(|closure| closure.equations() > 0) {
             // Not `map`, which calls its closure: that is not compiled for vector instructions.
             let [one, other] = &closure.ends;
-            let ends = [
+            let mut ends = [
                 self.end_point(one, group, seen, beta, ws),
                 self.end_point(other, group, seen, beta, ws),
             ];
+            for moved in &closure.moved {
+                let acts = moved.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
+                for (axis, at) in ends[moved.end].iter_mut().enumerate() {
+                    *at += acts * beta[moved.first + axis];
+                }
+            }
             let apart = minus(&ends[0], &ends[1]);
             let mut distance = closure
                 .column
@@ -490,6 +496,13 @@ impl Model {
                     let leaned = At { along: Some(std::slice::from_ref(lean)), ..at };
                     let column = self.unknown_column(plane) + tilt;
                     ws.x[closure.equation * width + column] += leaned.along(0, &apart);
+                }
+            }
+            for moved in closure.moved.iter().filter(|_| want.x) {
+                for axis in 0..3 {
+                    let (mut unit, sign) = ([Lanes::ZERO; 3], [1.0, -1.0][moved.end]);
+                    unit[axis] = Lanes::ONE;
+                    self.add_column(closure, moved.source(axis), &unit, &at, sign, want, ws);
                 }
             }
             for (end, sign) in closure.ends.iter().zip([1.0, -1.0]) {

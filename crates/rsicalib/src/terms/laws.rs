@@ -46,6 +46,7 @@ pub fn says_what_it_is(term: &dyn Term) {
         }
         Acts::Load(_) => assert_eq!((info.class, info.parameters.len()), (Class::Load, 1)),
         Acts::Surface(_) => assert_eq!(info.class, Class::Closure),
+        Acts::End => assert_eq!((info.class, info.parameters.len()), (Class::Closure, 3)),
         Acts::Distance => assert_eq!((info.class, info.parameters.len()), (Class::Closure, 1)),
         Acts::Electronics(_) | Acts::Sensor(_) | Acts::Coupled(_) => {}
     }

@@ -134,6 +134,7 @@ mod once_per_turn;
 mod plane_bend;
 mod plane_slip;
 mod point_position;
+mod point_slip;
 mod ratio;
 mod reference_drift;
 mod reference_temperature;
@@ -188,4 +189,5 @@ registry! {
     distance_slip::DistanceSlip,
     plane_bend::PlaneBend,
     plane_slip::PlaneSlip,
+    point_slip::PointSlip,
 }

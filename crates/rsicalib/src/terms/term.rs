@@ -294,6 +294,8 @@ pub enum Acts {
     Load(Weight),
     /// Corrects the value of a distance.
     Distance,
+    /// Moves the end of a closure that stands, along the axes of the base.
+    End,
     /// Corrects the offset of a plane by where it is touched.
     Surface(&'static dyn Surface),
     /// Corrects joint coordinates, moves a frame, or corrects the value of a distance, by a formula

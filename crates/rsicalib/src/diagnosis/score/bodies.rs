@@ -26,7 +26,7 @@ pub fn is_move(instance: &Instance) -> bool {
 
 fn moves_once(term: &dyn Term) -> bool {
     term.placed() == Placed::AtPose
-        && matches!(term.acts(), Acts::Geometry(_) | Acts::Distance | Acts::Surface(_))
+        && matches!(term.acts(), Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End)
 }
 
 /// False where a move changes no reading, or would pass for another: a point that closes a loop is
