@@ -202,11 +202,11 @@ def rows(poses: int, samples: int) -> None:
         raise InputError(f"found {found}, expected at most {MOST_ROWS:,} samples")
 
 
-def names(name: str, given: Sequence[str] | None) -> list[str] | None:
+def names(name: str, given: Sequence[str] | None, *, none: bool = False) -> list[str] | None:
     """Names as a list, None where none were asked for.
 
     A single text is refused, as its letters would pass for names; so is an empty list, which
-    would ask for nothing.
+    would ask for nothing, but where that has a meaning (`none`).
     """
     if given is None:
         return None
@@ -219,6 +219,6 @@ def names(name: str, given: Sequence[str] | None) -> list[str] | None:
     for one in found:
         if not isinstance(one, str):
             raise InputTypeError(f"{name}: found {one!r}, expected a name")
-    if not found:
+    if not found and not none:
         raise InputError(f"{name}: found none, expected at least one name, or no such option")
     return found

@@ -3,12 +3,13 @@
 
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 use rsicalib::estimate::{FitOptions, Implicit, Noise, Observations, Part, fit};
-use rsicalib::mechanism::Mechanism;
-use rsicalib::model::{Model, Want, Workspace, parse};
+use rsicalib::mechanism::{Mechanism, Target};
+use rsicalib::model::{Instance, Model, Want, Workspace, parse};
 use rsicalib::numerics::linearization::Problem;
 use rsicalib::readings::{Readings, Table};
+use rsicalib::terms::{self, find};
 
-use crate::devices::{Rng, derivative};
+use crate::devices::{How, Rng, derivative, instances, on_plane};
 use crate::differences::{check_parameters, check_readings, evaluated};
 
 /// An arm of two joints that turn about z, at height `d`, and of one that slides along it: the tip is
@@ -34,6 +35,7 @@ plane = [
   {name = "bed", normal = [0.0, 3.0, 4.0], offset = 2.0},
   {name = "table", unknown = ["surface"], normal = [0.1, 0.2, 1.0]},
 ]
+column = [{name = "x", unit = "m"}]
 line = [{name = "edge", at = [0.5, 0.1, -0.3], direction = [1.0, 2.0, -2.0]}]
 frame = [
   {name = "tracker", unknown = []},
@@ -49,6 +51,12 @@ closure = [
   {name = "tip scanned", kind = "touch", between = ["scanned", "tip"]},
   {name = "same", kind = "equal", between = ["q1", "copy"]},
 ]
+[[term]]
+id = "stretch"
+class = "closure"
+per = "closure"
+correction = "a*length^2 + b*x*theta[q1]"
+parameters = {a = 0.01, b = 0.01}
 [[chain]]
 name = "arm"
 dh = [{channel = "q1", a = 1.0}, {channel = "q2", a = 0.7}, {channel = "q3", joint = "prismatic"}]
@@ -139,15 +147,98 @@ fn every_kind_agrees_with_plain_products() {
 fn derivatives_of_every_kind_agree_with_differences() {
     let mechanism = Mechanism::from_toml(ARM).expect("the arm");
     let readings = anywhere(&mechanism, 21);
-    let terms = ["offset", "gain", "curvature", "link_length", "distance", "plane_bend"];
+    let terms = ["offset", "gain", "curvature", "link_length", "distance", "plane_bend", "stretch"];
     let specs = terms.map(String::from);
-    let instances = parse(&mechanism, &readings, &specs).expect("terms");
-    let model = Model::new(&mechanism, &readings, instances).expect("a model");
+    let mut all = parse(&mechanism, &readings, &specs).expect("terms");
+    for once in ["distance_slip", "plane_slip", "point_slip"] {
+        all.extend(instances(find(once).expect("a term"), &mechanism, &readings));
+    }
+    let model = Model::new(&mechanism, &readings, all).expect("a model");
     let mut beta = unknowns(&model);
     let mut rng = Rng::new(8);
     beta[..model.term_parameters].iter_mut().for_each(|p| *p = rng.uniform(0.02, 0.1));
     check_parameters(&model, &readings, &beta, 0..model.parameters);
     check_readings(&model, &readings, &beta);
+}
+
+/// Misclosures with one term more, less those without it: of each row, equation by equation.
+fn change(instance: Instance, mechanism: &Mechanism, values: &[f64]) -> Vec<Vec<f64>> {
+    let readings = anywhere(mechanism, 21);
+    let misclosures = |own: Vec<Instance>, values: &[f64]| {
+        let model = Model::new(mechanism, &readings, own).expect("a model");
+        let mut beta = unknowns(&model);
+        beta[..values.len()].copy_from_slice(values);
+        let mut rows = vec![Vec::new(); readings.samples];
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let ws = evaluated(&model, &readings, block, readings.raw(block), &beta);
+            for (lane, &row) in meta.rows[..meta.live].iter().enumerate() {
+                rows[row] = ws.f.iter().map(|f| f.0[lane]).collect();
+            }
+        }
+        rows
+    };
+    let (with, without) = (misclosures(vec![instance], values), misclosures(Vec::new(), &[]));
+    let less = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a - b).collect();
+    with.iter().zip(&without).map(less).collect()
+}
+
+#[test]
+fn a_point_that_moved_once_is_elsewhere_from_its_pose_on() {
+    let mechanism = Mechanism::from_toml(ARM).expect("the arm");
+    let term = find("point_slip").expect("the term");
+    let by = [0.1, -0.2, 0.3];
+    // Of these the first equation, and the sign: what is seen is the second end, or the first.
+    for (name, first, sign) in
+        [("tip seen", 5, -1.0), ("tip tracked", 8, -1.0), ("tip scanned", 11, 1.0)]
+    {
+        let closure = mechanism.closures.iter().position(|c| c.name == name).expect("a closure");
+        let instance = Instance { term, target: Target::Closure(closure), place: 9 };
+        for (row, changed) in change(instance, &mechanism, &by).iter().enumerate() {
+            for (equation, changed) in changed.iter().enumerate() {
+                let own = equation.checked_sub(first).and_then(|axis| by.get(axis));
+                let expected = own.filter(|_| row >= 9).map_or(0.0, |by| sign * by);
+                assert!((changed - expected).abs() < 1e-13, "{name}, {row}, {equation}: {changed}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_law_of_a_length_a_column_and_a_channel_is_what_its_formula_says() {
+    let mechanism = Mechanism::from_toml(ARM).expect("the arm");
+    let readings = anywhere(&mechanism, 21);
+    let term =
+        terms::all(&mechanism).into_iter().find(|t| t.info().id == "stretch").expect("the law");
+    let (wire, of_wire) = (3, 4);
+    let instance = Instance { term, target: Target::Closure(wire), place: 0 };
+    for (row, changed) in change(instance, &mechanism, &[0.03, -0.2]).iter().enumerate() {
+        let a = readings.row(row);
+        let (length, q1, x) = (1.02 * a[3] + 0.03, a[0] + 0.1, readings.table.columns[0][row]);
+        let longer = 0.03 * length * length - 0.2 * x * q1;
+        assert!((changed[of_wire] + longer).abs() < 1e-13, "{row}: {} {longer}", changed[of_wire]);
+    }
+}
+
+#[test]
+fn a_name_that_is_no_column_and_no_channel_is_refused_with_its_place() {
+    for (text, words) in [
+        ("a*length^2 + b*y2*theta[q1]", "character 16: \"y2\""),
+        ("a*length^2 + b*x*theta[q9]", "character 18: \"theta[q9]\""),
+        ("a*length^2 + b*x*theta[]", "a whole number, or a name"),
+    ] {
+        let refused = Mechanism::from_toml(&ARM.replace("a*length^2 + b*x*theta[q1]", text));
+        let message = refused.expect_err("no such name").to_string();
+        assert!(message.contains(words), "{message}");
+    }
+}
+
+#[test]
+fn terms_of_a_known_plane_agree_with_differences() {
+    let device = on_plane(How::Held, 6);
+    let readings = device.readings();
+    let (all, values) = device.terms(&readings, &["offset", "plane_bend", "plane_slip"], 4);
+    let (model, beta) = device.model(&readings, &all, &values);
+    check_parameters(&model, &readings, &beta, 0..model.parameters);
 }
 
 // --- what is unknown in one pose alone -------------------------------------

@@ -116,12 +116,18 @@ class Work:
         """Number of poses."""
         return sum(r.n_poses for r in self.readings)
 
+    def has_unknown(self) -> bool:
+        """Whether points, planes or frames are unknown: with no term these are determined alone."""
+        whole = self.mechanism.to_dict()
+        things = [t for kind in ("point", "plane", "frame") for t in whole.get(kind) or ()]
+        return any(thing.get("unknown") is not None for thing in things)
+
     def terms(self, terms: Sequence[str] | None) -> list[str] | None:
         """As asked for; else those of the earlier result that hold beyond its session."""
         if terms is None and self.population is not None:
             return list(self.population["terms"])
         if terms is not None or self.earlier is None:
-            return options.names("terms", terms)
+            return options.names("terms", terms, none=self.has_unknown())
         return _core.lasting(self.mechanism, [p.at for p in self.earlier.parameters])
 
     def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:

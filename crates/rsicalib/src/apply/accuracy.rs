@@ -124,7 +124,8 @@ pub fn predicted(
     let coordinates = slopes.first().map_or(0, |s| s.by_parameter.nrows());
     let placed = is_placed(observations, fit);
     let positions = if placed { 3 } else { coordinates };
-    let position_sd = of(0..positions, &|_| 1.0).unwrap_or_default().mean.sqrt();
+    // Nothing is predicted where no chain carries a point.
+    let position_sd = of(0..positions, &|_| 1.0).map_or(f64::NAN, |square| square.mean.sqrt());
     let orientation_sd =
         of(positions..coordinates, &|_| 1.0).map(|square: Square| square.mean.sqrt());
     let own = |i: usize| if i < positions { Some(position_sd) } else { orientation_sd };

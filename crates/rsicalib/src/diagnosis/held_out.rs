@@ -101,10 +101,11 @@ fn errors(
         all.chi2 += there.chi2;
         all.square += there.square;
         all.equations += there.equations;
+        all.misclosures += there.misclosures;
     }
     (all.equations > 0.0).then(|| HeldOut {
         chi2_per_dof: all.chi2 / all.equations,
-        rms_misclosure: (all.square / all.equations).sqrt(),
+        rms_misclosure: (all.square / all.misclosures).sqrt(),
         p_value: least.map(|p| (folds as f64 * p).min(1.0)).filter(|p| p.is_finite()),
     })
 }

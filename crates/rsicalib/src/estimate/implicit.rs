@@ -154,8 +154,10 @@ pub struct Misfit {
     pub chi2: f64,
     /// Sum of the squares of the misclosures, length units.
     pub square: f64,
-    /// Equations.
+    /// Equations, without those that what is unknown in a pose takes up.
     pub equations: f64,
+    /// Misclosures: the equations with them.
+    pub misclosures: f64,
 }
 
 impl Implicit<'_> {
@@ -179,12 +181,14 @@ impl Implicit<'_> {
                     sum.square += (f.0[lane] * length).powi(2);
                 }
                 sum.equations += room.w.len() as f64;
+                sum.misclosures += room.ws.f.len() as f64;
             }
         };
         self.over_blocks(x, &counts, look, |sum: &mut Misfit, other| {
             sum.chi2 += other.chi2;
             sum.square += other.square;
             sum.equations += other.equations;
+            sum.misclosures += other.misclosures;
         })
     }
 

@@ -154,13 +154,22 @@ impl Room {
         self.seated = samples;
     }
 
-    /// Variance of each equation: the diagonal of `S = L Lᵀ`.
-    pub(crate) fn variances(&self) -> impl Iterator<Item = Lanes> {
-        let k = self.w.len();
-        let row = move |(i, row): (usize, &[Lanes])| {
-            row[..=i].iter().fold(Lanes::ZERO, |sum, l| sum + *l * *l)
-        };
-        self.l.chunks_exact(k.max(1)).enumerate().map(row)
+    /// Variance of each equation: the diagonal of `S = L Lᵀ`, of `L N Nᵀ Lᵀ` where what is unknown in
+    /// a pose takes a part of it up.
+    pub(crate) fn variances(&self) -> Vec<Lanes> {
+        let k = self.play.len();
+        // The columns of `Lᵀ` are the rows of `L`, which is zero above its diagonal.
+        let mut rows = vec![Lanes::ZERO; k * k];
+        for i in 0..k {
+            (0..=i).for_each(|j| rows[j * k + i] = self.l[i * k + j]);
+        }
+        self.eliminated.turn(&mut rows, k);
+        let left = rows.chunks_exact(k.max(1)).skip(k - self.w.len());
+        let mut variances = vec![Lanes::ZERO; k];
+        for row in left {
+            variances.iter_mut().zip(row).for_each(|(sum, l)| *sum += *l * *l);
+        }
+        variances
     }
 
     /// Repeats (52) until the readings converge, then whitens `w` and, on request, `X`. Returns the

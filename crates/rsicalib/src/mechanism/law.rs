@@ -1,6 +1,7 @@
 //! Laws that users write: a term in one line of the mechanism file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, PoisonError};
 
 use crate::Error;
 use crate::numerics::bounds;
@@ -132,6 +133,12 @@ pub enum Variable {
     Velocity,
     /// `theta[k]`: coordinate of joint `k` of the chain, counted from 1 (rad, or length).
     Theta(usize),
+    /// `theta[NAME]`: coordinate of the channel with that name, of whatever chain or of none.
+    Coordinate(&'static str),
+    /// The name of a declared column of the readings: what it says in that row.
+    Column(&'static str),
+    /// `length`: of the distance that a law of a closure corrects, before it does (length).
+    Length,
     /// `torque`: of gravity about the joint, of the links' masses where any is declared, else of a
     /// unit weight at the points that the chain carries (length times mass, without g).
     Torque,
@@ -141,7 +148,7 @@ pub enum Variable {
 
 impl Variable {
     /// Names of those without an index.
-    pub const NAMES: [(&'static str, Self); 9] = [
+    pub const NAMES: [(&'static str, Self); 10] = [
         ("reading", Self::Reading),
         ("u", Self::U),
         ("phi", Self::Phi),
@@ -151,12 +158,14 @@ impl Variable {
         ("velocity", Self::Velocity),
         ("torque", Self::Torque),
         ("reach", Self::Reach),
+        ("length", Self::Length),
     ];
 
-    /// True for what is of the joint itself, not of the session or of the chain.
+    /// True for what is of the joint itself, not of the session, of the chain or of another channel.
     #[must_use]
     pub fn of_joint(self) -> bool {
-        !matches!(self, Self::Time | Self::Temperature | Self::Theta(_))
+        let others = matches!(self, Self::Coordinate(_) | Self::Column(_) | Self::Length);
+        !others && !matches!(self, Self::Time | Self::Temperature | Self::Theta(_))
     }
 
     /// True for what depends on where the chain is.
@@ -164,6 +173,37 @@ impl Variable {
     pub fn of_posture(self) -> bool {
         matches!(self, Self::Theta(_) | Self::Torque | Self::Reach)
     }
+
+    /// True for what a channel does not have by itself.
+    #[must_use]
+    pub fn couples(self) -> bool {
+        let others = matches!(self, Self::Coordinate(_) | Self::Column(_) | Self::Length);
+        others || self.of_posture()
+    }
+
+    /// True for what a channel has that is on no joint.
+    #[must_use]
+    pub fn without_joint(self) -> bool {
+        !self.of_posture() && self != Self::Phi
+    }
+
+    /// True for what a closure has: it is of no joint and of no one chain.
+    fn of_closure(self) -> bool {
+        let session = matches!(self, Self::Time | Self::Temperature | Self::Column(_));
+        session || matches!(self, Self::Coordinate(_) | Self::Length)
+    }
+}
+
+/// A name that lives as long as the program, one for all that are equal.
+fn lasting(name: &str) -> &'static str {
+    static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = names.get(name) {
+        return known;
+    }
+    let known: &'static str = Box::leak(name.to_string().into_boxed_str());
+    names.insert(known);
+    known
 }
 
 /// A formula that was read: inputs are the parameters, then the variables.
@@ -187,19 +227,39 @@ impl Law {
         }
     }
 
-    /// Reads the formula.
+    /// Reads the formula. A name that is neither a parameter nor a variable is a column, and a name
+    /// in brackets is a channel: [`Law::formula_among`] says whether there are such.
     ///
     /// # Errors
     ///
     /// [`Error::Mechanism`] with the character at which it cannot be read.
     pub fn formula(&self) -> Result<Formula, Error> {
+        self.read(None)
+    }
+
+    /// Reads the formula, where these are all columns and all channels that it may refer to.
+    ///
+    /// # Errors
+    ///
+    /// As [`Law::formula`].
+    pub fn formula_among(&self, columns: &[&str], channels: &[&str]) -> Result<Formula, Error> {
+        self.read(Some([columns, channels]))
+    }
+
+    fn read(&self, there: Option<[&[&str]; 2]>) -> Result<Formula, Error> {
         let (key, text) = self.text();
         let (mut graph, mut variables) = (Graph::default(), Vec::new());
-        let mut input = |name: &str, index: Option<usize>| {
+        let is_there = |v: &Variable| match (v, there) {
+            (Variable::Column(name), Some([columns, _])) => columns.contains(name),
+            (Variable::Coordinate(name), Some([_, channels])) => channels.contains(name),
+            _ => true,
+        };
+        let known = || self.known(there.map_or(&[], |[columns, _]| columns));
+        let mut input = |name: &str, index: Option<&str>| {
             if let Some(k) = self.parameters.keys().position(|p| p == name && index.is_none()) {
                 return Ok(k);
             }
-            let variable = self.variable(name, index).ok_or_else(|| self.known())?;
+            let variable = self.variable(name, index).filter(is_there).ok_or_else(known)?;
             let k = variables.iter().position(|v| *v == variable).unwrap_or_else(|| {
                 variables.push(variable);
                 variables.len() - 1
@@ -213,28 +273,45 @@ impl Law {
         Ok(Formula { graph, value, variables })
     }
 
-    fn variable(&self, name: &str, index: Option<usize>) -> Option<Variable> {
-        let found = match index {
-            Some(0) => None,
-            Some(k) if name == "theta" => Some(Variable::Theta(k)),
-            Some(_) => None,
-            None => Variable::NAMES.iter().find(|(known, _)| *known == name).map(|(_, v)| *v),
+    /// What a name that is no parameter means, with what stands in brackets after it.
+    fn variable(&self, name: &str, index: Option<&str>) -> Option<Variable> {
+        let Some(index) = index else {
+            let known = Variable::NAMES.iter().any(|(known, _)| *known == name);
+            return match known {
+                true => self.named(name),
+                false => Some(Variable::Column(lasting(name))),
+            };
         };
-        // A closure is of no joint and of no one chain.
-        found.filter(|v| {
-            self.class != Class::Closure || matches!(v, Variable::Time | Variable::Temperature)
-        })
+        let found = match index.parse::<usize>() {
+            _ if name != "theta" => None,
+            Ok(0) => None,
+            Ok(k) => Some(Variable::Theta(k)),
+            Err(_) => Some(Variable::Coordinate(lasting(index))),
+        };
+        found.filter(|v| self.may_use(*v))
     }
 
-    /// What a formula may refer to.
-    fn known(&self) -> String {
+    /// The variable with a name of its own.
+    fn named(&self, name: &str) -> Option<Variable> {
+        let mut names = Variable::NAMES.iter();
+        let found = names.find(|(known, _)| *known == name).map(|(_, v)| *v);
+        found.filter(|v| self.may_use(*v))
+    }
+
+    fn may_use(&self, variable: Variable) -> bool {
+        match self.class {
+            Class::Closure => variable.of_closure(),
+            _ => variable != Variable::Length,
+        }
+    }
+
+    /// What a formula may refer to, with these columns.
+    fn known(&self, columns: &[&str]) -> String {
         let parameters = self.parameters.keys().map(String::as_str);
-        let variables = Variable::NAMES.iter().map(|(name, _)| *name).chain(["theta[1]"]);
-        let there = |name: &&str| match *name {
-            "theta[1]" => self.variable("theta", Some(1)).is_some(),
-            name => self.variable(name, None).is_some(),
-        };
-        parameters.chain(variables.filter(there)).collect::<Vec<_>>().join(", ")
+        let variables = Variable::NAMES.iter().filter(|(_, v)| self.may_use(*v));
+        let joints = self.may_use(Variable::Theta(1)).then_some("theta[1]");
+        let all = parameters.chain(variables.map(|(name, _)| *name)).chain(joints);
+        all.chain(["theta[CHANNEL]"]).chain(columns.iter().copied()).collect::<Vec<_>>().join(", ")
     }
 
     /// Refuses a law that cannot be used.
@@ -286,7 +363,7 @@ impl Law {
             return Err(refuse(place("parameters"), found, expected));
         }
         for (name, typical) in &self.parameters {
-            let taken = self.variable(name, None).is_some() || name == "theta" || name == "pi";
+            let taken = self.named(name).is_some() || name == "theta" || name == "pi";
             if !named(name) || taken {
                 let expected = "a name that is no variable, of letters, digits and _";
                 return Err(refuse(place("parameters"), quoted(name), expected.into()));

@@ -206,6 +206,15 @@ impl Mechanism {
         rows.any(|r| r.channel.is_some() && r.channel.as_ref() == name)
     }
 
+    /// True for a channel that may go round: of a joint that turns, or of none where its unit is an
+    /// angle. A share of a range or a length has no turn.
+    #[must_use]
+    pub fn goes_round(&self, channel: usize) -> bool {
+        let angle = |channel: &Channel| channel.unit == "rad" || channel.unit == "deg";
+        let angle = self.channels.get(channel).is_some_and(angle);
+        !self.slides(channel) && (angle || self.moves_joint(channel))
+    }
+
     /// The same mechanism with the named closures only.
     ///
     /// # Errors

@@ -60,10 +60,17 @@ impl Mechanism {
         Ok(())
     }
 
-    /// Refuses a law that refers to a joint which no chain has.
+    /// Refuses a law that refers to a joint which no chain has, or to a column or a channel that is
+    /// not declared, and one with a parameter of a column's name.
     fn check_joints(&self, law: &Law) -> Result<(), Error> {
         let most = (0..self.chains.len()).map(|c| self.channels_of(c).len()).max().unwrap_or(0);
-        for variable in law.formula()?.variables {
+        let columns: Vec<&str> = self.columns.iter().map(|c| c.name.as_str()).collect();
+        let channels: Vec<&str> = self.channels.iter().map(|c| c.name.as_str()).collect();
+        if let Some(name) = law.parameters.keys().find(|p| columns.contains(&p.as_str())) {
+            let place = format!("term {:?}, parameters", law.id);
+            return Err(refuse(place, format!("{name:?}"), "a name that is no column".into()));
+        }
+        for variable in law.formula_among(&columns, &channels)?.variables {
             if let Variable::Theta(k) = variable
                 && k > most
             {

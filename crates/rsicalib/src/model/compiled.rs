@@ -827,9 +827,13 @@ impl Model {
     #[must_use]
     pub fn active(&self) -> Vec<Vec<usize>> {
         let mut active = Vec::with_capacity(self.equations);
+        // What a law says of one chain or closure may depend on any channel.
+        let seen: Vec<usize> = self.laws.iter().flat_map(LawAt::coordinates).collect();
         for closure in &self.closures {
             let mut columns: Vec<usize> = closure.added.iter().map(|a| a.parameter).collect();
             columns.extend(closure.shapes.iter().flat_map(|s| s.first..s.first + s.width));
+            columns.extend(closure.moved.iter().flat_map(|m| m.first..m.first + 3));
+            self.columns_of_channels(&seen, None, &mut columns);
             let laws = self.laws.iter().filter(|law| closure.laws.contains(&law.to));
             columns.extend(laws.flat_map(|law| law.first..law.first + law.term.width));
             let own = |number: usize| {

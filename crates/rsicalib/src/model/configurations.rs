@@ -143,8 +143,19 @@ impl Configurations {
     /// Readings of random configurations that need not close, one for each of these keys.
     pub(crate) fn open(&self, keys: &[usize], random: &mut Random) -> Result<Readings, Error> {
         let values = keys.iter().flat_map(|_| self.draw(random)).collect();
-        let ones = vec![vec![1.0; keys.len()]; self.free.value_columns().len()];
-        Readings::new(&self.free, self.table(values, keys, ones))
+        let columns = self.columns(keys.len(), random);
+        Readings::new(&self.free, self.table(values, keys, columns))
+    }
+
+    /// Columns of so many rows: ones, which the loops then replace, and any numbers where only laws
+    /// use a column.
+    fn columns(&self, rows: usize, random: &mut Random) -> Vec<Vec<f64>> {
+        let own = |name: &String| self.free.columns.iter().any(|column| column.name == *name);
+        let mut of = |name: &String| match own(name) {
+            true => (0..rows).map(|_| random.uniform(-1.0, 1.0)).collect(),
+            false => vec![1.0; rows],
+        };
+        self.free.value_columns().iter().map(&mut of).collect()
     }
 
     /// Readings of so many closed configurations for each combination of keys.

@@ -426,10 +426,11 @@ impl Model {
         for closure in self.closures.iter().filter(|closure| closure.equations() > 0) {
             // Not `map`, which calls its closure: that is not compiled for vector instructions.
             let [one, other] = &closure.ends;
-            let mut ends = [
+            let placed = [
                 self.end_point(one, group, seen, beta, ws),
                 self.end_point(other, group, seen, beta, ws),
             ];
+            let mut ends = placed;
             for moved in &closure.moved {
                 let acts = moved.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
                 for (axis, at) in ends[moved.end].iter_mut().enumerate() {
@@ -543,8 +544,7 @@ impl Model {
                     End::Seen(_, Measured::Unknown(number)) => {
                         let first = self.unknown_first(*number, group);
                         let source = self.unknown_column(*number);
-                        let point = if sign > 0.0 { &ends[0] } else { &ends[1] };
-                        let mut arm = *point;
+                        let mut arm = if sign > 0.0 { placed[0] } else { placed[1] };
                         for (axis, arm) in arm.iter_mut().enumerate() {
                             *arm -= Lanes::splat(beta[first + axis]);
                             let parameter = Source::Parameter(source + axis);

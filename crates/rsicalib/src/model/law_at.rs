@@ -1,7 +1,7 @@
 //! A law that couples joints, at one place of a mechanism.
 
 use crate::kinematics::elements::{Axis, Way, Weight};
-use crate::mechanism::{Mechanism, Target};
+use crate::mechanism::{Mechanism, Target, Variable};
 use crate::model::instance::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::terms::coupled::Coupled;
@@ -17,8 +17,8 @@ pub(crate) struct LawAt {
     pub(crate) chain: usize,
     /// The joint that it is of.
     pub(crate) channel: Option<usize>,
-    /// The joints of the chain, base first.
-    pub(crate) joints: Vec<usize>,
+    /// Of each variable the channel or the column that it is of, where it is of one.
+    pub(crate) of: Vec<usize>,
     pub(crate) whose: Weight,
     pub(crate) session: Option<usize>,
     pub(crate) first: usize,
@@ -39,9 +39,9 @@ impl LawAt {
         let whose = if masses { Weight::Links } else { Weight::Tip };
         let at = |part: Target| {
             let (chain, channel) = place(mechanism, part);
-            let joints = mechanism.channels_of(chain);
+            let of = term.variables.iter().map(|v| number(mechanism, chain, *v)).collect();
             let to = channel.unwrap_or_default();
-            Self { term, part, chain, channel, joints, whose, session, first, to }
+            Self { term, part, chain, channel, of, whose, session, first, to }
         };
         let term = instance.term;
         let parts = parts(mechanism, instance).into_iter();
@@ -50,6 +50,12 @@ impl LawAt {
             part => term.suits_target(mechanism, *part),
         });
         suited.map(at).collect()
+    }
+
+    /// The channels that the law refers to by name.
+    pub(crate) fn coordinates(&self) -> impl Iterator<Item = usize> {
+        let named = self.term.variables.iter().zip(&self.of);
+        named.filter(|(v, _)| matches!(v, Variable::Coordinate(_))).map(|(_, of)| *of)
     }
 
     /// Gives the law a coordinate of its own, if it adds to no joint's; the number of them.
@@ -91,6 +97,17 @@ fn parts(mechanism: &Mechanism, instance: &Instance) -> Vec<Target> {
         (Class::Geometry | Class::Closure, part) => mechanism.parts(part),
         (_, target) => mechanism.channels_at(target).into_iter().map(Target::Channel).collect(),
     }
+}
+
+/// The channel or the column that a variable is of, of a law that was checked.
+fn number(mechanism: &Mechanism, chain: usize, variable: Variable) -> usize {
+    let found = match variable {
+        Variable::Theta(k) => mechanism.channels_of(chain).get(k.wrapping_sub(1)).copied(),
+        Variable::Coordinate(name) => mechanism.channel_index(name).ok(),
+        Variable::Column(name) => mechanism.value_columns().iter().position(|own| own == name),
+        _ => None,
+    };
+    found.unwrap_or_default()
 }
 
 /// The chain of a part of the mechanism, and the joint.

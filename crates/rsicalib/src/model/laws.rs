@@ -11,7 +11,7 @@
 use crate::kinematics::elements::{Source, Way, Weight};
 use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::{MOST_PARAMETERS, MOST_VARIABLES, Variable};
-use crate::model::compiled::Model;
+use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::evaluation::{Want, Workspace};
 use crate::model::law_at::{LawAt, LawRoom};
 use crate::numerics::lanes::{Lanes, Vec3, dot, minus};
@@ -55,9 +55,11 @@ impl Model {
             site.channel = law.channel.unwrap_or_default();
             let term = law.term;
             let mut seen = [Lanes::ZERO; MOST_VARIABLES];
-            for (seen, variable) in seen.iter_mut().zip(&term.variables) {
+            for ((seen, variable), of) in seen.iter_mut().zip(&term.variables).zip(&law.of) {
                 *seen = match variable {
-                    Variable::Theta(k) => ws.angles[law.joints[k - 1]],
+                    Variable::Theta(_) | Variable::Coordinate(_) => ws.angles[*of],
+                    Variable::Column(_) => readings.columns(block)[*of],
+                    Variable::Length => self.length_of(law, readings.columns(block), &ws.angles),
                     Variable::Torque => match (&self.drives, law.channel) {
                         (Some(drives), Some(c)) => drives.at(block, law.whose, c),
                         _ => self.torque(law, &ws.unloaded, &ws.carried),
@@ -83,14 +85,21 @@ impl Model {
             for k in 0..term.width {
                 room.by_parameter.push((law.first + k, l, out[1 + k]));
             }
-            for (variable, slope) in term.variables.iter().zip(&out[1 + term.width..]) {
+            let slopes = &out[1 + term.width..];
+            for ((variable, slope), of) in term.variables.iter().zip(slopes).zip(&law.of) {
                 let (scale, slope) = (&self.scales[site.channel], *slope);
                 let by_reading = match variable {
                     Variable::Reading => 1.0,
                     Variable::U => 1.0 / scale.half_range,
                     Variable::Phi => scale.gain,
-                    Variable::Theta(k) => {
-                        room.by_joint.push((law.joints[k - 1], l, slope));
+                    Variable::Theta(_) | Variable::Coordinate(_) => {
+                        room.by_joint.push((*of, l, slope));
+                        continue;
+                    }
+                    Variable::Length => {
+                        if let Some(channel) = self.closure_of(law).and_then(|c| c.channel) {
+                            room.by_joint.push((channel, l, slope));
+                        }
                         continue;
                     }
                     Variable::Torque if self.drives.is_some() => continue,
@@ -104,6 +113,23 @@ impl Model {
                 };
                 room.by_reading.push((site.channel, l, slope * by_reading));
             }
+        }
+    }
+
+    /// The closure of a law, as compiled.
+    #[inline(always)]
+    fn closure_of(&self, law: &LawAt) -> Option<&CompiledClosure> {
+        self.closures.iter().find(|closure| closure.laws.contains(&law.to))
+    }
+
+    /// `length` of a law: what its closure gives as the value, before terms and laws add to it.
+    #[inline(always)]
+    fn length_of(&self, law: &LawAt, columns: &[Lanes], angles: &[Lanes]) -> Lanes {
+        let Some(closure) = self.closure_of(law) else { return Lanes::ZERO };
+        match (closure.channel, closure.column) {
+            (Some(channel), _) => angles[channel],
+            (None, Some(column)) => columns[column],
+            (None, None) => Lanes::splat(closure.value),
         }
     }
 

@@ -21,8 +21,9 @@ impl Rows {
         let noise = Noise::declared(sigma.to_vec());
         let model = &watched.under.model;
         let none = vec![Lanes::ZERO; model.scales.len()];
+        let adjusted = vec![Lanes::ZERO; model.stride()];
         let at = vec![0.0; model.parameters];
-        Self { room: Room::new(model, &noise), raw: none.clone(), adjusted: none, at, row: 0 }
+        Self { room: Room::new(model, &noise), raw: none, adjusted, at, row: 0 }
     }
 
     /// Puts a row into a lane and all after it.
@@ -38,7 +39,13 @@ impl Rows {
         self.row = row;
         watched.put_in_row(&watched.at, row, &mut self.at);
         let part = Part { model: &under.model, readings: &under.readings, weights: None };
-        self.adjusted.copy_from_slice(&self.raw);
+        match under.model.pose_unknowns() {
+            0 => self.adjusted.copy_from_slice(&self.raw),
+            _ => {
+                let (readings, ws) = (&under.readings, &mut self.room.ws);
+                self.adjusted = under.model.placed(readings, 0, &self.raw, &self.at, ws);
+            }
+        }
         self.room.linearise(&part, 0, &self.raw, &self.at, &mut self.adjusted, 1);
     }
 
@@ -76,7 +83,7 @@ impl Rows {
     /// As [`Rows::misclosure`], what is expected of it by the noise, where the lanes are linearised.
     pub(crate) fn expected(&self, lengths: &[f64], live: usize) -> f64 {
         let lanes = |v: Lanes| v.0[..live].iter().sum::<f64>();
-        let variances = self.room.variances().zip(lengths);
+        let variances = self.room.variances().into_iter().zip(lengths);
         variances.map(|(v, length)| lanes(v) * length * length).sum()
     }
 

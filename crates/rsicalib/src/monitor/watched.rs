@@ -104,6 +104,10 @@ impl Watched {
             let (scale, drift) = (units, None);
             candidates.push(Candidate { spec, columns, parameters, scale, typical, drift });
         }
+        if order.is_empty() {
+            let (needs, why) = ("parameter that may change", "the watch tests what has changed");
+            return Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why });
+        }
         let (at, drifts) = (under.internal(&under.values), Vec::new());
         Ok(Self { at, order, scale, uncertain, prior, candidates, drifts, under })
     }

@@ -90,7 +90,7 @@ impl LawTerm {
         }));
         let alone = law.moves.is_none()
             && law.class != Class::Closure
-            && !variables.iter().any(|v| v.of_posture());
+            && !variables.iter().any(|v| v.couples());
         let acts = match alone {
             true => Acts::Sensor(Box::leak(Box::new(Alone::new(law, formula)))),
             false => Acts::Coupled(Box::leak(Box::new(Coupled::new(law, formula)))),
@@ -135,7 +135,8 @@ fn unit(law: &Law, formula: &Formula, k: usize) -> String {
         Variable::Temperature => Some("K"),
         Variable::Velocity => Some("(reading/s)"),
         Variable::Torque => Some("torque"),
-        Variable::Reach => Some("length"),
+        Variable::Reach | Variable::Length => Some("length"),
+        Variable::Column(name) => Some(name),
         _ => None,
     };
     let inputs = graph.inputs(slope);
@@ -174,10 +175,19 @@ impl Term for LawTerm {
     }
 
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
-        mechanism.chain_of(channel).is_some_and(|chain| self.has_joints(mechanism, chain))
+        if !self.knows_its_names(mechanism) {
+            return false;
+        }
+        match mechanism.chain_of(channel) {
+            Some(chain) => self.has_joints(mechanism, chain),
+            None => self.variables.iter().all(|v| v.without_joint()),
+        }
     }
 
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
+        if !self.knows_its_names(mechanism) {
+            return false;
+        }
         let of_joint = self.variables.iter().any(|v| v.of_joint());
         match target {
             Target::Row(chain, row) => {
@@ -191,6 +201,15 @@ impl Term for LawTerm {
 }
 
 impl LawTerm {
+    /// True for a mechanism with all columns and channels that the law refers to.
+    fn knows_its_names(&self, mechanism: &Mechanism) -> bool {
+        self.variables.iter().all(|variable| match variable {
+            Variable::Column(name) => mechanism.value_columns().iter().any(|own| own == name),
+            Variable::Coordinate(name) => mechanism.channel_index(name).is_ok(),
+            _ => true,
+        })
+    }
+
     /// True for a chain with all joints that the law refers to.
     fn has_joints(&self, mechanism: &Mechanism, chain: usize) -> bool {
         let joints = mechanism.channels_of(chain).len();
@@ -255,7 +274,8 @@ pub(crate) fn of_channel(variable: Variable, site: &Site) -> Lanes {
         Variable::Temperature => site.temperature,
         Variable::Direction => site.approach[site.channel],
         Variable::Velocity => site.velocity[site.channel],
-        Variable::Theta(_) | Variable::Torque | Variable::Reach => Lanes::ZERO,
+        Variable::Theta(_) | Variable::Coordinate(_) | Variable::Column(_) => Lanes::ZERO,
+        Variable::Torque | Variable::Reach | Variable::Length => Lanes::ZERO,
     }
 }
 
@@ -280,7 +300,7 @@ mod tests {
     use crate::terms::laws;
 
     /// Laws of every class and of every variable: class, target, axis, formula.
-    const LAWS: [(Class, Per, Option<Moves>, &str); 14] = [
+    const LAWS: [(Class, Per, Option<Moves>, &str); 18] = [
         (Class::Sensor, Per::Channel, None, "a*sin(3*phi) + b*(cos(3*phi) - 1)"),
         (Class::Sensor, Per::Channel, None, "a*u^3 + b*reading*1e-4"),
         (Class::Sensor, Per::Channel, None, "a*temperature*u + b*t"),
@@ -295,6 +315,10 @@ mod tests {
         (Class::Geometry, Per::Row, Some(Moves::Ry), "a*torque"),
         (Class::Geometry, Per::Chain, Some(Moves::Tz), "a*sin(theta[1]) + b*reach"),
         (Class::Closure, Per::Closure, None, "a*t"),
+        (Class::Sensor, Per::Channel, None, "a*theta[q12]*(1 + 0.3*u)"),
+        (Class::Geometry, Per::Row, Some(Moves::Rx), "a*bar*theta[q32] + b*u"),
+        (Class::Closure, Per::Closure, None, "a*length + b*bar*t"),
+        (Class::Closure, Per::All, None, "a*theta[q21]*length^2"),
     ];
 
     fn terms() -> impl Iterator<Item = &'static dyn Term> {
@@ -356,6 +380,10 @@ mod tests {
             "rad/torque",
             "length",
             "length",
+            "rad",
+            "rad/bar",
+            "length/length",
+            "unit of the law",
         ];
         assert_eq!(units, expected);
     }

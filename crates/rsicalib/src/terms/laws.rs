@@ -14,7 +14,7 @@ use crate::numerics::lm::{self, SolverOptions};
 use crate::readings::Readings;
 use crate::terms::find;
 use crate::terms::laws::devices::{
-    Device, How, Rng, hand_controller, instance, instances, random, sizes,
+    Device, How, Rng, hand_controller, instance, instances, on_plane, random, sizes,
 };
 use crate::terms::laws::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use crate::terms::targets::{provided, targets};
@@ -210,12 +210,11 @@ fn to_hold(gram: &Mat<f64>, own: &std::ops::Range<usize>) -> Vec<usize> {
 
 /// The devices that have what a term needs.
 fn devices_for(term: &dyn Term) -> Vec<Device> {
-    // `plane_bend` is held against differences in `tests/closures.rs`: these devices have no plane.
-    if matches!(term.acts(), Acts::Surface(_)) {
-        return Vec::new();
-    }
     let how = if term.info().needs == Needs::Motion { How::Moving } else { How::Held };
-    let mut devices = vec![hand_controller(how, 1), random(3, how, 2)];
+    let mut devices = match term.acts() {
+        Acts::Surface(_) => vec![on_plane(how, 4)],
+        _ => vec![hand_controller(how, 1), random(3, how, 2)],
+    };
     devices.retain(|d| {
         let there = provided(term, &d.mechanism, &d.readings()).is_ok();
         there && !targets(term, &d.mechanism).is_empty()

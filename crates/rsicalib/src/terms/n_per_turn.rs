@@ -32,7 +32,7 @@ impl Term for NPerTurn {
     }
 
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
-        !mechanism.slides(channel)
+        mechanism.goes_round(channel)
     }
 
     fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {

@@ -26,7 +26,7 @@ impl Term for OncePerTurn {
     }
 
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
-        !mechanism.slides(channel)
+        mechanism.goes_round(channel)
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::mechanism::{Mechanism, Target};
 use crate::readings::Readings;
-use crate::terms::term::{Class, Needs, Per, Placed, Role, Spot, Term};
+use crate::terms::term::{Acts, Class, Needs, Per, Placed, Role, Spot, Term};
 
 /// Every target that a term may have in a mechanism.
 #[must_use]
@@ -27,7 +27,7 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             chains.chain([Target::All]).collect()
         }
         Per::Closure => (0..mechanism.closures.len())
-            .filter(|&c| mechanism.closures[c].kind.has_value())
+            .filter(|&c| matches!(term.acts(), Acts::End) || mechanism.closures[c].kind.has_value())
             .map(Target::Closure)
             .collect(),
         Per::Row => mechanism

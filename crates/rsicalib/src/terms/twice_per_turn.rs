@@ -25,7 +25,7 @@ impl Term for TwicePerTurn {
     }
 
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
-        !mechanism.slides(channel)
+        mechanism.goes_round(channel)
     }
 }
 

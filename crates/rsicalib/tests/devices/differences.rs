@@ -29,6 +29,7 @@ pub const EVERY_STAGE: [&str; 14] = [
 /// Checks columns of `X` in every sample.
 pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], columns: Range<usize>) {
     let workspaces = every_block(model, readings, beta);
+    check_active(model, &workspaces);
     for column in columns {
         let blocks = workspaces.iter().zip(readings.blocks());
         let analytic: Vec<f64> = blocks
@@ -56,6 +57,18 @@ pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], column
                 model.mechanism.name,
                 called(model, column),
             );
+        }
+    }
+}
+
+/// Checks that no column of an equation is left out of those that the model says it has.
+fn check_active(model: &Model, workspaces: &[Workspace]) {
+    let active = model.active();
+    for ws in workspaces {
+        for (k, row) in ws.x.chunks_exact(model.width().max(1)).enumerate() {
+            for (column, x) in row.iter().enumerate().filter(|(c, _)| !active[k].contains(c)) {
+                assert!(x.0.iter().all(|x| *x == 0.0), "{}, {k}, {column}", model.mechanism.name);
+            }
         }
     }
 }

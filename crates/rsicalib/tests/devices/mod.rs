@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 use rsicalib::mechanism::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, Motion, Point, Row, Target, Value,
+    Chain, Channel, Closure, ClosureKind, Mechanism, Motion, Plane, Point, Row, Target, Value,
     hand_controller,
 };
 use rsicalib::model::{Instance, Model, Want, Workspace};
@@ -286,6 +286,69 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
     device.closes(&[], &[]).then_some(device)
 }
 
+/// An arm of six joints whose tip is on a plane that is known, and a bar's length from a post.
+pub fn on_plane(how: How, seed: u64) -> Device {
+    let again = (0..20).map(|n| seed + 1000 * n);
+    let drawn = again.filter_map(|seed| drawn_on_plane(how, seed));
+    drawn.into_iter().next().expect("one of 20 assembles")
+}
+
+fn drawn_on_plane(how: How, seed: u64) -> Option<Device> {
+    let mut rng = Rng::new(seed);
+    let mut mechanism = Mechanism {
+        name: format!("on a plane {seed}"),
+        gravity: Some([0.3, -0.2, -0.9]),
+        platform: Default::default(),
+        rest: None,
+        workspace: None,
+        channels: Vec::new(),
+        chains: Vec::new(),
+        points: Vec::new(),
+        closures: Vec::new(),
+        ..Mechanism::rsi()
+    };
+    let mut centre = Vec::new();
+    let chain = random_chain(&mut rng, &mut mechanism, 0, 6, &mut centre);
+    mechanism.chains.push(chain);
+    for (name, chain) in [("tip", Some(0)), ("side", Some(0)), ("post", None)] {
+        mechanism.points.push(point(&mut rng, name, chain));
+    }
+    let normal: [f64; 3] = std::array::from_fn(|_| rng.uniform(-1.0, 1.0));
+    let plane = Plane { name: "table".into(), normal: Some(normal), ..Plane::default() };
+    mechanism.planes.push(Plane { offset: Some(0.0), ..plane });
+    mechanism.closures = vec![
+        Closure {
+            name: "on table".into(),
+            kind: ClosureKind::Plane,
+            between: ["tip".into(), "table".into()],
+            noise: Some(2e-3),
+            ..Closure::default()
+        },
+        Closure {
+            name: "bar".into(),
+            kind: ClosureKind::Distance,
+            between: ["side".into(), "post".into()],
+            value: Some(Value::Known(1.0)),
+            noise: Some(2e-3),
+            ..Closure::default()
+        },
+    ];
+    // The plane and the bar as they are in the middle of the readings.
+    let middle = places(&mechanism, &centre);
+    let [tip, side, post] = [middle[0], middle[1], middle[2]];
+    let long = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+    mechanism.planes[0].offset = Some((0..3).map(|i| normal[i] * tip[i]).sum::<f64>() / long);
+    let bar = (0..3).map(|i| (side[i] - post[i]).powi(2)).sum::<f64>().sqrt();
+    mechanism.closures[1].value = Some(Value::Known(bar));
+
+    let mut wander = wander(&mut rng, how, centre.len());
+    let table = table(&mechanism, how, |row| {
+        centre.iter().zip(wander(row)).map(|(q, w)| q + 0.35 * w).collect()
+    });
+    let mut device = Device { mechanism, table, points: Vec::new() };
+    device.closes(&[], &[]).then_some(device)
+}
+
 fn random_chain(
     rng: &mut Rng,
     mechanism: &mut Mechanism,
@@ -356,7 +419,8 @@ fn point(rng: &mut Rng, name: &str, chain: Option<usize>) -> Point {
 /// Where the known points are, for joint coordinates.
 fn places(mechanism: &Mechanism, q: &[f64]) -> Vec<[f64; 3]> {
     let values = mechanism.channels.iter().zip(q).map(|(c, q)| (q - c.offset) / c.gain).collect();
-    let table = Table { values, keys: vec![vec![String::new()]], ..Table::default() };
+    let keys = vec![vec![String::new()]; mechanism.key_columns().len()];
+    let table = Table { values, keys, ..Table::default() };
     let readings = Readings::new(mechanism, table).expect("one row");
     let model = Model::new(mechanism, &readings, Vec::new()).expect("no terms");
     let mut ws = Workspace::default();

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-/// Number of the input with a name and an index, or why there is none.
-type Named<'n> = dyn FnMut(&str, Option<usize>) -> Result<usize, String> + 'n;
+/// Number of the input with a name and what stands in brackets, or why there is none.
+type Named<'n> = dyn FnMut(&str, Option<&str>) -> Result<usize, String> + 'n;
 
 use crate::numerics::formula::graph::{Func, Graph, Id, Pair};
 use crate::text::{character, quoted};
@@ -33,8 +33,8 @@ impl fmt::Display for Misread {
 
 /// Reads a formula into `graph`.
 ///
-/// `input` gives the number of the input that a name means, with the index in brackets where there
-/// is one: `theta[2]`. Where there is no such input, it says what there is.
+/// `input` gives the number of the input that a name means, with what stands in brackets where
+/// there are any: `theta[2]`, `theta[elbow]`. Where there is no such input, it says what there is.
 ///
 /// # Errors
 ///
@@ -204,19 +204,20 @@ impl Parser<'_> {
             false => None,
             true => {
                 self.peek();
-                let digits = self.run(|c| c.is_ascii_digit());
-                let Ok(index) = digits.parse::<usize>() else {
-                    return Err(self.misread("a whole number"));
-                };
+                let inside = self.run(|c| !matches!(c, '[' | ']'));
+                let inside = inside.trim_end().to_string();
+                if inside.is_empty() {
+                    return Err(self.misread("a whole number, or a name"));
+                }
                 self.close(']')?;
-                Some(index)
+                Some(inside)
             }
         };
-        let found = || match index {
+        let found = || match &index {
             Some(index) => format!("{name}[{index}]"),
             None => name.clone(),
         };
-        let input = (self.input)(&name, index);
+        let input = (self.input)(&name, index.as_deref());
         let input = input.map_err(|expected| Misread {
             at: start + 1,
             found: quoted(&found()),

@@ -140,8 +140,9 @@ mod tests {
 
     fn read(text: &str) -> Result<(Graph, Id), Misread> {
         let mut graph = Graph::default();
-        let mut input = |name: &str, index: Option<usize>| match index {
-            Some(index) if name == "q" && (1..=3).contains(&index) => Ok(index - 1),
+        let mut input = |name: &str, index: Option<&str>| match index.map(str::parse::<usize>) {
+            Some(Ok(index)) if name == "q" && (1..=3).contains(&index) => Ok(index - 1),
+            Some(_) => Err("q[1]".into()),
             _ => NAMES.iter().position(|n| *n == name).ok_or_else(|| "x, y, z, q[1]".into()),
         };
         let id = parse(text, &mut graph, &mut input)?;
