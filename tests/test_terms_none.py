@@ -18,8 +18,9 @@ def test_with_no_term_what_is_unknown_is_determined_alone(tmp_path: Path) -> Non
     found = rsicalib.calibrate(readings, mechanism, terms=[])
     assert {p.term for p in found.parameters} == {"unknown_point"}
     for p in found.parameters:
+        assert p.value is not None and p.sd is not None
         off = p.value - machine.values[f"{p.name}@{p.target}"]
         # Five of them: beyond 4.5 deviations in one of a hundred thousand.
-        assert p.sd is not None and abs(off) < 4.5 * p.sd
+        assert abs(off) < 4.5 * p.sd
     # No point is carried: nothing is predicted of where it is.
     assert found.predicted is None
