@@ -5,11 +5,10 @@
 //! behind that residual, the channel, and how large the effect is. The readings are
 //! simulated here, by the closed forms of the paper.
 
-use rsicalib::diagnosis::options::SearchOptions;
-use rsicalib::diagnosis::verdict::Verdict;
 use rsicalib::mechanism::hand_controller::inverse;
-use rsicalib::report::{calibrated, traced};
-use rsicalib::{Error, FitOptions, Mechanism, Observations, Table};
+use rsicalib::{
+    Error, FitOptions, Mechanism, Observations, SearchOptions, Table, Verdict, calibrate, trace,
+};
 
 /// Poses that are held, one after the other; those out of reach are left out.
 const POSES: usize = 60;
@@ -49,9 +48,9 @@ fn main() -> Result<(), Error> {
     let options = FitOptions { noise: Some(noise), ..FitOptions::default() };
     let observations = Observations::new(&mechanism, table, None, options)?;
 
-    let (calibration, _) = calibrated::report(&observations, None)?;
+    let calibration = calibrate(&observations)?;
     println!("offsets and gains alone: {:?}", calibration.verdict);
-    let trace = traced::report(&observations, &SearchOptions::default(), None)?;
+    let trace = trace(&observations, &SearchOptions::default())?;
     println!("after the search: {:?}", trace.verdict);
     for step in &trace.steps {
         println!(

@@ -44,9 +44,8 @@
 //! gains do not explain the readings; the trace names the missing effect.
 //!
 //! ```
-//! use rsicalib::diagnosis::{options::SearchOptions, verdict::Verdict};
-//! use rsicalib::report::{calibrated, traced};
-//! use rsicalib::{FitOptions, Mechanism, Observations, Table, mechanism::hand_controller};
+//! use rsicalib::mechanism::hand_controller;
+//! use rsicalib::{FitOptions, Mechanism, Observations, SearchOptions, Table, Verdict};
 //!
 //! let mechanism = Mechanism::rsi();
 //! let mut values = Vec::new(); // nine counts per pose
@@ -65,11 +64,15 @@
 //! let options = FitOptions { noise: Some(vec![0.29; 9]), ..FitOptions::default() }; // rounding
 //! let table = Table { values, pose, ..Table::default() };
 //! let observations = Observations::new(&mechanism, table, None, options)?;
-//! assert_eq!(calibrated::report(&observations, None)?.0.verdict, Verdict::Unexplained);
-//! let traced = traced::report(&observations, &SearchOptions::default(), None)?;
+//! assert_eq!(rsicalib::calibrate(&observations)?.verdict, Verdict::Unexplained);
+//! let traced = rsicalib::trace(&observations, &SearchOptions::default())?;
 //! assert_eq!((traced.verdict, &*traced.steps[0].effect.target), (Verdict::Explained, "a22"));
 //! # Ok::<(), rsicalib::Error>(())
 //! ```
+//!
+//! A result is applied to other readings as [`Applied`]: `Applied::from(&traced.estimates)` gives
+//! [`platform_poses`], a mechanism to export ([`exported`]) and a [`Monitor`] that watches the
+//! device at work.
 //!
 //! The examples `calibrate` (a four-bar linkage that the example defines) and `trace` print
 //! estimates: `cargo run --example calibrate`.
@@ -120,8 +123,16 @@ pub mod design;
 
 pub mod report;
 
+pub use apply::earlier::{Applied, platform_poses};
+pub use apply::export::{Exported, exported};
+pub use diagnosis::options::SearchOptions;
+pub use diagnosis::verdict::Verdict;
 pub use error::Error;
 pub use estimate::{Fit, FitOptions, Method, Observations, fit};
 pub use mechanism::{Mechanism, Target};
 pub use model::{Instance, Model};
+pub use monitor::{Alarm, Monitor, MonitorOptions};
 pub use readings::{Readings, Table};
+pub use report::calibrated::CalibrationReport as Calibration;
+pub use report::front::{calibrate, trace};
+pub use report::traced::TraceReport as Trace;

@@ -8,6 +8,7 @@ mod differences;
 mod export;
 mod faults;
 mod fixture;
+mod front;
 mod identifiability;
 mod lm;
 mod main_path;

@@ -7,6 +7,7 @@ pub mod device;
 pub mod document;
 #[cfg(feature = "document")]
 pub mod evidence;
+pub mod front;
 #[cfg(feature = "document")]
 pub mod read;
 pub mod result;

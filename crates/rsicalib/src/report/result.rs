@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::apply::accuracy::{Predicted, predicted};
 use crate::apply::check::{Check, check};
+use crate::apply::earlier::{Applied, Reference, Reported};
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::estimate::directions::{Directions, ParameterReport, parameter_names, reported};
@@ -179,6 +180,9 @@ pub struct Estimates {
     pub too_many: Vec<String>,
     /// What they hardly tell apart.
     pub weak: Vec<String>,
+    /// What the parameters refer to.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub reference: Reference,
     /// Condition number, offsets about the mean reading.
     pub condition: f64,
     /// Condition number with offsets at reading zero.
@@ -191,6 +195,21 @@ pub struct Estimates {
     pub converged: bool,
     /// Linearisations made.
     pub iterations: usize,
+}
+
+/// A result on its way to other readings than its own.
+impl From<&Estimates> for Applied {
+    fn from(found: &Estimates) -> Self {
+        let of =
+            |p: &ParameterReport| Reported { spec: p.spec(), name: p.name.clone(), value: p.value };
+        Self {
+            parameters: found.parameters.iter().map(of).collect(),
+            reference: found.reference.clone(),
+            sigma: found.noise.sigma.0.iter().map(|(_, sigma)| *sigma).collect(),
+            declared: found.noise.kind == Source::Declared,
+            own: false,
+        }
+    }
 }
 
 /// Every parameter with its value and its standard deviation.
@@ -240,6 +259,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             .filter(|error| error.position_sd.is_finite()),
         unobservable: words::directions(directions),
         too_many: directions.too_many.iter().map(ToString::to_string).collect(),
+        reference: Reference::of(&observations.readings),
         weak: directions.weak.iter().map(words::direction).collect(),
         condition: fit.condition,
         condition_uncentred: crate::estimate::directions::uncentred_condition(fit),
