@@ -17,6 +17,7 @@ from scripts import (
     make_notebook,
     make_stub,
     make_terms,
+    public_names,
 )
 
 ROOT = Path(__file__).parents[1]
@@ -59,6 +60,13 @@ def test_the_notebook_has_the_cells_of_its_page() -> None:
 def test_the_reference_of_the_commands_is_what_the_parser_says() -> None:
     found = make_commands.PAGE.read_text(encoding="utf-8")
     assert found == make_commands.text(), "run python -m scripts.make_commands"
+
+
+def test_the_names_of_the_crate_are_those_that_are_listed() -> None:
+    found = public_names.PAGE.read_text(encoding="utf-8")
+    assert found == public_names.page(), "run python -m scripts.public_names"
+    names = public_names.names()
+    assert len(names) <= 60 and sum("::" not in name for name in names) <= 27
 
 
 def test_documents_have_the_keys_that_the_reference_lists(

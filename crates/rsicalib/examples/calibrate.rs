@@ -7,10 +7,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use rsicalib::diagnosis::verdict::Verdict;
 use rsicalib::mechanism::{Chain, Channel, Closure, ClosureKind, Mechanism, Point, Row, Value};
-use rsicalib::report::calibrated::report;
-use rsicalib::{Error, FitOptions, Observations, Table};
+use rsicalib::{Error, FitOptions, Observations, Table, Verdict, calibrate};
 
 const CRANK: f64 = 1.0;
 const ROCKER: f64 = 2.0;
@@ -92,7 +90,7 @@ fn main() -> Result<(), Error> {
     }
     let table = Table { values, pose: Some((0..60).collect()), ..Table::default() };
     let observations = Observations::new(&linkage(), table, None, FitOptions::default())?;
-    let (report, _) = report(&observations, None)?;
+    let report = calibrate(&observations)?;
 
     println!("{:?}: χ² {:.1} for {} degrees", report.verdict, report.fit.chi2, report.fit.dof);
     for p in &report.estimates.parameters {

@@ -21,21 +21,21 @@
 //!
 //! | layer | input | output |
 //! |---|---|---|
-//! | [`numerics`] | residuals and derivatives | minimum by Levenberg-Marquardt, (31) to (33) |
-//! | [`closures`] | ends of a closure, its value | equations and their derivatives, kind by kind |
+//! | `numerics` | residuals and derivatives | minimum by Levenberg-Marquardt, (31) to (33) |
+//! | `closures` | ends of a closure, its value | equations and their derivatives, kind by kind |
 //! | [`mechanism`] | Rust values or TOML | [`Mechanism`]: channels, chains, points, closures |
-//! | [`readings`] | [`Table`] | [`Readings`]: checked, in blocks of eight samples |
-//! | [`kinematics`] | elements of a chain, joint coordinates | points and their derivatives, (21), (22) |
-//! | [`terms`] | readings, joint coordinates | corrections of one physical effect, (41) to (43) |
-//! | [`model`] | mechanism and terms | [`Model`]: misclosure `f` and its derivatives, (10), (44) |
-//! | [`estimate`] | [`Observations`]: readings, weights, options | [`Fit`]: estimates, covariance, χ², (50) to (65) |
-//! | [`apply`] | a fit and other readings | platform poses, comparison with known poses |
-//! | [`monitor`] | a calibration and rows at work | alarms: what changed, since when, by how much, (101) to (104) |
-//! | [`screening`] | readings | faults of converters, outliers, damage, (81) to (84) |
-//! | [`diagnosis`] | a fit with a residual | score tests, stepwise search, fault isolation, verdict, (71) to (74) |
-//! | [`history`] | estimates and dates | what drifts, what jumped, (127), (128) |
-//! | [`population`] | what many devices tell | common errors of the drawing, spread, priors, (121) to (126) |
-//! | [`design`] | poses | Cramér-Rao bound and pose plans, (91), (92) |
+//! | `readings` | [`Table`] | [`Readings`]: checked, in blocks of eight samples |
+//! | `kinematics` | elements of a chain, joint coordinates | points and their derivatives, (21), (22) |
+//! | `terms` | readings, joint coordinates | corrections of one physical effect, (41) to (43) |
+//! | `model` | mechanism and terms | [`Model`]: misclosure `f` and its derivatives, (10), (44) |
+//! | `estimate` | [`Observations`]: readings, weights, options | [`Fit`]: estimates, covariance, χ², (50) to (65) |
+//! | `apply` | a fit and other readings | platform poses, comparison with known poses |
+//! | `monitor` | a calibration and rows at work | alarms: what changed, since when, by how much, (101) to (104) |
+//! | `screening` | readings | faults of converters, outliers, damage, (81) to (84) |
+//! | `diagnosis` | a fit with a residual | score tests, stepwise search, fault isolation, verdict, (71) to (74) |
+//! | `history` | estimates and dates | what drifts, what jumped, (127), (128) |
+//! | `population` | what many devices tell | common errors of the drawing, spread, priors, (121) to (126) |
+//! | `design` | poses | Cramér-Rao bound and pose plans, (91), (92) |
 //! | [`report`] | observations | results of a calibration and of a trace, as plain structs |
 //!
 //! # Example
@@ -70,7 +70,7 @@
 //! # Ok::<(), rsicalib::Error>(())
 //! ```
 //!
-//! A result is applied to other readings as [`Applied`]: `Applied::from(&traced.estimates)` gives
+//! A result is applied to other readings as [`Applied`]: `Applied::from(&traced)` gives
 //! [`platform_poses`], a mechanism to export ([`exported`]) and a [`Monitor`] that watches the
 //! device at work.
 //!
@@ -79,8 +79,9 @@
 //!
 //! # Stability
 //!
-//! The names at the root of the crate are stable. The modules are public because the bindings need
-//! them, and may change in a minor version. Feature `toml`: mechanisms from TOML text. Feature
+//! The names at the root of the crate are stable, and so are those of [`mechanism`], of which a
+//! mechanism is made, and of [`report`], of which results are made. All other modules are public
+//! because the bindings need them, are not documented here, and may change in a minor version. Feature `toml`: mechanisms from TOML text. Feature
 //! `serde`: results as serde values.
 
 #[cfg(test)]
@@ -91,34 +92,48 @@ mod text;
 
 // Layers: each uses those above it and none below.
 
+#[doc(hidden)]
 pub mod numerics;
 
+#[doc(hidden)]
 pub mod closures;
 
 pub mod mechanism;
 
+#[doc(hidden)]
 pub mod readings;
 
+#[doc(hidden)]
 pub mod kinematics;
 
+#[doc(hidden)]
 pub mod terms;
 
+#[doc(hidden)]
 pub mod model;
 
+#[doc(hidden)]
 pub mod estimate;
 
+#[doc(hidden)]
 pub mod apply;
 
+#[doc(hidden)]
 pub mod monitor;
 
+#[doc(hidden)]
 pub mod screening;
 
+#[doc(hidden)]
 pub mod diagnosis;
 
+#[doc(hidden)]
 pub mod history;
 
+#[doc(hidden)]
 pub mod population;
 
+#[doc(hidden)]
 pub mod design;
 
 pub mod report;
@@ -129,6 +144,7 @@ pub use diagnosis::options::SearchOptions;
 pub use diagnosis::verdict::Verdict;
 pub use error::Error;
 pub use estimate::{Fit, FitOptions, Method, Observations, fit};
+pub use faer::Mat;
 pub use mechanism::{Mechanism, Target};
 pub use model::{Instance, Model};
 pub use monitor::{Alarm, Monitor, MonitorOptions};

@@ -46,7 +46,7 @@ fn from_a_table_to_a_trace_to_poses_to_a_watch() -> Result<(), Error> {
     assert_eq!(traced.verdict, Verdict::Explained);
 
     // Poses that no fit has seen: rounding moves the handle by some thousandths of an inch.
-    let applied = Applied::from(&traced.estimates);
+    let applied = Applied::from(&traced);
     let later = counts(&mechanism, &elsewhere)?;
     let found = platform_poses(&mechanism, &applied, table(later.clone()))?;
     for (found, pose) in found.iter().zip(&elsewhere) {

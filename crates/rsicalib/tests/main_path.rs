@@ -89,7 +89,7 @@ fn a_fit_of_a_search_ends_within_a_thousandth_of_a_unit_of_the_minimum() {
     let more = parse(&observations.mechanism, &observations.readings, &specs).expect("terms");
     let exact_more = fit(&observations, more.clone(), Some(&exact)).expect("enough poses");
     // As a search has it: the noise is judged, and each fit starts where another ended.
-    observations.options.settled = true;
+    observations.judged = true;
     let coarse = fit(&observations, base.clone(), Some(&exact)).expect("enough poses");
     let coarse_more = fit(&observations, more, Some(&coarse)).expect("enough poses");
     let back = fit(&observations, base, Some(&coarse_more)).expect("enough poses");

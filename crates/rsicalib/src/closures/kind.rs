@@ -101,19 +101,32 @@ pub trait Kind: Sync {
     /// What it holds, in words.
     fn words(&self) -> &'static str;
 
-    /// Misclosure of an equation.
+    /// Misclosure of an equation: where a kind says nothing else, how far the ends are apart along a
+    /// direction.
+    #[inline(always)]
     fn misclosure(at: &At, row: usize) -> Lanes
     where
-        Self: Sized;
+        Self: Sized,
+    {
+        at.along(row, &at.apart)
+    }
 
     /// Change of an equation as the first end moves by `moved`; the second end counts with the
     /// opposite sign. `sign` multiplies it.
+    #[inline(always)]
     fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes
     where
-        Self: Sized;
+        Self: Sized,
+    {
+        at.along(row, moved) * sign
+    }
 
-    /// Derivative of an equation by the value.
-    fn by_value(at: &At, row: usize) -> Lanes
+    /// Derivative of an equation by the value: zero where there is none.
+    #[inline(always)]
+    fn by_value(_at: &At, _row: usize) -> Lanes
     where
-        Self: Sized;
+        Self: Sized,
+    {
+        Lanes::ZERO
+    }
 }

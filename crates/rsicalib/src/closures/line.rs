@@ -1,7 +1,6 @@
 //! [`Line`].
 
-use crate::closures::kind::{At, Given, Kind, Part};
-use crate::numerics::lanes::{Lanes, Vec3};
+use crate::closures::kind::{Given, Kind, Part};
 
 /// A point is on a line through `o`, across which are `u` and `v`.
 ///
@@ -26,20 +25,5 @@ impl Kind for Line {
 
     fn words(&self) -> &'static str {
         "a point is on a line"
-    }
-
-    #[inline(always)]
-    fn misclosure(at: &At, row: usize) -> Lanes {
-        at.along(row, &at.apart)
-    }
-
-    #[inline(always)]
-    fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes {
-        at.along(row, moved) * sign
-    }
-
-    #[inline(always)]
-    fn by_value(_at: &At, _row: usize) -> Lanes {
-        Lanes::ZERO
     }
 }

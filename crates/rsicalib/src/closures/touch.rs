@@ -1,7 +1,6 @@
 //! [`Touch`].
 
-use crate::closures::kind::{At, Given, Kind, Part};
-use crate::numerics::lanes::{Lanes, Vec3};
+use crate::closures::kind::{Given, Kind, Part};
 
 /// Two points coincide.
 ///
@@ -30,20 +29,5 @@ impl Kind for Touch {
 
     fn words(&self) -> &'static str {
         "two points coincide"
-    }
-
-    #[inline(always)]
-    fn misclosure(at: &At, row: usize) -> Lanes {
-        at.along(row, &at.apart)
-    }
-
-    #[inline(always)]
-    fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes {
-        at.along(row, moved) * sign
-    }
-
-    #[inline(always)]
-    fn by_value(_at: &At, _row: usize) -> Lanes {
-        Lanes::ZERO
     }
 }

@@ -34,7 +34,7 @@ use crate::text::quoted;
 use crate::{Error, terms};
 
 /// Rows of all chains, or parameters of a model, beyond which none are counted.
-const MOST: usize = 2000;
+const MOST_COUNTED: usize = 2000;
 
 /// Complete geometry of any chain, with its sensors; and where there are such,
 /// `point_position` and `distance`.
@@ -175,11 +175,11 @@ pub fn identifiable(
 
 /// Refuses what would take hours.
 fn refuse_large(name: &'static str, count: usize) -> Result<(), Error> {
-    if count <= MOST {
+    if count <= MOST_COUNTED {
         return Ok(());
     }
     let found = format!("{count} rows or parameters");
-    let expected = format!("at most {MOST}: the time grows with their cube");
+    let expected = format!("at most {MOST_COUNTED}: the time grows with their cube");
     Err(Error::Option { name, found, expected })
 }
 

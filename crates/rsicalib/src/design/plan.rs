@@ -30,7 +30,7 @@ pub const MARGIN: f64 = 20.0;
 const JUDGED: usize = 96;
 
 /// Upper limit of poses, candidates and starts.
-const MOST: usize = 1_000_000;
+const MOST_CANDIDATES: usize = 1_000_000;
 
 /// How a plan is made.
 #[derive(Debug, Clone, PartialEq)]
@@ -390,8 +390,12 @@ fn check_options(options: &PlanOptions) -> Result<(), Error> {
     for (name, value) in
         [("poses", options.poses), ("candidates", options.candidates), ("starts", options.starts)]
     {
-        if !(1..=MOST).contains(&value) {
-            return Err(Error::option(name, value, format!("at least 1 and at most {MOST}")));
+        if !(1..=MOST_CANDIDATES).contains(&value) {
+            return Err(Error::option(
+                name,
+                value,
+                format!("at least 1 and at most {MOST_CANDIDATES}"),
+            ));
         }
     }
     check_noise(options.noise)

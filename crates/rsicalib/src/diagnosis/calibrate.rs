@@ -29,7 +29,7 @@ pub struct Calibrated {
 
 /// Poses of more than this are not searched for bad readings: in a long recording
 /// one row has no weight, and [`trace`] finds it.
-const MOST: usize = 2000;
+const MOST_POSES: usize = 2000;
 
 /// Fits the terms that the options ask for, without readings that are wrong.
 ///
@@ -45,7 +45,7 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
     let mut rest = observations.clone();
     let (clean, excluded) = sound(&mut rest, &all)?;
     // Points that are touched are judged by placement.
-    let searched = all.model.unknowns.is_empty() && observations.readings.poses() <= MOST;
+    let searched = all.model.unknowns.is_empty() && observations.readings.poses() <= MOST_POSES;
     if searched && looks_bad(&rest, &clean)? {
         let traced = trace(observations, &SearchOptions::default())?;
         let data: Vec<Instance> =

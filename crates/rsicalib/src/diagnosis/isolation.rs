@@ -1,7 +1,7 @@
 //! Whether one channel, closure or chain is at fault alone, by whatever law.
 //!
-//! What has unbounded variance says nothing, so a fit with `σ_c → ∞` is one to all that
-//! is not `c`: each pose gives up as many equations as `c` moves,
+//! With `σ_c → ∞` the fit ignores `c` and uses all other equations: each pose loses as many
+//! equations as `c` moves,
 //!
 //! ```text
 //! χ²_c ~ χ²(ν - Σ_p rank A_p,c + n_c)                                      (73)
@@ -23,13 +23,13 @@ use crate::numerics::symmetric::dot;
 use crate::numerics::workers;
 use crate::screening::blame::Blame;
 
-/// Standard deviation of a reading that says nothing, in units of its own noise.
+/// Standard deviation of a reading that the fit ignores, in units of its own noise.
 const UNBOUNDED: f64 = 1e4;
 
 /// Fewer degrees of freedom than this judge nothing.
 const LEAST_DOF: f64 = 8.0;
 
-/// So many are looked at, those first that leave the least: one at fault leaves least.
+/// Number of candidates that are refitted, smallest remaining χ² first.
 const LIKELY: usize = 3;
 
 /// What was found elsewhere is not needed where chance makes as much this often.

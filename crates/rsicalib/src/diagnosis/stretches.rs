@@ -27,7 +27,7 @@ use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
 
 /// A long recording is searched by so many stretches at the most, evenly spread: all of them would
 /// take longer in proportion, and what stands out of them alone is tiny.
-const MOST: usize = LONG;
+const MOST_STRETCHES: usize = LONG;
 
 /// Rows of a stretch at the most. Twice as many would save little: motion ends most of them before.
 const ROWS: usize = 8;
@@ -169,14 +169,16 @@ impl Stretches {
     }
 }
 
-/// [`MOST`] stretches, evenly spread, beside those of rows that stay alone.
+/// [`MOST_STRETCHES`] stretches, evenly spread, beside those of rows that stay alone.
 fn spread(mut rows: Vec<Range<usize>>, alone: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
     let all = rows.len();
     let mut number = 0;
     rows.retain(|stretch| {
         number += 1;
         // Those at which the share of all that is kept reaches another whole number.
-        all <= MOST || number * MOST / all > (number - 1) * MOST / all || alone(stretch.start)
+        all <= MOST_STRETCHES
+            || number * MOST_STRETCHES / all > (number - 1) * MOST_STRETCHES / all
+            || alone(stretch.start)
     });
     rows
 }
@@ -320,7 +322,7 @@ fn most_by_one(r: &[Lanes], by_reading: &[Lanes]) -> Lanes {
 
 #[cfg(test)]
 mod tests {
-    use super::{MOST, ROWS, Stretches};
+    use super::{MOST_STRETCHES, ROWS, Stretches};
     use crate::estimate::noise::source::{NoiseEstimate, Source};
     use crate::estimate::{FitOptions, Observations};
     use crate::mechanism::Mechanism;
@@ -407,10 +409,10 @@ mod tests {
     #[test]
     fn of_many_stretches_evenly_spread_ones_are_looked_at_and_single_rows_always() {
         let found = stretches(&recording(200_000, 1), &[100_003, 100_004]);
-        assert!(found.rows.len() >= MOST && found.rows.len() <= MOST + 2);
+        assert!(found.rows.len() >= MOST_STRETCHES && found.rows.len() <= MOST_STRETCHES + 2);
         assert!(found.rows.contains(&(100_003..100_004)));
         assert!(found.rows.contains(&(100_004..100_005)));
-        let usual = 200_000 / MOST;
+        let usual = 200_000 / MOST_STRETCHES;
         assert!(found.rows.windows(2).all(|pair| pair[1].start - pair[0].start <= 2 * usual));
     }
 }

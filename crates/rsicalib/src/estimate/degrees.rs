@@ -4,7 +4,6 @@ use std::f64::consts::TAU;
 
 use crate::Error;
 use crate::estimate::observations::Observations;
-use crate::estimate::options::FitOptions;
 use crate::estimate::rewired::{DECISIVE, OTHER_UNIT, Rewired};
 use crate::estimate::suspicion::{Closes, InDegrees, Suspicion};
 use crate::mechanism::Channel;
@@ -148,11 +147,9 @@ pub(crate) fn in_other_unit(
     let with = |times: f64| {
         let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
         let Rewired { readings, observations: of } = other;
-        let options = FitOptions { settled: true, ..of.options.clone() };
-        let table = readings.table;
-        let rest = of.rest.clone();
-        let there = Observations::new(&of.mechanism, table, rest, options).ok()?;
-        let with = refit(&Observations { weights: of.weights, ..there }).ok()?;
+        let (table, rest) = (readings.table, of.rest.clone());
+        let there = Observations::new(&of.mechanism, table, rest, of.options.clone()).ok()?;
+        let with = refit(&Observations { weights: of.weights, judged: true, ..there }).ok()?;
         let of = InDegrees::Loop { times, closes: Closes { with, declared: left } };
         (with * DECISIVE < left).then_some((with, Suspicion::Degrees { channels, of }))
     };

@@ -72,7 +72,7 @@ pub fn fit(
         },
         None => begin(observations, &model, &guess),
     };
-    if observations.is_long() || observations.options.settled {
+    if observations.is_long() || observations.judged {
         return solve(observations, model, priors, start, guess);
     }
     open::fit_with_seatings(observations, &model, &start, |observations, start| {
@@ -149,16 +149,16 @@ fn solve(
     let groups = Groups::of(&observations.readings, &observations.weights);
     // What tells channels of a recording apart; no other row's derivatives are looked at.
     let kept = observations.is_long().then(|| channels::rows_looked_at(&groups));
-    let settled = observations.options.settled;
+    let judged = observations.judged;
     let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
-    let ptol = if settled { ENOUGH } else { observations.options.lm.ptol };
+    let ptol = if judged { ENOUGH } else { observations.options.lm.ptol };
     let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
     let mut declared = observations.options.noise.is_some()
         || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
     let mut warnings: Vec<Suspicion> =
         start.warnings.iter().filter(|w| w.of_wiring()).cloned().collect();
-    if !settled {
+    if !judged {
         warnings.extend(doubts::of_readings(observations));
         warnings.extend(doubts::of_closures(&model));
     }
@@ -166,7 +166,7 @@ fn solve(
         // Beside an earlier fit, whose noise may not be what is declared.
         noise = first_noise(observations, None);
     }
-    let rounding = match settled {
+    let rounding = match judged {
         true => None,
         false => Rounding::of(&groups, observations, &presumed(observations)),
     };
@@ -186,7 +186,7 @@ fn solve(
             parts.push((Part { model, readings, weights: None }, noise.clone()));
         }
         let problem = Implicit::new(parts, &priors).from(adjusted.take());
-        let problem = if settled { problem.coarse() } else { problem };
+        let problem = if judged { problem.coarse() } else { problem };
         let outcome = match observations.options.method {
             Method::ImplicitLoop if observations.is_long() => {
                 lm::minimize(&Heard { problem: &problem, progress }, &beta, &lm)
@@ -203,21 +203,21 @@ fn solve(
         let mut outcome = undrifted(&problem, outcome, &start.beta, &lm);
         beta.clone_from(&outcome.x);
         let problem = problem.precise();
-        if settled {
+        if judged {
             // Scores subtract what the fit absorbs: its Gram matrix is that of settled readings.
             outcome.linearization = problem.linearize(&beta);
         }
         let measured = noise.measured_lengths(&model);
-        let residuals = match measured.is_empty() || settled {
+        let residuals = match measured.is_empty() || judged {
             true => problem.residuals_keeping(&beta, false, kept.as_deref()),
             false => problem.residuals_by_closure(&beta),
         };
         adjusted = Some(problem.into_adjusted());
-        let within = match settled || !observations.readings.held {
+        let within = match judged || !observations.readings.held {
             true => Cow::Borrowed(&residuals),
             false => contrasts(&groups, &residuals, (&noise.sigma, &measured)),
         };
-        if declared && round == 0 && !settled {
+        if declared && round == 0 && !judged {
             let rounding = rounding.as_ref();
             let wrong = check_declared(observations, &groups, &within, &noise, rounding);
             if let Some((factor, by)) = wrong {
@@ -274,7 +274,7 @@ fn solve(
     let start = Start { warnings, ..start };
     let mut fit =
         conclude(observations, model, priors, outcome, residuals, noise, scale, start, &groups);
-    if settled {
+    if judged {
         fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
     } else {
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
@@ -357,7 +357,7 @@ fn conclude(
     let gram = outcome.linearization.gram();
     let n = gram.nrows();
     let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
-    let gram = match observations.options.settled {
+    let gram = match observations.judged {
         true => gram,
         false => without_conventions(observations, &model, &priors, &outcome.x, gram),
     };

@@ -29,6 +29,10 @@ pub struct Observations {
     pub copies: Vec<usize>,
     /// The options.
     pub options: FitOptions,
+    /// True where the noise is from an earlier fit of these readings, which has judged what
+    /// was declared: nothing questions it again.
+    #[doc(hidden)]
+    pub judged: bool,
     /// The mechanism held at rest and its reading. `None` unless the rest pose was read and is
     /// declared with a standard deviation, which makes the rest pose an observation.
     pub held: Option<(Mechanism, Readings)>,
@@ -178,6 +182,7 @@ impl Observations {
             steps,
             copies,
             options,
+            judged: false,
             held,
         })
     }

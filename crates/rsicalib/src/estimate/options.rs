@@ -34,9 +34,6 @@ pub struct FitOptions {
     /// Closures whose noise is drawn for each sample, as `Observations::measured` finds them; `None`:
     /// as the readings show it.
     pub measured: Option<Vec<f64>>,
-    /// True where the noise is from an earlier fit of these readings, which has judged what
-    /// was declared: nothing questions it again.
-    pub settled: bool,
     /// What is expected of parameters before any reading, in place of the drawing's `sd`.
     pub expected: Option<Expected>,
     /// Starts to try at the most.
@@ -59,7 +56,6 @@ impl Default for FitOptions {
             play: 1.0,
             seating: Vec::new(),
             measured: None,
-            settled: false,
             expected: None,
             starts: 40,
             good_start: 50.0,

@@ -21,24 +21,31 @@ use crate::mechanism::drawing::{
 };
 
 /// Radius of the base circle with its sign: the Denavit-Hartenberg length of the fixed row (in).
+#[doc(hidden)]
 pub const L1: f64 = -4.5;
 
 /// Shoulder to elbow (in).
+#[doc(hidden)]
 pub const L2: f64 = 3.2;
 
 /// Elbow to wrist (in).
+#[doc(hidden)]
 pub const L3: f64 = 3.971;
 
 /// Handle centre to wrist (in).
+#[doc(hidden)]
 pub const L4: f64 = 1.5;
 
 /// Bearing of each arm's base frame (rad).
+#[doc(hidden)]
 pub const THETA_0: [f64; 3] = [PI, PI / 3.0, -PI / 3.0];
 
 /// Joint limits of Fig. 4, rad.
+#[doc(hidden)]
 pub const LIMITS: [[f64; 2]; 3] = [[-PI / 2.0, PI / 2.0], [-PI, 0.0], [-PI / 2.0, PI / 2.0]];
 
 /// Workspace of the handle: lowest and highest x, y, z (in), rx, ry, rz (rad).
+#[doc(hidden)]
 pub const WORKSPACE: [[f64; 2]; 6] = {
     let turn = PI / 6.0;
     [[-3.0, 3.0], [-3.0, 3.0], [-5.7, -0.3], [-turn, turn], [-turn, turn], [-turn, turn]]
@@ -47,6 +54,7 @@ pub const WORKSPACE: [[f64; 2]; 6] = {
 /// Wrist points for joint angles, eq. (2): `r_i = A_i0 r_i0`.
 ///
 /// `angles[i][j]` is `θ_ij` (rad); the wrist points are in the base frame (in).
+#[doc(hidden)]
 #[must_use]
 pub fn wrists(angles: &[[f64; 3]; 3]) -> [Vector3<f64>; 3] {
     std::array::from_fn(|i| {
@@ -63,6 +71,7 @@ pub fn wrists(angles: &[[f64; 3]; 3]) -> [Vector3<f64>; 3] {
 /// The wrist points are in the base frame (in); the pose is in inches and radians. Wrist points
 /// that are not exactly `l4 √3` apart give axes that are not exactly unit vectors, as in the
 /// paper.
+#[doc(hidden)]
 #[must_use]
 pub fn handle(r: &[Vector3<f64>; 3]) -> [f64; 6] {
     let r_h = (r[0] + r[1] + r[2]) / 3.0; // (3)

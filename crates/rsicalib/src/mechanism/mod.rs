@@ -15,6 +15,7 @@ mod validation;
 
 /// JSON Schema of a mechanism file: keys, types and what they mean.
 #[cfg(feature = "document")]
+#[doc(hidden)]
 #[must_use]
 pub fn schema() -> schemars::Schema {
     schemars::schema_for!(Mechanism)
@@ -24,7 +25,9 @@ pub use crate::closures::ClosureKind;
 pub use drawing::{
     Chain, Channel, Closure, Mechanism, ModelSection, Motion, Point, Rest, Row, Value, Workspace,
 };
-pub use law::{Class, Formula, Law, MOST_PARAMETERS, MOST_VARIABLES, Moves, Per, Variable};
+pub use law::Law;
+#[doc(hidden)]
+pub use law::{Class, Formula, MOST_PARAMETERS, MOST_VARIABLES, Moves, Per, Variable};
 pub(crate) use places::around;
 pub use places::{Column, Frame, Line, Plane};
 pub(crate) use queries::list;

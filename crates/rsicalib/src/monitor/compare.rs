@@ -30,7 +30,7 @@ use crate::numerics::lanes::WIDTH;
 pub const CHANGED_LEVEL: f64 = 0.01;
 
 /// Most changes that are looked for.
-const MOST: usize = 4;
+const MOST_CHANGES: usize = 4;
 
 /// Linearisations until a change has settled.
 const SETTLED: usize = 4;
@@ -162,7 +162,7 @@ pub fn compare(
     let (chi2_per_dof, p_value) = (pass.chi2 / count, session.p_value(pass.chi2, count));
     let mut changes: Vec<Named> = Vec::new();
     let mut tried = Vec::new();
-    while tried.len() < MOST {
+    while tried.len() < MOST_CHANGES {
         let ranked = session.ranked(&watched, &pass, &tried);
         let Some(best) = ranked.first().copied() else { break };
         if best.p_value >= CHANGED_LEVEL {

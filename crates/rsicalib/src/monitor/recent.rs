@@ -1,7 +1,7 @@
 //! The last rows, to look at a change again once it is known better.
 
 /// Rows that are kept.
-const MOST: usize = 512;
+const KEPT_ROWS: usize = 512;
 
 /// Number, time (s) and readings of a row.
 pub(crate) type Kept = (u64, Option<f64>, Vec<f64>);
@@ -24,8 +24,8 @@ pub(crate) struct Recent {
 
 impl Recent {
     pub(crate) fn new(channels: usize) -> Self {
-        let (readings, times) = (vec![0.0; MOST * channels], vec![None; MOST]);
-        Self { channels, readings, times, numbers: vec![None; MOST], next: 0 }
+        let (readings, times) = (vec![0.0; KEPT_ROWS * channels], vec![None; KEPT_ROWS]);
+        Self { channels, readings, times, numbers: vec![None; KEPT_ROWS], next: 0 }
     }
 
     /// Keeps a row in the place of the oldest.
@@ -33,7 +33,7 @@ impl Recent {
         let first = self.next * self.channels;
         self.readings[first..first + self.channels].copy_from_slice(readings);
         (self.numbers[self.next], self.times[self.next]) = (Some(number), time);
-        self.next = (self.next + 1) % MOST;
+        self.next = (self.next + 1) % KEPT_ROWS;
     }
 
     /// Leaves out a row that turned out to be bad.
@@ -49,7 +49,7 @@ impl Recent {
         if *oldest > first {
             return None;
         }
-        let mut found: Vec<(u64, usize)> = (0..MOST)
+        let mut found: Vec<(u64, usize)> = (0..KEPT_ROWS)
             .filter_map(|k| Some((self.numbers[k]?, k)))
             .filter(|(number, _)| (first..=last).contains(number))
             .collect();

@@ -23,7 +23,7 @@ const MEMORY: f64 = 1e6;
 const CLIP: f64 = 4.0;
 
 /// Largest partial correlation.
-const MOST: f64 = 0.98;
+const LARGEST_CORRELATION: f64 = 0.98;
 
 /// The filter, and what it has learned.
 #[derive(Debug, Clone)]
@@ -73,9 +73,10 @@ impl Whitening {
 
     /// Levinson's recursion.
     fn update(&mut self) {
-        let one = self.at(1).clamp(-MOST, MOST);
+        let one = self.at(1).clamp(-LARGEST_CORRELATION, LARGEST_CORRELATION);
         let first = 1.0 - one * one;
-        let second = ((self.at(2) - one * one) / first).clamp(-MOST, MOST);
+        let second =
+            ((self.at(2) - one * one) / first).clamp(-LARGEST_CORRELATION, LARGEST_CORRELATION);
         let both = first * (1.0 - second * second);
         self.filters[1] = ([one, 0.0], 1.0 / first.sqrt());
         self.filters[2] = ([one * (1.0 - second), second], 1.0 / both.sqrt());
@@ -97,7 +98,10 @@ impl Whitening {
         if self.distance == 0 {
             return self.filters[self.known.min(ORDER)];
         }
-        let far = self.at(1).clamp(-MOST, MOST).powi(self.distance.min(1000) as i32);
+        let far = self
+            .at(1)
+            .clamp(-LARGEST_CORRELATION, LARGEST_CORRELATION)
+            .powi(self.distance.min(1000) as i32);
         ([far, 0.0], 1.0 / (1.0 - far * far).sqrt())
     }
 

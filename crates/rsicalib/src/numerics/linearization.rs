@@ -149,7 +149,7 @@ impl Linearization {
 /// Solves (31) from `JᵀJ` in unit columns; `None` where the matrix is not positive definite.
 fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> Option<Vec<f64>> {
     let n = gradient.len();
-    if n <= small::MOST {
+    if n <= small::MOST_PARAMETERS {
         return small::solve_damped(h, gradient, damping, scale);
     }
     let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);

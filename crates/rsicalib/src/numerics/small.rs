@@ -10,9 +10,9 @@ use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 const ROWS: usize = 3 * WIDTH;
 
 /// Largest number of parameters.
-pub const MOST: usize = ROWS - 1;
+pub const MOST_PARAMETERS: usize = ROWS - 1;
 
-type Columns = [[f64; ROWS]; MOST];
+type Columns = [[f64; ROWS]; MOST_PARAMETERS];
 
 /// Solves (31) from `JᵀJ` in unit columns; `None` where the matrix is not positive definite.
 pub fn solve_damped(
@@ -29,7 +29,8 @@ pub fn solve_damped(
             for (inverse, scale) in inverse.iter_mut().zip(scale) {
                 *inverse = 1.0 / scale;
             }
-            let (mut columns, mut rows) = ([[0.0; ROWS]; MOST], [[0.0; ROWS]; MOST]);
+            let (mut columns, mut rows) =
+                ([[0.0; ROWS]; MOST_PARAMETERS], [[0.0; ROWS]; MOST_PARAMETERS]);
             for (j, column) in columns[..n].iter_mut().enumerate() {
                 let own = inverse[j];
                 for ((value, h), inverse) in column.iter_mut().zip(h.col_as_slice(j)).zip(&inverse)
@@ -39,7 +40,8 @@ pub fn solve_damped(
                 column[j] += damping;
                 column[n] = -gradient[j] * own;
             }
-            let mut state = State { columns: &mut columns, rows: &mut rows, pivots: [0.0; MOST] };
+            let mut state =
+                State { columns: &mut columns, rows: &mut rows, pivots: [0.0; MOST_PARAMETERS] };
             let first = state.eliminate::<0>(&mut s, n);
             let second = first && state.eliminate::<1>(&mut s, n);
             if !(second && state.eliminate::<2>(&mut s, n)) {
@@ -67,7 +69,7 @@ struct State<'a> {
     /// `L`, row by row.
     rows: &'a mut Columns,
     /// Reciprocals of `D`.
-    pivots: [f64; MOST],
+    pivots: [f64; MOST_PARAMETERS],
 }
 
 impl State<'_> {
@@ -131,7 +133,7 @@ mod tests {
     #[test]
     fn agrees_with_the_general_cholesky_for_every_size() {
         let mut random = Random::new(5);
-        for n in 1..=MOST {
+        for n in 1..=MOST_PARAMETERS {
             let root = Mat::from_fn(n + 4, n, |_, _| random.uniform(-0.5, 0.5));
             let h = root.transpose() * &root;
             let gradient: Vec<f64> = (0..n).map(|_| random.uniform(-0.5, 0.5)).collect();

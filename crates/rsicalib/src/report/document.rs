@@ -17,6 +17,7 @@ use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::{Reason, Verdict};
 use crate::estimate::noise::source::Source;
 use crate::mechanism::Law;
+use crate::report::traced::Left;
 use crate::report::warned::Warned;
 use crate::terms::term::{Class, Over};
 
@@ -137,6 +138,9 @@ macro_rules! result {
             fn noise(&self) -> Option<&Noise> {
                 self.noise.as_ref()
             }
+            fn noise_mut(&mut self) -> Option<&mut Noise> {
+                self.noise.as_mut()
+            }
             fn reference(&self) -> Option<&Reference> {
                 self.reference.as_ref()
             }
@@ -158,6 +162,8 @@ pub(crate) trait Parts {
     fn covariance(&self) -> &[Vec<Option<f64>>];
     /// Noise of one sample.
     fn noise(&self) -> Option<&Noise>;
+    /// The same, to complete what an earlier version did not write.
+    fn noise_mut(&mut self) -> Option<&mut Noise>;
     /// The readings that the parameters refer to.
     fn reference(&self) -> Option<&Reference>;
     /// How well the models fit, by their keys.
@@ -620,6 +626,9 @@ pub struct Unexplained {
     pub target: Option<String>,
     /// What is left, in words.
     pub text: String,
+    /// What it is; null in results of earlier versions.
+    #[serde(default)]
+    pub kind: Option<Left>,
 }
 
 /// How large an absent effect would have to be to be seen, and what it would do meanwhile.

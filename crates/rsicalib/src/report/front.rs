@@ -1,6 +1,7 @@
 //! The two verbs, as users call them.
 
 use crate::Error;
+use crate::apply::earlier::Applied;
 use crate::diagnosis::options::SearchOptions;
 use crate::estimate::Observations;
 use crate::report::calibrated::{self, CalibrationReport};
@@ -22,4 +23,16 @@ pub fn calibrate(observations: &Observations) -> Result<CalibrationReport, Error
 /// As [`calibrate`], and [`Error::Option`] for options that cannot be used.
 pub fn trace(observations: &Observations, options: &SearchOptions) -> Result<TraceReport, Error> {
     traced::report(observations, options, None)
+}
+
+impl From<&CalibrationReport> for Applied {
+    fn from(found: &CalibrationReport) -> Self {
+        Self::from(&found.estimates)
+    }
+}
+
+impl From<&TraceReport> for Applied {
+    fn from(found: &TraceReport) -> Self {
+        Self::from(&found.estimates)
+    }
 }

@@ -1,18 +1,37 @@
 //! Results as users hold them: plain structs in the shape of the JSON, and words.
 
+#[doc(hidden)]
 pub mod beside;
+#[doc(hidden)]
 pub mod calibrated;
+#[doc(hidden)]
 pub mod device;
 #[cfg(feature = "document")]
+#[doc(hidden)]
 pub mod document;
 #[cfg(feature = "document")]
+#[doc(hidden)]
 pub mod evidence;
-pub mod front;
+pub(crate) mod front;
 #[cfg(feature = "document")]
+#[doc(hidden)]
 pub mod read;
+#[doc(hidden)]
 pub mod result;
 #[cfg(feature = "document")]
+#[doc(hidden)]
 pub mod schema;
+#[doc(hidden)]
 pub mod traced;
+#[doc(hidden)]
 pub mod warned;
+#[doc(hidden)]
 pub mod words;
+
+pub use crate::apply::check::Check;
+pub use crate::diagnosis::held_out::HeldOut;
+pub use crate::diagnosis::verdict::Reason;
+pub use crate::estimate::directions::ParameterReport;
+pub use result::{Estimates, ExcludedReport, FitReport, Named, NoiseReport};
+pub use traced::{Left, Place, RivalReport, StepReport, Unexplained};
+pub use warned::{Kind, Warned};

@@ -5,6 +5,7 @@ use serde::Deserialize;
 
 use crate::numerics::bounds;
 use crate::report::document::{Calibration, FORMATS, Parameter, Parts, Trace};
+use crate::report::words;
 use crate::text::quoted;
 
 /// Numbers of a result that are one agree to this: they are written with all their digits, and
@@ -99,7 +100,10 @@ fn plain(words: &str) -> String {
 
 /// A result whose parts agree.
 fn checked<'de, T: Deserialize<'de> + Parts>(text: &'de str) -> Result<T, Refused> {
-    let read: T = parse(text)?;
+    let mut read: T = parse(text)?;
+    if let Some(noise) = read.noise_mut().filter(|noise| noise.kind.is_none()) {
+        noise.kind = words::source_of(&noise.source);
+    }
     check(&read)?;
     Ok(read)
 }

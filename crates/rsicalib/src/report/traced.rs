@@ -101,6 +101,45 @@ pub struct Unexplained {
     pub target: Option<String>,
     /// In words.
     pub text: String,
+    /// What it is.
+    pub kind: Left,
+}
+
+/// What is left after a trace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Left {
+    /// No more than noise.
+    Noise,
+    /// Nothing but the fit gives the noise: it cannot be judged.
+    Unjudged,
+    /// No more than noise, but what was found may stand for another effect.
+    Doubtful,
+    /// Errors of the target alone, by a law that no term has.
+    OneTarget,
+    /// The noise is larger than it was declared.
+    DeclaredNoise,
+    /// More than noise, of several.
+    Structure,
+    /// A kind of a later version.
+    #[cfg_attr(feature = "serde", serde(other))]
+    Other,
+}
+
+impl Left {
+    fn of(residual: &Residual) -> Self {
+        match residual {
+            Residual::Noise { .. } => Self::Noise,
+            Residual::Unjudged => Self::Unjudged,
+            Residual::Doubtful(_) => Self::Doubtful,
+            Residual::Isolated { .. } => Self::OneTarget,
+            Residual::Louder { .. } => Self::DeclaredNoise,
+            Residual::Structure(_) => Self::Structure,
+        }
+    }
 }
 
 /// The result of a trace.
@@ -268,7 +307,7 @@ pub fn traced(
         after,
         nominal,
         groups,
-        unexplained: Unexplained { p_value, target, text },
+        unexplained: Unexplained { p_value, target, text, kind: Left::of(&residual) },
         could_hide: hidden,
         estimates,
         before_residuals: match &traced.stretches {

@@ -21,18 +21,29 @@ use crate::screening::fault::FaultKind;
 /// Where the noise is from.
 #[must_use]
 pub fn noise(estimate: &NoiseEstimate) -> String {
-    let source = match estimate.source {
-        Source::Declared => "declared",
-        Source::Repeats => "misclosure of repeats",
-        Source::Neighbours => "misclosure of neighbouring rows",
-        Source::Quantisation => "quantisation",
-        Source::Fit => "the fit itself",
-    };
+    let source = self::source(estimate.source);
     let apart = if estimate.apart > 0 { ", by channel" } else { "" };
     match estimate.largest_seating() {
         Some(seating) => format!("{source}{apart}; seatings {seating:.2e}, of the fit itself"),
         None => format!("{source}{apart}"),
     }
+}
+
+/// A source of the noise in words.
+pub(crate) fn source(source: Source) -> &'static str {
+    match source {
+        Source::Declared => "declared",
+        Source::Repeats => "misclosure of repeats",
+        Source::Neighbours => "misclosure of neighbouring rows",
+        Source::Quantisation => "quantisation",
+        Source::Fit => "the fit itself",
+    }
+}
+
+/// The source that words begin with: results of earlier versions have the words alone.
+#[cfg(feature = "document")]
+pub(crate) fn source_of(words: &str) -> Option<Source> {
+    Source::ALL.into_iter().find(|one| words.starts_with(source(*one)))
 }
 
 /// Why a search of the solver ended, and what to do next.

@@ -204,7 +204,7 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
         observations.options.play = fit.noise.play;
         observations.options.seating = fit.noise.seating.clone();
         observations.options.measured = Some(fit.noise.measured.clone());
-        observations.options.settled = true;
+        observations.judged = true;
     }
     excluded
 }

@@ -38,7 +38,7 @@ const SINGLES_PER_MOVE: f64 = 3.0;
 const HEALED: f64 = 2.0;
 
 /// Of all samples no more than this share is taken for damage.
-const MOST: f64 = 0.2;
+const MOST_DAMAGED: f64 = 0.2;
 
 /// Finds damage, worst first, and leaves it out of the session.
 ///
@@ -55,7 +55,7 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>,
     let mut left_out = 0;
     while let Some((found, rows)) = Looking::at(observations, &current, &placements).worst() {
         left_out += rows.len();
-        if left_out as f64 > MOST * all && found.placement.is_none() {
+        if left_out as f64 > MOST_DAMAGED * all && found.placement.is_none() {
             break;
         }
         rows.iter().for_each(|&r| observations.weights[r] = 0.0);

@@ -164,18 +164,12 @@ impl<'a> Stepwise<'a> {
         }
         let lm =
             lm::SolverOptions { ftol: ENOUGH, xtol: ENOUGH, ..observations.options.lm.clone() };
-        let (noise, settled) = (Some(sigma), true);
+        let noise = Some(sigma);
+        small.judged = true;
         let seating = fit.noise.seating.clone();
         let measured = Some(measured);
-        small.options = FitOptions {
-            noise,
-            play,
-            seating,
-            measured,
-            settled,
-            lm,
-            ..observations.options.clone()
-        };
+        small.options =
+            FitOptions { noise, play, seating, measured, lm, ..observations.options.clone() };
         let counts = small.weights.clone();
         let (judges, noise_dof) = (fit.noise.judges(), fit.noise.dof_of_pose());
         Self {

@@ -26,7 +26,7 @@ use crate::numerics::distributions;
 const ALPHA: f64 = 1e-3;
 
 /// So many groups are enough to tell.
-const MOST: usize = 400;
+const ENOUGH_GROUPS: usize = 400;
 
 /// One in so many groups may be strange without setting a channel apart: a bad sample
 /// is not a noisy channel.
@@ -55,7 +55,7 @@ pub struct Alike {
 /// Groups by which channels are told apart.
 fn looked_at(groups: &Groups) -> impl Iterator<Item = &Vec<usize>> {
     let useful = || groups.rows.iter().filter(|rows| rows.len() > groups.order);
-    let step = useful().count().div_ceil(MOST).max(1);
+    let step = useful().count().div_ceil(ENOUGH_GROUPS).max(1);
     useful().step_by(step)
 }
 

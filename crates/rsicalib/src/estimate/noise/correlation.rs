@@ -32,13 +32,13 @@ pub struct Correlated {
 }
 
 /// Groups of more samples than this are treated as if they had so many.
-const MOST: usize = 64;
+const LONGEST_GROUP: usize = 64;
 
 /// From `P / s²` of the average group of `n` samples of which `order` degrees were
 /// removed, with the share `q` of white rounding in `s²`.
 #[must_use]
 pub fn correlated(product: f64, n: usize, order: usize, q: f64) -> Correlated {
-    let capped = n.min(MOST);
+    let capped = n.min(LONGEST_GROUP);
     // Of a longer group the product per pair is what counts.
     let product = product * (capped - 1) as f64 / (n - 1) as f64;
     let (n, at) = (capped, |rho: f64| Group::new(capped, order, rho, q));

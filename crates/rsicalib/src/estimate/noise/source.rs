@@ -30,6 +30,10 @@ pub enum Source {
 }
 
 impl Source {
+    /// Every source.
+    pub const ALL: [Self; 5] =
+        [Self::Declared, Self::Repeats, Self::Neighbours, Self::Quantisation, Self::Fit];
+
     /// True where lack of fit can be judged against it.
     #[must_use]
     pub fn independent(self) -> bool {
@@ -230,7 +234,7 @@ pub(crate) fn first_noise(observations: &Observations, earlier: Option<Noise>) -
         return Noise { seating, ..noise };
     }
     let mut noise = presumed(observations);
-    if options.noise.is_none() || !options.settled {
+    if options.noise.is_none() || !observations.judged {
         let least = observations.least_noise();
         noise.sigma.iter_mut().zip(least).for_each(|(sigma, least)| *sigma = sigma.max(least));
     }
