@@ -488,7 +488,7 @@ fn decide(
         chosen[place] = if better { best } else { now };
         field.update(&contest.visit(&field.rows_of(chosen[place])));
     }
-    let (order, way) = tour(chosen, found, &visits.start());
+    let (order, way) = found.tour(chosen, &visits.start());
     (order, contest.criterion().max(1e-300).ln() + options.way * way)
 }
 
@@ -526,29 +526,13 @@ fn make_certain(
         }
     }
     let measure = after(&chosen).measure();
-    let (order, way) = tour(chosen, found, &visits.start());
+    let (order, way) = found.tour(chosen, &visits.start());
     (order, measure + options.way * way)
 }
 
 /// Places of an exchange: a single pose was chosen from all, with its way.
 fn exchanged(chosen: &[usize]) -> std::ops::Range<usize> {
     if chosen.len() > 1 { 0..chosen.len() } else { 0..0 }
-}
-
-/// An order in which the next pose is never far, the nearest each time; and the length of the way.
-fn tour(mut left: Vec<usize>, found: &Reachable, start: &[f64]) -> (Vec<usize>, f64) {
-    let (mut at, mut way) = (start.to_vec(), 0.0);
-    let mut tour = Vec::with_capacity(left.len());
-    left.sort_unstable(); // of two that are as near, the earlier candidate
-    while !left.is_empty() {
-        let far = |i: usize| found.distance(&at, found.row(left[i]));
-        let nearest = (1..left.len()).fold(0, |best, i| if far(i) < far(best) { i } else { best });
-        way += far(nearest);
-        let next = left.remove(nearest);
-        at = found.row(next).to_vec();
-        tour.push(next);
-    }
-    (tour, way)
 }
 
 /// Pose by pose where time or the direction of approach matters: the rows change on the way.

@@ -15,4 +15,5 @@ mod precision;
 pub mod reach;
 mod reachable;
 pub mod suppose;
+mod tour;
 pub mod within_limits;

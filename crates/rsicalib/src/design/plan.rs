@@ -11,6 +11,7 @@ use crate::design::exchange::Criterion;
 use crate::design::information::{Bound, Candidates};
 use crate::design::moments::{moments_of, slopes_of};
 use crate::design::reach::readings_at;
+use crate::design::tour::tour;
 use crate::design::within_limits::within_limits;
 use crate::estimate::Noise;
 use crate::mechanism::Mechanism;
@@ -144,7 +145,14 @@ pub fn plan(
     let found: Vec<(Vec<usize>, f64)> =
         workers::map(&starts, |start| told.exchange(start, &kept, options.criterion));
     let best = found.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    let chosen = tour(best.map(|b| b.0).unwrap_or_default(), &poses, &box_of(&poses));
+    let within = box_of(&poses);
+    let middle = within.map(|[low, high]| 0.5 * (low + high));
+    let distance = |a: &[f64], b: &[f64]| -> f64 {
+        let spans = within.iter().map(|[low, high]| (high - low).max(1e-12));
+        a.iter().zip(b).zip(spans).map(|((a, b), span)| ((b - a) / span).powi(2)).sum()
+    };
+    let best = best.map(|b| b.0).unwrap_or_default();
+    let (chosen, _) = tour(best, &middle, |k| &poses[k], distance);
 
     let of = |rows: Vec<f64>| bound_of(mechanism, offsets, gains, rows, options.noise);
     let planned = chosen.iter().flat_map(|&k| &readings[k]).chain(&options.beside);
@@ -338,28 +346,6 @@ fn platform_weight(
 fn sigma(mechanism: &Mechanism, noise: f64) -> Vec<f64> {
     let declared = |c: &crate::mechanism::Channel| c.noise.filter(|n| *n > 0.0).unwrap_or(1.0);
     mechanism.channels.iter().map(|c| noise * declared(c)).collect()
-}
-
-/// An order in which the next pose is never far: the nearest neighbour each time.
-fn tour(mut left: Vec<usize>, poses: &[[f64; 6]], within: &Within) -> Vec<usize> {
-    let mut at = within.map(|[low, high]| 0.5 * (low + high));
-    let mut tour = Vec::with_capacity(left.len());
-    left.sort_unstable(); // of two that are as near, the earlier candidate
-    while !left.is_empty() {
-        let far = |k: usize| -> f64 {
-            let parts = (0..6).map(|i| {
-                let span = (within[i][1] - within[i][0]).max(1e-12);
-                ((poses[k][i] - at[i]) / span).powi(2)
-            });
-            parts.sum()
-        };
-        let nearest = (1..left.len())
-            .fold(0, |best, i| if far(left[i]) < far(left[best]) { i } else { best });
-        let next = left.remove(nearest);
-        at = poses[next];
-        tour.push(next);
-    }
-    tour
 }
 
 fn check_parameters(mechanism: &Mechanism, offsets: &[f64], gains: &[f64]) -> Result<(), Error> {

@@ -8,6 +8,7 @@ use crate::apply::poses::poses_of;
 use crate::design::linearised::Linearised;
 use crate::design::plan::{MARGIN, Within};
 use crate::design::reach::has_closed_form;
+use crate::design::tour::tour;
 use crate::mechanism::{Channel, Mechanism, hand_controller};
 use crate::model::configurations::Configurations;
 use crate::model::{Want, Workspace};
@@ -57,6 +58,11 @@ impl Reachable {
             if span > 0.0 { ((a - b) / span).powi(2) } else { 0.0 }
         });
         (shares.sum::<f64>() / self.channels as f64).sqrt()
+    }
+
+    /// Candidates in an order in which the next is never far, and the length of the way.
+    pub(crate) fn tour(&self, chosen: Vec<usize>, start: &[f64]) -> (Vec<usize>, f64) {
+        tour(chosen, start, |k| self.row(k), |a, b| self.distance(a, b))
     }
 
     /// Some of the candidates, in this order.
