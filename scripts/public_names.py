@@ -31,7 +31,7 @@ def names(source: Path = SOURCE) -> list[str]:
     found = list(dict.fromkeys(_of_module(source / "lib.rs", source, "")))
     root = {name for name in found if "::" not in name}
     inner = [name for name in found if "::" in name and name.rpartition("::")[2] not in root]
-    return [*sorted(root, key=str.lower), *inner]
+    return [*sorted(root, key=lambda name: (name.lower(), name)), *inner]
 
 
 def _of_module(file: Path, folder: Path, path: str) -> Iterator[str]:
