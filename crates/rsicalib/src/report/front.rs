@@ -11,7 +11,7 @@ use crate::report::traced::{self, TraceReport};
 ///
 /// # Errors
 ///
-/// [`Error::Undetermined`] where the readings are too few, else as [`Observations::new`].
+/// [`Error::TooFew`] for fewer equations than parameters, else as [`Observations::new`].
 pub fn calibrate(observations: &Observations) -> Result<CalibrationReport, Error> {
     Ok(calibrated::report(observations, None)?.0)
 }
