@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 import rsicalib
+from rsicalib import InputError
 from rsicalib.guide.run import guide
 from tests.drive.arm import Arm
 from tests.families.grade import TIE
@@ -59,7 +60,11 @@ def run(seed: int, folder: Path, kind: str | None = None, touch: str | None = No
     command = shlex.join([sys.executable, "-m", "tests.drive.robot", *given])
     began = time.perf_counter()
     session = folder / "session"
-    found = guide(session, mechanism, drive=command, target=TARGET, port=None, quiet=True)
+    try:
+        found = guide(session, mechanism, drive=command, target=TARGET, port=None, quiet=True)
+    except InputError as error:  # the robot could not begin: a figure, not the end
+        seconds = time.perf_counter() - began
+        return Run(arm, f"refused: {error}", "", False, False, (), 0, 0, seconds)
     seconds = time.perf_counter() - began
     beyond = int(told.read_text()) + beyond_limits(arm, session)
     poses = len(np.unique(rsicalib.load_readings(session / "readings.csv", mechanism).pose))

@@ -163,6 +163,7 @@ class Body:
         self.data.ctrl[:] = goal
         self._place(lifted)
         self._run(0.9, PRESS[self.arm.touch])
+        self.data.ctrl[:] = self.data.qpos[self.at]  # the cone knows better where the ball is
         self._run(0.4, LESS, gives=True)
         self._run(0.4, REST, gives=True)
         mujoco.mj_forward(self.model, self.data)
