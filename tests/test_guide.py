@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -21,7 +24,7 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
-from rsicalib.guide.advice import Adviser
+from rsicalib.guide.advice import Adviser, Repeat
 from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Columns, Log, Sample
 from rsicalib.guide.server import Page
@@ -123,6 +126,9 @@ def test_a_pose_that_was_taken_adds_nothing_again(tmp_path: Path) -> None:
             time.sleep(0.01)
     assert sorted(log.poses) == [1]
     assert "adds nothing" in state.state()["message"]
+    # One order, and it is to go on: a hand that rests here is not asked to hold still.
+    assert state.state()["phase"] == "move"
+    assert state.state()["order"] == {"word": "go", "text": "to pose 2"}
     assert state.state()["troubles"] == []
     before = state.state()["pose"]
     wanted = np.array([bar["want"] for bar in state.state()["channels"]])
@@ -177,6 +183,48 @@ def test_a_pose_in_which_an_arm_was_pushed_is_measured_again(tmp_path: Path) -> 
     assert any(map(operator.trouble.said, operator.said))
     assert taken.state()["done"] and 5 not in taken.log.poses
     assert result is not None and result.exit_code == 0 and not result.excluded
+    assert taken.state()["order"]["word"] == "done"
+
+
+def test_nothing_is_done_while_something_is_wrong(
+    session: tuple[person.Session, Any, Path],
+) -> None:
+    taken = session[0]
+    assert taken.state()["order"]["word"] == "done"
+    assert taken.advice is not None and taken.advice.result is not None
+    advice = taken.advice
+    try:
+        bad = dataclasses.replace(advice.result, verdict="unexplained")
+        taken.advice = dataclasses.replace(advice, result=bad)
+        assert taken.state()["order"]["word"] == "stop"
+        taken.advice = dataclasses.replace(advice, result=None)
+        assert taken.state()["order"]["word"] == "stop"
+        taken.advice, taken.done, taken.ended = advice, False, "the samples have ended"
+        assert taken.state()["order"] == {"word": "stop", "text": "the samples have ended"}
+        taken.ended, taken._heard = None, taken._heard - 100.0
+        assert taken.state()["order"]["word"] == "wait"
+        assert taken.state()["order"]["text"].startswith("no sample for 1")
+    finally:
+        taken.advice, taken.done, taken.ended = advice, True, None
+
+
+def test_a_pose_that_is_asked_for_once_more_is_shown(
+    session: tuple[person.Session, Any, Path],
+) -> None:
+    taken = session[0]
+    advice = taken.advice
+    assert advice is not None
+    try:
+        taken.advice = dataclasses.replace(advice, repeat=(Repeat(6, "does not fit"),))
+        taken.done = False
+        shown = taken.state()
+        assert shown["repeat"] == 6
+        expected = rsicalib.forward(taken._means[6][None], calibration=advice.result)[0]
+        np.testing.assert_allclose(shown["pose"], expected, atol=1e-9)
+        assert shown["handle"]["moves"] is not None
+        assert [bar["want"] for bar in shown["channels"]] == taken._means[6].tolist()
+    finally:
+        taken.advice, taken.done = advice, True
 
 
 def few_poses(seed: int, poses: int, kind: str | None = None) -> tuple[Warned | None, Any]:
@@ -307,7 +355,7 @@ def test_the_page_answers_to_this_machine_alone() -> None:
         assert page.url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(page.url) as answer:
             body = answer.read()
-        assert b"EventSource" in body and body.count(b"</script>") == 1
+        assert b'fetch("state"' in body and body.count(b"</script>") == 1
         foreign = urllib.request.Request(page.url + "state", headers={"Host": "evil.example"})
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(foreign)
@@ -319,10 +367,41 @@ def test_the_page_answers_to_this_machine_alone() -> None:
         )
         urllib.request.urlopen(ours)
         assert struck == [1]
-        with urllib.request.urlopen(page.url + "events") as events:
-            assert events.readline().startswith(b'data: {"done": false')
+        with urllib.request.urlopen(page.url + "state") as answer:
+            assert json.load(answer)["done"] is False
     finally:
         page.close()
+
+
+def test_another_address_answers_to_who_has_the_token() -> None:
+    """127.0.0.2 is no other machine, and is treated as one."""
+    page = Page(lambda: {"done": False}, lambda: None, host="127.0.0.2")
+    try:
+        bare, token = page.url[:-1].rsplit("/", 1)
+        assert len(token) >= 16
+        with urllib.request.urlopen(page.url + "state") as answer:
+            assert json.load(answer) == {"done": False}
+        for path in ("", "/", "/state", f"/{token[:-1]}/state", "/%C3%A9", f"/{token}"):
+            with pytest.raises(urllib.error.HTTPError, match=r"40[34]"):
+                urllib.request.urlopen(bare + path)
+    finally:
+        page.close()
+
+
+def test_a_page_that_is_closed_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    page = Page(lambda: {"long": "x" * 10_000_000}, lambda: None)
+    try:
+        host, port = page.url.split("/")[2].split(":")
+        for _ in range(8):  # as many tabs, none of which reads its answer
+            with socket.create_connection((host, int(port))) as tab:
+                tab.sendall(b"GET /state HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+                tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        with urllib.request.urlopen(page.url, timeout=5.0) as answer:
+            assert answer.status == 200
+        time.sleep(0.2)
+    finally:
+        page.close()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_the_terminal_shows_the_same(

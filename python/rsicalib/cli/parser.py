@@ -282,8 +282,10 @@ def make_parser() -> argparse.ArgumentParser:
     words = "moves a robot: is told each pose as a line of JSON, answers with its readings"
     sub.add_argument("--drive", metavar="COMMAND", help=words)
     sub.add_argument("--resume", action="store_true", help="go on with the session in --out")
-    words = "of the page, on this machine alone; a free one where not given"
+    words = "of the page; a free one where not given"
     sub.add_argument("--port", type=parsed("port"), default=0, help=words)
+    words = "address of the page; others than this machine need the token in it (127.0.0.1)"
+    sub.add_argument("--host", default="127.0.0.1", help=words)
     sub.add_argument("--no-browser", action="store_true", help="do not open the page")
     sub.add_argument("--samples", type=parsed("guide.samples"), default=8, help="of each pose (8)")
     words = "for which a pose is held (0.6)"

@@ -227,10 +227,14 @@ def plan(args: Args) -> int:
 def guide(args: Args) -> int:
     """Take a session: which pose next, how good already, when done (page and terminal)."""
     from rsicalib.guide.run import guide as take_session
+    from rsicalib.guide.server import LOCAL
+    from rsicalib.guide.square import square
 
     def told(url: str) -> None:
         if not args.quiet:
             print(f"the page of this session: {url}", file=sys.stderr, flush=True)
+            if args.host not in LOCAL:
+                print(square(url), file=sys.stderr, flush=True)
 
     found = take_session(
         args.out,
@@ -241,6 +245,7 @@ def guide(args: Args) -> int:
         drive=args.drive,
         resume=args.resume,
         port=args.port,
+        host=args.host,
         browser=not args.no_browser,
         samples=args.samples,
         seconds=args.seconds,

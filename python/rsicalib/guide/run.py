@@ -14,7 +14,7 @@ from rsicalib.guide.advice import Adviser
 from rsicalib.guide.drive import Robot
 from rsicalib.guide.drive import drive as take_by
 from rsicalib.guide.log import Columns, Log, Sample
-from rsicalib.guide.server import Page
+from rsicalib.guide.server import HOST, Page
 from rsicalib.guide.session import Session, Settings
 from rsicalib.guide.source import Lines, open_source
 from rsicalib.guide.terminal import Screen
@@ -26,6 +26,8 @@ __all__ = ["guide"]
 
 TRAVEL = 0.01
 """Share of the travel that is the target where none is given, as the paper specifies."""
+HEARD_S = 0.6
+"""In which a page asks for the state at least once."""
 SHOW_S = 0.15
 """Between two pictures on a terminal."""
 
@@ -41,6 +43,7 @@ def guide(
     drive: str | None = None,
     resume: bool = False,
     port: int | None = 0,
+    host: str = HOST,
     browser: bool = False,
     samples: int = 8,
     seconds: float = 0.6,
@@ -70,7 +73,10 @@ def guide(
     resume : bool
         Go on with the session in `out`.
     port : int or None
-        Of the page, on the loopback address; 0 for a free one, None for no page.
+        Of the page; 0 for a free one, None for no page.
+    host : str
+        Address of the page: of this machine alone, where not given. Another one, as 0.0.0.0 for a
+        tablet in the same network, is reached with a token that is part of the page's address.
     browser : bool
         Open the page in a browser.
     samples : int
@@ -113,7 +119,7 @@ def guide(
     session = Session(
         opened, Adviser(opened, at_rest, seed), log, Settings(target, samples, seconds)
     )
-    page = None if port is None else Page(session.state, session.strike_off, port)
+    page = None if port is None else Page(session.state, session.strike_off, port, host)
     try:
         if page is not None:
             if told is not None:
@@ -128,7 +134,7 @@ def guide(
             _measure(session, lines, Columns(names, keys), screen, skip)
         result = session.finish()
         if page is not None:
-            time.sleep(0.5)  # the page hears of the end
+            time.sleep(HEARD_S)  # the page hears of the end
         return result
     finally:
         for one in (lines, robot):
@@ -163,5 +169,6 @@ def _measure(session: Session, lines: Lines, columns: Columns, screen: Screen, s
         shown = time.time()
         screen.show(session.state())
         if lines.ended and not session.busy:
+            session.ended = "the samples have ended"
             break
     screen.show(session.state())

@@ -1,8 +1,16 @@
-"""The page of a session, on the loopback address only: one file, and server-sent events."""
+"""The page of a session: one file, which asks for the state again and again.
+
+On the loopback address it answers to this machine alone. On another address whoever asks must have
+the token of the session, which is part of the page's address. Each answer is a connection of its
+own: however many pages are open, none holds one that another needs.
+"""
 
 from __future__ import annotations
 
 import json
+import secrets
+import socket
+import sys
 import threading
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -11,21 +19,50 @@ from typing import Any
 
 from rsicalib.errors import InputError
 
-__all__ = ["Page"]
+__all__ = ["HOST", "LOCAL", "Page"]
 
 HOST = "127.0.0.1"
-EVERY_S = 0.1
-"""Between two events while nothing changes, at the most ten times as long."""
+LOCAL = (HOST, "localhost", "::1")
+"""Addresses of this machine alone."""
+
+
+class Server(ThreadingHTTPServer):
+    """A thread for each connection; one that the other side ends is no error."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Nothing is printed of a page that was closed."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+
+def _reached(host: str) -> str:
+    """The address under which others reach this machine, where it answers to any."""
+    if host not in ("0.0.0.0", "::", ""):
+        return f"[{host}]" if ":" in host else host
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # of an example network: nothing is sent
+            return str(probe.getsockname()[0])
+        except OSError:
+            return HOST
 
 
 class Page:
     """Serves the page, and tells it the state of the session."""
 
     def __init__(
-        self, state: Callable[[], dict[str, Any]], strike_off: Callable[[], None], port: int = 0
+        self,
+        state: Callable[[], dict[str, Any]],
+        strike_off: Callable[[], None],
+        port: int = 0,
+        host: str = HOST,
     ) -> None:
         page = files("rsicalib.guide").joinpath("page.html").read_bytes()
-        stop = threading.Event()
+        self._host = host
+        self._token = "" if host in LOCAL else secrets.token_urlsafe(12)
+        root = f"/{self._token}/" if self._token else "/"
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
@@ -33,31 +70,33 @@ class Page:
             def do_GET(self) -> None:
                 if not self._ours():
                     return
-                if self.path == "/":
+                if self.path == root:
                     # What the session is like at first stands in the page; events follow.
                     first = json.dumps(state()).replace("<", "\\u003c").encode()
                     whole = page.replace(b"/* the state at first */", first)
                     self._send(200, "text/html; charset=utf-8", whole)
-                elif self.path == "/state":
+                elif self.path == f"{root}state":
                     self._send(200, "application/json", json.dumps(state()).encode())
-                elif self.path == "/events":
-                    self._events()
                 else:
                     self._send(404, "text/plain", b"not found")
 
             def do_POST(self) -> None:
                 if not self._ours():
                     return
-                if self.path == "/strike-off" and self.headers.get("X-Guide") == "1":
+                if self.path == f"{root}strike-off" and self.headers.get("X-Guide") == "1":
                     strike_off()
                     self._send(200, "application/json", b"{}")
                 else:
                     self._send(404, "text/plain", b"not found")
 
             def _ours(self) -> bool:
-                """Refuse pages of other hosts that resolve to this address."""
-                host = (self.headers.get("Host") or "").rsplit(":", 1)[0]
-                if host in (HOST, "localhost"):
+                """Refuse pages of other hosts that resolve here, and who has no token."""
+                named = (self.headers.get("Host") or "").rsplit(":", 1)[0]
+                if root != "/" and secrets.compare_digest(
+                    self.path[: len(root)].encode(), root.encode()
+                ):
+                    return True
+                if root == "/" and named.strip("[]") in LOCAL:
                     return True
                 self._send(403, "text/plain", b"forbidden")
                 return False
@@ -67,51 +106,30 @@ class Page:
                 self.send_header("Content-Type", kind)
                 self.send_header("Content-Length", str(len(body)))
                 self.send_header("Cache-Control", "no-store")
+                self.send_header("Referrer-Policy", "no-referrer")
                 self.send_header("Content-Security-Policy", "frame-ancestors 'none'")
                 self.end_headers()
                 self.wfile.write(body)
-
-            def _events(self) -> None:
-                self.send_response(200)
-                self.send_header("Content-Type", "text/event-stream")
-                self.send_header("Cache-Control", "no-store")
-                self.send_header("Connection", "close")
-                self.end_headers()
-                said, silent = "", 0
-                try:
-                    while not stop.is_set():
-                        text = json.dumps(state())
-                        silent += 1
-                        if text != said or silent >= 10:
-                            self.wfile.write(f"data: {text}\n\n".encode())
-                            self.wfile.flush()
-                            said, silent = text, 0
-                        stop.wait(EVERY_S)
-                    # What is last shown is the end of the session.
-                    self.wfile.write(f"data: {json.dumps(state())}\n\n".encode())
-                except OSError:
-                    pass  # the page was closed
-                self.close_connection = True
 
             def log_message(self, format: str, *args: Any) -> None:
                 """Nothing is printed: the terminal has its own page."""
 
         try:
-            self._server = ThreadingHTTPServer((HOST, port), Handler)
-        except OSError as error:
-            found = f"{port}, which cannot be used ({error.strerror})"
+            self._server = Server((host, port), Handler)
+        except (OSError, OverflowError) as error:
+            why = getattr(error, "strerror", None) or "ports are 0 to 65535"
+            found = f"{host} port {port}, which cannot be used ({why})"
             raise InputError(f"--port: found {found}, expected a free port") from None
-        self._server.daemon_threads = True
-        self._stop = stop
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
     def url(self) -> str:
         """Where the page is."""
-        return f"http://{HOST}:{self._server.server_address[1]}/"
+        port = self._server.server_address[1]
+        token = f"{self._token}/" if self._token else ""
+        return f"http://{_reached(self._host)}:{port}/{token}"
 
     def close(self) -> None:
         """Stop serving."""
-        self._stop.set()
         self._server.shutdown()
         self._server.server_close()

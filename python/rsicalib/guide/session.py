@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,6 +16,7 @@ import numpy as np
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.guide.advice import Advice, Adviser
+from rsicalib.guide.handle import Handle
 from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Log, Sample
 from rsicalib.io.files import write_text
@@ -27,6 +29,8 @@ NEAR = 0.06
 """A pose this near its target is taken at once, as a share of what channels can read."""
 SAME = 0.01
 """A pose this near one that was taken is that one."""
+ELSEWHERE = "this is pose"
+"""What a message begins with where the hand is at a pose that was taken."""
 LONGER = 3.0
 """A pose that is not near its target is taken where it is when it is held this much longer."""
 DECIDING = 12
@@ -41,6 +45,10 @@ LITTLE = 0.02
 """A pose that makes the standard deviation smaller by less than this share adds little."""
 WATCHED = 60
 """Samples over which a channel must change where others do."""
+SILENT_S = 3.0
+"""Without a sample for so long, the page says so [s]."""
+RESTLESS_S = 8.0
+"""A hand that is near the pose and not still for so long is told which channel shakes [s]."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,13 @@ class Session:
         self._pending: Future[Advice] | None = None
         self.reached: int | None = None
         """Poses after which the target was reached."""
+        self.ended: str | None = None
+        """Why no more samples come, once none do."""
+        self.course: list[tuple[int, float]] = []
+        """Standard deviation of the platform after each number of poses [length unit]."""
+        self.handle = Handle(self.mechanism, self.adviser.prior)
+        self._heard = time.monotonic()
+        self._near_since: float | None = None
         self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
         self._restore()
         self._ask()
@@ -94,6 +109,8 @@ class Session:
         """Take samples: to the disk first, then into the session."""
         with self._lock:
             self.log.take(samples)
+            if samples:
+                self._heard = time.monotonic()
             for sample in samples:
                 self._recent.append(sample.values)
                 self.hold.feed(sample)
@@ -102,6 +119,7 @@ class Session:
     def arrive(self, *poses: Sequence[Sample]) -> None:
         """Take poses that a robot holds, each as a whole."""
         with self._lock:
+            self._heard = time.monotonic()
             for samples in poses:
                 self.log.take(samples)
                 self._recent.extend(sample.values for sample in samples)
@@ -177,7 +195,7 @@ class Session:
         repeat = self._repeat()
         again = repeat is not None and taken is not None and taken[0] == repeat
         if taken is not None and not again and apart(at, taken[1], self.spans) < SAME:
-            self.message = f"this is pose {taken[0]}, which adds nothing again: go on to the next"
+            self.message = f"{ELSEWHERE} {taken[0]}, which adds nothing again: go on to the next"
             return
         if not near and self.hold.held_s < LONGER * self.settings.seconds:
             self.message = "go on to the pose, or hold to have this one taken"
@@ -218,6 +236,9 @@ class Session:
     def _advised(self, before: Advice | None) -> None:
         now = self.advice
         assert now is not None
+        self.handle.know(now.result)
+        if now.sd is not None and (not self.course or self.course[-1][0] < len(self.log.poses)):
+            self.course.append((len(self.log.poses), now.sd))
         if now.result is not None:
             write_text(self.log.folder / "result.json", now.result.to_json())
         last = max(self.log.poses, default=0)
@@ -367,11 +388,20 @@ class Session:
             )
         repeat = self._repeat()
         steps = () if advice is None or advice.result is None else advice.result.steps
-        pose = advice.pose if advice is not None and asks and repeat is None else None
+        # Where it is and where it should be are by one calibration: their difference is sure.
+        want = self.handle.pose(goal)
+        pose = want if want is not None or not asks or advice is None else advice.pose
+        troubles = self.troubles()
+        phase = self._phase()
         return {
             "mechanism": self.mechanism.name,
             "unit": self.mechanism.length_unit,
-            "phase": self._phase(),
+            "phase": phase,
+            "order": self._order(phase, troubles),
+            "handle": self.handle.state(self.handle.pose(now), want, NEAR),
+            "course": [list(step) for step in self.course],
+            "silent_s": int(time.monotonic() - self._heard),
+            "ended": self.ended,
             "channels": bars,
             "hold": self.hold.progress if asks else 0.0,
             "next": self.next_label,
@@ -391,7 +421,7 @@ class Session:
             "closure": None if advice is None else advice.closure,
             "closure_fitted": None if advice is None else advice.closure_fitted,
             "verdict": None if advice is None or advice.result is None else advice.result.verdict,
-            "troubles": self.troubles(),
+            "troubles": troubles,
             "message": self.message if asks else "",
             "note": self.note,
             "done": self.done,
@@ -404,7 +434,70 @@ class Session:
             return "think"
         if not self._recent:
             return "wait"
-        return "hold" if self.hold.progress > 0.3 else "move"
+        # A hand that rests where nothing is to be measured is not asked to hold still.
+        here = self.hold.progress > 0.3 and not self.message.startswith(ELSEWHERE)
+        return "hold" if here else "move"
+
+    def _order(self, phase: str, troubles: list[str]) -> dict[str, str]:
+        """The one thing to do now: a word, and what of.
+
+        The words are `go`, `hold`, `wait`, `stop` and `done`; nothing is done while something is
+        wrong.
+        """
+        broken = self._broken()
+        if broken is not None and (phase != "wait" or self.ended):
+            return {"word": "stop", "text": broken}
+        if phase == "done":
+            result = None if self.advice is None else self.advice.result
+            grave = [text for text in troubles if not text.endswith(self.bad_line or "\n")]
+            if result is None:
+                grave.append("the poses do not determine the calibration")
+            elif result.exit_code != 0:
+                grave.append(f"what is left is not noise: {result.verdict.replace('_', ' ')}")
+            if grave:
+                return {"word": "stop", "text": grave[0]}
+            return {"word": "done", "text": f"{len(self.log.poses)} poses"}
+        silent = time.monotonic() - self._heard
+        if phase == "wait" or silent >= SILENT_S:
+            text = f"no sample for {int(silent)} s" if silent >= SILENT_S else "for samples"
+            return {"word": "wait", "text": text}
+        if phase == "think":
+            return {"word": "wait", "text": "the next pose is chosen"}
+        label = self._repeat() or self.next_label
+        again = ", once more" if self._repeat() else ""
+        if phase == "hold":
+            return {"word": "hold", "text": f"still: pose {label}{again}"}
+        wait_s = 0.0 if self.advice is None else self.advice.wait_s
+        if wait_s > 0.0:
+            return {"word": "wait", "text": f"{-(-wait_s // 60):.0f} min, then pose {label}"}
+        shaking = self._shaking()
+        if shaking:
+            text = f"pose {label}: {shaking} shakes; rest your hand, or take another pose"
+            return {"word": "go", "text": text}
+        return {"word": "go", "text": f"to pose {label}{again}"}
+
+    def _broken(self) -> str | None:
+        """Why going on is of no use; None where it is."""
+        if self.adviser.mistake is not None:
+            return self.adviser.mistake.text
+        result = None if self.advice is None else self.advice.result
+        slipped = [_slipped(s) for s in result.steps if s.term == "slip"] if result else []
+        if slipped:
+            return slipped[0]
+        return None if self.done else self.ended
+
+    def _shaking(self) -> str | None:
+        """The channel that keeps a hand near its pose from being still for long."""
+        goal, now = self.goal(), self.hold.now
+        near = goal is not None and now is not None and apart(now, goal, self.spans) < NEAR
+        if not near or self.hold.progress >= 1.0:
+            self._near_since = None
+            return None
+        self._near_since = self._near_since or time.monotonic()
+        if time.monotonic() - self._near_since < RESTLESS_S or len(self._recent) < 4:
+            return None
+        spread = np.std(np.array(self._recent)[-20:], axis=0) / self.hold.loose
+        return self.channels[int(np.argmax(spread))].name if spread.max() > 1.0 else None
 
 
 def _span(channel: Any) -> float:
