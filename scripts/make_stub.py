@@ -112,6 +112,7 @@ PARAMETERS = {
     "population.tolerances": "Sequence[float]",
     "summed.devices": "Sequence[tuple[float, float, float]]",
     "common_shift.devices": "Sequence[tuple[float, float]]",
+    "state": "bytes",
     "course.past": "Sequence[tuple[float, float, float]]",
     "course.told": "Sequence[int]",
     "course.tests": "int",
@@ -201,6 +202,7 @@ RETURNS = {
     "population": "tuple[dict[str, Any], list[list[tuple[float, float]]]]",
     "summed": "dict[str, Any] | None",
     "common_shift": "dict[str, Any] | None",
+    "Monitor.state": "bytes",
     "course": "dict[str, Any] | None",
 }
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import pickle
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -261,3 +263,56 @@ def test_a_device_of_another_simulator_is_watched() -> None:
     alarms = list(rsicalib.watch(folder / "work.csv", found))
     assert alarms  # it has changed at work; what and when nobody has told
     assert len({a.target for a in alarms if a.revises is None}) <= 2
+
+
+def test_a_watch_that_was_killed_goes_on_as_if_it_had_not(
+    step: dict[str, Any], tmp_path: Path
+) -> None:
+    # The full size, with SIGKILL, is `python -m tests.watch.killed`.
+    rows, state = csv(step["values"], tmp_path / "rows.csv"), tmp_path / "state"
+    rate = {"false_alarms": 1e-3}
+    unbroken = list(rsicalib.watch(rows, step["calibration"], **rate))
+    rng = np.random.default_rng(0)
+    told: list[Any] = []
+    kills = 0
+    while True:
+        ends = int(rng.integers(1, 4)) if kills < 30 else 10**9
+        watching = rsicalib.watch(rows, step["calibration"], state=state, **rate)
+        chunks = iter(range(ends))
+
+        def heard(_: int, left: Iterator[int] = chunks) -> None:
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+
+        watching.heard = heard
+        try:
+            for alarm in watching:
+                told += [alarm] * (alarm not in told)
+                if rng.random() < 0.1 and kills < 30:
+                    raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            kills += 1
+            continue
+        break
+    assert kills >= 5 and told == unbroken
+    assert rsicalib.Monitor.load(state).summary() == watching.summary()
+    with pytest.raises(InputError, match="another rate"):
+        rsicalib.watch(rows, step["calibration"], state=state)
+    csv(step["values"][::-1], rows)
+    with pytest.raises(InputError, match="other rows"):
+        list(rsicalib.watch(rows, step["calibration"], state=state, **rate))
+    damaged = tmp_path / "damaged"
+    damaged.write_bytes(state.read_bytes()[:-8])
+    with pytest.raises(InputError, match="damaged"):
+        Monitor.load(damaged)
+
+
+def test_a_watch_saved_amid_an_open_name_raises_the_same_alarms(step: dict[str, Any]) -> None:
+    values = step["values"]
+    for cut in (1, 2999, 3003, 3100, 5000):
+        one, other = Monitor(step["calibration"]), Monitor(step["calibration"])
+        one.update(values[:cut])
+        other.update(values[:cut])
+        again = pickle.loads(pickle.dumps(one))
+        assert again.update(values[cut:]) == other.update(values[cut:])
+        assert again.summary() == other.summary()

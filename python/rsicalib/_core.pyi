@@ -199,6 +199,12 @@ class Monitor:
     def noise(self) -> Any:
         """Noise at work over that of the calibration, and correlation of neighbouring samples."""
 
+    def restore(self, state: bytes) -> Any:
+        """Goes on where the watch ended whose `state` this is, one of the same mechanism and result."""
+
+    def state(self) -> bytes:
+        """All that the watch knows, beside what it was made from, as bytes."""
+
     def update(self, readings: Any, time: Any = None) -> Any:
         """Tests one row: a reading of each channel, and its time [s]. Returns the alarms."""
 

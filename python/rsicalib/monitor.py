@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
+import math
+import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,12 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core, options
+from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.opening import import_log
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_of
-from rsicalib.records import Record
+from rsicalib.records import Record, to_json
+from rsicalib.results import Calibration, Result, Trace
 from rsicalib.shapes import Rms
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
@@ -29,11 +36,17 @@ from rsicalib.work.arguments import (
     earlier_result,
     open_mechanism,
 )
+from rsicalib.work.state import read_state, write_state
 
 __all__ = ["Alarm", "Change", "Monitor", "Suspect", "Watch", "watch"]
 
 ALARM = "rsicalib.alarm/1"
 WATCH = "rsicalib.watch/1"
+
+RESULTS: dict[str, type[Result]] = {kind.FORMAT: kind for kind in (Calibration, Trace)}
+
+SAVED_S = 1.0
+"""A state on disk is no older, beside what the last rows have changed."""
 
 
 @dataclass(frozen=True)
@@ -222,6 +235,7 @@ class Monitor:
         false_alarms: float | None = None,
     ) -> None:
         result, self.mechanism = earlier_result(calibration, open_mechanism(mechanism))
+        self.calibration = result
         applied = as_applied(result, self.mechanism)
         noise = result.noise
         assert noise is not None  # as_applied has refused it
@@ -284,6 +298,79 @@ class Monitor:
         times = None if time_s is None else np.ascontiguousarray(time_s, dtype=np.float64)
         return _alarms(self._core.update_all(values, times))
 
+    def save(self, path: PathLike, **more: Any) -> None:
+        """Write all that the watch knows to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Where to; `Monitor.load` goes on from there.
+        **more
+            What is to be found in the head of the file, as JSON.
+        """
+        write_state(path, {**self._head(), **more}, self._core.state())
+
+    @classmethod
+    def load(cls, path: PathLike) -> Monitor:
+        """A watch that goes on where another one ended, alarm by alarm as if it had not.
+
+        Parameters
+        ----------
+        path : path
+            What `save`, or `watch` with a state, has written.
+
+        Raises
+        ------
+        InputError
+            It is no such file, or a damaged one.
+        """
+        head, state = read_state(path)
+        try:
+            own = Mechanism.from_toml(head["mechanism"])
+            result = RESULTS[head["calibration"]["format"]].from_dict(head["calibration"])
+            monitor = cls(result, own, false_alarms=head["false_alarms"])
+        except (KeyError, TypeError) as error:
+            found, expected = f"a head without {error}", "what a watch has written"
+            raise InputError.at(str(path), found=found, expected=expected) from None
+        monitor._core.restore(state)
+        return monitor
+
+    def restore(self, path: PathLike) -> dict[str, Any]:
+        """Go on where the watch ended whose file this is; the head of the file.
+
+        Raises
+        ------
+        InputError
+            The file is damaged, or of a watch under another result or with another rate.
+        """
+        head, state = read_state(path)
+        own = json.loads(to_json(self._head()))
+        for key, words in (
+            ("mechanism", "mechanism"),
+            ("calibration", "calibration"),
+            ("false_alarms", "rate of false alarms"),
+            ("version", "version of rsicalib"),
+        ):
+            if head.get(key) != own[key]:
+                found = f"the state of a watch with another {words}"
+                expected = "the same, or another file for this watch"
+                raise InputError.at(str(path), found=found, expected=expected)
+        self._core.restore(state)
+        return head
+
+    def _head(self) -> dict[str, Any]:
+        """What a watch is made from."""
+        return {
+            "version": _core.__version__,
+            "mechanism": self.mechanism.to_toml(),
+            "calibration": self.calibration.to_dict(),
+            "false_alarms": self.false_alarms,
+        }
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        made = (self.calibration, self.mechanism, self.false_alarms, self._core.state())
+        return _again, made
+
     def summary(self) -> Watch:
         """What became of the samples so far.
 
@@ -304,6 +391,13 @@ class Monitor:
         )
 
 
+def _again(calibration: Result, mechanism: Mechanism, false_alarms: float, state: bytes) -> Monitor:
+    """A watch out of a pickle."""
+    monitor = Monitor(calibration, mechanism, false_alarms=false_alarms)
+    monitor._core.restore(state)
+    return monitor
+
+
 def _alarms(found: list[dict[str, Any]]) -> list[Alarm]:
     return [Alarm.from_dict(one) for one in found]
 
@@ -314,6 +408,7 @@ def watch(
     mechanism: MechanismArg = "rsi",
     *,
     false_alarms: float | str | None = None,
+    state: PathLike | None = None,
 ) -> Watching:
     """Watch a device at work: alarms while its readings arrive.
 
@@ -330,6 +425,9 @@ def watch(
     false_alarms : float or str, optional
         Expected number of false alarms per sample; or `"0.1/h"`, per hour, where rows have a
         time. As in Rust where not given.
+    state : path, optional
+        File that keeps all that the watch knows: written while it runs, and where there is one,
+        gone on from, behind the rows of the same file that it has seen.
 
     Returns
     -------
@@ -350,7 +448,9 @@ def watch(
     else:
         rows = rows_of(readings, [channel.name for channel in opened.channels])
     rate, rows = _rate(false_alarms, rows)
-    return Watching(Monitor(result, opened, false_alarms=rate), rows)
+    source = None if isinstance(readings, Readings) or readings == "-" else os.fspath(readings)
+    source = None if source is None else os.path.abspath(source)
+    return Watching(Monitor(result, opened, false_alarms=rate), rows, state, source)
 
 
 class Watching:
@@ -364,18 +464,61 @@ class Watching:
         Called with the number of rows so far, now and then.
     """
 
-    def __init__(self, monitor: Monitor, rows: Iterable[Rows]) -> None:
+    def __init__(
+        self,
+        monitor: Monitor,
+        rows: Iterable[Rows],
+        state: PathLike | None = None,
+        source: str | None = None,
+    ) -> None:
         self.monitor = monitor
         self.heard: Callable[[int], None] | None = None
         self._rows = rows
+        self._state, self._source = state, source
+        self._digest = hashlib.sha256()
+        self._known: dict[str, Any] = {}
+        if state is not None and os.path.exists(state):
+            self._known = monitor.restore(state)
 
     def __iter__(self) -> Iterator[Alarm]:
-        number = 0
+        # An alarm is in the file before it is told, so that none is lost; one that was being told
+        # when the watch was ended may be told twice.
+        yield from map(Alarm.from_dict, self._known.get("untold", ()))
+        same = self._source is not None and self._known.get("source") == self._source
+        seen, number = (self._known.get("rows", 0) if same else 0), 0
+        saved = -math.inf
         for rows in self._rows:
-            yield from self.monitor.update(rows.values, rows.time_s)
+            known = min(max(seen - number, 0), len(rows.values))
             number += len(rows.values)
+            self._digest.update(rows.values[:known].tobytes())
+            if number - len(rows.values) < seen <= number:
+                self._is_same(self._digest.hexdigest() == self._known.get("digest"))
+            if known == len(rows.values):
+                continue
+            self._digest.update(rows.values[known:].tobytes())
+            times = None if rows.time_s is None else rows.time_s[known:]
+            alarms = self.monitor.update(rows.values[known:], times)
+            if alarms or time.monotonic() - saved > SAVED_S:
+                self._save(number, alarms)
+                saved = -math.inf if alarms else time.monotonic()
+            yield from alarms
             if self.heard is not None:
                 self.heard(number)
+        self._is_same(number >= seen)
+        self._save(number, [])
+
+    def _is_same(self, same: bool) -> None:
+        """Refuse a file that has other rows than when the watch saw it."""
+        if not same:
+            found = f"the state of a watch that has seen other rows of {self._source}"
+            expected = "the same file, grown; remove the state to begin anew"
+            raise InputError.at(str(self._state), found=found, expected=expected)
+
+    def _save(self, rows: int, untold: list[Alarm]) -> None:
+        if self._state is not None:
+            told = [alarm.to_dict() for alarm in untold]
+            head = {"source": self._source, "rows": rows, "digest": self._digest.hexdigest()}
+            self.monitor.save(self._state, **head, untold=told)
 
     def __repr__(self) -> str:
         return f"<Watching of {self.monitor.mechanism.name!r}: iterate for its alarms>"

@@ -2,7 +2,7 @@
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyAny, PyDict};
+use pyo3::types::{PyAny, PyBytes, PyDict};
 use pythonize::pythonize;
 use rsicalib::Error;
 use rsicalib::monitor::closing::closing as closes;
@@ -92,6 +92,16 @@ impl PyMonitor {
     /// Rows so far, by what became of them.
     fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         Ok(pythonize(py, &self.monitor.counts())?)
+    }
+
+    /// All that the watch knows, beside what it was made from, as bytes.
+    fn state<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.monitor.state())
+    }
+
+    /// Goes on where the watch ended whose `state` this is, one of the same mechanism and result.
+    fn restore(&mut self, state: Vec<u8>) -> Result<(), PyError> {
+        Ok(self.monitor.restore(state)?)
     }
 
     /// Noise at work over that of the calibration, and correlation of neighbouring samples.

@@ -299,6 +299,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--calibration", metavar="FILE", required=True, help=words)
     words = f"false alarms to expect: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
     sub.add_argument("--false-alarms", metavar="RATE", help=words)
+    words = "keeps what the watch knows: where it is there, the watch goes on from it"
+    sub.add_argument("--state", metavar="FILE", help=words)
 
     sub = verb(history)
     sub.add_argument("folder", metavar="DIR", help="folder of results, with their dates")

@@ -342,7 +342,11 @@ def watch(args: Args) -> int:
     from rsicalib.monitor import watch as watch_device
 
     watching = watch_device(
-        args.readings, args.calibration, args.mechanism, false_alarms=args.false_alarms
+        args.readings,
+        args.calibration,
+        args.mechanism,
+        false_alarms=args.false_alarms,
+        state=args.state,
     )
     # What arrives as it happens takes its time anyway.
     line = None if args.readings == "-" else progress_of(args)

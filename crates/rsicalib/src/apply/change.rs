@@ -8,7 +8,7 @@ use crate::estimate::{Fit, Noise, Observations};
 use crate::model::Model;
 
 /// Root mean square of what an effect does to the platform, by component.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct PlatformRms {
     /// Length units.

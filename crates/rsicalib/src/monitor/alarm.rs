@@ -41,7 +41,7 @@ pub struct Alarm {
 }
 
 /// One parameter of a change.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Change {
     /// Its name.

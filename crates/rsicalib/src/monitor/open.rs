@@ -41,7 +41,7 @@ pub(crate) struct Open {
 }
 
 /// A candidate that is estimated.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Suspected {
     pub(crate) candidate: usize,
     /// Number of its columns, and whether its rate follows them.
@@ -50,7 +50,7 @@ pub(crate) struct Suspected {
 }
 
 /// A candidate that has changed once, or that goes on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Kind {
     pub(crate) candidate: usize,
     pub(crate) drifts: bool,

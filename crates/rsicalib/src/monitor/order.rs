@@ -1,6 +1,7 @@
 //! Rows on their way in: unreadable, repeated, late and missing ones.
 
 use crate::mechanism::Channel;
+use crate::monitor::kept::{Bytes, Keep, fields};
 
 /// Rows of a watch, by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -113,5 +114,24 @@ impl Order {
             self.interval = Some(usual + RECENT * (step - usual));
         }
         missing
+    }
+}
+impl Order {
+    /// Lengths that a state cannot change.
+    pub(crate) fn lengths(&self) -> [usize; 1] {
+        [self.last.len()]
+    }
+}
+
+impl Keep for Order {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.last, self.time, self.interval, self.broken);
+    }
+}
+
+impl Keep for Counts {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.rows, self.used, self.unreadable, self.repeated, self.late);
+        fields!(bytes, self.missing, self.outliers, self.alarms);
     }
 }

@@ -4,6 +4,7 @@ use crate::apply::change::PlatformRms;
 use crate::apply::check::{Check, error_of};
 use crate::apply::poses::poses_of;
 use crate::estimate::Noise;
+use crate::monitor::kept::{Bytes, Keep, fields};
 use crate::monitor::watched::Watched;
 use crate::readings::{Readings, Table};
 
@@ -61,5 +62,11 @@ impl Seen {
         let pairs: Vec<_> = poses(before).into_iter().zip(poses(after)).collect();
         let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
         Some(PlatformRms { position: position_rms, orientation: orientation_rms })
+    }
+}
+
+impl Keep for Seen {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.rows, self.every, self.count);
     }
 }

@@ -1,5 +1,7 @@
 //! The last rows, to look at a change again once it is known better.
 
+use crate::monitor::kept::{Bytes, Keep, fields};
+
 /// Rows that are kept.
 const KEPT_ROWS: usize = 512;
 
@@ -56,6 +58,19 @@ impl Recent {
         found.sort_unstable();
         let row = |k: usize| self.readings[k * self.channels..(k + 1) * self.channels].to_vec();
         Some(found.into_iter().map(|(number, k)| (number, self.times[k], row(k))).collect())
+    }
+}
+
+impl Recent {
+    /// Lengths that a state cannot change.
+    pub(crate) fn lengths(&self) -> [usize; 3] {
+        [self.readings.len(), self.times.len(), self.numbers.len()]
+    }
+}
+
+impl Keep for Recent {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.readings, self.times, self.numbers, self.next);
     }
 }
 

@@ -11,6 +11,7 @@
 //! derivatives pass through the same filter. Mains hum, a filter before the converter and
 //! noise with rounding on top are close to such a process.
 
+use crate::monitor::kept::{Bytes, Keep, fields};
 use crate::monitor::state::{axpy, dot};
 
 /// Order of the autoregression.
@@ -161,6 +162,20 @@ impl Whitening {
             }
         }
         self.update();
+    }
+}
+
+impl Whitening {
+    /// Lengths that a state cannot change.
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = usize> {
+        self.residuals.iter().chain(&self.past).map(Vec::len)
+    }
+}
+
+impl Keep for Whitening {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.weight, self.products, self.residuals, self.past);
+        fields!(bytes, self.known, self.distance, self.filters);
     }
 }
 

@@ -5,6 +5,7 @@
 //! `2^(z+3)` samples, one every `2^(z+2)`. The sums at those samples are kept, three of each level,
 //! and the sums within a window are differences.
 
+use crate::monitor::kept::{Bytes, Keep, fields};
 use crate::monitor::state::{axpy, dot};
 
 /// Sums that are kept of a level: at the end of a window, in its middle, and where it begins.
@@ -160,6 +161,39 @@ impl Windows {
         let mut all: Vec<usize> = (0..self.past.len()).filter(within).collect();
         all.sort_by_key(samples);
         all
+    }
+}
+
+impl Windows {
+    /// Lengths that a state cannot change.
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = usize> {
+        let own = |sums: &Sums| [sums.products.len(), sums.scores.len()];
+        [&self.now].into_iter().chain(&self.past).flat_map(own)
+    }
+}
+
+impl Keep for Windows {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.tested, self.began, self.now);
+        for sums in &mut self.past {
+            // What was begun and dropped is not looked at again.
+            sums.mark.keep(bytes);
+            if sums.mark.samples > 0 {
+                fields!(bytes, sums.products, sums.scores);
+            }
+        }
+    }
+}
+
+impl Keep for Sums {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.products, self.scores, self.mark);
+    }
+}
+
+impl Keep for Mark {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.samples, self.row, self.time);
     }
 }
 

@@ -1,0 +1,223 @@
+//! The state of a watch as bytes: what it knew goes on where it ended.
+//!
+//! One list of fields serves to write and to read: [`Keep::keep`] passes every number of a value
+//! through [`Bytes`], which copies it out, or puts a saved one in its place.
+
+use nalgebra::DMatrix;
+
+use crate::Error;
+use crate::apply::change::PlatformRms;
+use crate::model::Spec;
+use crate::monitor::alarm::{Alarm, Change};
+
+/// Bytes that are written, or read.
+pub(crate) struct Bytes {
+    bytes: Vec<u8>,
+    /// Where the next number is read; none while writing.
+    at: Option<usize>,
+    damaged: bool,
+}
+
+impl Bytes {
+    /// To be written.
+    pub(crate) const fn new() -> Self {
+        Self { bytes: Vec::new(), at: None, damaged: false }
+    }
+
+    /// To be read.
+    pub(crate) const fn of(bytes: Vec<u8>) -> Self {
+        Self { bytes, at: Some(0), damaged: false }
+    }
+
+    /// What was written.
+    pub(crate) fn written(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    /// Checks that all was read, and nothing was missing.
+    pub(crate) fn whole(&self) -> Result<(), Error> {
+        if self.damaged || self.at != Some(self.bytes.len()) {
+            let (found, expected) = ("a damaged one", "what a watch has written");
+            return Err(Error::option("state", found, expected));
+        }
+        Ok(())
+    }
+
+    fn word(&mut self, word: &mut u64) {
+        let Some(at) = self.at else {
+            self.bytes.extend_from_slice(&word.to_le_bytes());
+            return;
+        };
+        match self.bytes.get(at..at + 8).and_then(|bytes| bytes.try_into().ok()) {
+            Some(bytes) => (*word, self.at) = (u64::from_le_bytes(bytes), Some(at + 8)),
+            None => self.damaged = true,
+        }
+    }
+
+    /// The length of a list; it stays as it is where the bytes are damaged.
+    fn length(&mut self, own: usize) -> usize {
+        let mut length = own as u64;
+        self.word(&mut length);
+        // A longer list than there are bytes left is damage, not memory to be asked for.
+        let left = self.at.map_or(u64::MAX, |at| (self.bytes.len() - at) as u64 / 8);
+        self.damaged |= length > left;
+        if self.damaged { own } else { length as usize }
+    }
+
+    pub(crate) const fn reads(&self) -> bool {
+        self.at.is_some()
+    }
+}
+
+/// A value that is part of a state.
+pub(crate) trait Keep {
+    /// Passes every number of the value.
+    fn keep(&mut self, bytes: &mut Bytes);
+}
+
+impl Keep for u64 {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        bytes.word(self);
+    }
+}
+
+impl Keep for usize {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let mut word = *self as u64;
+        bytes.word(&mut word);
+        *self = word as Self;
+    }
+}
+
+impl Keep for f64 {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let mut word = self.to_bits();
+        bytes.word(&mut word);
+        *self = Self::from_bits(word);
+    }
+}
+
+impl Keep for bool {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let mut word = u64::from(*self);
+        bytes.word(&mut word);
+        *self = word == 1;
+    }
+}
+
+impl<T: Keep + Default> Keep for Option<T> {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let mut some = self.is_some();
+        some.keep(bytes);
+        if bytes.reads() {
+            *self = some.then(T::default);
+        }
+        if let Some(value) = self {
+            value.keep(bytes);
+        }
+    }
+}
+
+impl<T: Keep + Default + Clone> Keep for Vec<T> {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let length = bytes.length(self.len());
+        self.resize(length, T::default());
+        self.iter_mut().for_each(|value| value.keep(bytes));
+    }
+}
+
+impl<T: Keep, const N: usize> Keep for [T; N] {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        self.iter_mut().for_each(|value| value.keep(bytes));
+    }
+}
+
+impl<A: Keep, B: Keep> Keep for (A, B) {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        self.0.keep(bytes);
+        self.1.keep(bytes);
+    }
+}
+
+impl Keep for String {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let mut codes: Vec<u64> = self.bytes().map(u64::from).collect();
+        codes.keep(bytes);
+        let text: Vec<u8> = codes.iter().map(|code| *code as u8).collect();
+        match Self::from_utf8(text) {
+            Ok(text) => *self = text,
+            Err(_) => bytes.damaged = true,
+        }
+    }
+}
+
+impl Keep for DMatrix<f64> {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let rows = bytes.length(self.nrows());
+        let mut all: Vec<f64> = self.iter().copied().collect();
+        all.keep(bytes);
+        if rows > 0 && all.len().is_multiple_of(rows) {
+            *self = Self::from_vec(rows, all.len() / rows, all);
+        } else {
+            bytes.damaged |= !all.is_empty();
+        }
+    }
+}
+
+/// Passes the fields of a value, one after the other.
+macro_rules! fields {
+    ($bytes:expr, $($field:expr),+ $(,)?) => {
+        $( $crate::monitor::kept::Keep::keep(&mut $field, $bytes); )+
+    };
+}
+pub(crate) use fields;
+
+impl Keep for Spec {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.term, self.target, self.place);
+    }
+}
+
+impl Keep for PlatformRms {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.position, self.orientation);
+    }
+}
+
+impl Keep for Change {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.name, self.value, self.sd, self.unit);
+    }
+}
+
+impl Keep for Alarm {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.row, self.time, self.since_row, self.since, self.spec, self.size);
+        fields!(bytes, self.sd, self.unit, self.rate, self.parameters, self.platform_rms);
+        fields!(bytes, self.p_value, self.also_fits, self.revises);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_written_is_read_again_and_damage_is_refused() {
+        let mut alarm = Alarm { row: 7, time: Some(f64::MIN_POSITIVE), ..Alarm::default() };
+        alarm.spec.term = "länge".into();
+        alarm.parameters.push(Change { value: -0.1, unit: "rad".into(), ..Change::default() });
+        let mut bytes = Bytes::new();
+        alarm.clone().keep(&mut bytes);
+        let written = bytes.written();
+        let mut again = Alarm::default();
+        let mut reading = Bytes::of(written.clone());
+        again.keep(&mut reading);
+        assert!(reading.whole().is_ok() && again == alarm);
+        for length in 0..written.len() {
+            let mut reading = Bytes::of(written[..length].to_vec());
+            Alarm::default().keep(&mut reading);
+            assert!(reading.whole().is_err(), "{length}");
+        }
+    }
+}

@@ -1,0 +1,49 @@
+"""The file of a watch that survives: what was watched, and all that the watch knew."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rsicalib.errors import InputError
+from rsicalib.io.files import write_bytes
+from rsicalib.records import to_json
+
+__all__ = ["read_state", "write_state"]
+
+FORMAT = "rsicalib.watch-state/1"
+
+
+def write_state(path: str | os.PathLike[str], head: Mapping[str, Any], state: bytes) -> None:
+    """Write a line of JSON and the bytes behind it, whole or not at all."""
+    whole = {"format": FORMAT, "sha256": hashlib.sha256(state).hexdigest(), **head}
+    line = json.dumps(json.loads(to_json(whole)), separators=(",", ":"))
+    write_bytes(path, line.encode() + b"\n" + state)
+
+
+def read_state(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
+    """What `write_state` has written.
+
+    Raises
+    ------
+    InputError
+        It is no such file, or a damaged one.
+    """
+    try:
+        line, _, state = Path(path).read_bytes().partition(b"\n")
+    except OSError as error:
+        found = error.strerror or str(error)
+        raise InputError.at(str(path), found=found, expected="the state of a watch") from None
+    try:
+        head = json.loads(line)
+    except ValueError:
+        head = None
+    if not isinstance(head, dict) or head.get("format") != FORMAT:
+        raise InputError.at(str(path), found="another file", expected=FORMAT)
+    if head.get("sha256") != hashlib.sha256(state).hexdigest():
+        raise InputError.at(str(path), found="a damaged file", expected="what a watch has written")
+    return head, state
