@@ -202,6 +202,7 @@ RETURNS = {
     "population": "tuple[dict[str, Any], list[list[tuple[float, float]]]]",
     "summed": "dict[str, Any] | None",
     "common_shift": "dict[str, Any] | None",
+    "Monitor.restore": "None",
     "Monitor.state": "bytes",
     "course": "dict[str, Any] | None",
 }

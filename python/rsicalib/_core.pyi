@@ -199,7 +199,7 @@ class Monitor:
     def noise(self) -> Any:
         """Noise at work over that of the calibration, and correlation of neighbouring samples."""
 
-    def restore(self, state: bytes) -> Any:
+    def restore(self, state: bytes) -> None:
         """Goes on where the watch ended whose `state` this is, one of the same mechanism and result."""
 
     def state(self) -> bytes:
