@@ -256,6 +256,7 @@ class Session:
         beside: Mapping[str, Any] | None = None,
         without: Sequence[str] | None = None,
         alpha: float | None = None,
+        off: Sequence[str] | None = None,
     ) -> dict[str, Any]:
         """Closes the loop."""
 
@@ -551,6 +552,9 @@ def rsi_forward(angles: Sequence[Sequence[float]]) -> list[float]:
 
 def rsi_poses(angles: Array) -> Array:
     """Handle poses of the hand controller for angles of shape (n, 9), eqs. (2)-(5): (n, 6)."""
+
+def rules() -> list[str]:
+    """Names of the rules of the search that can be switched off, to see what each is worth."""
 
 def schemas() -> Sequence[tuple[str, str]]:
     """JSON Schema of each format of results, as text: what can be read."""

@@ -50,6 +50,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(documents::evidence_schema, module)?)?;
     module.add_function(wrap_pyfunction!(documents::written_keys, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::terms, module)?)?;
+    module.add_function(wrap_pyfunction!(mechanism::rules, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::angles_at, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rsi_forward, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::minimize, module)?)?;

@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
 use pythonize::{Depythonizer, pythonize};
+use rsicalib::diagnosis::options::Rule;
 use rsicalib::estimate::paper::Layout;
 use rsicalib::mechanism::{Law, Mechanism};
 use rsicalib::model::check_names;
@@ -340,6 +341,12 @@ struct TermView {
     place: Option<&'static str>,
     parameters: Vec<ParameterView>,
     targets: Vec<String>,
+}
+
+/// Names of the rules of the search that can be switched off, to see what each is worth.
+#[pyfunction]
+pub fn rules() -> Vec<&'static str> {
+    Rule::ALL.iter().map(|(name, _)| *name).collect()
 }
 
 /// Every term there is, with its targets in a mechanism.

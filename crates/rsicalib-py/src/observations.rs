@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyTuple};
 use pythonize::pythonize;
 use rsicalib::design::suppose::Supposed;
-use rsicalib::diagnosis::options::SearchOptions;
+use rsicalib::diagnosis::options::{Rule, SearchOptions};
 use rsicalib::diagnosis::trace::Traced;
 use rsicalib::diagnosis::verdict::worth_an_update;
 use rsicalib::estimate::directions::directions;
@@ -255,19 +255,24 @@ impl PyObservations {
     }
 
     /// Closes the loop.
-    #[pyo3(signature = (beside=None, without=None, alpha=None))]
+    #[pyo3(signature = (beside=None, without=None, alpha=None, off=None))]
     fn trace<'py>(
         &self,
         py: Python<'py>,
         beside: Option<PyBeside<'_>>,
         without: Option<Vec<String>>,
         alpha: Option<f64>,
+        off: Option<Vec<String>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let beside = beside.map(Beside::from);
+        let off: Result<Vec<Rule>, _> =
+            off.unwrap_or_default().iter().map(|id| Rule::of(id)).collect();
+        let off = off.map_err(PyError::from)?;
         let default = SearchOptions::default();
         let search = SearchOptions {
             alpha: alpha.unwrap_or(default.alpha),
             without: without.unwrap_or_default(),
+            off,
             ..default
         };
         let session = Arc::clone(&self.observations);

@@ -12,9 +12,10 @@
 use crate::Error;
 use crate::apply::change::{PlatformRms, difference, platform};
 use crate::diagnosis::options::{LEVEL, SearchOptions};
+use crate::diagnosis::price;
 use crate::diagnosis::score::candidates::candidates;
 use crate::diagnosis::score::projection::project_blocks;
-use crate::diagnosis::score::scored::{CHARGE, named_places};
+use crate::diagnosis::score::scored::named_places;
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::estimate::directions::{place, unit};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
@@ -152,7 +153,7 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let width_seen = width as f64;
     // As a step of the search: above chance, and worth its parameters and places.
     let chance = chi2_quantile(search.alpha / places, width_seen);
-    let paid = CHARGE * width_seen + 2.0 * places.ln().max(0.0);
+    let paid = price::item(width_seen, places);
     Ok(Supposition {
         seen: chi2_beyond(chance.max(paid), width_seen, noncentrality),
         noticed: match last.dof >= 1.0 {

@@ -69,7 +69,7 @@ fn errors(
     let folds = FOLDS.min(poses);
     let (judge, noise) = (judge.of(full), full.assumed());
     let whole = chi2(observations, full, &noise, &observations.weights);
-    let measure = if judge.residual_dof.is_some() { full.dof / whole } else { 1.0 };
+    let measure = if judge.residual.is_some() { full.dof / whole } else { 1.0 };
     let without = |fold: usize| {
         let out = poses * fold / folds..poses * (fold + 1) / folds;
         let mut training = observations.clone();

@@ -32,9 +32,6 @@ const LEAST_DOF: f64 = 8.0;
 /// Number of candidates that are refitted, smallest remaining χ² first.
 const LIKELY: usize = 3;
 
-/// What was found elsewhere is not needed where chance makes as much this often.
-const NEEDLESS: f64 = 1e-3;
-
 /// Wrong readings beside what is at fault, at the most: more would explain away anything.
 const WRONG: usize = 1;
 
@@ -55,7 +52,7 @@ pub struct Isolated {
 /// The channel or closure, or else the chain, that is at fault alone; none where there is
 /// no such one, or where nothing but the fit gives the noise.
 ///
-/// `start` is the fit without any effect, `found` what the search found.
+/// `start` is the fit without any effect.
 ///
 /// # Errors
 ///
@@ -64,11 +61,10 @@ pub fn isolate<'a>(
     observations: &Observations,
     start: &'a Fit,
     judge: &Judge,
-    found: &[Instance],
     search: &SearchOptions,
 ) -> Result<Option<Isolated>, Error> {
     let mechanism = &observations.mechanism;
-    if judge.residual_dof.is_some() {
+    if judge.residual.is_some() {
         return Ok(None);
     }
     let closures = mechanism.closures.iter().enumerate().filter(|(_, c)| !mechanism.is_link(c));
@@ -84,7 +80,7 @@ pub fn isolate<'a>(
         able.sort_by(|a, b| a.left().total_cmp(&b.left()));
         able.truncate(LIKELY);
         let alone = |mut it: Released<'a>| -> Result<_, Error> {
-            let alone = it.closes(judge, search)? && !it.needs_more(judge, found, search)?;
+            let alone = it.closes(judge, search)? && !it.needs_more(judge, search)?;
             Ok(alone.then_some(it))
         };
         let isolated: Vec<Option<Released>> =
@@ -207,22 +203,14 @@ impl<'a> Released<'a> {
         Ok(Some((*one.unwrap_or(worst), blame)))
     }
 
-    /// Whether something else stands out, or was found and still is needed.
-    fn needs_more(
-        &self,
-        judge: &Judge,
-        found: &[Instance],
-        search: &SearchOptions,
-    ) -> Result<bool, Error> {
+    /// Whether something else stands out.
+    fn needs_more(&self, judge: &Judge, search: &SearchOptions) -> Result<bool, Error> {
         let mechanism = &self.released.mechanism;
         let scored = scan::scan(&self.released, &self.rest, judge, &search.without)?;
-        let mut elsewhere = scored.iter().filter(|s| {
+        let elsewhere = |s: &Scored| {
             !scored::is_data(&s.instance) && !belongs(mechanism, s.instance.target, self.target)
-        });
-        Ok(elsewhere.any(|s| {
-            let needed = found.contains(&s.instance) && s.p_value <= NEEDLESS;
-            needed || s.corrected <= search.alpha
-        }))
+        };
+        Ok(scored.iter().any(|s| elsewhere(s) && s.corrected <= search.alpha))
     }
 }
 

@@ -12,6 +12,7 @@ pub(crate) mod location;
 pub(crate) mod long;
 pub mod options;
 pub mod plausibility;
+pub(crate) mod price;
 pub(crate) mod score;
 pub(crate) mod stepwise;
 pub(crate) mod stretches;

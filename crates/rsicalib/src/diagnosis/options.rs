@@ -13,15 +13,23 @@ pub struct SearchOptions {
     pub most: usize,
     /// Candidates to refit in each step.
     pub refits: usize,
+    /// Rules that are switched off, to see what each is worth.
+    pub off: Vec<Rule>,
 }
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { alpha: OVERSTATED * LEVEL, without: Vec::new(), most: 8, refits: 8 }
+        Self { alpha: OVERSTATED * LEVEL, without: Vec::new(), most: 8, refits: 8, off: Vec::new() }
     }
 }
 
 impl SearchOptions {
+    /// True where a rule is in use.
+    #[must_use]
+    pub fn uses(&self, rule: Rule) -> bool {
+        !self.off.contains(&rule)
+    }
+
     /// Checks that the options can be used.
     ///
     /// # Errors
@@ -35,13 +43,68 @@ impl SearchOptions {
     }
 }
 
-/// Share of clean sessions that are called otherwise than adequate, search and judgement together;
-/// and the level at which known poses, which are judged beside them, contradict a calibration.
+/// Declares the rules with the names by which they are switched off.
+macro_rules! rules {
+    ($($(#[$doc:meta])* $rule:ident = $id:literal,)*) => {
+        /// A rule of the search that can be switched off: `python -m tests.ablation`.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Rule {
+            $($(#[$doc])* $rule,)*
+        }
+
+        impl Rule {
+            /// Every rule with its name.
+            pub const ALL: &[(&'static str, Self)] = &[$(($id, Self::$rule),)*];
+
+            /// The rule of this name.
+            ///
+            /// # Errors
+            ///
+            /// [`Error::Unknown`] where there is no such rule.
+            pub fn of(id: &str) -> Result<Self, Error> {
+                let known = || Self::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+                let rule = Self::ALL.iter().find(|(name, _)| *name == id).map(|(_, rule)| *rule);
+                rule.ok_or_else(|| Error::Unknown { kind: "rule", found: id.into(), known: known() })
+            }
+        }
+    };
+}
+
+rules! {
+    /// One channel in place of a whole pose.
+    OneChannel = "one_channel",
+    /// One effect for two.
+    MergePairs = "merge_pairs",
+    /// Two effects for one or two, or none.
+    FindPairs = "find_pairs",
+    /// Isolation of a single fault.
+    Isolation = "isolation",
+    /// Joints that give are found together.
+    Yielding = "yielding",
+    /// No effect turns a gain round.
+    Swung = "swung",
+    /// Effects that no longer pay are dropped at the end.
+    KeepGains = "keep_gains",
+    /// What does not stand out of the rest is dropped.
+    AgainstTheRest = "against_the_rest",
+    /// Readings at an end of the session in place of a slip.
+    ReadSlips = "read_slips",
+    /// Effects of single chains are united, shared ones parted.
+    Share = "share",
+    /// Data are judged again beside what was found.
+    JudgeAgain = "judge_again",
+    /// A few effects first, then isolation, then more.
+    FewFirst = "few_first",
+    /// The misclosure must not grow.
+    Misclosure = "misclosure",
+}
+
+/// Share of clean sessions that are called otherwise than adequate, search and judgement together.
 pub const CLEAN: f64 = 0.01;
 
-/// What is less probable than this by chance is significant: the residual, and the error on poses
-/// left out in turn. A session is looked at three times, these and the search, and each look has
-/// its share of [`CLEAN`].
+/// What is less probable than this by chance is significant: the residual, the error on poses left
+/// out in turn, and that on known poses. A session is looked at three times, by the search and the
+/// first two, and each look has its share of [`CLEAN`]; known poses have as much beside them.
 pub const LEVEL: f64 = CLEAN / 3.0;
 
 /// The search charges for all candidates that it looks at as if they were independent, and names

@@ -31,6 +31,7 @@ use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
 
+use crate::diagnosis::options::Rule;
 pub use crate::diagnosis::options::{LEVEL, SearchOptions};
 pub use crate::diagnosis::stepwise::moves::cost;
 pub use crate::diagnosis::stepwise::rivals::Explanation;
@@ -145,7 +146,7 @@ fn explain(
     let (mut clean, mut excluded) = sound(&mut observations, &before)?;
     progress.enter(Stage::Search);
     let mut searched = search_once(&observations, &clean, &base, search, wanted)?;
-    for _ in 0..JUDGED_AGAIN {
+    for _ in 0..if search.uses(Rule::JudgeAgain) { JUDGED_AGAIN } else { 0 } {
         let Some(again) = judge_again(all, &observations, &base, &searched)? else { break };
         (observations, clean, excluded) = again;
         searched = search_once(&observations, &clean, &base, search, wanted)?;

@@ -3,7 +3,7 @@
 
 use crate::apply::check::Check;
 use crate::diagnosis::held_out::HeldOut;
-use crate::diagnosis::options::{CLEAN, LEVEL};
+use crate::diagnosis::options::LEVEL;
 use crate::estimate::Fit;
 use crate::estimate::directions::Directions;
 
@@ -295,7 +295,7 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     let check = evidence.check.and_then(|check| {
         let expected = check.predicted?.position_sd;
         let p_value = check.predicted.map(|p| p.p_value);
-        Reason::beyond(Why::Check, CLEAN, [check.position_rms, expected], p_value)
+        Reason::beyond(Why::Check, LEVEL, [check.position_rms, expected], p_value)
     });
     // Known poses all share the errors of the parameters: what is off by no more than these predict
     // says nothing of an effect.

@@ -52,6 +52,8 @@ pub struct Readings {
     /// Rows of the recording of whose stretches these samples are means; none for readings as they
     /// were taken.
     pub merged: Option<usize>,
+    /// Rows that were taken: of these samples, or of those whose means these are.
+    pub taken: usize,
     blocks: Vec<Block>,
     raw: Vec<Lanes>,
     columns: Vec<Lanes>,
@@ -174,6 +176,7 @@ impl Readings {
             table,
             clock: self.clock.clone(),
             merged: Some(rows),
+            taken: self.taken,
             blocks: Vec::new(),
             raw: Vec::new(),
             columns: Vec::new(),
@@ -240,6 +243,7 @@ impl Readings {
             table,
             clock,
             merged: None,
+            taken: main.filter(|_| own_poses).map_or(samples, |main| main.taken),
             blocks: Vec::new(),
             raw: Vec::new(),
             columns: Vec::new(),

@@ -8,8 +8,9 @@
 mod forms;
 
 use self::forms::{FORMS, Form, Joints, Measures, WIDEST, any};
+use crate::diagnosis::price::CHARGE;
 use crate::diagnosis::score::room::{LawScore, Room};
-use crate::diagnosis::score::scored::{CHARGE, Judge};
+use crate::diagnosis::score::scored::Judge;
 use crate::estimate::angles::Angles;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::unit;

@@ -13,8 +13,9 @@ use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::Error;
+use crate::diagnosis::price::room;
 use crate::diagnosis::score::projection::{self, Projected};
-use crate::diagnosis::score::scored::{self, Family, Judge, Scored, room};
+use crate::diagnosis::score::scored::{self, Family, Judge, Scored};
 use crate::estimate::{Fit, Observations};
 use crate::model::Instance;
 use crate::numerics::symmetric::{VISIBLE, eigenvalues};

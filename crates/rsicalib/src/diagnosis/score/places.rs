@@ -6,8 +6,7 @@ use crate::estimate::Observations;
 use crate::estimate::at_fit::{AtFit, Column};
 use crate::mechanism::Target;
 use crate::model::Instance;
-use crate::numerics::distributions;
-use crate::numerics::symmetric::{SEEN, dot, left_out};
+use crate::numerics::symmetric::{SEEN, left_out};
 use crate::numerics::workers;
 use crate::terms::find;
 use crate::terms::targets::searchable;
@@ -40,32 +39,8 @@ struct Time {
     column: Column,
 }
 
-/// Angles between the projected columns of a slip at one time and at the next.
-///
-/// The later column is part of the earlier one, so `ZᵢᵀZⱼ` is its own square.
-fn turns(times: &[Time]) -> Vec<f64> {
-    let angle = |later: &Column, earlier: &Column| {
-        let shared = later.zz - dot(&later.zq, &earlier.zq);
-        let cosine = shared / (later.left() * earlier.left()).max(f64::MIN_POSITIVE).sqrt();
-        cosine.clamp(-1.0, 1.0).acos()
-    };
-    times.windows(2).map(|pair| angle(&pair[0].column, &pair[1].column)).collect()
-}
-
 /// Scores of one degree of freedom below this are never named, at however few times.
 const SURPRISE: f64 = 4.0;
-
-/// Number of independent tests that tests one after another amount to, at a score:
-/// neighbours score alike. Efron's length heuristic (Biometrika 84, 1997).
-///
-/// `stride` steps lie within each turn. Each pose adds to the sums something new, so the squares of
-/// the steps' own turns add up to the square of the whole.
-fn declumped(turns: &[f64], stride: usize, score: f64) -> f64 {
-    let steps = stride as f64;
-    let half = 0.5 * score.max(0.0).sqrt() / steps.sqrt();
-    let new = |turn: &f64| steps * (2.0 * distributions::normal_cdf(half * turn) - 1.0);
-    1.0 + turns.iter().map(new).sum::<f64>()
-}
 
 /// Scores bad readings and bad poses alone.
 ///
@@ -231,7 +206,6 @@ impl<'a> Poses<'a> {
         }
         // No three poses see a slip so near an end.
         times.retain(|time| time.order.min(self.live.len() - time.order) as f64 > SIDE);
-        let turns = turns(&times);
         let score = |time: &Time| {
             let score = time.column.score(&self.at.pull, SEEN)?;
             let (before, after) = each.split_at(time.order);
@@ -253,17 +227,15 @@ impl<'a> Poses<'a> {
                 }
             }
         }
-        let most = (times.len() * stride) as f64;
-        let tests = |score: f64| match score > SURPRISE {
-            // What is no surprise at one time is none at many: only surprises are paid for.
-            true => declumped(&turns, stride, score).min(most),
-            false => most,
-        };
-        let channels = self.at.observations.readings.channels as f64;
+        // It pays for every channel and time at which it could have been. Rows that tell no time are
+        // not known to be in its order, pose by pose: each may be a time of its own.
+        let readings = &self.at.observations.readings;
+        let tried = if readings.timed { times.len() * stride } else { readings.taken };
+        let tests = (readings.channels * tried) as f64;
         let scored = |time: &Time| {
             let instance = Instance { place: self.live[time.order], ..of };
             let score = score(time)?;
-            self.scored(instance, Family::Slip, channels * tests(score), score)
+            self.scored(instance, Family::Slip, tests, score)
         };
         self.judged(times.iter().filter_map(scored).collect())
     }

@@ -2,36 +2,14 @@
 
 use std::collections::HashMap;
 
+use crate::diagnosis::price::{self, prior};
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::terms::term::Class;
 
-/// Kinds of candidates that share an error budget.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Family {
-    /// Named effects: a hundred or so.
-    Named,
-    /// A free shape: of each channel over its reading and over time, of all over time.
-    Free,
-    /// A jump of one channel at one time: as many as poses and channels.
-    Slip,
-    /// An error of one sensor at one order: as many as orders and sensors.
-    Periodic,
-    /// A move of one body at one time: as many as poses and bodies.
-    Moved,
-    /// A wrong reading: likewise.
-    Bad,
-}
-
-impl Family {
-    /// True for what happened at one time, which is searched for.
-    #[must_use]
-    pub fn happened_once(self) -> bool {
-        matches!(self, Self::Slip | Self::Moved)
-    }
-}
+pub use crate::diagnosis::price::Family;
 
 /// A candidate with its score.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,18 +24,10 @@ pub struct Scored {
     pub width: f64,
     /// Probability of a larger score by chance, this candidate alone.
     pub p_value: f64,
-    /// Places looked at in its family, over the family's share of the error budget.
+    /// Places looked at in its family, over the prior of the family.
     pub places: f64,
     /// `p_value` times `places`.
     pub corrected: f64,
-}
-
-/// Charge for each parameter, in units of χ².
-pub const CHARGE: f64 = 4.0;
-
-/// Scores are first order: this much refitting may change.
-pub(crate) fn room(score: f64) -> f64 {
-    4.0 + 0.15 * score
 }
 
 impl Scored {
@@ -69,7 +39,7 @@ impl Scored {
         p_value: f64,
         tests: f64,
     ) -> Self {
-        let places = tests / share(family);
+        let places = tests / prior(family);
         Self { instance, family, score, width, p_value, places, corrected: p_value * places }
     }
 
@@ -82,7 +52,7 @@ impl Scored {
     /// What its parameters and its places cost.
     #[must_use]
     pub fn paid(&self) -> f64 {
-        CHARGE * self.width + 2.0 * self.places.ln().max(0.0)
+        price::item(self.width, self.places)
     }
 
     /// What is left of the score after they are paid for.
@@ -118,24 +88,14 @@ pub fn one_place_each(scored: &mut Vec<Scored>, of_these: impl Fn(&Instance) -> 
     scored.retain(|s| !of_these(&s.instance) || seen.insert(key(&s.instance)));
 }
 
-/// Share of the error budget that each family has.
-const SHARES: [(Family, f64); 6] = [
-    (Family::Named, 0.54),
-    (Family::Periodic, 0.04),
-    (Family::Free, 0.08),
-    (Family::Slip, 0.12),
-    (Family::Moved, 0.04),
-    (Family::Bad, 0.18),
-];
-
 /// How scores are judged.
 #[derive(Debug, Clone, Copy)]
 pub struct Judge {
     /// Degrees of freedom of the noise; infinite where it is known.
     pub noise_dof: f64,
-    /// Degrees of freedom of the residual where nothing else gives the noise.
-    pub residual_dof: Option<f64>,
-    /// χ² of the fit and its degrees of freedom, where noise is declared and nothing bears it out.
+    /// χ² of the fit and its degrees of freedom, where nothing else gives the noise.
+    pub residual: Option<[f64; 2]>,
+    /// The same where noise is declared and nothing bears it out.
     pub left: Option<[f64; 2]>,
 }
 
@@ -146,19 +106,17 @@ impl Judge {
     /// what it leaves as well: that noise may be too small.
     #[must_use]
     pub fn p_value(&self, score: f64, width: f64) -> f64 {
-        match self.residual_dof {
+        let beside = |[chi2, dof]: [f64; 2], least: f64| {
+            let free = (dof - width).max(1.0);
+            let left = ((chi2 - score) / free).max(least);
+            distributions::f_tail(score / width / left, width, free)
+        };
+        match self.residual {
             None => {
-                let beside = self.left.map_or(0.0, |[chi2, dof]| {
-                    let free = (dof - width).max(1.0);
-                    let left = ((chi2 - score) / free).max(1.0);
-                    distributions::f_tail(score / width / left, width, free)
-                });
+                let beside = self.left.map_or(0.0, |left| beside(left, 1.0));
                 self.too_large(score, width).max(beside)
             }
-            Some(dof) => {
-                let left = ((dof - score) / (dof - width).max(1.0)).max(1e-12);
-                distributions::f_tail(score / width / left, width, (dof - width).max(1.0))
-            }
+            Some(residual) => beside(residual, 1e-12),
         }
     }
 }
@@ -186,20 +144,21 @@ impl Judge {
     /// the noise.
     #[must_use]
     pub fn lack_of_fit(&self, fit: &Fit) -> Option<f64> {
-        (self.residual_dof.is_none() && fit.dof >= 1.0).then(|| self.too_large(fit.chi2, fit.dof))
+        (self.residual.is_none() && fit.dof >= 1.0).then(|| self.too_large(fit.chi2, fit.dof))
     }
 
     /// The same judge, of another fit of the same readings.
     #[must_use]
     pub fn of(self, fit: &Fit) -> Self {
         let left = self.left.map(|_| [fit.chi2, fit.dof]);
-        Self { residual_dof: self.residual_dof.map(|_| fit.dof), left, ..self }
+        Self { residual: self.residual.map(|_| [fit.total, fit.dof]), left, ..self }
     }
 
     /// The judge of what a fit has of this score, as that of the fit without it.
     #[must_use]
     pub fn without(self, score: f64, width: f64) -> Self {
-        Self { left: self.left.map(|[chi2, dof]| [chi2 + score, dof + width]), ..self }
+        let more = |[chi2, dof]: [f64; 2]| [chi2 + score, dof + width];
+        Self { left: self.left.map(more), residual: self.residual.map(more), ..self }
     }
 
     /// Probability of a χ² of so many degrees of freedom, or of a larger one, by chance.
@@ -209,14 +168,10 @@ impl Judge {
     }
 }
 
-fn share(family: Family) -> f64 {
-    SHARES.iter().find(|(f, _)| *f == family).map_or(1.0, |(_, share)| *share)
-}
-
-/// Places of so many named candidates, over their share of the error budget.
+/// Places of so many named candidates, over the prior of their kind.
 #[must_use]
 pub fn named_places(candidates: f64) -> f64 {
-    candidates / share(Family::Named)
+    candidates / prior(Family::Named)
 }
 
 /// True for terms whose class says that a reading is wrong, not the device.
@@ -236,13 +191,13 @@ mod tests {
 
     #[test]
     fn the_least_score_is_the_one_with_that_probability() {
-        let known = Judge { noise_dof: f64::INFINITY, residual_dof: None, left: None };
+        let known = Judge { noise_dof: f64::INFINITY, residual: None, left: None };
         // Quantiles of χ² from tables: one degree of freedom at 0.001, three at 0.05.
         assert!((known.least_score(1e-3, 1.0) - 10.8276).abs() < 1e-4);
         assert!((known.least_score(0.05, 3.0) - 7.8147).abs() < 1e-4);
         let estimated = Judge { noise_dof: 30.0, ..known };
         let declared = Judge { left: Some([150.0, 100.0]), ..known };
-        let from_the_fit = Judge { residual_dof: Some(60.0), ..known };
+        let from_the_fit = Judge { residual: Some([60.0, 60.0]), ..known };
         for judge in [estimated, declared, from_the_fit] {
             for (p_value, width) in [(1e-2, 1.0), (1e-5, 2.0), (1e-7, 4.0)] {
                 let score = judge.least_score(p_value, width);

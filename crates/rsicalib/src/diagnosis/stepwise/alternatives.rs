@@ -4,8 +4,9 @@ use std::slice;
 use std::sync::Arc;
 
 use crate::Error;
-use crate::diagnosis::score::scored::{self, CHARGE, Scored, excluded_pose, room};
-use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost, physical, sensible};
+use crate::diagnosis::price::room;
+use crate::diagnosis::score::scored::{self, Scored, excluded_pose};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, physical};
 use crate::diagnosis::stepwise::orders::one_order;
 use crate::estimate::Fit;
 use crate::model::{Instance, Model};
@@ -58,19 +59,19 @@ impl Stepwise<'_> {
                 && !others.iter().any(|other| self.overlap(&s.instance, other))
                 && !one_order(current, &s.instance, &own)
                 && excluded_pose(&s.instance).is_none()
-                && value_of(s) > value_of(&mine) - room
+                && s.charged() > mine.charged() - room
         });
-        scored.sort_by(|a, b| value_of(b).total_cmp(&value_of(a)));
+        scored.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
         scored::one_place_each(&mut scored, |_| true);
         let mut rivals = Vec::new();
-        let value = |fit: &Fit, s: &Scored| cost(&without) - cost(fit) - charge(s);
+        let value = |fit: &Fit, s: &Scored| self.fall(&without, fit) - s.paid();
         let my_value =
             if physical(current, &own) { value(current, &mine) } else { f64::NEG_INFINITY };
         scored.truncate(RIVALS * self.search.refits);
         self.prepare_with(&without, scored.iter().map(|s| slice::from_ref(&s.instance)));
         for candidate in scored {
             let (candidate, refit) = self.tuned(&without, candidate)?;
-            if sensible(&without, &refit) && physical(&refit, &candidate.instance) {
+            if self.sensible(&without, &refit) && physical(&refit, &candidate.instance) {
                 rivals.push((value(&refit, &candidate), candidate, refit));
             }
         }
@@ -114,16 +115,6 @@ fn score_of(own: Instance, scored: &[Scored], fit: &Fit) -> Option<Scored> {
     let beside = scored.iter().filter(|s| one_order(fit, &s.instance, &own));
     let beside = beside.max_by(|a, b| a.score.total_cmp(&b.score));
     itself.or_else(|| beside.map(|s| Scored { instance: own, ..*s }))
-}
-
-/// What a candidate pays: its parameters, and the time that was searched for.
-pub(crate) fn charge(candidate: &Scored) -> f64 {
-    let time = if candidate.family.happened_once() { CHARGE } else { 0.0 };
-    CHARGE * candidate.width + time
-}
-
-fn value_of(candidate: &Scored) -> f64 {
-    candidate.score - charge(candidate)
 }
 
 /// Bad readings are rivals of bad readings of the same pose, effects of effects.

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::diagnosis::options::{FEW_EFFECTS, LEVEL};
+use crate::diagnosis::options::{FEW_EFFECTS, LEVEL, Rule};
 use crate::diagnosis::score::pairs::Pair;
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
-use crate::diagnosis::stepwise::moves::{BETTER, Stepwise, cost};
+use crate::diagnosis::stepwise::moves::{BETTER, Stepwise};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
@@ -24,14 +24,17 @@ impl Stepwise<'_> {
     /// One effect for two, and two for one or two, where that explains more; true where it
     /// does. What takes many effects to make up is not made up of pairs.
     pub fn exchange(&mut self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<bool, Error> {
-        let read = self.read_slips(current, found)?;
-        let shared = self.share(current, found)?;
+        let uses = |rule| self.search.uses(rule);
+        let [reads, shares, merges, pairs] =
+            [Rule::ReadSlips, Rule::Share, Rule::MergePairs, Rule::FindPairs].map(uses);
+        let read = reads && self.read_slips(current, found)?;
+        let shared = shares && self.share(current, found)?;
         if found.len() > FEW_EFFECTS + 1 {
             return Ok(read || shared);
         }
-        let merged = self.merge_pairs(current, found)?;
-        let paired = self.find_pairs(current, found)?;
-        Ok(self.share(current, found)? || paired || merged || read || shared)
+        let merged = merges && self.merge_pairs(current, found)?;
+        let paired = pairs && self.find_pairs(current, found)?;
+        Ok((shares && self.share(current, found)?) || paired || merged || read || shared)
     }
 
     /// Replaces a slip near an end of the session, and the wrong readings there, by wrong
@@ -128,7 +131,7 @@ impl Stepwise<'_> {
         let mut scored = self.scan(&without)?;
         let price: f64 =
             scored.iter().filter(|s| pair.contains(&s.instance)).map(Scored::paid).sum();
-        let both = cost(&without) - cost(current) - price;
+        let both = self.fall(&without, current) - price;
         scored.retain(|s| {
             !pair.contains(&s.instance)
                 && excluded_pose(&s.instance).is_none()
@@ -177,7 +180,6 @@ impl Stepwise<'_> {
             found.extend(both);
             *current = fit;
             self.rescale(current)?;
-            *current = self.look_back(current.clone(), found)?;
             exchanged = true;
         }
         Ok(exchanged)

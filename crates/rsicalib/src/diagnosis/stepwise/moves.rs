@@ -6,9 +6,10 @@ use std::slice;
 
 use crate::Error;
 use crate::diagnosis::isolation::belongs;
-use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::options::{Rule, SearchOptions};
+use crate::diagnosis::price::{Data, Scale, room};
 use crate::diagnosis::score::pairs::{self, Pair};
-use crate::diagnosis::score::scored::{self, CHARGE, Judge, Scored, excluded_pose, one_place_each};
+use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose, one_place_each};
 use crate::diagnosis::score::{candidates, scan};
 use crate::diagnosis::stepwise::known::{KnownFits, KnownScans};
 use crate::diagnosis::stepwise::orders::{has_order, nearest_place};
@@ -35,10 +36,6 @@ const ENOUGH: f64 = 1e-7;
 /// In place of another effect is named what fits better by this, in units of χ².
 pub(crate) const BETTER: f64 = 0.5;
 
-/// Candidates to look at for each that is refitted: a load that lifts, or a fit that does not
-/// converge, must not keep the search from others.
-const HOPELESS: usize = 2;
-
 /// A parameter of an effect in units of its standard deviation; none where the effect
 /// is not in the model, or not to be seen.
 fn estimate_of(fit: &Fit, instance: &Instance) -> Option<f64> {
@@ -58,7 +55,7 @@ pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
 
 /// True where a candidate does not catch up with what another has gained: scores are first order.
 fn left_behind(candidate: &Scored, gain: f64) -> bool {
-    gain > candidate.charged() + 4.0 + 0.25 * candidate.score
+    gain > candidate.charged() + room(candidate.score)
 }
 
 /// An effect changes the gain that a fit gives a channel by less than this factor.
@@ -71,10 +68,14 @@ fn swung(before: &Fit, after: &Fit) -> bool {
     was.zip(is).any(|(was, is)| !(1.0 / SWUNG..SWUNG).contains(&(is / was)))
 }
 
-/// True for a fit with more effects than another, in which every joint still moves, and about as
-/// much for its readings.
-pub(crate) fn sensible(before: &Fit, after: &Fit) -> bool {
-    after.plausible && after.termination.converged() && !swung(before, after)
+/// Standard deviations of a mean square by which chance makes it larger.
+const BY_CHANCE: f64 = 2.0;
+
+/// True where loops are farther from closed than before, by more than the sampling error of a root
+/// mean square: an effect that makes equations weightless explains nothing.
+fn opened(before: &Fit, after: &Fit) -> bool {
+    let error = BY_CHANCE / (2.0 * before.dof.max(1.0)).sqrt();
+    after.rms_misclosure > before.rms_misclosure * (1.0 + error)
 }
 
 /// After so many moves an order has settled, or never will.
@@ -86,8 +87,6 @@ pub struct Stepwise<'a> {
     pub small: Observations,
     /// The channel, closure or chain to which the search is confined.
     pub only: Option<Target>,
-    /// Chains share nothing: each has its own effects.
-    pub(crate) divided: bool,
     pub search: &'a SearchOptions,
     /// Weights of the samples before any pose was left out.
     pub(crate) counts: Vec<f64>,
@@ -100,6 +99,8 @@ pub struct Stepwise<'a> {
     noise_dof: f64,
     /// Its noise is declared, and nothing bears it out.
     unverified: bool,
+    /// What readings say of an explanation.
+    data: Data,
     /// Fits of the search: the same are asked for again and again.
     known: RefCell<KnownFits>,
     scans: RefCell<KnownScans>,
@@ -172,10 +173,14 @@ impl<'a> Stepwise<'a> {
             FitOptions { noise, play, seating, measured, lm, ..observations.options.clone() };
         let counts = small.weights.clone();
         let (judges, noise_dof) = (fit.noise.judges(), fit.noise.dof_of_pose());
+        let scale = match (judges, fit.unverified()) {
+            (false, _) => Scale::Fitted,
+            (true, true) => Scale::Declared,
+            (true, false) => Scale::Known(noise_dof),
+        };
         Self {
             small,
             only: None,
-            divided: false,
             search,
             counts,
             samples,
@@ -183,15 +188,16 @@ impl<'a> Stepwise<'a> {
             judges,
             noise_dof,
             unverified: fit.unverified(),
+            data: Data { scale, dof: fit.dof },
             known: RefCell::default(),
             scans: RefCell::default(),
         }
     }
 
     pub fn judge(&self, fit: &Fit) -> Judge {
-        let residual_dof = (!self.judges).then_some(fit.dof);
+        let residual = (!self.judges).then_some([fit.total, fit.dof]);
         let left = self.unverified.then_some([fit.chi2, fit.dof]);
-        Judge { noise_dof: self.noise_dof, residual_dof, left }
+        Judge { noise_dof: self.noise_dof, residual, left }
     }
 
     /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,
@@ -223,9 +229,6 @@ impl<'a> Stepwise<'a> {
 
     /// Whether this may be wrong. Where a chain is at fault alone, no one channel is to blame.
     fn open_to(&self, instance: &Instance) -> bool {
-        if self.divided && instance.target.is_shared() {
-            return false;
-        }
         let channel = matches!(instance.target, Target::Channel(_));
         self.only.is_none_or(|only| {
             belongs(&self.small.mechanism, instance.target, only)
@@ -285,14 +288,13 @@ impl<'a> Stepwise<'a> {
         let likely = likely.filter(|s| !left_behind(s, scored[0].charged()));
         self.prepare_with(current, likely.map(|s| slice::from_ref(&s.instance)));
         let mut best: Option<(f64, Scored, Fit)> = None;
-        let mut sensible = 0;
-        for &candidate in scored.iter().take(HOPELESS * self.search.refits) {
-            if sensible == self.search.refits {
-                break;
-            }
+        for &candidate in scored.iter().take(self.search.refits) {
             if excluded_pose(&candidate.instance).is_some() {
                 if best.is_none() && candidate.charged() > 0.0 {
-                    let one = self.one_channel(current, &candidate, &scored)?;
+                    let one = match self.search.uses(Rule::OneChannel) {
+                        true => self.one_channel(current, &candidate, &scored)?,
+                        false => None,
+                    };
                     let (one, fit) = one.unwrap_or_else(|| (candidate, current.clone()));
                     return Ok(Some((vec![one], fit)));
                 }
@@ -303,7 +305,6 @@ impl<'a> Stepwise<'a> {
             }
             let (candidate, refit) = self.tuned(current, candidate)?;
             let gain = self.gain(current, &refit, &[candidate]);
-            sensible += usize::from(gain.is_finite());
             if gain > best.as_ref().map_or(0.0, |(g, ..)| *g) {
                 best = Some((gain, candidate, refit));
             }
@@ -328,6 +329,9 @@ impl<'a> Stepwise<'a> {
     ) -> Result<Option<(f64, Vec<Scored>, Fit)>, Error> {
         let of_links = |s: &&Scored| matches!(s.instance.term.acts(), Acts::Load(Weight::Links));
         let mut joints: Vec<Scored> = scored.iter().filter(of_links).copied().collect();
+        if !self.search.uses(Rule::Yielding) {
+            joints.clear();
+        }
         while joints.len() > 1 {
             let mut instances = current.model.instances.clone();
             instances.extend(joints.iter().map(|s| s.instance));
@@ -351,12 +355,8 @@ impl<'a> Stepwise<'a> {
             match weakest {
                 Some((_, k)) if joints[k].corrected > self.search.alpha => joints.remove(k),
                 _ => {
-                    let width = current.dof - refit.dof;
-                    let searched = 2.0 * joints[0].places.ln().max(0.0);
-                    let paid = CHARGE * width + searched * joints.len() as f64;
-                    let gain = cost(current) - cost(&refit) - paid;
-                    let sensible = refit.plausible && refit.termination.converged();
-                    return Ok(sensible.then_some((gain, joints, refit)));
+                    let gain = self.gain(current, &refit, &joints);
+                    return Ok(gain.is_finite().then_some((gain, joints, refit)));
                 }
             };
         }
@@ -445,11 +445,29 @@ impl<'a> Stepwise<'a> {
 
     /// By how much χ² fell, the parameters and places of what was added paid for.
     pub(crate) fn gain(&self, before: &Fit, after: &Fit, added: &[Scored]) -> f64 {
-        if sensible(before, after) && added.iter().all(|s| physical(after, &s.instance)) {
-            cost(before) - cost(after) - added.iter().map(Scored::paid).sum::<f64>()
+        if self.sensible(before, after) && added.iter().all(|s| physical(after, &s.instance)) {
+            self.fall(before, after) - added.iter().map(Scored::paid).sum::<f64>()
         } else {
             f64::NEG_INFINITY
         }
+    }
+
+    /// By how much what the readings say fell.
+    pub(crate) fn fall(&self, before: &Fit, after: &Fit) -> f64 {
+        self.data.of(cost(before)) - self.data.of(cost(after))
+    }
+
+    /// What readings say of a fit.
+    pub(crate) fn said_of(&self, fit: &Fit) -> f64 {
+        self.data.of(cost(fit))
+    }
+
+    /// True for a fit with more effects than another, in which every joint still moves, and about
+    /// as much for its readings, and the loops close as well as before.
+    pub(crate) fn sensible(&self, before: &Fit, after: &Fit) -> bool {
+        let swung = self.search.uses(Rule::Swung) && swung(before, after);
+        let opened = self.search.uses(Rule::Misclosure) && opened(before, after);
+        after.plausible && after.termination.converged() && !swung && !opened
     }
 
     /// An instance of the search as one of the session.

@@ -1,45 +1,21 @@
-//! The look back: what is no longer needed, or does not stand out after all.
+//! What is dropped in the end: what is no longer needed, or does not stand out after all.
 
 use std::slice;
 
 use crate::Error;
-use crate::diagnosis::options::LEVEL;
-use crate::diagnosis::score::candidates;
+use crate::diagnosis::options::{LEVEL, Rule};
 use crate::diagnosis::score::scored::Scored;
-use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical};
+use crate::diagnosis::stepwise::moves::{Stepwise, cost};
 use crate::estimate::{Fit, fit};
 use crate::model::Instance;
 
 impl Stepwise<'_> {
-    /// Drops what is no longer needed, or is part of a free shape that was added.
-    pub fn look_back(&self, current: Fit, found: &mut Vec<Scored>) -> Result<Fit, Error> {
-        // Most are kept: all but the last, which was added, are looked at beside the others.
-        let looked_at = found.split_last().map_or(&found[..], |(_, before)| before);
-        self.prepare_without(&current, looked_at.iter().map(|s| slice::from_ref(&s.instance)));
-        let mut current = current;
-        let mut index = 0;
-        while index + 1 < found.len() {
-            let instance = found[index].instance;
-            let without = self.without(&current, &[instance])?;
-            let lost = (cost(&without) - cost(&current)).max(0.0);
-            let width = instance.width() as f64;
-            let p_value = self.judge(&current).without(lost, width).p_value(lost, width);
-            let repeats = !instance.term.info().penalised
-                && candidates::has_free_shape(&current, instance.term, instance.target);
-            let lifts = !physical(&current, &instance);
-            if repeats || lifts || p_value * 1e3 > self.search.alpha * 10.0 {
-                found.remove(index);
-                current = without;
-            } else {
-                index += 1;
-            }
-        }
-        Ok(current)
-    }
-
     /// Drops what explains no more than is paid for it beside the others, worst first: what was
     /// exchanged for another may leave an effect with nothing to explain, or a load that lifts.
     pub fn keep_gains(&self, current: &mut Fit, found: &mut Vec<Scored>) -> Result<(), Error> {
+        if !self.search.uses(Rule::KeepGains) {
+            return Ok(());
+        }
         loop {
             self.prepare_without(current, found.iter().map(|s| slice::from_ref(&s.instance)));
             let mut worst: Option<(f64, usize, Fit)> = None;
@@ -68,6 +44,9 @@ impl Stepwise<'_> {
         poses: &mut Vec<Scored>,
     ) -> Result<(), Error> {
         let judge = self.judge(current);
+        if !self.search.uses(Rule::AgainstTheRest) {
+            return Ok(());
+        }
         if judge.lack_of_fit(current).is_none_or(|p| p > LEVEL) {
             return Ok(());
         }

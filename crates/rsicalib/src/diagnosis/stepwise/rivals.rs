@@ -5,8 +5,7 @@ use std::slice;
 use crate::Error;
 use crate::apply::change::apart;
 use crate::diagnosis::score::scored::{self, Scored};
-use crate::diagnosis::stepwise::alternatives::charge;
-use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical, sensible};
+use crate::diagnosis::stepwise::moves::{Stepwise, physical};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
@@ -20,7 +19,7 @@ const MOST: usize = 8;
 pub struct Explanation {
     /// The effects, wrong readings left out.
     pub effects: Vec<Instance>,
-    /// χ² with what priors add to it and what the effects are charged.
+    /// Its price, (113).
     pub chi2: f64,
     /// Probability among the explanations that are listed, all as likely beforehand.
     pub probability: f64,
@@ -45,11 +44,11 @@ impl Stepwise<'_> {
         let effects = |of: &[Scored]| -> Vec<Instance> {
             of.iter().map(|s| s.instance).filter(|i| !scored::is_data(i)).collect()
         };
-        let charges = |of: &[Scored]| of.iter().map(charge).sum::<f64>();
+        let charges = |of: &[Scored]| of.iter().map(Scored::paid).sum::<f64>();
         if effects(found).is_empty() {
             return Ok(Vec::new());
         }
-        let own = cost(current) + charges(found);
+        let own = self.said_of(current) + charges(found);
         let of = |effects, chi2| Explanation { effects, chi2, probability: 1.0, apart: None };
         let mut explanations = vec![(of(effects(found), own), current.clone())];
         for (index, alternatives) in near.iter().enumerate() {
@@ -64,8 +63,8 @@ impl Stepwise<'_> {
                 let mut all = found.to_vec();
                 all[index] = *other;
                 let refit = self.with(&without, &[other.instance])?;
-                if sensible(&without, &refit) && physical(&refit, &other.instance) {
-                    let chi2 = cost(&refit) + charges(&all);
+                if self.sensible(&without, &refit) && physical(&refit, &other.instance) {
+                    let chi2 = self.said_of(&refit) + charges(&all);
                     explanations.push((of(effects(&all), chi2), refit));
                 }
             }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::diagnosis::doubt::doubt;
-use crate::diagnosis::isolation::{Isolated, isolate, leave_out};
-use crate::diagnosis::options::{FEW_EFFECTS, LEVEL};
+use crate::diagnosis::isolation::{Isolated, belongs, isolate, leave_out};
+use crate::diagnosis::options::{FEW_EFFECTS, LEVEL, Rule};
 use crate::diagnosis::score::scored::{self, Family, Scored, excluded_pose};
 use crate::diagnosis::stepwise::alternatives::Alternatives;
 use crate::diagnosis::stepwise::moves::{Stepwise, cost};
@@ -73,10 +73,10 @@ impl Searched {
     }
 
     /// What is left, with what is paid for what was found.
-    fn price(&self) -> f64 {
+    fn price(&self, stepwise: &Stepwise) -> f64 {
         let wrong = self.poses.iter().chain(self.wrong.iter().map(|(scored, _)| scored));
         let found = self.found.iter().map(|step| &step.scored);
-        cost(&self.current) + found.chain(wrong).map(Scored::paid).sum::<f64>()
+        stepwise.said_of(&self.current) + found.chain(wrong).map(Scored::paid).sum::<f64>()
     }
 
     /// True where what is left is noise.
@@ -103,18 +103,17 @@ pub fn search_effects(
 ) -> Result<(Searched, Option<Isolated>), Error> {
     let most = stepwise.search.most;
     // One unknown law takes many effects to make up: it is looked for before them.
-    let mut open = search_chains(stepwise, start, most.min(FEW_EFFECTS + 1))?;
+    let first = if stepwise.search.uses(Rule::FewFirst) { FEW_EFFECTS + 1 } else { most };
+    let mut open = search_once(stepwise, start.clone(), most.min(first))?;
     let mut at_fault = None;
-    if !open.settled(stepwise) {
+    if !open.settled(stepwise) && stepwise.search.uses(Rule::Isolation) {
         stepwise.small.options.progress.enter(Stage::Isolation);
-        let found: Vec<Instance> = open.effects().map(|step| step.scored.instance).collect();
-        at_fault =
-            isolate(&stepwise.all(), start, &stepwise.judge(start), &found, stepwise.search)?;
+        at_fault = isolate(&stepwise.all(), start, &stepwise.judge(start), stepwise.search)?;
     }
     let Some(it) = &at_fault else {
         if open.more {
             stepwise.restart();
-            open = search_chains(stepwise, start, most)?;
+            open = search_once(stepwise, start.clone(), most)?;
         }
         return Ok((open, None));
     };
@@ -125,51 +124,23 @@ pub fn search_effects(
     // A few effects that leave nothing give way to others that do, and cost no more; none give
     // way to nothing.
     let nothing = confined.quiet(stepwise) && confined.effects().count() == 0;
-    let dearer = (chain || !open.sudden()) && confined.price() > open.price() + AS_WELL;
+    let dearer =
+        (chain || !open.sudden()) && confined.price(stepwise) > open.price(stepwise) + AS_WELL;
     // A few effects that end the search, and explain more, do not give way to structure.
     let ended = !open.more && (chain || open.effects().count() <= FEW_EFFECTS);
-    if ended && !confined.quiet(stepwise) && confined.price() > open.price() {
+    if ended && !confined.quiet(stepwise) && confined.price(stepwise) > open.price(stepwise) {
         stepwise.release(weights);
-        return Ok((open, None));
+        // What was found there is its own.
+        let mechanism = &stepwise.small.mechanism;
+        let own = |step: &FoundEffect| belongs(mechanism, step.scored.instance.target, it.target);
+        let own = open.effects().all(own);
+        return Ok((open, at_fault.filter(|_| own)));
     }
     if nothing || (stays && (dearer || !confined.settled(stepwise))) {
         stepwise.release(weights);
         return Ok((open, at_fault));
     }
     Ok((confined, at_fault))
-}
-
-/// By how much χ² may rise where chains that differ are told by single effects, paid for.
-///
-/// One more of those costs about 14; one constant that all chains have costs two more.
-const DIVIDED: f64 = 20.0;
-
-/// The search; where chains seem to share an effect and differ in another, also without shared
-/// effects: those may be the mean of chains that differ, and the other effect what is left of one.
-/// What happened once is no difference of chains.
-fn search_chains(stepwise: &mut Stepwise, start: &Fit, most: usize) -> Result<Searched, Error> {
-    let open = search_once(stepwise, start.clone(), most)?;
-    let mixed = open.effects().any(|step| {
-        let own = step.scored.instance;
-        own.target.is_shared()
-            && open
-                .effects()
-                .any(|other| other.scored.instance != own && !other.scored.family.happened_once())
-    });
-    if !mixed {
-        return Ok(open);
-    }
-    let weights = stepwise.restart();
-    stepwise.divided = true;
-    let single = search_once(stepwise, start.clone(), stepwise.search.most);
-    stepwise.divided = false;
-    let single = single?;
-    let sound = single.quiet(stepwise) || !open.quiet(stepwise);
-    if sound && single.price() <= open.price() + DIVIDED {
-        return Ok(single);
-    }
-    stepwise.small.weights = weights;
-    Ok(open)
 }
 
 /// The search confined to what is at fault alone, and what is wrong beside it left out.
@@ -219,7 +190,6 @@ fn grow(stepwise: &mut Stepwise, it: &mut Growing, most: usize) -> Result<(), Er
         found.extend(steps);
         *current = next;
         stepwise.rescale(current)?;
-        *current = stepwise.look_back(current.clone(), found)?;
     }
     Ok(())
 }

@@ -76,9 +76,9 @@ pub fn of_calibration(
     let mut observations = observations.clone();
     observations.options.progress = Progress::default();
     let (small, last, _) = averaged(&observations, fit)?;
-    let residual_dof = (!fit.noise.judges()).then_some(last.dof);
+    let residual = (!fit.noise.judges()).then_some([last.total, last.dof]);
     let left = fit.unverified().then_some([last.chi2, last.dof]);
-    let judge = Judge { noise_dof: fit.noise.dof_of_pose(), residual_dof, left };
+    let judge = Judge { noise_dof: fit.noise.dof_of_pose(), residual, left };
     let full = Full { small: &small, last: &last, found: Vec::new(), excluded, judge };
     Ok(Evidence { switchboard: switchboard(&full)?, ..of_fit(&small, &last, None, known)? })
 }

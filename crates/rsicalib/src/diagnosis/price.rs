@@ -1,0 +1,158 @@
+//! The price of an explanation: what the readings say of it, and what its parts cost.
+//!
+//! ```text
+//! price = data(χ²) + Σ (4 · parameters - 2 ln prior(kind) + 2 ln places)           (113)
+//! ```
+//!
+//! Minus twice the logarithm of a probability, but for a constant: differences of prices are what
+//! everything is decided by. With a noise that is known by `ν` degrees of freedom, and `d`
+//! equations that the model which was asked for leaves, the marginal likelihood over the scale of
+//! the noise gives
+//!
+//! ```text
+//! data(χ²) = (ν + d) ln(1 + χ²/ν)   repeats tell the noise; χ² where ν is infinite
+//!          = d ln χ²                the fit alone tells it
+//!          = d (1 + ln(χ²/d))       it is declared, nothing bears it out, and χ² > d; else χ²  (114)
+//! ```
+//!
+//! The last is the likelihood at the best scale of 1 or more: a declared noise may be too small.
+
+/// Kinds of candidates, each with its prior.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Named effects: a hundred or so.
+    Named,
+    /// A free shape: of each channel over its reading and over time, of all over time.
+    Free,
+    /// A jump of one channel at one time: as many as poses and channels.
+    Slip,
+    /// An error of one sensor at one order: as many as orders and sensors.
+    Periodic,
+    /// A move of one body at one time: as many as poses and bodies.
+    Moved,
+    /// A wrong reading: likewise.
+    Bad,
+}
+
+impl Family {
+    /// True for what happened at one time, which is searched for.
+    #[must_use]
+    pub fn happened_once(self) -> bool {
+        matches!(self, Self::Slip | Self::Moved)
+    }
+}
+
+/// Charge for each parameter, in units of χ².
+pub const CHARGE: f64 = 4.0;
+
+/// Probability of each kind of item, one being there: of its places all are as likely.
+const PRIORS: [(Family, f64); 6] = [
+    (Family::Named, 0.54),
+    (Family::Periodic, 0.04),
+    (Family::Free, 0.08),
+    (Family::Slip, 0.12),
+    (Family::Moved, 0.04),
+    (Family::Bad, 0.18),
+];
+
+/// The prior of a kind of item.
+#[must_use]
+pub fn prior(kind: Family) -> f64 {
+    PRIORS.iter().find(|(k, _)| *k == kind).map_or(1.0, |(_, prior)| *prior)
+}
+
+/// What an item costs: its parameters, and the places where it could have been, over its prior.
+#[must_use]
+pub fn item(parameters: f64, places: f64) -> f64 {
+    CHARGE * parameters + 2.0 * places.ln().max(0.0)
+}
+
+/// Scores are first order: this much refitting may change.
+#[must_use]
+pub fn room(score: f64) -> f64 {
+    4.0 + 0.15 * score
+}
+
+/// What tells the scale of the noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// Repeats, by so many degrees of freedom; or a declaration that is borne out.
+    Known(f64),
+    /// A declaration that nothing bears out.
+    Declared,
+    /// The fit alone.
+    Fitted,
+}
+
+/// What readings say of an explanation, by its χ².
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Data {
+    /// What tells the scale of the noise.
+    pub scale: Scale,
+    /// Equations that the model which was asked for leaves, `d`: the same for all explanations.
+    pub dof: f64,
+}
+
+impl Data {
+    /// `data(χ²)` of (114).
+    #[must_use]
+    pub fn of(&self, chi2: f64) -> f64 {
+        let d = self.dof.max(1.0);
+        match self.scale {
+            Scale::Known(nu) if nu.is_finite() => (nu + d) * (chi2 / nu).ln_1p(),
+            Scale::Declared if chi2 > d => d * (1.0 + (chi2 / d).ln()),
+            Scale::Known(_) | Scale::Declared => chi2,
+            Scale::Fitted => d * chi2.max(f64::MIN_POSITIVE).ln(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Data, Scale};
+
+    /// `-2 ln ∫ N(χ²; s²) p(s²) ds²` by Simpson's rule over the logarithm of the scale, where repeats
+    /// give the variance `s²` by `nu` degrees of freedom.
+    fn marginal(chi2: f64, nu: f64, d: f64) -> f64 {
+        let log = |x: f64| -0.5 * (d + nu) * x - 0.5 * (chi2 + nu) * (-x).exp();
+        let n = 4000;
+        let (low, high) = (-4.0, 6.0);
+        let step = (high - low) / f64::from(n);
+        let peak = (0..=n).map(|k| log(low + step * f64::from(k))).fold(f64::MIN, f64::max);
+        let weight = |k: i32| match k {
+            0 => 1.0,
+            k if k == n => 1.0,
+            k if k % 2 == 1 => 4.0,
+            _ => 2.0,
+        };
+        let sum: f64 =
+            (0..=n).map(|k| weight(k) * (log(low + step * f64::from(k)) - peak).exp()).sum();
+        -2.0 * (peak + (sum * step / 3.0).ln())
+    }
+
+    #[test]
+    fn an_estimated_noise_is_integrated_out() {
+        for (nu, d) in [(12.0, 40.0), (300.0, 120.0)] {
+            let data = Data { scale: Scale::Known(nu), dof: d };
+            let wanted = marginal(1.7 * d, nu, d) - marginal(1.1 * d, nu, d);
+            let got = data.of(1.7 * d) - data.of(1.1 * d);
+            assert!((got - wanted).abs() < 1e-6 * wanted, "{got} for {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_known_noise_gives_chi2_and_all_limits_meet() {
+        let of = |scale, chi2| Data { scale, dof: 50.0 }.of(chi2);
+        let fall = |scale| of(scale, 90.0) - of(scale, 60.0);
+        assert!((fall(Scale::Known(f64::INFINITY)) - 30.0).abs() < 1e-12);
+        assert!((fall(Scale::Known(1e9)) - 30.0).abs() < 1e-5);
+        // No repeats: the fit alone tells the noise.
+        let alone = |nu: f64| (nu + 50.0) * f64::ln((nu + 90.0) / (nu + 60.0));
+        assert!((fall(Scale::Fitted) - alone(0.0)).abs() < 1e-12);
+        assert!((fall(Scale::Declared) - alone(0.0)).abs() < 1e-12);
+        // Where a declared noise leaves no more than it should, it is taken as known.
+        assert!((of(Scale::Declared, 48.0) - of(Scale::Declared, 40.0) - 8.0).abs() < 1e-12);
+        let (below, above) = (of(Scale::Declared, 50.0), of(Scale::Declared, 50.0 + 1e-9));
+        assert!((above - below).abs() < 1e-8);
+    }
+}
