@@ -50,6 +50,7 @@ PYTHON = (
     "open_loop",
     "monitor",
     "kinematics",
+    "placing",
     "devices",
     "simulation",
     "measures",

@@ -18,6 +18,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, Calibration, InputError, Trace
 from tests import oracle
+from tests.test_families import clean
 
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
 
@@ -327,6 +328,32 @@ def test_importing_the_package_imports_nothing_that_it_does_not_need_yet() -> No
     assert out.stdout == "[]\n"
     with pytest.raises(AttributeError, match="no attribute 'calibrat'"):
         rsicalib.calibrat  # noqa: B018
+
+
+def test_a_placer_gives_what_forward_gives_for_each_reading_alone(traced: Trace) -> None:
+    readings = rsicalib.load_readings(READINGS).values[:20]
+    placer = rsicalib.Placer(calibration=traced)
+    assert placer.names == ("x", "y", "z", "rx", "ry", "rz")
+    for row in readings:
+        expected = rsicalib.forward(row[None], calibration=traced)[0]
+        # Gains are about another reading: a few roundings.
+        np.testing.assert_allclose(placer(row), expected, rtol=1e-11, atol=1e-13)
+    with pytest.raises(rsicalib.InputError):
+        placer(readings[0][:5])
+    with pytest.raises(rsicalib.InputError):
+        placer(np.full(9, 5000.0))  # beyond the range
+    # A reading that was refused has left nothing behind.
+    expected = rsicalib.forward(readings[:1], calibration=traced)[0]
+    np.testing.assert_allclose(placer(readings[0]), expected, rtol=1e-11, atol=1e-13)
+
+
+def test_a_placer_of_an_arm_gives_its_points() -> None:
+    _, _, mechanism, readings = clean("sockets")
+    placer = rsicalib.Placer(mechanism)
+    expected = rsicalib.forward(readings, mechanism)
+    assert all(name.endswith((".x", ".y", ".z")) for name in placer.names)
+    found = np.array([placer(row) for row in readings.values])
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_a_named_index_of_pandas_is_a_column() -> None:

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from rsicalib.lifetime import history
     from rsicalib.measures import Observability, observability
     from rsicalib.monitor import Alarm, Monitor, Watch, Watching, watch
+    from rsicalib.placing import Placer
     from rsicalib.planning import plan
     from rsicalib.plans import Plan
     from rsicalib.platform_sd import Workspace, workspace
@@ -72,6 +73,7 @@ __all__ = [
     "OpenLoopsWarning",
     "Paper",
     "Parameter",
+    "Placer",
     "Plan",
     "Readings",
     "RsicalibError",
@@ -131,6 +133,7 @@ _HOMES = {
     "rsicalib.lifetime": "history",
     "rsicalib.measures": "Observability observability",
     "rsicalib.monitor": "Alarm Monitor Watch Watching watch",
+    "rsicalib.placing": "Placer",
     "rsicalib.planning": "plan",
     "rsicalib.plans": "Plan",
     "rsicalib.platform_sd": "Workspace workspace",

@@ -212,6 +212,18 @@ class Monitor:
         """Tests many rows, shape (n, channels), with their times [s]. Returns the alarms."""
 
 @final
+class Placer:
+    """A mechanism under a result, which tells its place reading by reading."""
+
+    def __new__(cls, mechanism: Mechanism, applied: Mapping[str, Any]) -> Placer: ...
+    @property
+    def names(self) -> Any:
+        """Names of the values."""
+
+    def place(self, reading: Any) -> Any:
+        """The place of one reading, one number for each channel: shape (k,)."""
+
+@final
 class Session:
     """Readings of one mechanism, with what is known beside them."""
 

@@ -1,6 +1,6 @@
 //! Results applied to readings: places, groups, export, comparison, and the open loop.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::{depythonize, pythonize};
@@ -8,6 +8,7 @@ use rsicalib::apply::check::Check;
 use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
 use rsicalib::apply::export::{self, Exported};
 use rsicalib::apply::moved::{Compared, Estimate};
+use rsicalib::apply::placer::Placer;
 use rsicalib::diagnosis::verdict;
 use rsicalib::model::Spec;
 
@@ -87,6 +88,40 @@ pub fn places<'py>(
         PyArray1::from_vec(py, values).reshape([rows, columns])
     };
     Ok((found.names, matrix(found.values)?, found.sd.map(matrix).transpose()?))
+}
+
+/// A mechanism under a result, which tells its place reading by reading.
+#[pyclass(name = "Placer", module = "rsicalib._core")]
+pub struct PyPlacer {
+    // Boxed: its vector lanes ask for more than the alignment of an object of Python.
+    placer: Box<Placer>,
+}
+
+#[pymethods]
+impl PyPlacer {
+    /// A mechanism under a result.
+    #[new]
+    fn new(mechanism: &PyMechanism, applied: PyApplied) -> PyResult<Self> {
+        let placer = Placer::new(&mechanism.0, applied.into()).map_err(PyError::from)?;
+        Ok(Self { placer: Box::new(placer) })
+    }
+
+    /// Names of the values.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.placer.names().to_vec()
+    }
+
+    /// The place of one reading, one number for each channel: shape (k,).
+    fn place<'py>(
+        &mut self,
+        py: Python<'py>,
+        reading: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let reading: Vec<f64> = reading.as_array().iter().copied().collect();
+        let found = self.placer.place(&reading).map_err(PyError::from)?;
+        Ok(PyArray1::from_vec(py, found))
+    }
 }
 
 /// Mean distance of carried points from their own means at what they touch, group by group.

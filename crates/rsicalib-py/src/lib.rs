@@ -44,6 +44,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     add_class::<observations::PyFit>(module)?;
     add_class::<observations::PyEvidenceSource>(module)?;
     add_class::<monitor::PyMonitor>(module)?;
+    add_class::<apply::PyPlacer>(module)?;
     module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
     module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
     module.add_function(wrap_pyfunction!(documents::mechanism_schema, module)?)?;

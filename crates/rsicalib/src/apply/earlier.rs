@@ -185,6 +185,7 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
 }
 
 /// A model of readings, and which of its parameters are those of a result.
+#[derive(Debug)]
 pub(crate) struct Under {
     pub(crate) model: Model,
     pub(crate) readings: Readings,
@@ -324,7 +325,12 @@ impl Under {
 
     /// Place of every carried point in every row where the result has these values.
     pub(crate) fn points(&self, values: &[f64]) -> Vec<Vec<[f64; 3]>> {
-        let (model, readings, beta) = (&self.model, &self.readings, self.internal(values));
+        self.points_at(&self.internal(values))
+    }
+
+    /// The same with these parameters of the model.
+    pub(crate) fn points_at(&self, beta: &[f64]) -> Vec<Vec<[f64; 3]>> {
+        let (model, readings) = (&self.model, &self.readings);
         let points = &model.mechanism.points;
         let carried: Vec<usize> =
             (0..points.len()).filter(|&p| points[p].chain.is_some()).collect();
@@ -332,7 +338,7 @@ impl Under {
         let mut ws = Workspace::default();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: false };
-            model.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
+            model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
             let points = model.points(&ws);
             for (out, &p) in out.iter_mut().zip(&carried) {
                 let Some(at) = points[p] else { continue };

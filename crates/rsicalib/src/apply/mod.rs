@@ -9,6 +9,7 @@ pub mod fixture;
 pub mod groups;
 pub(crate) mod known;
 pub mod moved;
+pub mod placer;
 pub mod places;
 pub mod poses;
 pub(crate) mod slopes;

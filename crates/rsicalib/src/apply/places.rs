@@ -3,7 +3,7 @@
 use faer::{Mat, Side};
 
 use crate::Error;
-use crate::apply::earlier::{Applied, Under};
+use crate::apply::earlier::{Applied, Under, opened};
 use crate::apply::poses::short_way;
 use crate::mechanism::Mechanism;
 use crate::readings::Table;
@@ -48,14 +48,9 @@ pub fn places(
     table: Table,
 ) -> Result<Places, Error> {
     let posed = !mechanism.platform.is_empty();
-    let (under, names) = if posed {
-        let names = ["x", "y", "z", "rx", "ry", "rz"].map(String::from).to_vec();
-        (Under::new(mechanism, applied, table)?, names)
-    } else {
-        let carried = mechanism.points.iter().filter(|p| p.chain.is_some());
-        let names = carried.flat_map(|p| ["x", "y", "z"].map(|axis| format!("{}.{axis}", p.name)));
-        (Under::open(mechanism, applied, table)?, names.collect())
-    };
+    let names = names_of(mechanism)?;
+    let build = if posed { Under::new } else { Under::open };
+    let under = build(mechanism, applied, table)?;
     let at = |values: &[f64]| -> Vec<f64> {
         if posed {
             return under.poses(values, &applied.sigma).concat();
@@ -72,6 +67,21 @@ pub fn places(
         None => None,
     };
     Ok(Places { values: at(&under.values), names, sd })
+}
+
+/// Names of what [`places`] gives.
+///
+/// # Errors
+///
+/// [`Error::Missing`] without a platform where no chain carries a point.
+pub(crate) fn names_of(mechanism: &Mechanism) -> Result<Vec<String>, Error> {
+    if !mechanism.platform.is_empty() {
+        return Ok(["x", "y", "z", "rx", "ry", "rz"].map(String::from).to_vec());
+    }
+    let opened = opened(mechanism)?;
+    let carried = opened.points.iter().filter(|p| p.chain.is_some());
+    let names = carried.flat_map(|p| ["x", "y", "z"].map(|axis| format!("{}.{axis}", p.name)));
+    Ok(names.collect())
 }
 
 /// Standard deviations of what `at` gives, by differences along the principal axes.

@@ -310,6 +310,20 @@ impl Readings {
         before.checked_sub(1).map_or(-0.5, |r| self.pose[r] as f64 + 0.5)
     }
 
+    /// Puts another reading in place of the only one.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`]; the reading is then in place all the same.
+    pub(crate) fn replace(&mut self, mechanism: &Mechanism, reading: &[f64]) -> Result<(), Error> {
+        self.table.values.clear();
+        self.table.values.extend_from_slice(reading);
+        self.raw.clear();
+        self.raw.extend(reading.iter().map(|value| Lanes::splat(*value)));
+        (self.sides, self.motion) = (OnceLock::new(), OnceLock::new());
+        check(mechanism, &self.table).map(|_| ())
+    }
+
     /// Counts temperatures from `mean` (°C) instead of the mean of these readings.
     pub fn count_temperature_from(&mut self, mean: f64) {
         let Some(own) = self.mean_temperature.replace(mean) else { return };

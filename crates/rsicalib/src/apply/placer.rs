@@ -1,0 +1,73 @@
+//! Where a mechanism is, one reading after the other: what depends on the result alone is made once.
+
+use crate::Error;
+use crate::apply::earlier::{Applied, Under};
+use crate::apply::places::names_of;
+use crate::apply::poses::poses_of;
+use crate::estimate::Noise;
+use crate::mechanism::Mechanism;
+use crate::readings::Table;
+
+/// A mechanism under a result, which tells its place reading by reading.
+///
+/// Each reading is by itself, as one row is for [`places`](crate::apply::places::places): without a
+/// time, a temperature and a pose before.
+#[derive(Debug)]
+pub struct Placer {
+    mechanism: Mechanism,
+    applied: Applied,
+    noise: Noise,
+    names: Vec<String>,
+    /// The mechanism with its last reading, and the parameters of its model.
+    last: Option<(Under, Vec<f64>)>,
+}
+
+impl Placer {
+    /// A mechanism under a result.
+    ///
+    /// # Errors
+    ///
+    /// As [`places`](crate::apply::places::places).
+    pub fn new(mechanism: &Mechanism, applied: Applied) -> Result<Self, Error> {
+        let names = names_of(mechanism)?;
+        let noise = Noise::declared(applied.sigma.clone());
+        Ok(Self { mechanism: mechanism.clone(), applied, noise, names, last: None })
+    }
+
+    /// Names of the values: `x y z rx ry rz`, or `ball.x ball.y ball.z` of a point `ball`.
+    #[must_use]
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The place of one reading, one number for each channel: a value for each name.
+    ///
+    /// # Errors
+    ///
+    /// As [`places`](crate::apply::places::places).
+    pub fn place(&mut self, reading: &[f64]) -> Result<Vec<f64>, Error> {
+        let channels = self.mechanism.channels.len();
+        if reading.len() != channels {
+            let (what, found) = ("reading".into(), reading.len());
+            return Err(Error::Shape { what, found, expected: channels });
+        }
+        let posed = !self.mechanism.platform.is_empty();
+        let (under, beta) = match self.last.take() {
+            Some((mut under, beta)) => {
+                under.readings.replace(&under.model.mechanism, reading)?;
+                self.last.insert((under, beta))
+            }
+            None => {
+                let table = Table { values: reading.to_vec(), ..Table::default() };
+                let build = if posed { Under::new } else { Under::open };
+                let under = build(&self.mechanism, &self.applied, table)?;
+                let beta = under.internal(&under.values);
+                self.last.insert((under, beta))
+            }
+        };
+        if posed {
+            return Ok(poses_of(&under.model, &under.readings, beta, &self.noise).concat());
+        }
+        Ok(under.points_at(beta).concat().concat())
+    }
+}
