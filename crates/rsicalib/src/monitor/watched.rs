@@ -257,7 +257,7 @@ pub(crate) fn changes(mechanism: &Mechanism) -> Vec<Spec> {
     let mut changes: Vec<Spec> =
         (0..mechanism.channels.len()).map(|c| spec("offset", Target::Channel(c))).collect();
     for (k, closure) in mechanism.closures.iter().enumerate() {
-        if closure.kind.has_value() {
+        if closure.kind.has_value() && mechanism.is_drawn(k) {
             changes.push(spec("distance", Target::Closure(k)));
         }
     }
