@@ -276,7 +276,7 @@ pub struct Noise {
     /// Where the noise is known from; null in results of earlier versions.
     #[serde(default)]
     pub kind: Option<Source>,
-    /// How well what is touched holds its place, where only the fit tells it [length_unit].
+    /// How well what is touched holds its place, where only the fit tells it, in `length_unit`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seating: Option<f64>,
 }
