@@ -10,6 +10,6 @@ from tests.edited import run
 def test_an_edited_result_is_refused_or_told_or_gives_the_poses_that_it_gave(
     tmp_path: Path,
 ) -> None:
-    counts, faults = run(400, 1, tmp_path)
+    counts, faults = run(800, 1, tmp_path)
     assert faults == []
     assert min(counts["refused"], counts["told"], counts["as good"]) > 20

@@ -29,7 +29,6 @@ NEAR = 0.06
 """A pose this near its target is taken at once, as a share of what channels can read."""
 SAME = 0.01
 """A pose this near one that was taken is that one."""
-ELSEWHERE = "this is pose"
 """What a message begins with where the hand is at a pose that was taken."""
 LONGER = 3.0
 """A pose that is not near its target is taken where it is when it is held this much longer."""
@@ -76,6 +75,8 @@ class Session:
     advice: Advice | None = None
     done: bool = False
     message: str = ""
+    elsewhere: bool = False
+    """Whether the hand holds still where nothing is to be measured."""
     note: str = ""
     bad_lines: int = 0
     bad_line: str = ""
@@ -180,11 +181,11 @@ class Session:
             return
         now = self.hold.now
         if now is None or self.hold.progress < 1.0:
-            self.message = "hold still" if self.hold.progress > 0.3 else ""
+            self._say("hold still" if self.hold.progress > 0.3 else "")
             return
         ends = self._at_ends(now)
         if ends:
-            self.message = f"{ends[0]} is at the end of its range: move away from there"
+            self._say(f"{ends[0]} is at the end of its range: move away from there")
             return
         if self._pending is not None:
             return
@@ -195,13 +196,17 @@ class Session:
         repeat = self._repeat()
         again = repeat is not None and taken is not None and taken[0] == repeat
         if taken is not None and not again and apart(at, taken[1], self.spans) < SAME:
-            self.message = f"{ELSEWHERE} {taken[0]}, which adds nothing again: go on to the next"
+            again_here = f"this is pose {taken[0]}, which adds nothing again: go on to the next"
+            self._say(again_here, elsewhere=True)
             return
         if not near and self.hold.held_s < LONGER * self.settings.seconds:
-            self.message = "go on to the pose, or hold to have this one taken"
+            self._say("go on to the pose, or hold to have this one taken")
             return
         self._take(self.hold.taken())
         self._ask()
+
+    def _say(self, message: str, *, elsewhere: bool = False) -> None:
+        self.message, self.elsewhere = message, elsewhere
 
     def _take(self, samples: Sequence[Sample]) -> None:
         label = self.next_label
@@ -219,7 +224,7 @@ class Session:
         self.hold.clear()
         kept = ": it checks the closure and is not fitted" if self.log.held_out(label) else ""
         self.note = f"pose {label} is taken{kept}"
-        self.message = ""
+        self._say("")
 
     def _ask(self) -> None:
         """Have advice worked out on what there is."""
@@ -435,7 +440,7 @@ class Session:
         if not self._recent:
             return "wait"
         # A hand that rests where nothing is to be measured is not asked to hold still.
-        here = self.hold.progress > 0.3 and not self.message.startswith(ELSEWHERE)
+        here = self.hold.progress > 0.3 and not self.elsewhere
         return "hold" if here else "move"
 
     def _order(self, phase: str, troubles: list[str]) -> dict[str, str]:

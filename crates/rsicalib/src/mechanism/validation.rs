@@ -67,8 +67,8 @@ impl Mechanism {
         let columns: Vec<&str> = self.columns.iter().map(|c| c.name.as_str()).collect();
         let channels: Vec<&str> = self.channels.iter().map(|c| c.name.as_str()).collect();
         if let Some(name) = law.parameters.keys().find(|p| columns.contains(&p.as_str())) {
-            let place = format!("term {:?}, parameters", law.id);
-            return Err(refuse(place, format!("{name:?}"), "a name that is no column".into()));
+            let place = format!("term {}, parameters", quoted(&law.id));
+            return Err(refuse(place, quoted(name), "a name that is no column".into()));
         }
         for variable in law.formula_among(&columns, &channels)?.variables {
             if let Variable::Theta(k) = variable
