@@ -236,3 +236,19 @@ fn out_of_reach_says_which_arm_by_how_much_and_why() {
     let text = "pose 0 is out of reach: arm1 by 0.7710 in (nearer than the folded arm)";
     assert_eq!(error.to_string(), text);
 }
+
+#[test]
+fn the_joints_of_a_pose_do_not_depend_on_the_name_of_a_closure() {
+    use rsicalib::mechanism::Value;
+    use rsicalib::model::assembly;
+    let drawn = Mechanism::rsi();
+    let mut other = drawn.clone();
+    other.closures[0].name = "side held".into();
+    other.closures[0].value = Some(Value::Known(2.7)); // no closure of the drawing takes part
+    for (pose, angles) in reachable(5) {
+        let found = assembly::inverse(&other, &pose).expect("within reach");
+        let apart = |(found, angle): (&f64, f64)| (found - angle).abs();
+        let angles = angles.into_iter().flatten();
+        assert!(found.iter().zip(angles).map(apart).fold(0.0, f64::max) < 1e-8);
+    }
+}

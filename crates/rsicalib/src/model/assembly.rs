@@ -28,16 +28,24 @@ pub fn held_at(mechanism: &Mechanism, pose: &[f64; 6], noise: Option<f64>) -> Me
     let mut held = mechanism.clone();
     held.points.retain(|p| !p.is_unknown());
     held.closures.retain(|c| c.between.iter().all(|b| held.points.iter().any(|p| p.name == *b)));
-    for (name, at) in placed(mechanism, pose) {
-        let fixed = format!("{name} held");
-        held.points.push(Point {
-            name: fixed.clone(),
-            at: Some([at.x, at.y, at.z]),
-            ..Point::default()
-        });
-        held.closures.push(Closure { noise, ..Closure::touch(fixed.clone(), [name, fixed]) });
-    }
+    let (points, closures): (Vec<_>, Vec<_>) = touches(mechanism, pose, noise).unzip();
+    held.points.extend(points);
+    held.closures.extend(closures);
     held
+}
+
+/// The places of the platform's points at a pose, and the closures that hold the points there.
+fn touches(
+    mechanism: &Mechanism,
+    pose: &[f64; 6],
+    noise: Option<f64>,
+) -> impl Iterator<Item = (Point, Closure)> {
+    placed(mechanism, pose).into_iter().map(move |(name, at)| {
+        let fixed = format!("{name} held");
+        let at = Some([at.x, at.y, at.z]);
+        let point = Point { name: fixed.clone(), at, ..Point::default() };
+        (point, Closure { noise, ..Closure::touch(fixed.clone(), [name, fixed]) })
+    })
 }
 
 /// Joint coordinates (rad, or length units) that hold the platform at a pose, one per channel.
@@ -58,7 +66,7 @@ pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error
         });
     }
     let mut bare = held_at(mechanism, pose, None);
-    bare.closures.retain(|c| c.name.ends_with(" held"));
+    bare.closures = touches(mechanism, pose, None).map(|(_, closure)| closure).collect();
     for channel in &mut bare.channels {
         channel.unit = "rad".into();
         (channel.gain, channel.offset, channel.range) = (1.0, 0.0, None);
