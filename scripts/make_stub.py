@@ -138,6 +138,7 @@ RETURNS = {
     "Mechanism.from_dict": "Mechanism",
     "Mechanism.from_toml": "Mechanism",
     "Mechanism.inverse": "list[float]",
+    "Mechanism.equations": "int",
     "Mechanism.key_columns": "list[str]",
     "Mechanism.length_unit": "str",
     "Mechanism.name": "str",

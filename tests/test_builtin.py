@@ -9,19 +9,20 @@ from rsicalib.io.builtin import BUILTIN
 
 
 @pytest.mark.parametrize(
-    ("name", "channels", "kinds"),
+    ("name", "channels", "kinds", "equations"),
     [
-        ("maslow", ["tl", "tr", "bl", "br"], {"distance"}),
-        ("delta", ["a", "b", "c"], {"distance", "plane"}),
-        ("so101", None, {"equal"}),
+        ("maslow", ["tl", "tr", "bl", "br"], {"distance"}, 4),
+        ("delta", ["a", "b", "c"], {"distance", "plane"}, 4),
+        ("so101", None, {"equal"}, 5),
     ],
 )
 def test_a_built_in_mechanism_is_a_file_that_its_owner_may_change(
-    name: str, channels: list[str] | None, kinds: set[str]
+    name: str, channels: list[str] | None, kinds: set[str], equations: int
 ) -> None:
     mechanism = rsicalib.load_mechanism(name)
     assert mechanism.name == name
     assert {closure["kind"] for closure in mechanism.to_dict()["closure"]} == kinds
+    assert mechanism.equations == equations
     assert channels is None or [c.name for c in mechanism.channels] == channels
     assert rsicalib.load_mechanism(mechanism.to_toml()) == mechanism
 

@@ -126,6 +126,10 @@ class Mechanism:
     def distance_columns(self) -> list[str]:
         """Columns of the readings that hold measured distances."""
 
+    @property
+    def equations(self) -> int:
+        """Scalar equations of one sample."""
+
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Mechanism:
         """Takes a mechanism from plain values, keys and units as in the TOML."""

@@ -210,6 +210,12 @@ impl PyMechanism {
         self.0.laws.iter().cloned().map(PyTerm).collect()
     }
 
+    /// Scalar equations of one sample.
+    #[getter]
+    fn equations(&self) -> usize {
+        self.0.equations()
+    }
+
     /// Text columns of the readings that its unknown points need.
     #[getter]
     fn key_columns(&self) -> Vec<String> {

@@ -32,8 +32,6 @@ GAIN_SD = 0.05
 """What is known of a gain, as a fraction of it."""
 REST_SD = 0.1
 """What is known of where the rest pose holds the platform, as a fraction of its longest side."""
-EQUATIONS = {"touch": 3, "line": 2}
-"""Equations of a closure, where they are not one."""
 SPARE = 6
 """Equations beyond the parameters, from which on a session is traced."""
 
@@ -88,12 +86,6 @@ class Adviser:
 
     def __post_init__(self) -> None:
         self.prior = _with_priors(self.mechanism, self.rest)
-
-    @property
-    def equations(self) -> int:
-        """Equations of one sample."""
-        kinds = [c["kind"] for c in self.mechanism.to_dict()["closure"]]
-        return sum(EQUATIONS.get(kind, 1) for kind in kinds)
 
     def advise(
         self,
@@ -158,7 +150,7 @@ class Adviser:
         """Equations beyond the parameters: of the sensors, and of what is touched."""
         touched = {samples[0].keys for samples in fitted.values()} - {()}
         sensors = 2 * len(self.mechanism.channels)
-        return len(fitted) * self.equations - sensors - 3 * len(touched)
+        return len(fitted) * self.mechanism.equations - sensors - 3 * len(touched)
 
     def _traced(self, fitted: Mapping[int, Sequence[Sample]]) -> Trace | None:
         if self._spare(fitted) < SPARE:
