@@ -65,6 +65,7 @@ def test_a_channel_without_a_law_is_named(channel: str) -> None:
     result = examined(int(channel[1:]), Lawless(channel, SIZE, seed=5))
     assert result["verdict"] in ("unexplained", "partly_explained")
     assert result["unexplained"]["target"] == channel
+    assert result["unexplained"]["kind"] == "one_target"
     assert f"errors of {channel} alone explain" in result["unexplained"]["text"]
     assert {step["target"] for step in result["steps"]} <= {channel}
     assert not result["excluded"]

@@ -569,6 +569,8 @@ class Unexplained(Record):
     """Where the structure is."""
     text: str
     """What is left, in words."""
+    kind: str | None = None
+    """What it is; null in results of earlier versions."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -179,5 +179,5 @@ def said(result: Result) -> tuple[str, ...]:
 
 def speaks_of_noise(result: Result) -> bool:
     """Whether it is said that the declared noise, or play, does not fit."""
-    left = (result.get("unexplained") or {}).get("text", "")
-    return "declared noise" in left or any(w["kind"] == "noise" for w in result["warnings"])
+    left = (result.get("unexplained") or {}).get("kind")
+    return left == "declared_noise" or any(w["kind"] == "noise" for w in result["warnings"])

@@ -17,6 +17,7 @@ use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::{Reason, Verdict};
 use crate::estimate::noise::source::Source;
 use crate::mechanism::Law;
+use crate::report::traced::Left;
 use crate::report::warned::Warned;
 use crate::terms::term::{Class, Over};
 
@@ -625,6 +626,9 @@ pub struct Unexplained {
     pub target: Option<String>,
     /// What is left, in words.
     pub text: String,
+    /// What it is; null in results of earlier versions.
+    #[serde(default)]
+    pub kind: Option<Left>,
 }
 
 /// How large an absent effect would have to be to be seen, and what it would do meanwhile.

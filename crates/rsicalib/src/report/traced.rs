@@ -102,12 +102,14 @@ pub struct Unexplained {
     /// In words.
     pub text: String,
     /// What it is.
-    #[cfg_attr(feature = "serde", serde(skip))]
     pub kind: Left,
 }
 
 /// What is left after a trace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Left {
     /// No more than noise.
@@ -122,6 +124,9 @@ pub enum Left {
     DeclaredNoise,
     /// More than noise, of several.
     Structure,
+    /// A kind of a later version.
+    #[cfg_attr(feature = "serde", serde(other))]
+    Other,
 }
 
 impl Left {
