@@ -1,121 +1,336 @@
-//! Directions that no reading could ever show, taken out of what a session seems to tell.
+//! Directions that no reading could ever show.
 //!
-//! A turn of an arm about its first axis, together with all that it touches, does nothing where
-//! the loops are closed, and something where noise has opened them: a fit tells it by that alone.
+//! A turn of an arm about its first axis, together with all that it touches, does nothing where the
+//! loops are closed: a drawing says where the first joint is at zero, and no reading does. With random
+//! configurations of the same device, closed at the estimates, such directions `v = (v_d, v_u)` of
+//! the device and of what is unknown have
+//!
+//! ```text
+//! P X_t v_d = 0  and  X_g v = 0                                           (112)
+//! ```
+//!
+//! with `X_t` the columns of the device at other unknown places, `P` the projection that leaves
+//! those places free, and `X_g` at the places that were touched. Noise and play open the loops, and
+//! there a fit seems to tell such a direction: its Gram matrix is projected onto the others.
 
+use faer::linalg::solvers::Svd;
 use faer::{Mat, Side};
 
 use crate::Error;
 use crate::estimate::observations::Observations;
-use crate::mechanism::Point;
-use crate::model::configurations::Configurations;
-use crate::model::{Model, Prior, Thing};
+use crate::estimate::sparse::{Row, reduced};
+use crate::model::configurations::{Configurations, linear};
+use crate::model::{Model, Prior};
 use crate::numerics::random::Random;
 use crate::numerics::rank::{Spaces, eliminated, scaled, unit};
-use crate::numerics::symmetric::invert;
+use crate::numerics::symmetric::{eigenvalues, invert};
 use crate::readings::Readings;
 use crate::terms::term::{Needs, Placed};
 
-/// Relative eigenvalues below this are small: what no reading could show is told by misclosures that
-/// are not zero, as the part that they are of the machine, squared.
-const HARDLY: f64 = 1e-4;
-
-/// The most that misclosures, a thousandth of the machine at the most, tell of a convention.
+/// The most that misclosures, a thousandth of the machine at the most, tell of a convention: unit
+/// columns, squared.
 const OPENED: f64 = 1e-6;
 
-/// The Gram matrix of a session at these parameters without what it seems to tell of directions
-/// that no reading could show: they do nothing where the loops are closed, and something where noise
-/// has opened them.
-pub(crate) fn without_conventions(
-    observations: &Observations,
-    model: &Model,
-    priors: &[Prior],
-    beta: &[f64],
-    gram: Mat<f64>,
-) -> Mat<f64> {
-    let n = gram.nrows();
-    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
-    let by: Vec<f64> =
-        norms.iter().map(|v| if *v > 0.0 && v.is_finite() { v.recip() } else { 0.0 }).collect();
-    let one = Mat::from_fn(n, n, |i, j| gram[(i, j)] * by[i] * by[j]);
-    let weak = |values: &[f64]| values.first() < values.last().map(|v| HARDLY * v).as_ref();
-    let told = one.self_adjoint_eigenvalues(Side::Lower).is_ok_and(|values| !weak(&values));
-    // A rest pose, or a drawing with a standard deviation, may tell what readings cannot.
-    let held = priors.iter().any(|prior| matches!(prior, Prior::Parameter { .. }));
-    // A point in each pose has one row: rows of it that close would all be the same.
-    let points = model.unknowns.iter().all(|u| matches!(u.thing, Thing::Point(_)));
-    let placed = points && !observations.mechanism.points.iter().any(Point::moves);
-    if told || held || !placed || observations.held.is_some() {
-        return gram;
+/// A direction shows itself by more than this part of what its parameters would, did they not cancel:
+/// the root of how well a Gram matrix tells a direction, with room for condition.
+const SHOWN: f64 = 1e-4;
+
+/// Directions that no reading could show, and that neither a drawing with a standard deviation nor a
+/// rest pose tells.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Conventions {
+    /// Each with the parameter that stays as drawn.
+    pub(crate) rows: Vec<Row>,
+    /// Length of the column of each parameter; one where it is zero.
+    norms: Vec<f64>,
+    /// An orthonormal basis of the directions, in these lengths.
+    basis: Vec<Vec<f64>>,
+}
+
+/// A fit at which conventions are looked for.
+#[derive(Clone, Copy)]
+pub(crate) struct Here<'a> {
+    pub(crate) observations: &'a Observations,
+    pub(crate) model: &'a Model,
+    pub(crate) priors: &'a [Prior],
+    pub(crate) beta: &'a [f64],
+}
+
+impl Conventions {
+    /// Those of a fit with this Gram matrix; none where random configurations cannot be closed.
+    pub(crate) fn of(here: Here<'_>, gram: &Mat<f64>) -> Self {
+        let n = gram.nrows();
+        let norm = |i: usize| gram[(i, i)].max(0.0).sqrt();
+        if (0..n).any(|i| !norm(i).is_finite()) {
+            return Self::default();
+        }
+        let norms: Vec<f64> = (0..n).map(|i| if norm(i) > 0.0 { norm(i) } else { 1.0 }).collect();
+        let one = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (norms[i] * norms[j]));
+        let weak = |values: &[f64]| values.first() < values.last().map(|v| OPENED * v).as_ref();
+        if !one.self_adjoint_eigenvalues(Side::Lower).is_ok_and(|values| weak(&values)) {
+            return Self::default();
+        }
+        let mut found = Self { rows: Vec::new(), norms, basis: Vec::new() };
+        let random = &mut Random::new(0);
+        found.of_places(here, &one, random).unwrap_or_default();
+        found.of_device(here, &one, random).unwrap_or_default();
+        found.without_what_is_told(here);
+        found.rows = reduced(found.basis.clone(), here.model.term_parameters, &[]);
+        found
     }
-    let Ok(Some(device)) = conventions(observations, model, beta) else { return gram };
-    let terms = model.term_parameters;
-    // The places of unknown points follow the device.
-    let places = Mat::from_fn(n - terms, n - terms, |i, j| gram[(terms + i, terms + j)]);
-    let cross = Mat::from_fn(n - terms, terms, |i, j| gram[(terms + i, j)]);
-    let follow = invert(&places).0 * (cross * &device);
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    for k in 0..device.ncols() {
-        let own = |i: usize| if i < terms { device[(i, k)] } else { -follow[(i - terms, k)] };
-        let mut column: Vec<f64> = (0..n).map(|i| own(i) * norms[i]).collect();
-        for other in &basis {
+
+    /// A Gram matrix without what it seems to tell of them.
+    pub(crate) fn out_of(&self, gram: Mat<f64>) -> Mat<f64> {
+        if self.basis.is_empty() {
+            return gram;
+        }
+        let n = gram.nrows();
+        let norms = &self.norms;
+        let one = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (norms[i] * norms[j]));
+        let one = self.projected(&one);
+        Mat::from_fn(n, n, |i, j| 0.5 * (one[(i, j)] + one[(j, i)]) * norms[i] * norms[j])
+    }
+
+    /// A Gram matrix that tells each of them as well as one parameter alone: what it leaves open then
+    /// is something else.
+    pub(crate) fn told_beside(&self, gram: &Mat<f64>) -> Mat<f64> {
+        let n = gram.nrows();
+        let own = |i: usize, j: usize| -> f64 {
+            self.basis.iter().map(|b| b[i] * self.norms[i] * b[j] * self.norms[j]).sum()
+        };
+        Mat::from_fn(n, n, |i, j| gram[(i, j)] + own(i, j))
+    }
+
+    /// What holds a parameter of each where it is drawn while a minimum is looked for, places where
+    /// they are in `x`. It tells nothing of anything else.
+    pub(crate) fn holds(&self, model: &Model, x: &[f64]) -> Vec<Prior> {
+        let drawn = |p: usize| if p < model.term_parameters { 0.0 } else { x[p] };
+        let hold = |&(column, _): &Row| Prior::Parameter {
+            column,
+            mean: drawn(column),
+            sd: self.norms[column].recip(),
+        };
+        self.rows.iter().map(hold).collect()
+    }
+
+    /// Parameters moved along them to what holds them.
+    pub(crate) fn moved(&self, x: &[f64], holds: &[Prior]) -> Vec<f64> {
+        let mut there = x.to_vec();
+        for ((pivot, row), hold) in self.rows.iter().zip(holds) {
+            let off = hold.off(x) / self.norms[*pivot];
+            for (i, there) in there.iter_mut().enumerate() {
+                *there -= off * row[i] * self.norms[*pivot] / self.norms[i];
+            }
+        }
+        there
+    }
+
+    /// `P A P` with `P` the projection onto all other directions.
+    fn projected(&self, one: &Mat<f64>) -> Mat<f64> {
+        let n = one.nrows();
+        let left = Mat::from_fn(n, n, |i, j| {
+            f64::from(u8::from(i == j)) - self.basis.iter().map(|b| b[i] * b[j]).sum::<f64>()
+        });
+        &left * one * &left
+    }
+
+    /// Adds a direction to the basis, unless the data do tell it, whatever random configurations say.
+    fn add(&mut self, mut column: Vec<f64>, one: &Mat<f64>) {
+        let n = column.len();
+        // Twice, as rounding is of the length that it had.
+        for other in self.basis.iter().chain(&self.basis) {
             let along: f64 = column.iter().zip(other).map(|(a, b)| a * b).sum();
             column.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
         }
         let length = column.iter().map(|v| v * v).sum::<f64>().sqrt();
         column.iter_mut().for_each(|v| *v /= length);
         let told = |i: usize| (0..n).map(|j| one[(i, j)] * column[j]).sum::<f64>() * column[i];
-        // What the data do tell is no convention, whatever random configurations say.
         if length > 0.0 && (0..n).map(told).sum::<f64>() < OPENED {
-            basis.push(column);
+            self.basis.push(column);
         }
     }
-    let left = Mat::from_fn(n, n, |i, j| {
-        f64::from(u8::from(i == j)) - basis.iter().map(|b| b[i] * b[j]).sum::<f64>()
-    });
-    let one = &left * one * &left;
-    Mat::from_fn(n, n, |i, j| 0.5 * (one[(i, j)] + one[(j, i)]) * norms[i] * norms[j])
+
+    /// Directions of what is unknown alone: the second of (112) with `v_d = 0`.
+    fn of_places(
+        &mut self,
+        here: Here<'_>,
+        one: &Mat<f64>,
+        random: &mut Random,
+    ) -> Result<(), Error> {
+        let (terms, n) = (here.model.term_parameters, one.nrows());
+        // What no sample touches is not to be known, and no convention.
+        let live: Vec<usize> = (terms..n).filter(|&i| one[(i, i)] > 0.0).collect();
+        let own = Mat::from_fn(live.len(), live.len(), |i, j| one[(live[i], live[j])]);
+        let Some((values, vectors)) = eigenvalues(own.as_ref()) else { return Ok(()) };
+        let lost: Vec<usize> = (0..live.len()).filter(|&k| values[k] < OPENED).collect();
+        if lost.is_empty() {
+            return Ok(());
+        }
+        let mut candidates = Mat::zeros(n, lost.len());
+        for (k, &lost) in lost.iter().enumerate() {
+            live.iter().enumerate().for_each(|(i, &p)| {
+                candidates[(p, k)] = vectors[(i, lost)] / self.norms[p];
+            });
+        }
+        let readings = &here.observations.readings;
+        let mechanism = &here.observations.mechanism;
+        let touched = Configurations::of_keys(mechanism, readings.groups.clone()).about(readings);
+        let under = |readings: &Readings| {
+            let model = Model::like(here.model, touched.mechanism(), readings)?;
+            let mut beta = model.nominal();
+            beta[..terms].copy_from_slice(&here.beta[..terms]);
+            shared(here.model, &model).for_each(|(own, there)| beta[own] = here.beta[there]);
+            Ok((model, beta))
+        };
+        let readings = touched.closed_by(4 + lost.len(), random, &under)?;
+        let (model, beta) = under(&readings)?;
+        let x = touched.slopes(&model, &readings, &beta);
+        let mut there = Mat::zeros(model.parameters, lost.len());
+        for (own, of) in shared(here.model, &model) {
+            (0..lost.len()).for_each(|k| there[(own, k)] = candidates[(of, k)]);
+        }
+        for blind in blind(&x, &there) {
+            let of = |i: usize| -> f64 {
+                (0..lost.len()).map(|k| candidates[(i, k)] * blind[k]).sum::<f64>() * self.norms[i]
+            };
+            let column = (0..n).map(of).collect();
+            self.add(column, one);
+        }
+        Ok(())
+    }
+
+    /// Directions of the device, which what is unknown follows.
+    fn of_device(
+        &mut self,
+        here: Here<'_>,
+        one: &Mat<f64>,
+        random: &mut Random,
+    ) -> Result<(), Error> {
+        let (terms, n) = (here.model.term_parameters, one.nrows());
+        let mechanism = &here.observations.mechanism;
+        let others = Configurations::of_others(mechanism)?.about(&here.observations.readings);
+        let free = others.mechanism().clone();
+        let under = |readings: &Readings| {
+            let model = Model::like(here.model, &free, readings)?;
+            let mut beta = model.nominal();
+            beta[..terms].copy_from_slice(&here.beta[..terms]);
+            Ok((model, beta))
+        };
+        let others = others.with_places(random, &under)?;
+        let foreign = foreign(here.model);
+        let own: Vec<usize> = (0..terms).filter(|i| !foreign.contains(i)).collect();
+        let each = 6 + (3 * own.len()).div_ceil(2 * others.combinations());
+        let readings = others.closed_by(each, random, &under)?;
+        let (model, mut beta) = under(&readings)?;
+        others.put(&model, &mut beta);
+        let x = others.slopes(&model, &readings, &beta);
+        let device = Mat::from_fn(x.nrows(), own.len(), |i, j| x[(i, own[j])]);
+        let unknown = x.subcols(terms, x.ncols() - terms).to_owned();
+        let by = unit(&device);
+        let Some(seen) = eliminated(scaled(&device, &by), &unknown) else { return Ok(()) };
+        let Some(spaces) = Spaces::of(&seen) else { return Ok(()) };
+        // What is unknown follows the device, but not along directions of its own.
+        let projected = self.projected(one);
+        let places = Mat::from_fn(n - terms, n - terms, |i, j| projected[(terms + i, terms + j)]);
+        let cross = Mat::from_fn(n - terms, terms, |i, j| projected[(terms + i, j)]);
+        let follow = invert(&places).0 * cross;
+        for k in 0..spaces.null.ncols() {
+            let mut column = vec![0.0; n];
+            for (j, &i) in own.iter().enumerate() {
+                let by = if by[j] > 0.0 { by[j] } else { 1.0 };
+                column[i] = spaces.null[(j, k)] * by * self.norms[i];
+            }
+            for i in terms..n {
+                column[i] = -(0..terms).map(|j| follow[(i - terms, j)] * column[j]).sum::<f64>();
+            }
+            self.add(column, one);
+        }
+        Ok(())
+    }
+
+    /// Leaves those that neither a rest pose nor a drawing with a standard deviation tells. Known
+    /// distances between unknown points are closures: (112) has them.
+    fn without_what_is_told(&mut self, here: Here<'_>) {
+        let mut rows: Vec<Vec<f64>> = Vec::new();
+        for prior in here.priors.iter().filter(|p| !matches!(p, Prior::Apart { .. })) {
+            let mut row = vec![0.0; self.norms.len()];
+            for (i, slope) in prior.slopes(here.beta) {
+                row[i] += slope / self.norms[i];
+            }
+            rows.push(row);
+        }
+        if let Ok(Some((model, readings))) = held(here.observations, here.model) {
+            let (_, x) = linear(&model, readings, here.beta);
+            for k in 0..x.nrows() {
+                let mut row = vec![0.0; self.norms.len()];
+                let terms = here.model.term_parameters.min(x.ncols());
+                (0..terms).for_each(|i| row[i] = x[(k, i)] / self.norms[i]);
+                rows.push(row);
+            }
+        }
+        let m = self.basis.len();
+        if rows.is_empty() || m == 0 {
+            return;
+        }
+        for row in &mut rows {
+            let length = row.iter().map(|v| v * v).sum::<f64>().sqrt();
+            row.iter_mut().for_each(|v| *v /= length.max(f64::MIN_POSITIVE));
+        }
+        let seen = Mat::from_fn(rows.len(), m, |k, b| {
+            rows[k].iter().zip(&self.basis[b]).map(|(row, v)| row * v).sum::<f64>()
+        });
+        let square = seen.transpose() * &seen;
+        let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return };
+        let untold = (0..m).filter(|&k| values[k] < SHOWN * SHOWN);
+        let made = |k: usize| -> Vec<f64> {
+            let of = |i: usize| (0..m).map(|b| vectors[(b, k)] * self.basis[b][i]).sum();
+            (0..self.norms.len()).map(of).collect()
+        };
+        self.basis = untold.map(made).collect();
+    }
 }
 
-/// Combinations of the parameters of a device that no reading could show, as columns: none of them
-/// changes closed loops at unknown points wherever these are.
-fn conventions(
-    observations: &Observations,
+/// A model of the rest pose, and its reading; none where it is not part of the fit.
+pub(crate) fn held<'a>(
+    observations: &'a Observations,
     model: &Model,
-    beta: &[f64],
-) -> Result<Option<Mat<f64>>, Error> {
-    let mut random = Random::new(0);
-    let elsewhere = Configurations::new(&observations.mechanism, &mut random)?;
-    let terms = model.term_parameters;
-    let foreign = foreign(model);
-    let own: Vec<usize> = (0..terms).filter(|i| !foreign.contains(i)).collect();
-    let each = 6 + (3 * own.len()).div_ceil(2 * elsewhere.combinations());
-    let under = |readings: &Readings| {
-        let model = Model::like(model, elsewhere.mechanism(), readings)?;
-        let mut at = elsewhere.nominal(&model);
-        at[..terms].copy_from_slice(&beta[..terms]);
-        Ok((model, at))
+) -> Result<Option<(Model, &'a Readings)>, Error> {
+    let held = observations.held.as_ref();
+    held.map(|(mechanism, readings)| Ok((Model::like(model, mechanism, readings)?, readings)))
+        .transpose()
+}
+
+/// Combinations of columns of `directions` that `X` does not see.
+fn blind(x: &Mat<f64>, directions: &Mat<f64>) -> Vec<Vec<f64>> {
+    let m = directions.ncols();
+    let norms: Vec<f64> = x.col_iter().map(|column| column.norm_l2()).collect();
+    let most = |k: usize| -> f64 {
+        norms.iter().enumerate().map(|(i, norm)| norm * directions[(i, k)].abs()).sum()
     };
-    let readings = elsewhere.closed_by(each, &mut random, &under)?;
-    let (there, at) = under(&readings)?;
-    let x = elsewhere.slopes(&there, &readings, &at);
-    let device = Mat::from_fn(x.nrows(), own.len(), |i, j| x[(i, own[j])]);
-    let unknown = x.subcols(terms, x.ncols() - terms).to_owned();
-    let by = unit(&device);
-    let Some(seen) = eliminated(scaled(&device, &by), &unknown) else { return Ok(None) };
-    let Some(spaces) = Spaces::of(&seen) else { return Ok(None) };
-    let null = &spaces.null;
-    let mut found = Mat::zeros(terms, null.ncols());
-    for k in 0..null.ncols() {
-        for (j, &column) in own.iter().enumerate() {
-            found[(column, k)] = null[(j, k)] * if by[j] > 0.0 { by[j] } else { 1.0 };
-        }
+    let by: Vec<f64> = (0..m).map(|k| if most(k) > 0.0 { most(k).recip() } else { 1.0 }).collect();
+    let y = scaled(&(x * directions), &by);
+    if y.nrows() < m {
+        return Vec::new();
     }
-    Ok(Some(found))
+    let Ok(svd) = Svd::new_thin(y.as_ref()) else { return Vec::new() };
+    let (values, v) = (svd.S().column_vector(), svd.V());
+    let unseen = (0..m).filter(|&k| values[k] <= SHOWN);
+    unseen.map(|k| (0..m).map(|j| by[j] * v[(j, k)]).collect()).collect()
+}
+
+/// Parameters of what is unknown that two models share: of `model`, and of `other`.
+fn shared<'a>(other: &'a Model, model: &'a Model) -> impl Iterator<Item = (usize, usize)> + 'a {
+    model.unknowns.iter().flat_map(|one| {
+        let same = other.unknowns.iter().find(|u| u.thing == one.thing && u.keys == one.keys);
+        let first = |there: usize, k: usize| {
+            (model.term_parameters + one.first + k, other.term_parameters + there + k)
+        };
+        same.into_iter().flat_map(move |there| (0..one.width).map(move |k| first(there.first, k)))
+    })
 }
 
 /// Parameters of what acts in some poses only, or by more than readings.
-pub(crate) fn foreign(model: &Model) -> Vec<usize> {
+fn foreign(model: &Model) -> Vec<usize> {
     let own = |term: &dyn crate::terms::term::Term| {
         matches!(term.info().needs, Needs::Nothing | Needs::Gravity | Needs::Masses)
             && term.placed() == Placed::Once

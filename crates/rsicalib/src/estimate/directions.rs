@@ -3,9 +3,9 @@
 use faer::{Mat, Side};
 
 use crate::estimate::fitted::Fit;
-use crate::estimate::gauge::{NOTHING, parted};
 use crate::estimate::note::Note;
 use crate::estimate::observations::Observations;
+use crate::estimate::sparse::{LISTED, Row, reduced};
 use crate::model::{Instance, Spec, place_name};
 use crate::terms::term::{Placed, Role};
 
@@ -104,104 +104,84 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     let own: Vec<Label> = kept.iter().map(|&i| labels[i].clone()).collect();
     let gram = Mat::from_fn(kept.len(), kept.len(), |i, j| fit.gram[(kept[i], kept[j])]);
     let mut found = describe(&gram, &own);
-    if !found.unobservable.is_empty() {
-        let parted = parted(observations, fit, &kept);
-        let norms: Vec<f64> =
-            (0..fit.gram.nrows()).map(|i| fit.gram[(i, i)].max(0.0).sqrt()).collect();
-        let sparse = Sparse { norms: &norms, labels: &labels, terms: fit.model.term_parameters };
-        let conventions = sparse.of(&parted.conventions, &[]);
-        let open = sparse.of(&parted.open, &conventions);
-        let name = |(_, row): &(usize, Vec<f64>)| sparse.direction(row);
-        found.conventions = conventions.iter().map(name).collect();
-        found.unobservable = open.iter().map(name).collect();
-        for (pivot, _) in open.iter().filter(|(pivot, _)| *pivot < sparse.terms) {
-            let spec = names[*pivot].spec();
-            if !found.too_many.contains(&spec) {
-                found.too_many.push(spec);
-            }
+    found.unobservable.clear();
+    let conventions = &fit.conventions.rows;
+    let norms: Vec<f64> = (0..fit.gram.nrows()).map(|i| fit.gram[(i, i)].max(0.0).sqrt()).collect();
+    let length = |i: usize| if norms[i] > 0.0 { norms[i] } else { 1.0 };
+    let left = left_open(&fit.conventions.told_beside(&fit.gram), &kept);
+    let rows =
+        left.into_iter().map(|row| row.iter().zip(0..).map(|(v, i)| v * length(i)).collect());
+    let open = reduced(rows.collect(), fit.model.term_parameters, conventions);
+    let held = |(pivot, row): &Row| direction(row, Some(*pivot), &labels, &length);
+    found.conventions = conventions.iter().map(held).collect();
+    found.unobservable =
+        open.iter().map(|(_, row)| direction(row, None, &labels, &length)).collect();
+    for (pivot, _) in open.iter().filter(|(pivot, _)| *pivot < fit.model.term_parameters) {
+        let spec = names[*pivot].spec();
+        if !found.too_many.contains(&spec) {
+            found.too_many.push(spec);
         }
     }
     found
 }
 
-/// How directions are told by few parameters. `norms` are the lengths of the columns of `X`.
-struct Sparse<'a> {
-    norms: &'a [f64],
-    labels: &'a [Label],
-    /// Parameters of terms, which come first.
-    terms: usize,
-}
-
-impl Sparse<'_> {
-    fn length(&self, i: usize) -> f64 {
-        if self.norms[i] > 0.0 { self.norms[i] } else { 1.0 }
+/// A direction in words of its parameters, the one that moves most first, or the one that is held;
+/// `length` is that of the column of each.
+fn direction(
+    row: &[f64],
+    held: Option<usize>,
+    labels: &[Label],
+    length: &dyn Fn(usize) -> f64,
+) -> Direction {
+    let mut along: Vec<(usize, f64)> = row.iter().copied().enumerate().collect();
+    along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    let most = along[0].1.abs();
+    if let Some(place) = held.and_then(|held| along.iter().position(|(i, _)| *i == held)) {
+        let held = along.remove(place);
+        along.insert(0, held);
     }
-
-    /// The directions of a basis in standard deviations of each parameter alone, each with a parameter
-    /// that no other has: the last that can be, of a term where one takes part. What is `beside` is
-    /// taken out of them.
-    fn of(&self, basis: &Mat<f64>, beside: &[(usize, Vec<f64>)]) -> Vec<(usize, Vec<f64>)> {
-        let (n, m) = (basis.nrows(), basis.ncols());
-        let mut rows: Vec<Vec<f64>> =
-            (0..m).map(|k| (0..n).map(|i| basis[(i, k)] * self.length(i)).collect()).collect();
-        for (pivot, other) in beside {
-            rows.iter_mut().for_each(|row| eliminate(row, other, *pivot));
-        }
-        let mut pivots: Vec<usize> = Vec::new();
-        for done in 0..m {
-            let most = |i: usize| rows[done..].iter().map(|r| r[i].abs()).fold(0.0, f64::max);
-            let sizes: Vec<f64> = (0..n).map(most).collect();
-            let last = |within: usize| {
-                let largest = sizes[..within].iter().copied().fold(0.0, f64::max);
-                let counts = |i: &usize| {
-                    sizes[*i] > LISTED * largest && sizes[*i] > PART && !pivots.contains(i)
-                };
-                (0..within).rev().find(counts)
-            };
-            let Some(pivot) = last(self.terms).or_else(|| last(n)) else { break };
-            let size = |k: &usize| rows[*k][pivot].abs();
-            let Some(best) = (done..m).max_by(|a, b| size(a).total_cmp(&size(b))) else { break };
-            rows.swap(done, best);
-            let by = rows[done][pivot];
-            rows[done].iter_mut().for_each(|v| *v /= by);
-            let own = rows[done].clone();
-            let others = rows.iter_mut().enumerate().filter(|(k, _)| *k != done);
-            others.for_each(|(_, row)| eliminate(row, &own, pivot));
-            pivots.push(pivot);
-        }
-        pivots.into_iter().zip(rows).collect()
-    }
-
-    fn direction(&self, row: &[f64]) -> Direction {
-        let mut along: Vec<(usize, f64)> = row.iter().copied().enumerate().collect();
-        along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let (first, largest) = along[0];
-        let part = |(i, v): &(usize, f64)| Moves {
-            label: self.labels[*i].clone(),
-            by: v / self.length(*i) / (largest / self.length(first)),
-        };
-        let taking_part = along.iter().filter(|(_, v)| v.abs() > LISTED * largest.abs());
-        let moves: Vec<Moves> = taking_part.take(6).map(part).collect();
-        match moves.len() {
-            1 => Direction::Absent(self.labels[first].clone()),
-            _ => Direction::Together(moves),
-        }
+    let (first, largest) = along[0];
+    let part = |(i, v): &(usize, f64)| Moves {
+        label: labels[*i].clone(),
+        by: v / length(*i) / (largest / length(first)),
+    };
+    let listed = |(i, v): &&(usize, f64)| *i == first || v.abs() > LISTED * most;
+    let moves: Vec<Moves> = along.iter().filter(listed).take(6).map(part).collect();
+    match moves.len() {
+        1 => Direction::Absent(labels[first].clone()),
+        _ => Direction::Together(moves),
     }
 }
 
-/// Takes out of a direction what another one, whose entry is 1 there, has of a parameter.
-fn eliminate(row: &mut [f64], other: &[f64], pivot: usize) {
-    let by = row[pivot];
-    row.iter_mut().zip(other).for_each(|(v, other)| *v -= by * other);
+/// Combinations of the parameters `kept` that a Gram matrix leaves open, in the parameters' units.
+fn left_open(gram: &Mat<f64>, kept: &[usize]) -> Vec<Vec<f64>> {
+    let n = gram.nrows();
+    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
+    let seen = |i: &usize| norms[*i] > 0.0 && norms[*i].is_finite();
+    let (live, absent): (Vec<usize>, Vec<usize>) = kept.iter().partition(|i| seen(i));
+    let mut rows: Vec<Vec<f64>> =
+        absent.iter().map(|&p| (0..n).map(|i| f64::from(u8::from(i == p))).collect()).collect();
+    let unit = Mat::from_fn(live.len(), live.len(), |i, j| {
+        gram[(live[i], live[j])] / (norms[live[i]] * norms[live[j]])
+    });
+    if let (Some(last), Ok(eigen)) =
+        (live.len().checked_sub(1), unit.self_adjoint_eigen(Side::Lower))
+    {
+        let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+        for k in (0..live.len()).filter(|&k| values[k] < NOTHING * values[last]) {
+            let mut row = vec![0.0; n];
+            live.iter().enumerate().for_each(|(i, &p)| row[p] = vectors[(i, k)] / norms[p]);
+            rows.push(row);
+        }
+    }
+    rows
 }
 
-/// The least part of a unit direction that is no rounding.
-const PART: f64 = 1e-6;
+/// Relative eigenvalues of a Gram matrix with unit columns below this are zero.
+const NOTHING: f64 = 1e-11;
 
 /// Relative eigenvalues below this are small: unit columns.
 const HARDLY: f64 = 1e-4;
-/// Parameters that take part by less than this share of the largest are not listed.
-const LISTED: f64 = 0.2;
 
 /// The directions of a Gram matrix; `names` are those of its parameters.
 pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {

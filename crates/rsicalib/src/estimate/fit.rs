@@ -8,7 +8,7 @@ use faer::Mat;
 use crate::Error;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::algebraic::Algebraic;
-use crate::estimate::conventions::without_conventions;
+use crate::estimate::conventions::{Conventions, Here, held};
 use crate::estimate::degrees;
 use crate::estimate::doubts;
 use crate::estimate::fitted::Fit;
@@ -37,7 +37,7 @@ use crate::numerics::lanes::Lanes;
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::numerics::symmetric::{invert, nowhere};
-use crate::terms::term::Role;
+use crate::terms::term::{Acts, Role};
 
 /// Fits the parameters of `instances` by (50) to (52), or by (11) for
 /// [`Method::Algebraic`](crate::Method::Algebraic).
@@ -72,13 +72,25 @@ pub fn fit(
         },
         None => begin(observations, &model, &guess),
     };
-    if observations.is_long() || observations.judged {
-        return solve(observations, model, priors, start, guess);
+    let found = if observations.is_long() || observations.judged {
+        solve(observations, model, priors, start, guess)
+    } else {
+        open::fit_with_seatings(observations, &model, &start, |observations, start| {
+            let noise = first_noise(observations, from.map(Fit::assumed));
+            solve(observations, model.clone(), priors.clone(), start, noise)
+        })
+    };
+    match (from, found) {
+        (None, Ok(found)) if found.has_no_scale() => Err(Error::Option {
+            name: "terms",
+            found: "every length free, so that nothing says how long anything is".into(),
+            expected:
+                "one length that is known: name `distance` of some closures only, or give one \
+                       an `sd`"
+                    .into(),
+        }),
+        (_, found) => found,
     }
-    open::fit_with_seatings(observations, &model, &start, |observations, start| {
-        let noise = first_noise(observations, from.map(Fit::assumed));
-        solve(observations, model.clone(), priors.clone(), start, noise)
-    })
 }
 
 /// Parameters of an earlier fit for a new model; zero for parameters that the fit does not have.
@@ -129,17 +141,67 @@ fn as_large(a: &Noise, b: &Noise) -> bool {
     (a.sigma[0] - b.sigma[0]).abs() <= 0.01 * a.sigma[0]
 }
 
+/// A fit with all conventions where the drawing has them: what noise and play seem to tell of them
+/// moves nothing.
 fn solve(
     observations: &Observations,
     model: Model,
     priors: Vec<Prior>,
     start: Start,
+    noise: Noise,
+) -> Result<Fit, Error> {
+    let begun = start.clone();
+    let known = conventions_at_start(observations, &model, &priors, &start, &noise);
+    let holds = known.holds(&model, &start.beta);
+    let start = Start { beta: known.moved(&start.beta, &holds), ..start };
+    let found = minimum(observations, model.clone(), priors.clone(), &holds, start, noise)?;
+    if found.conventions.rows.len() <= holds.len() {
+        return Ok(found);
+    }
+    let holds = found.conventions.holds(&model, &begun.beta);
+    let start = Start { beta: found.conventions.moved(&found.beta, &holds), ..begun };
+    let there = minimum(observations, model, priors, &holds, start, found.assumed())?;
+    // Each convention seemed to tell one degree of freedom; where the direction bends, another
+    // minimum may be at its end.
+    let most = BENT * holds.len() as f64;
+    let same = there.termination.converged() && there.chi2 <= found.chi2 + most;
+    Ok(if same { there } else { found })
+}
+
+/// A convention that is held costs no more χ² than this: one degree of freedom, p = 0.001.
+const BENT: f64 = 10.8;
+
+/// Conventions as far as the start shows them; of sensors alone there are none that a fit runs away
+/// along.
+fn conventions_at_start(
+    observations: &Observations,
+    model: &Model,
+    priors: &[Prior],
+    start: &Start,
+    noise: &Noise,
+) -> Conventions {
+    let sensors = model.instances.iter().all(|i| matches!(i.term.acts(), Acts::Sensor(_)));
+    if observations.judged || (sensors && model.unknowns.is_empty()) {
+        return Conventions::default();
+    }
+    let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
+    let part = Part { model, readings, weights };
+    let gram = Implicit::new(vec![(part, noise.clone())], priors).linearize(&start.beta).gram();
+    let here = Here { observations, model, priors, beta: &start.beta };
+    Conventions::of(here, &gram)
+}
+
+/// A minimum; `holds` are no part of what is found.
+fn minimum(
+    observations: &Observations,
+    model: Model,
+    priors: Vec<Prior>,
+    holds: &[Prior],
+    start: Start,
     mut noise: Noise,
 ) -> Result<Fit, Error> {
-    let held = match &observations.held {
-        Some((mechanism, readings)) => Some((Model::like(&model, mechanism, readings)?, readings)),
-        None => None,
-    };
+    let all = [&priors[..], holds].concat();
+    let held = held(observations, &model)?;
     let part = Part {
         model: &model,
         readings: &observations.readings,
@@ -185,7 +247,7 @@ fn solve(
         if let Some((model, readings)) = &held {
             parts.push((Part { model, readings, weights: None }, noise.clone()));
         }
-        let problem = Implicit::new(parts, &priors).from(adjusted.take());
+        let problem = Implicit::new(parts, &all).from(adjusted.take());
         let problem = if judged { problem.coarse() } else { problem };
         let outcome = match observations.options.method {
             Method::ImplicitLoop if observations.is_long() => {
@@ -194,7 +256,7 @@ fn solve(
             Method::ImplicitLoop => lm::minimize(&problem, &beta, &lm),
             Method::Algebraic => {
                 let paper =
-                    lm::minimize(&Algebraic::new(part, &priors), &beta, &observations.options.lm);
+                    lm::minimize(&Algebraic::new(part, &all), &beta, &observations.options.lm);
                 lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
             }
         };
@@ -272,8 +334,8 @@ fn solve(
         return Err(Error::Empty("no fit".into()));
     };
     let start = Start { warnings, ..start };
-    let mut fit =
-        conclude(observations, model, priors, outcome, residuals, noise, scale, start, &groups);
+    let found = Found { outcome, residuals, noise, scale, holds };
+    let mut fit = conclude(observations, model, priors, found, start, &groups);
     if judged {
         fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
     } else {
@@ -338,29 +400,44 @@ fn undrifted(
     if there.cost <= outcome.cost * (1.0 + 1e-6) { there } else { outcome }
 }
 
-#[expect(clippy::too_many_arguments, reason = "the last step gathers what the others made")]
+/// A minimum, and what it was found with.
+struct Found<'a> {
+    outcome: lm::Outcome,
+    residuals: Residuals,
+    noise: NoiseEstimate,
+    /// The estimated noise over the assumed one.
+    scale: f64,
+    /// What held conventions.
+    holds: &'a [Prior],
+}
+
 fn conclude(
     observations: &Observations,
     model: Model,
     priors: Vec<Prior>,
-    outcome: lm::Outcome,
-    mut residuals: Residuals,
-    noise: NoiseEstimate,
-    scale: f64,
+    found: Found<'_>,
     start: Start,
     groups: &Groups,
 ) -> Fit {
+    let Found { outcome, mut residuals, noise, scale, holds } = found;
     // From units of the assumed noise to units of the estimated noise.
     for values in [&mut residuals.whitened, &mut residuals.by_reading] {
         values.iter_mut().for_each(|v| *v /= scale);
     }
-    let gram = outcome.linearization.gram();
+    let mut gram = outcome.linearization.gram();
+    for hold in holds {
+        for (i, slope) in hold.slopes(&outcome.x) {
+            gram[(i, i)] -= slope * slope;
+        }
+    }
     let n = gram.nrows();
     let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
-    let gram = match observations.judged {
-        true => gram,
-        false => without_conventions(observations, &model, &priors, &outcome.x, gram),
+    let here = Here { observations, model: &model, priors: &priors, beta: &outcome.x };
+    let conventions = match observations.judged {
+        true => Conventions::default(),
+        false => Conventions::of(here, &gram),
     };
+    let gram = conventions.out_of(gram);
 
     let k = residuals.equations;
     let live: Vec<usize> =
@@ -402,6 +479,7 @@ fn conclude(
         priors,
         noise,
         gram,
+        conventions,
         covariance,
         unknowable,
         chi2,

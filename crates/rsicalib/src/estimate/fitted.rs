@@ -5,6 +5,7 @@ use std::sync::Arc;
 use faer::Mat;
 
 use crate::estimate::adjusted::Adjusted;
+use crate::estimate::conventions::Conventions;
 use crate::estimate::noise::source::{LEAST_DOF, NoiseEstimate, Source};
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
@@ -15,6 +16,7 @@ use crate::numerics::lanes::Lanes;
 use crate::numerics::lm::Termination;
 use crate::numerics::symmetric::invert;
 use crate::readings::Readings;
+use crate::terms::term::Acts;
 
 /// A fitted model.
 #[derive(Debug, Clone)]
@@ -30,6 +32,8 @@ pub struct Fit {
     pub noise: NoiseEstimate,
     /// `Xᵀ S⁻¹ X` and priors, in units of the estimated noise.
     pub gram: Mat<f64>,
+    /// What no reading could show: taken out of `gram`.
+    pub(crate) conventions: Conventions,
     /// Covariance of the parameters; a pseudo-inverse where directions are unobservable.
     pub covariance: Mat<f64>,
     /// Parameters that take part in an unobservable direction.
@@ -64,6 +68,9 @@ pub struct Fit {
     pub(crate) adjusted: Option<Adjusted>,
 }
 
+/// Part of a direction, in standard deviations, that is no rounding.
+const PART: f64 = 1e-6;
+
 impl Fit {
     /// The noise, as an assumption of a further fit.
     #[must_use]
@@ -86,6 +93,14 @@ impl Fit {
     #[must_use]
     pub fn unverified(&self) -> bool {
         self.noise.source == Source::Declared && self.within < LEAST_DOF
+    }
+
+    /// True where the length of something known takes part in a convention: then nothing says how long
+    /// anything is.
+    pub(crate) fn has_no_scale(&self) -> bool {
+        let lengths = self.model.instances.iter().zip(&self.model.first);
+        let mut lengths = lengths.filter(|(i, _)| matches!(i.term.acts(), Acts::Distance));
+        lengths.any(|(_, first)| self.conventions.rows.iter().any(|row| row.1[*first].abs() > PART))
     }
 
     /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.

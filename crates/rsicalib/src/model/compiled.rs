@@ -88,7 +88,7 @@ impl CompiledClosure {
     }
 
     /// True for coordinates that are equal, whatever their unit.
-    fn is_of_coordinates(&self) -> bool {
+    pub(crate) fn is_of_coordinates(&self) -> bool {
         matches!(self.ends[0], End::Coordinate(_))
     }
 
@@ -803,6 +803,13 @@ impl Model {
         let centre: Vec<f64> = self.scales.iter().map(|s| s.centre).collect();
         let mut model = Self::compile(mechanism, readings, self.instances.clone(), &centre)?;
         model.scales.clone_from(&self.scales);
+        // Tilts count from the same axes.
+        for (number, unknown) in model.unknowns.iter().enumerate() {
+            let same = |u: &Unknown| u.thing == unknown.thing && u.keys == unknown.keys;
+            if let Some(there) = self.unknowns.iter().position(same) {
+                model.axes[number] = self.axes[there];
+            }
+        }
         Ok(model)
     }
 

@@ -7,21 +7,23 @@
 //! q ← q - Gᵀ (G Gᵀ)⁻¹ f,    G = ∂f/∂q                                     (10, 44)
 //! ```
 //!
-//! Distances that the readings measure close nothing: they are computed afterwards.
+//! Places that are of one pose alone are found with the joints. Distances that the readings measure
+//! and points that an instrument sees close nothing: they are computed afterwards.
 
 use faer::linalg::solvers::Svd;
 use faer::{Mat, Side};
 
 use crate::Error;
-use crate::closures::kind::Kind;
 use crate::mechanism::Mechanism;
 use crate::model::compiled::{CompiledClosure, Model};
+use crate::model::ends::End;
 use crate::model::evaluation::{Want, Workspace};
 use crate::model::numbering::{Thing, Unknown};
 use crate::model::prior::Prior;
+use crate::model::scattered::scatter;
 use crate::numerics::lanes::Lanes;
 use crate::numerics::random::Random;
-use crate::numerics::rank::RANK;
+use crate::numerics::rank::{RANK, eliminated};
 use crate::numerics::workers;
 use crate::readings::{Readings, Table};
 use crate::text::quoted;
@@ -31,6 +33,9 @@ const PLACEMENTS: usize = 6;
 
 /// Upper limit of the combinations of such values.
 const MOST_KEYS: usize = 10_000;
+
+/// Rows of a session that configurations are drawn about.
+const ROWS: usize = 64;
 
 /// Newton steps of one configuration.
 const STEPS: usize = 60;
@@ -65,6 +70,8 @@ pub(crate) struct Configurations {
     keys: Vec<Vec<String>>,
     /// Where the unknown points are.
     places: Vec<Placed>,
+    /// Rows of a session that configurations are drawn about, with their keys; empty: about none.
+    about: Vec<(Vec<String>, Vec<f64>)>,
 }
 
 impl Configurations {
@@ -75,28 +82,59 @@ impl Configurations {
     /// As [`Mechanism::validate`] and [`Readings::new`].
     pub(crate) fn new(mechanism: &Mechanism, random: &mut Random) -> Result<Self, Error> {
         mechanism.validate()?;
-        let mut made = Self::of_keys(mechanism, keys(mechanism)?);
-        made.places = made.place_unknowns(random)?;
-        Ok(made)
+        let made = Self::of_keys(mechanism, keys(mechanism)?);
+        let free = made.free.clone();
+        made.with_places(random, &|readings| {
+            let model = Model::uncentred(&free, readings, Vec::new())?;
+            let beta = model.nominal();
+            Ok((model, beta))
+        })
+    }
+
+    /// Of a mechanism that touches other points, planes and frames than those of a session: their keys
+    /// are other ones.
+    pub(crate) fn of_others(mechanism: &Mechanism) -> Result<Self, Error> {
+        Ok(Self::of_keys(mechanism, keys(mechanism)?))
     }
 
     /// Of a mechanism whose unknown points are told apart by these combinations of their columns,
     /// and lie where a model says.
     pub(crate) fn of_keys(mechanism: &Mechanism, keys: Vec<Vec<String>>) -> Self {
-        let longest = longest(mechanism);
+        let (longest, reach) = (longest(mechanism), reach(mechanism));
         let mut free = mechanism.clone();
         for channel in &mut free.channels {
             (channel.range, channel.limits) = (None, None);
         }
-        let slides = |c| if mechanism.slides(c) { longest } else { 1.0 };
+        let limits: Vec<[f64; 2]> =
+            (0..free.channels.len()).map(|c| limits(mechanism, c, longest, reach)).collect();
+        let spread = |c: usize| match (mechanism.moves_joint(c), mechanism.slides(c)) {
+            (true, true) => longest,
+            (true, false) => 1.0,
+            (false, _) => 0.5 * (limits[c][1] - limits[c][0]),
+        };
         Self {
-            limits: (0..free.channels.len()).map(|c| limits(mechanism, c, longest)).collect(),
-            spread: (0..free.channels.len()).map(slides).collect(),
-            reach: reach(mechanism),
+            spread: (0..free.channels.len()).map(spread).collect(),
+            limits,
+            reach,
             keys,
             places: Vec::new(),
+            about: Vec::new(),
             free,
         }
+    }
+
+    /// The same, drawn about rows of a session: between a row and anywhere.
+    pub(crate) fn about(self, readings: &Readings) -> Self {
+        let every = readings.samples.div_ceil(ROWS);
+        let mut about = Vec::new();
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let raw = readings.raw(block);
+            for lane in (0..meta.live).filter(|&lane| meta.rows[lane] % every == 0) {
+                let keys = readings.groups.get(meta.group).cloned().unwrap_or_default();
+                about.push((keys, raw.iter().map(|a| a.0[lane]).collect()));
+            }
+        }
+        Self { about, ..self }
     }
 
     /// The mechanism without ranges and limits.
@@ -104,22 +142,25 @@ impl Configurations {
         &self.free
     }
 
-    /// What each equation is divided by to have no unit.
+    /// What each equation is divided by to have no unit of length.
     pub(crate) fn sizes(&self, model: &Model) -> Vec<f64> {
-        let size = |kind: &dyn Kind| self.reach.powi(kind.dimension());
-        let of = |c: &CompiledClosure| std::iter::repeat_n(size(c.kind.facts()), c.equations());
+        let size = |c: &CompiledClosure| match c.is_of_coordinates() {
+            true => 1.0,
+            false => self.reach.powi(c.kind.facts().dimension()),
+        };
+        let of = |c: &CompiledClosure| std::iter::repeat_n(size(c), c.equations());
         model.closures.iter().flat_map(of).collect()
     }
 
-    /// `X` by all parameters, each equation over its size, and below it the slopes of the known
-    /// distances between unknown points.
+    /// `X` by all parameters, each equation over its size, what is of one pose alone eliminated, and
+    /// below it the slopes of the known distances between unknown points.
     pub(crate) fn slopes(&self, model: &Model, readings: &Readings, beta: &[f64]) -> Mat<f64> {
-        let (_, x) = linear(model, readings, beta);
         let by: Vec<f64> = self.sizes(model).iter().map(|s| s.recip()).collect();
+        let x = without_places(model, readings, beta, &by);
         let links = model.links();
         let rows = x.nrows();
         let mut x = Mat::from_fn(rows + links.len(), x.ncols(), |i, j| match i < rows {
-            true => x[(i, j)] * by[i % by.len()],
+            true => x[(i, j)],
             false => 0.0,
         });
         for (i, link) in links.iter().enumerate() {
@@ -130,11 +171,6 @@ impl Configurations {
         x
     }
 
-    /// Length of the longest chain.
-    pub(crate) fn reach(&self) -> f64 {
-        self.reach
-    }
-
     /// Combinations of keys.
     pub(crate) fn combinations(&self) -> usize {
         self.keys.len()
@@ -142,7 +178,7 @@ impl Configurations {
 
     /// Readings of random configurations that need not close, one for each of these keys.
     pub(crate) fn open(&self, keys: &[usize], random: &mut Random) -> Result<Readings, Error> {
-        let values = keys.iter().flat_map(|_| self.draw(random)).collect();
+        let values = keys.iter().flat_map(|key| self.draw(*key, random)).collect();
         let columns = self.columns(keys.len(), random);
         Readings::new(&self.free, self.table(values, keys, columns))
     }
@@ -166,7 +202,7 @@ impl Configurations {
     pub(crate) fn closed(&self, each: usize, random: &mut Random) -> Result<Readings, Error> {
         self.closed_by(each, random, &|readings| {
             let model = Model::uncentred(&self.free, readings, Vec::new())?;
-            let beta = self.nominal(&model);
+            let beta = model.nominal();
             Ok((model, beta))
         })
     }
@@ -212,9 +248,15 @@ impl Configurations {
         Readings::new(&self.free, self.table(values, &keys, columns))
     }
 
-    /// The drawing's parameters, with the unknown points in their places.
+    /// The drawing's parameters, with what is unknown in its place.
     pub(crate) fn nominal(&self, model: &Model) -> Vec<f64> {
         let mut beta = model.nominal();
+        self.put(model, &mut beta);
+        beta
+    }
+
+    /// Puts what is unknown in its place.
+    pub(crate) fn put(&self, model: &Model, beta: &mut [f64]) {
         for unknown in &model.unknowns {
             let known = |p: &&Placed| p.0 == unknown.thing && p.1 == unknown.keys;
             if let Some((_, _, at)) = self.places.iter().find(known) {
@@ -222,16 +264,25 @@ impl Configurations {
                 beta[first..first + unknown.width].copy_from_slice(at);
             }
         }
-        beta
     }
 
-    /// Readings of one random configuration.
-    fn draw<'a>(&'a self, random: &'a mut Random) -> impl Iterator<Item = f64> + use<> {
+    /// Readings of one random configuration with this key.
+    fn draw(&self, key: usize, random: &mut Random) -> Vec<f64> {
         let channels = self.free.channels.iter().zip(&self.limits);
-        let drawn: Vec<f64> = channels
+        let mut drawn: Vec<f64> = channels
             .map(|(c, [low, high])| (random.uniform(*low, *high) - c.offset) / c.gain)
             .collect();
-        drawn.into_iter()
+        let own = self.about.iter().filter(|(keys, _)| *keys == self.keys[key]);
+        let mut rows: Vec<&Vec<f64>> = own.map(|(_, row)| row).collect();
+        if rows.is_empty() {
+            rows = self.about.iter().map(|(_, row)| row).collect();
+        }
+        if !rows.is_empty() {
+            let row = rows[random.below(rows.len())];
+            let part = random.uniform(0.0, 1.0);
+            drawn.iter_mut().zip(row).for_each(|(drawn, row)| *drawn = row + part * (*drawn - row));
+        }
+        drawn
     }
 
     fn table(&self, values: Vec<f64>, keys: &[usize], columns: Vec<Vec<f64>>) -> Table {
@@ -249,7 +300,8 @@ impl Configurations {
         under: &Under<'_>,
     ) -> Result<Vec<Option<Closed>>, Error> {
         let readings = self.open(keys, random)?;
-        let (model, beta) = under(&readings)?;
+        let (model, mut beta) = under(&readings)?;
+        self.put(&model, &mut beta);
         let blocks: Vec<Vec<(usize, Option<Closed>)>> =
             workers::map(0..readings.blocks().len(), |block| {
                 self.close_block(&model, &readings, block, &beta)
@@ -274,12 +326,13 @@ impl Configurations {
         let known: Vec<usize> = model
             .closures
             .iter()
-            .filter(|c| c.column.is_none())
+            .filter(|c| c.column.is_none() && seen(c).is_none())
             .flat_map(|c| c.equation..c.equation + c.equations())
             .collect();
-        let mut at = readings.raw(block).to_vec();
         let mut ws = Workspace::default();
         let want = Want { x: false, a: true };
+        model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
+        let mut at: Vec<Lanes> = readings.raw(block).iter().chain(&ws.xi).copied().collect();
         let misclosure = |ws: &Workspace, lane: usize| -> Vec<f64> {
             known.iter().map(|&k| ws.f[k].0[lane] / sizes[k]).collect()
         };
@@ -289,7 +342,7 @@ impl Configurations {
             for lane in 0..meta.live {
                 let f = misclosure(&ws, lane);
                 if largest(&f) > 1e-3 * CLOSED {
-                    self.step(&f, &ws.a, &known, &sizes, lane, &mut at);
+                    self.step(&f, &ws, &known, &sizes, lane, &mut at);
                     moved = true;
                 }
             }
@@ -299,9 +352,9 @@ impl Configurations {
         }
         model.evaluate(readings, block, &at, beta, want, &mut ws);
         let lane = |lane: usize| {
-            let values: Vec<f64> = at.iter().map(|a| a.0[lane]).collect();
+            let values: Vec<f64> = at[..self.spread.len()].iter().map(|a| a.0[lane]).collect();
             let closed = largest(&misclosure(&ws, lane)) < CLOSED && self.within(&values);
-            let distances = measured(model, readings, block, &ws, lane);
+            let distances = measured(model, readings, block, beta, &ws, lane);
             (meta.rows[lane], closed.then_some(Closed { values, distances }))
         };
         (0..meta.live).map(lane).collect()
@@ -311,16 +364,23 @@ impl Configurations {
     fn step(
         &self,
         f: &[f64],
-        a: &[Lanes],
+        ws: &Workspace,
         known: &[usize],
         sizes: &[f64],
         lane: usize,
         at: &mut [Lanes],
     ) {
-        let channels = self.spread.len();
-        let per_step = |c: usize| self.spread[c] / self.free.channels[c].gain;
-        let g = Mat::from_fn(known.len(), channels, |i, c| {
-            a[known[i] * channels + c].0[lane] * per_step(c) / sizes[known[i]]
+        let (channels, places) = (self.spread.len(), ws.xi.len());
+        let per_step = |c: usize| match c < channels {
+            true => self.spread[c] / self.free.channels[c].gain,
+            false => self.reach,
+        };
+        let g = Mat::from_fn(known.len(), channels + places, |i, c| {
+            let by = match c < channels {
+                true => ws.a[known[i] * channels + c],
+                false => ws.b[known[i] * places + c - channels],
+            };
+            by.0[lane] * per_step(c) / sizes[known[i]]
         });
         let step = shortest(&g, f);
         let shrink = (LONGEST_STEP / largest(&step)).min(1.0);
@@ -329,23 +389,29 @@ impl Configurations {
         }
     }
 
+    /// True within the limits of the joints; what is on no joint is whatever closes the loops.
     fn within(&self, values: &[f64]) -> bool {
-        self.free.channels.iter().zip(&self.limits).zip(values).all(|((c, [low, high]), v)| {
+        let channels = self.free.channels.iter().zip(&self.limits).zip(values);
+        channels.enumerate().all(|(k, ((c, [low, high]), v))| {
             let q = c.angle(*v);
-            q >= *low && q <= *high
+            (q >= *low && q <= *high) || !self.free.moves_joint(k)
         })
     }
 
-    /// Places of the unknown points that chains can touch, known distances apart.
-    fn place_unknowns(&self, random: &mut Random) -> Result<Vec<Placed>, Error> {
-        if self.free.key_columns().is_empty() {
-            return Ok(Vec::new());
-        }
+    /// The same with what is unknown in places that the tips of chains can touch, known distances
+    /// apart.
+    pub(crate) fn with_places(
+        mut self,
+        random: &mut Random,
+        under: &Under<'_>,
+    ) -> Result<Self, Error> {
         let every: Vec<usize> = (0..self.keys.len()).collect();
         let readings = self.open(&every, random)?;
-        let model = Model::uncentred(&self.free, &readings, Vec::new())?;
-        let mut beta = model.nominal();
-        model.place_unknowns(&readings, &mut beta);
+        let (model, mut beta) = under(&readings)?;
+        if model.unknowns.is_empty() {
+            return Ok(self);
+        }
+        scatter(&model, &readings, self.reach, random, &mut beta);
         let links = model.links();
         for _ in 0..ROUNDS {
             let off: Vec<f64> = links.iter().map(|link| apart(link, &beta).0).collect();
@@ -359,14 +425,16 @@ impl Configurations {
                     slopes[(i, column)] += slope;
                 }
             }
-            for (beta, step) in beta.iter_mut().zip(shortest(&slopes, &off)) {
+            let terms = model.term_parameters;
+            for (beta, step) in beta.iter_mut().zip(shortest(&slopes, &off)).skip(terms) {
                 *beta -= step;
             }
         }
         let at = |unknown: &Unknown| {
             beta[model.term_parameters + unknown.first..][..unknown.width].to_vec()
         };
-        Ok(model.unknowns.iter().map(|u| (u.thing, u.keys.clone(), at(u))).collect())
+        self.places = model.unknowns.iter().map(|u| (u.thing, u.keys.clone(), at(u))).collect();
+        Ok(self)
     }
 }
 
@@ -409,23 +477,61 @@ pub(crate) fn apart(link: &Prior, beta: &[f64]) -> (f64, Vec<(usize, f64)>) {
     (link.off(beta) * sd, slopes.collect())
 }
 
-/// Distances that the readings would bring along, after [`Model::evaluate`].
+/// The end of points that touch which an instrument sees.
+fn seen(closure: &CompiledClosure) -> Option<usize> {
+    let of = |end: &End| matches!(end, End::Seen(..));
+    closure.ends.iter().position(of).filter(|_| closure.kind.facts().is_vector())
+}
+
+/// Distances and points seen that the readings would bring along, after [`Model::evaluate`].
 fn measured(
     model: &Model,
     readings: &Readings,
     block: usize,
+    beta: &[f64],
     ws: &Workspace,
     lane: usize,
 ) -> Vec<f64> {
-    let columns = readings.columns(block);
+    let (columns, group) = (readings.columns(block), readings.blocks()[block].group);
     let mut distances: Vec<f64> = columns.iter().map(|c| c.0[lane]).collect();
     for closure in &model.closures {
         if let Some(column) = closure.column {
             let assumed = columns[column].0[lane];
             distances[column] = (ws.f[closure.equation].0[lane] + assumed * assumed).sqrt();
         }
+        let end = seen(closure).map(|k| (closure.ends[k], closure.ends[1 - k]));
+        if let Some((End::Seen(into, frame), other)) = end {
+            let at = model.end_point(&other, group, columns, beta, ws).map(|x| x.0[lane]);
+            let there = model.seen_from(&frame, group, beta, at);
+            into.iter().zip(there).for_each(|(column, x)| distances[*column] = x);
+        }
     }
     distances
+}
+
+/// `X`, each equation multiplied by its factor, without what the places of one pose take up of it.
+fn without_places(model: &Model, readings: &Readings, beta: &[f64], by: &[f64]) -> Mat<f64> {
+    let (_, mut x) = linear(model, readings, beta);
+    let (equations, places) = (model.equations(), model.pose_unknowns());
+    for i in 0..x.nrows() {
+        (0..x.ncols()).for_each(|j| x[(i, j)] *= by[i % equations]);
+    }
+    if places == 0 {
+        return x;
+    }
+    let mut ws = Workspace::default();
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let want = Want { x: false, a: true };
+        model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
+        for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+            let b = Mat::from_fn(equations, places, |k, c| ws.b[k * places + c].0[lane] * by[k]);
+            let own = x.subrows(row * equations, equations).to_owned();
+            if let Some(left) = eliminated(own, &b) {
+                x.subrows_mut(row * equations, equations).copy_from(left);
+            }
+        }
+    }
+    x
 }
 
 /// The shortest `z` with `G z = f`; along directions that `G` hardly sees nothing moves.
@@ -497,7 +603,7 @@ fn keys(mechanism: &Mechanism) -> Result<Vec<Vec<String>>, Error> {
 }
 
 /// Joint coordinates of a channel: its limits, else its range, else any.
-fn limits(mechanism: &Mechanism, channel: usize, longest: f64) -> [f64; 2] {
+fn limits(mechanism: &Mechanism, channel: usize, longest: f64, reach: f64) -> [f64; 2] {
     let of = &mechanism.channels[channel];
     match (of.limits, of.range) {
         (Some(limits), _) => limits,
@@ -505,6 +611,7 @@ fn limits(mechanism: &Mechanism, channel: usize, longest: f64) -> [f64; 2] {
             let (a, b) = (of.angle(low), of.angle(high));
             [a.min(b), a.max(b)]
         }
+        (None, None) if mechanism.measures(channel) => [0.0, 2.0 * reach],
         (None, None) if mechanism.slides(channel) => [-longest, longest],
         (None, None) => [-std::f64::consts::PI, std::f64::consts::PI],
     }
@@ -524,5 +631,6 @@ fn reach(mechanism: &Mechanism) -> f64 {
         c.rows.iter().map(|r| r.a.hypot(r.d) + norm(&r.xyz)).sum()
     };
     let at = mechanism.points.iter().filter_map(|p| p.at.as_ref()).map(norm);
-    mechanism.chains.iter().map(of_chain).chain(at).fold(1e-12, f64::max)
+    let longest = mechanism.chains.iter().map(of_chain).chain(at).fold(0.0, f64::max);
+    if longest > 0.0 { longest } else { 1.0 }
 }

@@ -142,6 +142,12 @@ pub(crate) fn turned(rpy: &[f64]) -> [f64; 9] {
     std::array::from_fn(|k| turn[(k / 3, k % 3)])
 }
 
+/// A place in base coordinates, in the frame that has this origin and rotation.
+pub(crate) fn seen_from(rotation: &[f64; 9], origin: &[f64], at: [f64; 3]) -> [f64; 3] {
+    let column = |k: usize| (0..3).map(|i| rotation[3 * i + k] * (at[i] - origin[i])).sum();
+    std::array::from_fn(column)
+}
+
 /// The axes about which roll, pitch and yaw turn a frame, eq. (1).
 pub(crate) fn turn_axes(rpy: &[f64]) -> [[f64; 3]; 3] {
     let (sin_y, cos_y) = rpy[1].sin_cos();

@@ -25,7 +25,7 @@ use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, leaning, rotate, turn_axes, turned};
+use crate::model::ends::{End, Measured, leaning, rotate, seen_from, turn_axes, turned};
 use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
@@ -686,6 +686,24 @@ impl Model {
                 }
             }
             End::Coordinate(channel) => [ws.angles[*channel], Lanes::ZERO, Lanes::ZERO],
+        }
+    }
+
+    /// What an instrument would read of a place in base coordinates.
+    pub(crate) fn seen_from(
+        &self,
+        frame: &Measured,
+        group: usize,
+        beta: &[f64],
+        at: [f64; 3],
+    ) -> [f64; 3] {
+        match frame {
+            Measured::Base => at,
+            Measured::Known(rotation, origin) => seen_from(rotation, origin, at),
+            Measured::Unknown(number) => {
+                let pose = &beta[self.unknown_first(*number, group)..][..6];
+                seen_from(&turned(&pose[3..]), &pose[..3], at)
+            }
         }
     }
 

@@ -16,6 +16,7 @@ mod numbering;
 mod places;
 mod prior;
 mod redundant;
+mod scattered;
 mod specification;
 mod spheres;
 mod unknown_points;

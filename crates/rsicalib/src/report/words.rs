@@ -326,10 +326,11 @@ pub fn direction(direction: &Direction) -> String {
 #[must_use]
 pub fn directions(directions: &Directions) -> Vec<String> {
     let convention = |one: &Direction| {
-        format!(
-            "{}; no reading can tell: it stays as near to the drawing as it can",
-            direction(one)
-        )
+        let held = match one {
+            Direction::Absent(label) => &label.name,
+            Direction::Together(moves) | Direction::Weak { moves, .. } => &moves[0].label.name,
+        };
+        format!("{}; no reading can tell: {held} stays as drawn", direction(one))
     };
     let open = directions.unobservable.iter().map(direction);
     open.chain(directions.conventions.iter().map(convention)).collect()

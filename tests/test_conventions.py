@@ -1,0 +1,153 @@
+"""What no reading could ever show is a convention, for every kind of closure; the rest is judged.
+
+Witnesses: the arms of `tests/machines`, products of plain matrices, linearised by differences, with
+the first joint where it is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib.errors import InputError
+from tests.machines import arm, files
+from tests.machines.kit import Linear, Machine, Rng
+from tests.oracle import Array
+
+ARMS = {"plane": arm.draw_plane, "bar": arm.draw_bar, "tracker": arm.draw_tracker}
+"""An arm whose offsets are all free, at what is unknown."""
+
+named = pytest.mark.parametrize("name", ARMS)
+
+
+def found(machine: Machine, read: Array, folder: Path, verb: Any = rsicalib.calibrate) -> Any:
+    """What the library says of a session."""
+    csv, mechanism = files.write(machine, read, folder)
+    return verb(csv, rsicalib.load_mechanism(mechanism))
+
+
+def columns(linear: Linear, held: str) -> tuple[list[str], Array]:
+    """Columns of all that is fitted but for what is held, and their names."""
+    names = [n for n in linear.machine.fitted if n != held]
+    return names, np.column_stack([linear.column(n, linear.machine.fitted[n]) for n in names])
+
+
+def expected_sd(machine: Machine) -> dict[str, float]:
+    """Standard deviations of all that is fitted, with the first joint where it is drawn."""
+    names, x = columns(Linear(machine), "offset@q1")
+    long = np.linalg.norm(x, axis=0)
+    sd = np.sqrt(np.diag(np.linalg.inv((x / long).T @ (x / long)))) / long
+    return dict(zip(names, sd, strict=True))
+
+
+@named
+@pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.trace])
+def test_a_turn_about_the_first_joint_is_a_convention(name: str, verb: Any, tmp_path: Path) -> None:
+    rng = np.random.default_rng(11)
+    machine = ARMS[name](rng)
+    answer = found(machine, machine.observe(rng), tmp_path, verb)
+    assert (answer.verdict, answer.exit_code) == ("adequate", 0)
+    (said,) = answer.unobservable
+    assert "no reading can tell: offset q1 stays as drawn" in said
+    assert answer["offset@q1"].sd is None
+    assert answer["offset@q1"].value == pytest.approx(0.0, abs=1e-8)
+    for key, sd in expected_sd(machine).items():
+        if key.startswith("offset@q"):
+            # Linearised at the truth; noise and play move the poses by 1e-3 of the arm.
+            assert answer[key].sd == pytest.approx(sd, rel=0.02)
+
+
+@named
+def test_an_effect_beside_a_convention_is_named(name: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(12)
+    machine = ARMS[name](rng)
+    (one,) = (e for e in machine.effects if e.value == "gain@q3")
+    size = Linear(machine).sized(one, 100.0)
+    answer = found(machine, machine.observe(rng, one, size), tmp_path, rsicalib.trace)
+    said = {(s.term, s.target) for s in answer.steps}
+    said |= {(t.term, t.target) for s in answer.steps for t in s.also_fits}
+    assert answer.verdict == "explained" and ("gain", "q3") in said
+
+
+def lazy(draw: Callable[[Rng], Machine], still: tuple[int, ...], rng: Rng) -> Machine:
+    """A machine whose operator never moves these joints."""
+    machine = draw(rng)
+    machine.start[:, still] = machine.start[0, still]
+    machine.gives[list(still)] = 0.0
+    return machine
+
+
+@pytest.mark.parametrize("name", ["bar", "tracker"])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_what_other_poses_could_tell_is_named_and_the_convention_is_not(
+    name: str, seed: int, tmp_path: Path
+) -> None:
+    """Joints 4 to 6 stand still: the tool is one point of the forearm, and four offsets move it."""
+    rng = np.random.default_rng(seed)
+    machine = lazy(ARMS[name], (3, 4, 5), rng)
+    names, x = columns(Linear(machine), "offset@q1")
+    long = np.linalg.norm(x, axis=0)
+    _, sizes, right = np.linalg.svd(x / long)
+    assert np.sum(sizes < 1e-6 * sizes[0]) == 1
+    takes_part = np.abs(right[-1]) > 0.2 * np.abs(right[-1]).max()
+    witness = {n for n, part in zip(names, takes_part, strict=True) if part}
+    assert witness <= {f"offset@q{k}" for k in range(3, 7)}
+
+    answer = found(machine, machine.observe(rng), tmp_path)
+    assert (answer.verdict, answer.exit_code) == ("undetermined", 3)
+    open_, convention = answer.unobservable
+    assert "offset q1 stays as drawn" in convention
+    assert "offset q1" not in open_ and "no reading" not in open_
+    assert {f"offset@q{k}" for k in range(1, 7) if f"offset q{k}" in open_} == witness
+    assert answer["offset@q2"].sd is not None
+
+
+def session(sd_of_rest: float | None, priors: dict[str, float], terms: list[str]) -> Any:
+    """A session of the hand controller whose places are free."""
+    made = rsicalib.simulate(poses=40, samples=4, seed=3)
+    document = rsicalib.load_mechanism("rsi").to_dict()
+    if sd_of_rest is not None:
+        document["rest"]["sd"] = sd_of_rest
+    document["model"]["sd"] = priors
+    mechanism = rsicalib.Mechanism.from_dict(document)
+    return rsicalib.calibrate(made.readings, mechanism, rest=made.rest, terms=terms)
+
+
+def test_a_rest_pose_and_a_drawing_tell_what_readings_do_not() -> None:
+    """Three shifts of the whole; each is told by what fixes the whole, and by nothing else."""
+    terms = ["offset", "gain", "base_position"]
+    shifts = session(None, {}, terms)
+    assert shifts.verdict == "adequate" and len(shifts.unobservable) == 3
+    rest = session(0.05, {}, terms)
+    assert rest.verdict == "adequate" and not rest.unobservable
+    drawn = session(None, {"base_position": 0.01}, terms)
+    assert drawn.verdict == "adequate" and not drawn.unobservable
+    whole = [p for p in drawn.parameters if p.term == "base_position"]
+    # Three bases share each shift, which their drawings tell to 0.01/sqrt(3).
+    assert all(p.sd is not None and p.sd > 0.01 / np.sqrt(3) for p in whole)
+    assert shifts.fit.chi2 == pytest.approx(rest.fit.chi2, abs=3.0)
+
+
+def test_what_has_no_scale_is_refused_with_advice() -> None:
+    terms = ["offset", "gain", "link_length", "distance"]
+    with pytest.raises(InputError, match="one length that is known"):
+        session(None, {}, terms)
+    known = session(None, {}, [*terms[:3], "distance@wrist1-wrist2", "distance@wrist2-wrist3"])
+    assert known.verdict == "adequate" and not known.unobservable
+
+
+def test_a_tilt_that_repeats_an_offset_stays_as_drawn(tmp_path: Path) -> None:
+    """Two terms of one joint that do the same: one of them is held, whatever the noise is."""
+    rng = np.random.default_rng(5)
+    machine = arm.draw_bar(rng)
+    machine.mechanism["model"]["terms"] = ["offset", "base_bearing"]
+    answer = found(machine, machine.observe(rng), tmp_path)
+    assert answer.verdict == "adequate"
+    # The base turns as the first joint does, and both as the whole does: two conventions.
+    assert len(answer.unobservable) == 2
+    assert all(abs(p.value) < 0.05 for p in answer.parameters if p.term != "unknown_point")
