@@ -15,6 +15,7 @@ import pytest
 
 import rsicalib
 from rsicalib.errors import InputError
+from rsicalib.report import words
 from tests.machines import arm, files
 from tests.machines.kit import Linear, Machine, Rng
 from tests.oracle import Array
@@ -98,13 +99,23 @@ def test_what_other_poses_could_tell_is_named_and_the_convention_is_not(
     witness = {n for n, part in zip(names, takes_part, strict=True) if part}
     assert witness <= {f"offset@q{k}" for k in range(3, 7)}
 
+    # Noise opens the loops, so that the fit does tell the direction, if hardly: a radian and more.
     answer = found(machine, machine.observe(rng), tmp_path)
-    assert (answer.verdict, answer.exit_code) == ("undetermined", 3)
-    open_, convention = answer.unobservable
+    (convention,) = answer.unobservable
     assert "offset q1 stays as drawn" in convention
-    assert "offset q1" not in open_ and "no reading" not in open_
-    assert {f"offset@q{k}" for k in range(1, 7) if f"offset q{k}" in open_} == witness
-    assert answer["offset@q2"].sd is not None
+    hardly = answer.weak[0]
+    assert "offset q1" not in hardly
+    # Which of the four bear it most depends on where along it, radians off, the estimate lies.
+    named = {f"offset@q{k}" for k in range(1, 7) if f"offset q{k}" in hardly}
+    assert named <= {f"offset@q{k}" for k in range(3, 7)} and len(named & witness) >= 2
+    first = hardly.split(": ")[1].removeprefix("offset ").split(" ")[0]
+    assert answer[f"offset@{first}"].sd > 0.5
+    assert answer["offset@q2"].sd < 0.01
+    if answer.verdict == "undetermined":
+        assert hardly in words.sentence(answer) and convention not in words.sentence(answer)
+    else:
+        # A minimum was found: what it does not tell has the sd to say so.
+        assert answer.verdict == "adequate"
 
 
 def session(sd_of_rest: float | None, priors: dict[str, float], terms: list[str]) -> Any:

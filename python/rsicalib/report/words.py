@@ -153,12 +153,20 @@ def quality(result: ResultShape) -> FitQuality:
     raise TypeError(f"found {type(result).__name__}, expected a calibration or a trace")
 
 
+def _lack(result: ResultShape) -> str:
+    """What keeps readings from telling what was asked; no convention does."""
+    unended = any(reason.kind == "not_converged" for reason in result.reasons)
+    if unended and not result.too_many:
+        return "; ".join((result.termination, *result.weak[:1]))
+    return next(iter(result.unobservable), result.termination)
+
+
 def sentence(result: ResultShape) -> str:
     """The verdict."""
     fit = quality(result)
     judged = _judged(fit)
     if result.verdict == "undetermined":
-        why = next(iter(result.unobservable), result.termination)
+        why = _lack(result)
         left = "" if fit.p_value is None else f" What is left: {judged}."
         return f"Undetermined: these readings cannot determine what was asked ({why}).{left}"
     if result.verdict == "implausible":

@@ -80,8 +80,9 @@ pub fn fit(
             solve(observations, model.clone(), priors.clone(), start, noise)
         })
     };
+    let no_scale = |fit: &Fit| fit.has_no_scale() || search::shrunk(&fit.model, &fit.beta);
     match (from, found) {
-        (None, Ok(found)) if found.has_no_scale() => Err(Error::Option {
+        (None, Ok(found)) if no_scale(&found) => Err(Error::Option {
             name: "terms",
             found: "every length free, so that nothing says how long anything is".into(),
             expected:
@@ -168,7 +169,7 @@ fn solve(
     Ok(if same { there } else { found })
 }
 
-/// A convention that is held costs no more χ² than this: one degree of freedom, p = 0.001.
+/// A convention that is held costs no more χ² than this: one degree of freedom, p = 0.001 of its χ².
 const BENT: f64 = 10.8;
 
 /// Conventions as far as the start shows them; of sensors alone there are none that a fit runs away

@@ -19,14 +19,14 @@ use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::{Anchor, Observations};
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, Target, Value};
 use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::readings::{Readings, rows_of};
-use crate::terms::term::Role;
+use crate::terms::term::{Acts, Role};
 
-/// Fraction of its nominal gain below which a channel has collapsed.
+/// Fraction of its nominal gain below which a channel has collapsed, and of its drawing a length.
 const COLLAPSED: f64 = 0.05;
 
 /// Parameters with each channel's gain at its factor times the nominal gain, and with offsets at
@@ -66,6 +66,24 @@ pub fn ratios(model: &Model, beta: &[f64]) -> impl Iterator<Item = f64> {
 #[must_use]
 pub fn collapsed(model: &Model, beta: &[f64]) -> bool {
     ratios(model, beta).any(|ratio| ratio.abs() < COLLAPSED)
+}
+
+/// True where every closure has a length that is fitted, and all of them have collapsed: a fit to which
+/// nothing says how long anything is makes the machine small, which closes any loop.
+pub(crate) fn shrunk(model: &Model, beta: &[f64]) -> bool {
+    let closures = &model.mechanism.closures;
+    let gone = |k: usize| {
+        let fitted = model.instances.iter().zip(&model.first).find(|(i, _)| {
+            matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(k)
+        });
+        match (fitted, &closures[k].value) {
+            (Some((_, &first)), Some(Value::Known(drawn))) => {
+                (drawn + beta[first]).abs() < COLLAPSED * drawn.abs()
+            }
+            _ => false,
+        }
+    };
+    !closures.is_empty() && (0..closures.len()).all(gone)
 }
 
 /// Number of samples that the search of starts uses.
