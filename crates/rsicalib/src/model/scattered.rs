@@ -9,7 +9,8 @@ use crate::model::numbering::Thing;
 use crate::numerics::random::Random;
 use crate::readings::Readings;
 
-/// Part of the reach by which what is drawn in part may be elsewhere.
+/// Part of the reach by which what is drawn in part may be elsewhere: a rank is asked of these places, so
+/// that any size does from which loops still close.
 const ASIDE: f64 = 0.3;
 
 /// Puts each unknown point where the first of these readings touches it, or at its distance from there;
