@@ -117,7 +117,7 @@ class Noise(Record):
     kind: str | None = None
     """Where the noise is known from; null in results of earlier versions."""
     seating: float | None = field(default=None, metadata=IF_KNOWN)
-    """How well what is touched holds its place, where only the fit tells it [length_unit]."""
+    """How well what is touched holds its place, where only the fit tells it, in `length_unit`."""
 
 
 @dataclass(frozen=True)
