@@ -29,8 +29,8 @@ def numbers(value: Any) -> Iterator[float]:
 
 
 def test_a_forecast_has_no_number_for_what_cannot_be_observed() -> None:
-    """All lengths free: a common scale moves the handle by inches, and no pose shows it."""
-    terms = ["offset", "gain", "link_length", "distance", "point_position", "base_position"]
+    """All bases free: the whole moves by inches, and no pose shows it."""
+    terms = ["offset", "gain", "link_length", "point_position", "base_position"]
     found = rsicalib.calibrate(READINGS, rest=REST, terms=terms)
     assert found.unobservable
     forecast = rsicalib.plan(result=found, beside=READINGS, poses=3, candidates=300).forecast
