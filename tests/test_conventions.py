@@ -101,21 +101,17 @@ def test_what_other_poses_could_tell_is_named_and_the_convention_is_not(
 
     # Noise opens the loops, so that the fit does tell the direction, if hardly: a radian and more.
     answer = found(machine, machine.observe(rng), tmp_path)
-    (convention,) = answer.unobservable
+    hardly, convention = answer.unobservable
     assert "offset q1 stays as drawn" in convention
-    hardly = answer.weak[0]
     assert "offset q1" not in hardly
     # Which of the four bear it most depends on where along it, radians off, the estimate lies.
     named = {f"offset@q{k}" for k in range(1, 7) if f"offset q{k}" in hardly}
     assert named <= {f"offset@q{k}" for k in range(3, 7)} and len(named & witness) >= 2
-    first = hardly.split(": ")[1].removeprefix("offset ").split(" ")[0]
-    assert answer[f"offset@{first}"].sd > 0.5
+    # Of an angle that lies anywhere within a turn the standard deviation is as large.
+    assert max(answer[key].sd for key in named) > np.pi / np.sqrt(3)
     assert answer["offset@q2"].sd < 0.01
-    if answer.verdict == "undetermined":
-        assert hardly in words.sentence(answer) and convention not in words.sentence(answer)
-    else:
-        # A minimum was found: what it does not tell has the sd to say so.
-        assert answer.verdict == "adequate"
+    assert answer.verdict == "undetermined"
+    assert hardly in words.sentence(answer) and convention not in words.sentence(answer)
 
 
 def session(sd_of_rest: float | None, priors: dict[str, float], terms: list[str]) -> Any:

@@ -81,8 +81,9 @@
 //!
 //! The names at the root of the crate are stable, and so are those of [`mechanism`], of which a
 //! mechanism is made, and of [`report`], of which results are made. All other modules are public
-//! because the bindings need them, are not documented here, and may change in a minor version. Feature `toml`: mechanisms from TOML text. Feature
-//! `serde`: results as serde values.
+//! because the bindings need them, are not documented here, and may change in a minor version.
+//!
+//! Feature `toml`: mechanisms from TOML text. Feature `serde`: results as serde values.
 
 #[cfg(test)]
 extern crate self as rsicalib; // the tests' devices name the crate as users do

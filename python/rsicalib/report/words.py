@@ -155,10 +155,8 @@ def quality(result: ResultShape) -> FitQuality:
 
 def _lack(result: ResultShape) -> str:
     """What keeps readings from telling what was asked; no convention does."""
-    unended = any(reason.kind == "not_converged" for reason in result.reasons)
-    if unended and not result.too_many:
-        return "; ".join((result.termination, *result.weak[:1]))
-    return next(iter(result.unobservable), result.termination)
+    lost = any(reason.kind == "unobservable" for reason in result.reasons)
+    return result.unobservable[0] if lost else result.termination
 
 
 def sentence(result: ResultShape) -> str:

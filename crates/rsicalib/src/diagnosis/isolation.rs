@@ -206,7 +206,7 @@ impl<'a> Released<'a> {
     /// Whether something else stands out.
     fn needs_more(&self, judge: &Judge, search: &SearchOptions) -> Result<bool, Error> {
         let mechanism = &self.released.mechanism;
-        let scored = scan::scan(&self.released, &self.rest, judge, &search.without)?;
+        let scored = scan::scan(&self.released, &self.rest, judge, search)?;
         let elsewhere = |s: &Scored| {
             !scored::is_data(&s.instance) && !belongs(mechanism, s.instance.target, self.target)
         };

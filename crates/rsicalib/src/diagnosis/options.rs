@@ -97,6 +97,8 @@ rules! {
     FewFirst = "few_first",
     /// The misclosure must not grow.
     Misclosure = "misclosure",
+    /// No standing point has moved where places of such points are estimated.
+    PointsStand = "points_stand",
 }
 
 /// Share of clean sessions that are called otherwise than adequate, search and judgement together.

@@ -87,9 +87,10 @@ impl Determined {
     #[must_use]
     pub fn of(fit: &Fit, directions: &Directions) -> Self {
         match () {
+            // Along an open direction iterations run out: the direction is the reason.
+            () if !directions.unobservable.is_empty() && fit.dof >= 1.0 => Self::Unobservable,
             () if !(fit.termination.converged() && fit.plausible) => Self::NotConverged,
             () if fit.dof < 1.0 => Self::NothingLeft,
-            () if !directions.unobservable.is_empty() => Self::Unobservable,
             () => Self::Yes,
         }
     }

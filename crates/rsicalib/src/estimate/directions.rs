@@ -12,7 +12,8 @@ use crate::terms::term::{Placed, Role};
 /// Unobservable and weak directions in the space of parameters.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Directions {
-    /// Directions along which the readings do not change, and others would.
+    /// Directions along which the readings do not change, and others would, or hardly change within a
+    /// turn of a joint.
     pub unobservable: Vec<Direction>,
     /// Directions that no reading could ever show: the parameters stay as near to the drawing as
     /// they can.
@@ -116,6 +117,14 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     found.conventions = conventions.iter().map(held).collect();
     found.unobservable =
         open.iter().map(|(_, row)| direction(row, None, &labels, &length)).collect();
+    let lost: Vec<&str> = lost_offsets(fit).iter().map(|&i| labels[i].name.as_str()).collect();
+    let is_lost = |direction: &Direction| match direction {
+        Direction::Weak { moves, .. } => moves.iter().any(|m| lost.contains(&&*m.label.name)),
+        _ => false,
+    };
+    let (lost, weak): (Vec<_>, _) = found.weak.into_iter().partition(is_lost);
+    found.weak = weak;
+    found.unobservable.extend(lost);
     for (pivot, _) in open.iter().filter(|(pivot, _)| *pivot < fit.model.term_parameters) {
         let spec = names[*pivot].spec();
         if !found.too_many.contains(&spec) {
@@ -123,6 +132,16 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
         }
     }
     found
+}
+
+/// Standard deviation of an angle of which nothing is known but that it lies within a turn, π/√3 [rad].
+const ANY_ANGLE: f64 = 1.813_799_364_234_217_8;
+
+/// Columns of the offsets of joints that turn, of which a fit knows no more than before.
+fn lost_offsets(fit: &Fit) -> Vec<usize> {
+    let offset = |c: usize| fit.model.column(Role::Offset, c);
+    let turning = (0..fit.model.scales.len()).filter(|&c| fit.model.mechanism.turns(c));
+    turning.filter_map(offset).filter(|&i| fit.covariance[(i, i)].sqrt() > ANY_ANGLE).collect()
 }
 
 /// A direction in words of its parameters, the one that moves most first, or the one that is held;

@@ -213,15 +213,18 @@ pub fn hand_controller(how: How, seed: u64) -> Device {
 /// well, channels in counts and in radians, masses, distances known and measured, and two unknown points
 /// that the last chain touches.
 pub fn random(chains: usize, how: How, seed: u64) -> Device {
-    // Some drawings cannot be assembled in every pose: draw again.
-    let again = (0..20).map(|n| seed + 1000 * n);
-    again.filter_map(|seed| drawn(chains, how, seed)).next().expect("one of 20 assembles")
+    first_of(seed, |seed| drawn(chains, how, seed))
 }
 
-fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
-    let mut rng = Rng::new(seed);
-    let mut mechanism = Mechanism {
-        name: format!("random {seed}"),
+/// Some drawings cannot be assembled in every pose: drawn again.
+fn first_of(seed: u64, drawn: impl Fn(u64) -> Option<Device>) -> Device {
+    (0..20).find_map(|n| drawn(seed + 1000 * n)).expect("one of 20 assembles")
+}
+
+/// A mechanism of nothing.
+fn empty(name: String) -> Mechanism {
+    Mechanism {
+        name,
         gravity: Some([0.3, -0.2, -0.9]),
         platform: Default::default(),
         rest: None,
@@ -231,7 +234,12 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
         points: Vec::new(),
         closures: Vec::new(),
         ..Mechanism::rsi()
-    };
+    }
+}
+
+fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
+    let mut rng = Rng::new(seed);
+    let mut mechanism = empty(format!("random {seed}"));
     let mut centre = Vec::new();
     for k in 0..chains {
         let joints = if k + 1 == chains { 6 } else { 4 };
@@ -288,25 +296,12 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
 
 /// An arm of six joints whose tip is on a plane that is known, and a bar's length from a post.
 pub fn on_plane(how: How, seed: u64) -> Device {
-    let again = (0..20).map(|n| seed + 1000 * n);
-    let drawn = again.filter_map(|seed| drawn_on_plane(how, seed));
-    drawn.into_iter().next().expect("one of 20 assembles")
+    first_of(seed, |seed| drawn_on_plane(how, seed))
 }
 
 fn drawn_on_plane(how: How, seed: u64) -> Option<Device> {
     let mut rng = Rng::new(seed);
-    let mut mechanism = Mechanism {
-        name: format!("on a plane {seed}"),
-        gravity: Some([0.3, -0.2, -0.9]),
-        platform: Default::default(),
-        rest: None,
-        workspace: None,
-        channels: Vec::new(),
-        chains: Vec::new(),
-        points: Vec::new(),
-        closures: Vec::new(),
-        ..Mechanism::rsi()
-    };
+    let mut mechanism = empty(format!("on a plane {seed}"));
     let mut centre = Vec::new();
     let chain = random_chain(&mut rng, &mut mechanism, 0, 6, &mut centre);
     mechanism.chains.push(chain);

@@ -4,6 +4,7 @@
 //! displaced in all samples, from one pose on. Running sums score all times, (71) and (72).
 
 use crate::Error;
+use crate::diagnosis::options::{Rule, SearchOptions};
 use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
@@ -51,18 +52,18 @@ pub struct Bodies<'a> {
 }
 
 impl<'a> Bodies<'a> {
-    /// All of a mechanism's, without these terms.
+    /// All of a mechanism's that a search looks for.
     ///
     /// # Errors
     ///
     /// As [`Observations::model`].
-    pub fn new(at: &'a AtFit<'a>, without: &[String]) -> Result<Self, Error> {
+    pub fn new(at: &'a AtFit<'a>, search: &SearchOptions) -> Result<Self, Error> {
         let AtFit { observations, fit, .. } = at;
         let (mechanism, readings) = (&observations.mechanism, &observations.readings);
         let tried = |term: &&&'static dyn Term| {
             moves_once(**term)
-                && !without.iter().any(|id| id == term.info().id)
-                && !is_estimated(mechanism, **term)
+                && !search.without.iter().any(|id| id == term.info().id)
+                && !(search.uses(Rule::PointsStand) && is_estimated(mechanism, **term))
                 && meaningful(mechanism, fit, **term)
                 && searchable(**term, mechanism, readings).is_ok()
         };
@@ -146,8 +147,8 @@ impl<'a> Bodies<'a> {
 }
 
 /// True for a point that stands, moved, where places of such points are estimated: beside that, a
-/// move takes up whatever changes slowly. On belts in frames it drew a constant of 154.0 ± 3.9 mm to
-/// 123 ± 12 mm, with two effects more. Whoever knows that such a point moved declares it.
+/// move takes up whatever changes slowly (docs/machines.md). Whoever knows that such a point moved
+/// declares it.
 fn is_estimated(mechanism: &Mechanism, term: &dyn Term) -> bool {
     let mut standing = mechanism.points.iter().filter(|p| p.chain.is_none() && !p.moves());
     matches!(term.acts(), Acts::End) && standing.any(|p| p.is_unknown())

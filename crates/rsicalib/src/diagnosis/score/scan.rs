@@ -16,6 +16,7 @@
 //! running sums score them all.
 
 use crate::Error;
+use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::bodies::Bodies;
 use crate::diagnosis::score::candidates::candidates;
 use crate::diagnosis::score::scored::{Judge, Scored};
@@ -33,16 +34,17 @@ pub fn scan(
     observations: &Observations,
     fit: &Fit,
     judge: &Judge,
-    without: &[String],
+    search: &SearchOptions,
 ) -> Result<Vec<Scored>, Error> {
     observations.options.progress.step()?;
+    let without = &search.without;
     let at = AtFit::new(observations, fit);
     let named = candidates(observations, fit, without);
     let by_terms = || projection::score(observations, fit, judge, &at.inverse, &named);
     let by_columns = || -> Result<_, Error> {
         let mut scored = places::score(&at, judge, without)?;
         scored.extend(periodic::score(&at, judge, without));
-        scored.extend(Bodies::new(&at, without)?.score(judge));
+        scored.extend(Bodies::new(&at, search)?.score(judge));
         Ok(scored)
     };
     // The two halves take about as long as each other.

@@ -203,7 +203,7 @@ impl<'a> Stepwise<'a> {
     /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,
     /// and crests of an unknown law look like jumps.
     pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
-        let new = || scan::scan(&self.small, fit, &self.judge(fit), &self.search.without);
+        let new = || scan::scan(&self.small, fit, &self.judge(fit), self.search);
         let mut scored = self.scans.borrow_mut().scan(&self.small, fit, new)?;
         scored.retain(|Scored { instance, family, .. }| {
             let sudden = scored::is_data(instance) || family.happened_once();
