@@ -8,6 +8,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+# One process for each core is at work: threads of small products only wait for one another.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # Modules are imported for their doctests; these need the extra `physics`.
 collect_ignore = [] if find_spec("mujoco") else ["drive/body.py", "drive/robot.py"]
 

@@ -38,31 +38,32 @@ NOISE = 2e-5
 LONGER = 1.5e-3
 
 
-def turned(axis: Array, angle: float) -> Array:
-    """A rotation about a unit axis, by Rodrigues."""
+def turned(axis: Array, angle: Array) -> Array:
+    """Rotations about a unit axis by angles (n,), by Rodrigues: (n, 3, 3)."""
     x, y, z = axis
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k)
+    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.asarray(np.eye(3) + sine * k + (1 - cosine) * k @ k)
 
 
 def tip(q: Array, links: Array) -> Array:
-    """Place of the tip."""
-    place, frame = np.zeros(3), np.eye(3)
-    for link, axis, angle in zip(links, AXES, q, strict=False):
+    """Places (n, 3) of the tip at joint angles (n, 6)."""
+    place, frame = np.zeros((len(q), 3)), np.broadcast_to(np.eye(3), (len(q), 3, 3))
+    for link, axis, angle in zip(links, AXES, q.T, strict=False):
         place, frame = place + frame @ link, frame @ turned(axis, angle)
     return np.asarray(place + frame @ links[-1])
 
 
-def touching(cone: Array, links: Array, rng: np.random.Generator) -> Array:
-    """Joint angles near random ones that bring the tip to a cone."""
-    while True:
-        q = rng.uniform(-1.1, 1.1, 6)
-        for _ in range(40):
-            step = 1e-6 * np.eye(6)
-            slope = np.array([(tip(q + s, links) - tip(q - s, links)) / 2e-6 for s in step]).T
-            q = q + np.linalg.pinv(slope) @ (cone - tip(q, links))
-        if np.abs(tip(q, links) - cone).max() < 1e-12 and np.abs(q).max() < 2.4:
-            return np.asarray(q)
+def touching(cone: Array, count: int, links: Array, rng: np.random.Generator) -> Array:
+    """Joint angles (count, 6) near random ones that bring the tip to a cone."""
+    q = rng.uniform(-1.1, 1.1, (8 * count, 6))
+    for _ in range(16):
+        step = 1e-6 * np.eye(6)
+        slope = np.stack([(tip(q + s, links) - tip(q - s, links)) / 2e-6 for s in step], axis=2)
+        q = q + (np.linalg.pinv(slope) @ (cone - tip(q, links))[..., None])[..., 0]
+    reached = (np.abs(tip(q, links) - cone).max(1) < 1e-12) & (np.abs(q).max(1) < 2.4)
+    assert reached.sum() >= count
+    return np.asarray(q[reached][:count])
 
 
 def urdf() -> str:
@@ -125,11 +126,11 @@ def session(drawn: Any, links: Array, seed: int, bend: float = 0.0) -> Any:
     """Readings of an arm with other links, at four cones."""
     rng = np.random.default_rng(seed)
     cones = np.array([[0.45, 0.1, 0.5], [0.3, -0.35, 0.6], [0.1, 0.45, 0.45], [0.4, 0.25, 0.85]])
-    rows = [(k, touching(cone, links, rng)) for k, cone in enumerate(cones) for _ in range(18)]
-    exact = np.array([q for _, q in rows]) + rng.normal(0, 0.02, 6) * (np.arange(6) > 0)
+    exact = np.concatenate([touching(cone, 18, links, rng) for cone in cones])
+    exact = exact + rng.normal(0, 0.02, 6) * (np.arange(6) > 0)
     exact[:, 2] -= bend * exact[:, 2] ** 2
     values = exact + rng.normal(0, NOISE, exact.shape)
-    keys = {"at": [f"cone{k}" for k, _ in rows]}
+    keys = {"at": [f"cone{k // 18}" for k in range(72)]}
     return rsicalib.Readings.from_arrays(drawn, values, pose=np.arange(1, 73), keys=keys)
 
 

@@ -57,7 +57,8 @@ def noncentrality(
     matrix = np.concatenate([c.reshape(-1, c.shape[-1]) for c in columns], axis=1)
     matrix = matrix / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     mean = np.einsum("nij,nj->ni", white, mean_misclosure(device, readings) - base).ravel()
-    left = mean - matrix @ np.linalg.lstsq(matrix, mean, rcond=1e-12)[0]
+    ortho, upper = np.linalg.qr(matrix)
+    left = mean - matrix @ np.linalg.lstsq(upper, ortho.T @ mean, rcond=1e-12)[0]
     return float(left @ left)
 
 
