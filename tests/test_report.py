@@ -25,7 +25,7 @@ from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import residual_figure
 from rsicalib.report.words import noise_words, number, plus_minus, sentence
 from rsicalib.results import Result
-from rsicalib.shapes import Excluded, Noise, Reason, Unexplained
+from rsicalib.shapes import Excluded, Name, Noise, Reason, Unexplained
 from rsicalib.units import with_unit
 from rsicalib.warned import Warned
 from rsicalib.work.arguments import Bare
@@ -572,3 +572,19 @@ def test_nothing_is_called_certain_that_does_not_explain_it_all(traced: Trace) -
     assert "It is certain that it is this sensor." in traced.report()
     part = dataclasses.replace(traced, verdict="partly_explained").report()
     assert "certain that" not in part and "does not explain it all" in part
+
+
+def test_effects_of_several_sensors_are_said_of_all_of_them(traced: Trace) -> None:
+    """What poses cannot tell apart is not called certain, however probable the rest makes it."""
+    (step,) = traced.steps
+    each = dataclasses.replace(step, term="offset", target="each", also_fits=())
+    page = dataclasses.replace(traced, steps=(each,)).report()
+    assert "All sensors read wrong, alike" in page
+    assert "offset of each sensor" in page
+    pair = dataclasses.replace(each, target="a11+a12")
+    twin = Name(term="offset", target="a21+a22", klass="sensor")
+    page = dataclasses.replace(traced, steps=(pair,)).report()
+    assert "The sensors a11 and a12 read wrong, alike" in page
+    tied = dataclasses.replace(traced, steps=(dataclasses.replace(pair, also_fits=(twin,)),))
+    assert "cannot tell it from offset of sensors a21 and a22" in tied.report()
+    assert "It is certain" not in tied.report()

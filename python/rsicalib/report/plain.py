@@ -5,13 +5,23 @@ from __future__ import annotations
 import math
 from html import escape
 
-from rsicalib.report.words import labelled, listed_words, name_of, number, subject
+from rsicalib.report.words import (
+    labelled,
+    listed_words,
+    name_of,
+    number,
+    size_words,
+    subject,
+    target_words,
+)
 from rsicalib.shapes import Evidence, ResultShape, Rival, Step, TraceShape
 
 __all__ = ["certainty_html", "plain_words"]
 
 WRONG = {
-    "sensor": "The sensor {target} does not read true",
+    "sensor": "the {target} does not read true",
+    "sensors": "the {target} read wrong, alike",
+    "each sensor": "all sensors read wrong, alike",
     "electronics": "The electronics read all channels wrong",
     "geometry": "{target} is not as it is drawn",
     "closure": "What {target} says does not hold",
@@ -19,7 +29,12 @@ WRONG = {
 }
 """What is the matter, by the class of an effect."""
 
-THIS = {"sensor": "this sensor", "electronics": "the electronics"}
+THIS = {
+    "sensor": "this sensor",
+    "sensors": "these sensors",
+    "each sensor": "all sensors",
+    "electronics": "the electronics",
+}
 """What is called so, by the class of an effect; a part of the mechanism else."""
 
 SURE = 0.95
@@ -76,9 +91,16 @@ def _in_part(result: TraceShape) -> str:
     return f"Something is wrong, at {named} most of all; what was found does not explain it all."
 
 
+def _kind(step: Step) -> str:
+    """The class of an effect, and of how many sensors it is."""
+    if step.klass != "sensor":
+        return step.klass
+    return "each sensor" if step.target == "each" else "sensors" if "+" in step.target else "sensor"
+
+
 def _found(result: TraceShape, step: Step) -> str:
-    target = labelled(step.target, step.label)
-    said = WRONG.get(step.klass, "{target} is wrong").format(target=target)
+    target = labelled(target_words(step.klass, step.target), step.label)
+    said = WRONG.get(_kind(step), "{target} is wrong").format(target=target)
     said = said[:1].upper() + said[1:]
     off = None if step.platform_rms is None else step.platform_rms.position
     if off:
@@ -94,13 +116,18 @@ def _sure(result: TraceShape, step: Step) -> str:
     for rival in rivals:
         shapes += [name_of(n.term) for n in rival.terms if n.target == step.target]
     shapes = list(dict.fromkeys(shapes))
-    subject = "Its shape" if step.klass == "sensor" else "It"
+    error = "It" if step.klass != "sensor" else "The error"
     be = "is" if len(shapes) == 1 else "may be"
-    what = f"{subject} {be} {_either(shapes[:4])}."
+    one = len(shapes) == 1 and len(step.parameters) == 1
+    size = f", {size_words(step).split(' = ')[-1]}" if one else ""
+    what = f"{error} {be} {_either(shapes[:4])}{size}."
     if not rivals:
         return what
-    thing = THIS.get(step.klass, "this part")
+    thing = THIS.get(_kind(step), "this part")
     here = sum(r.probability for r in rivals if any(n.target == step.target for n in r.terms))
+    twins = [subject(n) for n in step.also_fits if n.target != step.target]
+    if twins:
+        return f"{what} These poses cannot tell it from {_either(twins[:3])}."
     if here >= SURE:
         return f"It is certain that it is {thing}. {what}"
     others = {n.target for r in rivals for n in r.terms} - {s.target for s in result.steps}

@@ -82,7 +82,13 @@ def parameter_name(term: str, name: str) -> str:
 
 
 def target_words(klass: str, target: str) -> str:
-    """Where a fault lies."""
+    """Where a fault lies: `sensor a22`, `sensors tl and tr`, `each sensor`."""
+    if klass == "sensor" and target == "each":
+        return "each sensor"
+    if klass == "sensor" and "+" in target:
+        return f"sensors {listed_words(target.split('+'))}"
+    if target.startswith("each/"):
+        return f"row {target.removeprefix('each/')} of each chain"
     return WORDS.get(klass, "{target}").format(target=target)
 
 
