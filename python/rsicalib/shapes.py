@@ -20,8 +20,10 @@ __all__ = [
     "Against",
     "Alternative",
     "Before",
+    "Between",
     "CalibrationShape",
     "Changed",
+    "Changing",
     "Check",
     "CurveLaw",
     "Data",
@@ -32,6 +34,7 @@ __all__ = [
     "Expected",
     "FitQuality",
     "Groups",
+    "Halves",
     "HeldOut",
     "Hidden",
     "Hypothesis",
@@ -231,6 +234,9 @@ class Parameter(Estimate, Record):
     """Standard deviation; null where these poses cannot determine the parameter."""
     unit: str
     """Unit of both."""
+    sd_between: float | None = field(default=None, metadata=IF_KNOWN)
+    """Standard deviation of the mean over groups, as of `between.covariance`; null where there are
+    none."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
     """Where a searched term acts: a pose, or another channel."""
     note: str | None = field(default=None, metadata=IF_KNOWN)
@@ -261,6 +267,71 @@ class Reason(Record):
     """What was expected in its place."""
     p_value: float | None = None
     """Probability of more by chance."""
+
+
+@dataclass(frozen=True)
+class Changing(Record):
+    """A parameter that may change from group to group."""
+
+    term: str
+    """Id of the term."""
+    target: str
+    """What the term belongs to."""
+    name: str
+    """Name of the parameter."""
+    sd: float
+    """Standard deviation from group to group that is counted with: more than the most likely one
+    where few groups tell of it."""
+    unit: str
+    """Its unit."""
+
+
+@dataclass(frozen=True)
+class Halves(Record):
+    """Estimates of every other group against those of the rest: what cross-validation says."""
+
+    groups: tuple[tuple[str, ...], ...]
+    """Names of the groups of each half."""
+    difference: float
+    """Root mean square difference of a coordinate of predicted positions, in `length_unit`."""
+    within: float
+    """The same as the intervals within groups predict it."""
+    between: float
+    """The same with what changes from group to group."""
+    chi2_within: float
+    """χ² of the difference of the parameters per parameter, by what is within groups."""
+    chi2_between: float
+    """The same with what changes from group to group."""
+    own: bool
+    """True where each half has told on its own how much changes; else all groups have, the
+    difference among them."""
+
+
+@dataclass(frozen=True)
+class Between(Record):
+    """What changes from group to group: placements, or sessions.
+
+    `covariance` holds within the groups of the session. Parameters as means over groups, as another
+    session has them, have the covariance of this table; in one other group each of `parameters`
+    differs from that mean by its `sd` beside.
+    """
+
+    kind: str
+    """What tells groups apart."""
+    groups: tuple[str, ...]
+    """Names of the groups."""
+    sd: float
+    """Most likely standard deviation of the changes, in typical sizes of their parameters."""
+    interval: tuple[float, ...]
+    """Standard deviations between which it lies with 95 % probability."""
+    p_value: float
+    """Probability by chance of groups that differ so much, were nothing to change."""
+    parameters: tuple[Changing, ...]
+    """Parameters that may change, and by how much they are expected to."""
+    covariance: Labelled
+    """Covariance of the parameters between groups, in their order and units; null where unknown."""
+    halves: Halves | None = field(default=None, metadata=IF_KNOWN)
+    """One half of the groups against the other."""
 
 
 @dataclass(frozen=True)
@@ -930,8 +1001,12 @@ class ResultShape(Record):
     """Estimates."""
     covariance: Labelled
     """Covariance of the parameters, in their order and units; null where unknown."""
+    between: Between | None = field(default=None, metadata=IF_KNOWN)
+    """What changes from group to group, placements or sessions; null where the session has none, or
+    where they tell nothing."""
     predicted: Predicted | None = field(default=None, metadata=IF_KNOWN)
-    """Predicted error at the poses of the session; null where the data determine none."""
+    """Predicted error at the poses of the session, what changes between groups included; null where
+    the data determine none."""
     unobservable: tuple[str, ...] = ()
     """Directions in the space of parameters that the data cannot tell: those that other poses
     could, then those that no reading could, which a convention fixes."""

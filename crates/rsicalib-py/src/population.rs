@@ -63,6 +63,7 @@ impl From<&PyShare<'_>> for Share {
                 name: name.clone(),
                 value: f64::NAN,
                 sd: None,
+                sd_between: None,
                 unit: unit.clone(),
                 note: None,
             };

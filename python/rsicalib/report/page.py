@@ -16,6 +16,7 @@ from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_fig
 from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
     advice,
+    between_words,
     comparison,
     excluded_words,
     labelled,
@@ -278,8 +279,10 @@ def _data(result: ResultShape) -> str:
     readings = result.readings
     names = [re.split(r"[/\\]", file)[-1] for file in readings.files]
     files = f" {'Files' if len(names) > 1 else 'File'}: {', '.join(names)}." if names else ""
+    between = between_words(result)
+    groups = f"Between groups: {between}. " if between else ""
     return (
-        f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. "
+        f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. {groups}"
         f"Unit of length {result.length_unit}, of angles rad.{files}"
     )
 
@@ -392,6 +395,8 @@ def _parameters(result: ResultShape) -> str:
     before = {(p.spec, p.name): p for p in whole}
     superseding = any(p.earlier is not None for p in result.parameters)
     heads = ["target", "parameter", "value", "± 95 %", "unit"]
+    grouped = any(p.sd_between is not None for p in result.parameters)
+    heads += [f"± 95 % between {result.between.kind}s"] if grouped and result.between else []
     heads += ["earlier", "change [σ]"] * superseding
     heads += ["with what was left out"] * bool(whole)
     rows = []
@@ -403,6 +408,8 @@ def _parameters(result: ResultShape) -> str:
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
         earlier = _earlier(p) if superseding else ()
+        wide = plus_minus(p.value, None if p.sd_between is None else 1.96 * p.sd_between)[1]
+        earlier = (*([wide] * (grouped and result.between is not None)), *earlier)
         rows.append((target, name, value, half, p.unit, *earlier, *[all_readings] * bool(whole)))
     found = table(heads, rows, 2, "parameters") if rows else ""
     if superseding:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from rsicalib.report.words import (
     advice,
+    between_words,
     comparison,
     excluded_words,
     labelled,
@@ -66,6 +67,8 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
     data = result.readings
     head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
     head += _entry("noise", noise_words(result), look)
+    if between := between_words(result):
+        head += _most(_entry("groups", between, look), 4, look)
     head += _earlier(result, look)
     head += _listed("warning", [str(warned) for warned in result.warnings], 1, look)
     middle = _errors(result, look)

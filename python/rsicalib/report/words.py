@@ -21,6 +21,7 @@ from rsicalib.units import in_thousandths, with_unit
 
 __all__ = [
     "advice",
+    "between_words",
     "comparison",
     "excluded_words",
     "labelled",
@@ -300,6 +301,30 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, st
         rows.append((f"orientation, {poses} [rad]", turn[0], turn[1]))
     rows += _touched(result)
     return heads, [row for row in rows if row[1:] != ("–", "–")]
+
+
+def between_words(result: ResultShape) -> str:
+    """What changes from group to group, and one half of the groups against the other."""
+    between = result.between
+    if between is None:
+        return ""
+    what = f"{len(between.groups)} {between.kind}s"
+    low, high = (number(v, 2) for v in between.interval)
+    words = (
+        f"{what} differ by {number(between.sd, 2)} typical sizes of offsets and touched places "
+        f"({low} to {high}, {p_is(between.p_value)})"
+    )
+    halves = between.halves
+    if halves is None:
+        return words
+    unit = result.length_unit
+    own = "" if halves.own else ", told by all of them"
+    return (
+        f"{words}; half of them against the rest: carried points differ by "
+        f"{number(halves.difference, 2)} {unit}, predicted {number(halves.between, 2)}{own} "
+        f"({number(halves.within, 2)} within), χ² per parameter "
+        f"{number(halves.chi2_between, 2)} ({number(halves.chi2_within, 2)} within)"
+    )
 
 
 def _touched(result: ResultShape) -> list[tuple[str, str, str]]:

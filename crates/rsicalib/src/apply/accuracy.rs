@@ -29,6 +29,9 @@ use crate::numerics::distributions;
 use crate::numerics::symmetric::dot;
 use crate::readings::{Readings, Table, average, runs_of_poses};
 
+/// Poses of a session at which errors are predicted, at the most.
+pub(crate) const PREDICTED: usize = 16;
+
 /// Predicted error, root mean square over components.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -97,14 +100,14 @@ pub fn predicted(
     let channels = observations.mechanism.channels.len();
     let table_rows = table.values.len() / channels;
     let poses = runs_of_poses(table, channels);
+    let slopes = slopes_of_some(observations, fit, table, most)?;
     let count = poses.len().min(most.max(1));
-    let some: Vec<_> = (0..count).map(|k| poses[k * poses.len() / count].clone()).collect();
-    let slopes = slopes_at(observations, fit, &average(table, channels, &some))?;
     let terms = fit.model.term_parameters;
-    let sd: Vec<f64> = (0..terms).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
+    let covariance = fit.elsewhere();
+    let sd: Vec<f64> = (0..terms).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
     let free: Vec<usize> = (0..terms).filter(|&i| sd[i] > 0.0).collect();
     let correlation = Mat::from_fn(free.len(), free.len(), |i, j| {
-        fit.covariance[(free[i], free[j])] / (sd[free[i]] * sd[free[j]])
+        covariance[(free[i], free[j])] / (sd[free[i]] * sd[free[j]])
     });
 
     let samples = table_rows as f64 / poses.len().max(1) as f64;
@@ -132,6 +135,51 @@ pub fn predicted(
     let unit = |i: usize| own(i).unwrap_or(1.0).max(f64::MIN_POSITIVE);
     let dof = of(0..coordinates, &unit).unwrap_or_default().dof;
     Ok(Predicted { poses: count, position_sd, orientation_sd, dof })
+}
+
+/// Root mean square over the coordinates of positions, at the most `most` poses of a table, by a step
+/// of the parameters; and the same as each of these covariances of the step predicts it.
+///
+/// # Errors
+///
+/// As [`Readings::new`].
+pub fn moved_by(
+    observations: &Observations,
+    fit: &Fit,
+    (table, most): (&Table, usize),
+    step: &[f64],
+    covariances: [&Mat<f64>; 2],
+) -> Result<[f64; 3], Error> {
+    let slopes = slopes_of_some(observations, fit, table, most)?;
+    let terms = fit.model.term_parameters;
+    let (mut moved, mut predicted, mut count) = (0.0, [0.0; 2], 0.0);
+    for by in slopes.iter().map(|s| &s.by_parameter) {
+        let positions = if is_placed(observations, fit) { 3 } else { by.nrows() };
+        for row in (0..positions).map(|i| by.row(i)) {
+            moved += (0..terms).map(|p| row[p] * step[p]).sum::<f64>().powi(2);
+            for (predicted, covariance) in predicted.iter_mut().zip(covariances) {
+                let pairs = (0..terms).flat_map(|i| (0..terms).map(move |j| (i, j)));
+                *predicted += pairs.map(|(i, j)| row[i] * covariance[(i, j)] * row[j]).sum::<f64>();
+            }
+            count += 1.0;
+        }
+    }
+    let [within, between] = predicted;
+    Ok([moved, within, between].map(|square| (square.max(0.0) / count).sqrt()))
+}
+
+/// Derivatives at some poses of a table, evenly spread.
+fn slopes_of_some(
+    observations: &Observations,
+    fit: &Fit,
+    table: &Table,
+    most: usize,
+) -> Result<Vec<Slopes>, Error> {
+    let channels = observations.mechanism.channels.len();
+    let poses = runs_of_poses(table, channels);
+    let count = poses.len().min(most.max(1));
+    let some: Vec<_> = (0..count).map(|k| poses[k * poses.len() / count].clone()).collect();
+    slopes_at(observations, fit, &average(table, channels, &some))
 }
 
 /// True where a pose of the platform follows from the readings.

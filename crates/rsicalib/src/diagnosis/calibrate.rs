@@ -8,7 +8,7 @@ use crate::Error;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::{looks_bad, trace};
-use crate::estimate::{Fit, Method, Observations, fit};
+use crate::estimate::{Fit, Method, Observations, fit, with_groups};
 use crate::model::Instance;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
@@ -56,8 +56,8 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
             let left = fit(&traced.observations, instances, Some(&clean))?;
             let (observations, excluded) = (traced.observations, traced.excluded);
             return Ok(Calibrated {
+                fit: with_groups(converter::seen_by(&all, left), &observations),
                 observations,
-                fit: converter::seen_by(&all, left),
                 excluded,
                 with: Some(all),
             });
@@ -66,9 +66,11 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
     if excluded.is_empty() {
         return Ok(whole(observations, all));
     }
+    let clean = with_groups(clean, &rest);
     Ok(Calibrated { observations: rest, fit: clean, excluded, with: Some(all) })
 }
 
 fn whole(observations: &Observations, fit: Fit) -> Calibrated {
+    let fit = with_groups(fit, observations);
     Calibrated { observations: observations.clone(), fit, excluded: Vec::new(), with: None }
 }

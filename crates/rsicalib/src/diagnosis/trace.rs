@@ -25,7 +25,7 @@ use crate::diagnosis::verdict::Determined;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
-use crate::estimate::{Fit, Observations, fit};
+use crate::estimate::{Fit, Observations, fit, with_groups};
 use crate::model::{Instance, Model};
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
@@ -192,8 +192,9 @@ fn explain(
     };
     let found = steps.into_iter().map(|step| Found::of(of_all(&step), step)).collect();
     let p_value = after.p_value;
+    let after = with_groups(after, &observations);
     Ok(Traced {
-        before,
+        before: with_groups(before, all),
         after,
         observations,
         small,

@@ -282,6 +282,9 @@ pub struct ParameterReport {
     pub value: f64,
     /// Standard deviation, in `unit`; `None` for a parameter that the poses cannot determine.
     pub sd: Option<f64>,
+    /// Standard deviation between groups, as that of the mean over them; none without groups.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub sd_between: Option<f64>,
     /// Unit of the estimate.
     pub unit: String,
     /// What keeps it from being what its term is called.
@@ -320,6 +323,19 @@ impl ParameterReport {
 /// ```
 #[must_use]
 pub fn reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
+    let (values, map) = as_reported(fit);
+    (values, &map * &fit.covariance * map.transpose())
+}
+
+/// A covariance of the parameters of a fit, as they are reported.
+#[must_use]
+pub fn covariance_as_reported(fit: &Fit, covariance: &Mat<f64>) -> Mat<f64> {
+    let (_, map) = as_reported(fit);
+    &map * covariance * map.transpose()
+}
+
+/// Values of the parameters as they are reported, and the derivatives of these.
+fn as_reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
     let model = &fit.model;
     let n = model.parameters;
     let mut values = fit.beta.clone();
@@ -337,8 +353,7 @@ pub fn reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
             values[gain] = slope;
         }
     }
-    let covariance = &map * &fit.covariance * map.transpose();
-    (values, covariance)
+    (values, map)
 }
 
 /// Name, target and unit of every parameter, in order; values and deviations empty.
@@ -355,6 +370,7 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
                 name: parameter.name.into(),
                 value: f64::NAN,
                 sd: None,
+                sd_between: None,
                 unit: unit(observations, instance, parameter.unit),
                 note: None,
             });
@@ -369,6 +385,7 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
                 name: name.into(),
                 value: f64::NAN,
                 sd: None,
+                sd_between: None,
                 unit: if length { mechanism.length_unit.clone() } else { "rad".into() },
                 note: None,
             });

@@ -496,6 +496,7 @@ fn conclude(
         residuals: residuals.into(),
         plausible,
         warnings: start.warnings,
+        between: None,
         adjusted: None,
     }
 }

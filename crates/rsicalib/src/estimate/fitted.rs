@@ -1,10 +1,12 @@
 //! What a fit found: estimates, covariance and lack of fit.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use faer::Mat;
 
 use crate::estimate::adjusted::Adjusted;
+use crate::estimate::between::Between;
 use crate::estimate::conventions::Conventions;
 use crate::estimate::noise::source::{LEAST_DOF, NoiseEstimate, Source};
 use crate::estimate::objective::Noise;
@@ -64,6 +66,8 @@ pub struct Fit {
     pub plausible: bool,
     /// Suspected mistakes in the wiring.
     pub warnings: Vec<Suspicion>,
+    /// What changes from group to group, where that was looked for: [`with_groups`](crate::estimate::with_groups).
+    pub between: Option<Arc<Between>>,
     /// Readings as a fit of a search has settled them.
     pub(crate) adjusted: Option<Adjusted>,
 }
@@ -82,6 +86,15 @@ impl Fit {
     /// These readings as the fit has settled them; none where it is no fit of a search, or of others.
     pub(crate) fn adjusted_of(&self, readings: &Readings) -> Option<&[Lanes]> {
         self.adjusted.as_ref().and_then(|adjusted| adjusted.of(readings))
+    }
+
+    /// Covariance of the parameters where another group is meant, or whatever is used elsewhere.
+    #[must_use]
+    pub fn elsewhere(&self) -> Cow<'_, Mat<f64>> {
+        match &self.between {
+            Some(between) => Cow::Owned(between.elsewhere()),
+            None => Cow::Borrowed(&self.covariance),
+        }
     }
 
     /// A fit to start from: the parameters of a search, the noise of all samples.

@@ -4,6 +4,8 @@ pub(crate) mod adjusted;
 mod algebraic;
 pub(crate) mod angles;
 pub(crate) mod at_fit;
+pub mod between;
+mod by_group;
 mod conventions;
 pub(crate) mod degrees;
 pub mod directions;
@@ -33,6 +35,7 @@ pub mod tried;
 mod wiring;
 
 pub use algebraic::Algebraic;
+pub use by_group::with_groups;
 pub use expected::{Expectation, Expected};
 pub(crate) use fit::widening;
 pub use fit::{carry_over, fit, free_parameters};

@@ -2,6 +2,7 @@
 //! eigenproblems, distributions.
 
 pub mod bounds;
+pub mod component;
 pub mod credible_set;
 pub mod dense;
 pub(crate) mod distributions;

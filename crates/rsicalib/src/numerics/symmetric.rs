@@ -114,6 +114,23 @@ pub(crate) fn eigenvalues(square: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>
     Some(((0..n).map(|k| values[k]).collect(), eigen.U().to_owned()))
 }
 
+/// `dᵀ C⁺ d`, and in how many directions: those that have a part of the variance that rounding does
+/// not, in units of the standard deviations.
+pub(crate) fn told(covariance: MatRef<'_, f64>, d: &[f64]) -> (f64, f64) {
+    let n = d.len();
+    let sd: Vec<f64> = (0..n).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
+    let free: Vec<usize> = (0..n).filter(|&i| sd[i] > 0.0).collect();
+    let unit = Mat::from_fn(free.len(), free.len(), |i, j| {
+        covariance[(free[i], free[j])] / (sd[free[i]] * sd[free[j]])
+    });
+    let Some((values, vectors)) = eigenvalues(unit.as_ref()) else { return (0.0, 0.0) };
+    let along = |k: usize| -> f64 {
+        free.iter().enumerate().map(|(i, &f)| vectors[(i, k)] * d[f] / sd[f]).sum()
+    };
+    let kept = (0..values.len()).filter(|&k| values[k] > 1e-6);
+    kept.fold((0.0, 0.0), |(sum, count), k| (sum + along(k).powi(2) / values[k], count + 1.0))
+}
+
 /// The part of a step that lies in directions of which a Gram matrix tells nothing.
 #[must_use]
 pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {

@@ -15,6 +15,7 @@ use crate::apply::check::Check;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::{Reason, Verdict};
+use crate::estimate::between::Grouping;
 use crate::estimate::noise::source::Source;
 use crate::mechanism::Law;
 use crate::report::traced::Left;
@@ -76,7 +77,12 @@ macro_rules! result {
             pub parameters: Vec<Parameter>,
             /// Covariance of the parameters, in their order and units; null where unknown.
             pub covariance: Vec<Vec<Option<f64>>>,
-            /// Predicted error at the poses of the session; null where the data determine none.
+            /// What changes from group to group, placements or sessions; null where the session has
+            /// none, or where they tell nothing.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub between: Option<Between>,
+            /// Predicted error at the poses of the session, what changes between groups included;
+            /// null where the data determine none.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub predicted: Option<Predicted>,
             /// Directions in the space of parameters that the data cannot tell: those that other
@@ -135,6 +141,9 @@ macro_rules! result {
             fn covariance(&self) -> &[Vec<Option<f64>>] {
                 &self.covariance
             }
+            fn between(&self) -> Option<&Between> {
+                self.between.as_ref()
+            }
             fn noise(&self) -> Option<&Noise> {
                 self.noise.as_ref()
             }
@@ -160,6 +169,8 @@ pub(crate) trait Parts {
     fn parameters(&self) -> &[Parameter];
     /// Their covariance, row by row.
     fn covariance(&self) -> &[Vec<Option<f64>>];
+    /// What changes from group to group.
+    fn between(&self) -> Option<&Between>;
     /// Noise of one sample.
     fn noise(&self) -> Option<&Noise>;
     /// The same, to complete what an earlier version did not write.
@@ -282,6 +293,68 @@ pub struct Noise {
     pub seating: Option<f64>,
 }
 
+/// What changes from group to group: placements, or sessions.
+///
+/// `covariance` holds within the groups of the session. Parameters as means over groups, as another
+/// session has them, have the covariance of this table; in one other group each of `parameters`
+/// differs from that mean by its `sd` beside.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Between {
+    /// What tells groups apart.
+    pub kind: Grouping,
+    /// Names of the groups.
+    pub groups: Vec<String>,
+    /// Most likely standard deviation of the changes, in typical sizes of their parameters.
+    pub sd: f64,
+    /// Standard deviations between which it lies with 95 % probability.
+    pub interval: [f64; 2],
+    /// Probability by chance of groups that differ so much, were nothing to change.
+    pub p_value: f64,
+    /// Parameters that may change, and by how much they are expected to.
+    pub parameters: Vec<Changing>,
+    /// Covariance of the parameters between groups, in their order and units; null where unknown.
+    pub covariance: Vec<Vec<Option<f64>>>,
+    /// One half of the groups against the other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub halves: Option<Halves>,
+}
+
+/// A parameter that may change from group to group.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Changing {
+    /// Id of the term.
+    pub term: String,
+    /// What the term belongs to.
+    pub target: String,
+    /// Name of the parameter.
+    pub name: String,
+    /// Standard deviation from group to group that is counted with: more than the most likely one
+    /// where few groups tell of it.
+    pub sd: f64,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// Estimates of every other group against those of the rest: what cross-validation says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Halves {
+    /// Names of the groups of each half.
+    pub groups: [Vec<String>; 2],
+    /// Root mean square difference of a coordinate of predicted positions, in `length_unit`.
+    pub difference: f64,
+    /// The same as the intervals within groups predict it.
+    pub within: f64,
+    /// The same with what changes from group to group.
+    pub between: f64,
+    /// χ² of the difference of the parameters per parameter, by what is within groups.
+    pub chi2_within: f64,
+    /// The same with what changes from group to group.
+    pub chi2_between: f64,
+    /// True where each half has told on its own how much changes; else all groups have, the
+    /// difference among them.
+    pub own: bool,
+}
+
 /// How well a model fits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FitQuality {
@@ -322,6 +395,10 @@ pub struct Parameter {
     pub sd: Option<f64>,
     /// Unit of both.
     pub unit: String,
+    /// Standard deviation of the mean over groups, as of `between.covariance`; null where there are
+    /// none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd_between: Option<f64>,
     /// Where a searched term acts: a pose, or another channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,

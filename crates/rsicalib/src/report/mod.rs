@@ -3,6 +3,8 @@
 #[doc(hidden)]
 pub mod beside;
 #[doc(hidden)]
+pub mod between;
+#[doc(hidden)]
 pub mod calibrated;
 #[doc(hidden)]
 pub mod device;

@@ -111,7 +111,9 @@ fn checked<'de, T: Deserialize<'de> + Parts>(text: &'de str) -> Result<T, Refuse
 /// Checks that the parts of a result agree, and that each is what it can be.
 fn check(result: &impl Parts) -> Result<(), Refused> {
     check_parameters(result)?;
-    check_covariance(result)?;
+    let sd = |p: &Parameter| p.sd;
+    check_covariance("covariance", result.parameters(), result.covariance(), sd)?;
+    check_between(result)?;
     check_fit(result)?;
     let (Some(noise), Some(reference)) = (result.noise(), result.reference()) else {
         return Ok(());
@@ -168,23 +170,46 @@ fn check_parameters(result: &impl Parts) -> Result<(), Refused> {
     Ok(())
 }
 
+/// Refuses changes from group to group that nothing has.
+fn check_between(result: &impl Parts) -> Result<(), Refused> {
+    let Some(between) = result.between() else { return Ok(()) };
+    let sd = |p: &Parameter| p.sd_between;
+    check_covariance("between.covariance", result.parameters(), &between.covariance, sd)?;
+    if !(0.0..=1.0).contains(&between.p_value) {
+        return refuse("between.p_value", between.p_value.to_string(), "0 to 1");
+    }
+    let [low, high] = between.interval;
+    if !(0.0 <= low && low <= between.sd && between.sd <= high && bounds::usable(high)) {
+        let expected = format!("from 0 or more to no less than {}, the sd", between.sd);
+        return refuse("between.interval", format!("{low} to {high}"), expected);
+    }
+    match between.parameters.iter().find(|p| !(p.sd >= 0.0 && bounds::usable(p.sd))) {
+        Some(p) => refuse("between.parameters.sd", p.sd.to_string(), "0 or more"),
+        None => Ok(()),
+    }
+}
+
 /// Refuses a covariance that no parameters have: not square, not symmetric, not positive, or not
 /// of these standard deviations.
-fn check_covariance(result: &impl Parts) -> Result<(), Refused> {
-    let (parameters, covariance) = (result.parameters(), result.covariance());
+fn check_covariance(
+    name: &str,
+    parameters: &[Parameter],
+    covariance: &[Vec<Option<f64>>],
+    sd: impl Fn(&Parameter) -> Option<f64>,
+) -> Result<(), Refused> {
     let n = parameters.len();
     if covariance.len() != n || covariance.iter().any(|row| row.len() != n) {
         let found = format!("{} rows", covariance.len());
-        return refuse("covariance", found, format!("{n} rows of {n} numbers"));
+        return refuse(name, found, format!("{n} rows of {n} numbers"));
     }
     let at = |i: usize, j: usize| covariance[i][j];
     let known: Vec<usize> = (0..n).filter(|&i| at(i, i).is_some()).collect();
     for &i in &known {
         let variance = at(i, i).unwrap_or_default();
-        let sd = parameters[i].sd.unwrap_or(variance.max(0.0).sqrt());
+        let sd = sd(&parameters[i]).unwrap_or(variance.max(0.0).sqrt());
         if variance < 0.0 || (sd * sd - variance).abs() > AGREE * variance {
             let expected = format!("{}, the square of the standard deviation", sd * sd);
-            return refuse(&format!("covariance[{i}][{i}]"), variance.to_string(), expected);
+            return refuse(&format!("{name}[{i}][{i}]"), variance.to_string(), expected);
         }
     }
     let scale =
@@ -198,7 +223,7 @@ fn check_covariance(result: &impl Parts) -> Result<(), Refused> {
         if !same || here.is_some_and(|c| c.abs() > (1.0 + AGREE) * scale(i, j)) {
             let text = |c: Option<f64>| c.map_or("null".into(), |c| c.to_string());
             let expected = format!("the same as in [{j}][{i}], at most {}", scale(i, j));
-            return refuse(&format!("covariance[{i}][{j}]"), text(here), expected);
+            return refuse(&format!("{name}[{i}][{j}]"), text(here), expected);
         }
     }
     let spread: Vec<usize> = known.into_iter().filter(|&i| scale(i, i) > 0.0).collect();
@@ -209,7 +234,7 @@ fn check_covariance(result: &impl Parts) -> Result<(), Refused> {
     let least = least.and_then(|all| all.first().copied()).unwrap_or(0.0);
     if least < -AGREE * n as f64 {
         let found = format!("a variance of {least:.3} in units of its own along some direction");
-        return refuse("covariance", found, "none below 0");
+        return refuse(name, found, "none below 0");
     }
     Ok(())
 }

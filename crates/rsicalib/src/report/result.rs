@@ -1,15 +1,18 @@
 //! Results as users hold them: plain structs in the shape of the JSON.
 
 use crate::Error;
-use crate::apply::accuracy::{Predicted, predicted};
+use crate::apply::accuracy::{PREDICTED, Predicted, predicted};
 use crate::apply::check::{Check, check};
 use crate::apply::earlier::{Applied, Reference, Reported};
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
-use crate::estimate::directions::{Directions, ParameterReport, parameter_names, reported};
+use crate::estimate::directions::{
+    Directions, ParameterReport, covariance_as_reported, parameter_names, reported,
+};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations, Part};
 use crate::readings::{Readings, Table};
+use crate::report::between::{self, BetweenReport};
 use crate::report::warned::{self, Warned};
 use crate::report::words;
 use crate::screening::excluded::Excluded;
@@ -171,6 +174,9 @@ pub struct Estimates {
     pub remarks: Vec<Warned>,
     /// Their covariance, row by row.
     pub covariance: Vec<Vec<f64>>,
+    /// What changes from group to group.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub between: Option<BetweenReport>,
     /// Predicted error at the poses of the session; none where the data determine no calibration.
     pub predicted: Option<Predicted>,
     /// What these poses cannot tell apart, in words.
@@ -217,15 +223,15 @@ impl From<&Estimates> for Applied {
 pub fn parameters(observations: &Observations, fit: &Fit) -> Vec<ParameterReport> {
     let (values, covariance) = reported(fit);
     let mut parameters = parameter_names(observations, fit);
+    let between = fit.between.as_ref().map(|b| covariance_as_reported(fit, &b.covariance));
     for (k, p) in parameters.iter_mut().enumerate() {
         p.value = values[k];
+        let told = between.as_ref().filter(|_| !fit.unknowable[k]);
+        p.sd_between = told.map(|covariance| covariance[(k, k)].max(0.0).sqrt());
         p.sd = (!fit.unknowable[k]).then(|| covariance[(k, k)].max(0.0).sqrt());
     }
     parameters.into_iter().map(ParameterReport::noted).collect()
 }
-
-/// Poses of a session at which errors are predicted, at the most.
-const PREDICTED: usize = 16;
 
 /// The same in words and numbers.
 #[must_use]
@@ -251,6 +257,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         remarks: parameters.iter().filter_map(warned::of_parameter).collect(),
         parameters,
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
+        between: fit.between.as_ref().map(|between| between::report(observations, fit, between)),
         predicted: (fit.termination.converged() && fit.plausible)
             .then(|| {
                 predicted(observations, fit, &observations.readings.table, PREDICTED, false).ok()

@@ -388,6 +388,7 @@ fn step(
         value: values[first + k],
         sd: (!after.unknowable[first + k])
             .then(|| covariance[(first + k, first + k)].max(0.0).sqrt()),
+        sd_between: None,
         unit: unit(observations, &found.instance, p.unit),
         note: None,
     });

@@ -1,0 +1,262 @@
+//! What changes from group to group: placements, or sessions.
+//!
+//! An arm is not the same at every placement: what its model lacks bends differently there, and what
+//! carries it gives. Beside one vector `β` of parameters each group has shifts `b_g` of a stated set
+//! of them, those of offsets, of carried points, and of what several groups touch,
+//!
+//! ```text
+//! r_g = X_g (β - β̂) + X_g E b_g + e,    b_g ~ N(0, τ² S)                    (130)
+//! ```
+//!
+//! where `S` has the squares of their typical sizes. (131) gives `τ`; then estimates have, and what
+//! they say of another group has,
+//!
+//! ```text
+//! V = φ N⁻¹ + τ² Σ A_g S A_gᵀ,    A_g = N⁻¹ X_gᵀX_g E;    V + τ² E S Eᵀ     (132)
+//! ```
+//!
+//! with `N` of the fit, priors included.
+
+use std::sync::Arc;
+
+use faer::Mat;
+
+use crate::estimate::between::{Between, Grouping, Halves};
+use crate::estimate::fitted::Fit;
+use crate::estimate::implicit::Implicit;
+use crate::estimate::objective::Part;
+use crate::estimate::observations::Observations;
+use crate::mechanism::Target;
+use crate::model::{Model, Thing};
+use crate::numerics::component::{Component, Contrasts};
+use crate::numerics::symmetric::invert;
+use crate::terms::term::{Placed, Role, Spot};
+use crate::terms::{PointPosition, targets};
+
+/// A fit with what changes from group to group of its session; of a long recording that is not looked
+/// for.
+#[must_use]
+pub fn with_groups(fit: Fit, observations: &Observations) -> Fit {
+    let sure = fit.termination.converged() && fit.plausible && !observations.is_long();
+    let between = sure.then(|| between(observations, &fit)).flatten().map(Arc::new);
+    Fit { between, ..fit }
+}
+
+/// Of a fit; none where there are no groups, or where nothing that may change is estimated.
+fn between(observations: &Observations, fit: &Fit) -> Option<Between> {
+    let (grouping, of_row, names) = groups(observations, &fit.model)?;
+    let sums = Sums::of(observations, fit, &of_row, names.len());
+    let changing = changing(observations, &fit.model, &sums);
+    let all: Vec<usize> = (0..names.len()).collect();
+    let here = Told { fit, sums: &sums, changing: &changing };
+    let inverse = fit.inverse();
+    let component = here.component(&inverse, &all)?;
+    let covariance = here.covariance(&inverse, &all, &component);
+    let halves = here.halves(&component);
+    Some(Between { grouping, groups: names, changing, component, covariance, halves })
+}
+
+/// Group of each row, and the names of the groups; none where there are not two.
+fn groups(
+    observations: &Observations,
+    model: &Model,
+) -> Option<(Grouping, Vec<usize>, Vec<String>)> {
+    let Observations { readings, weights, .. } = observations;
+    let key = |row: usize| readings.table.keys.first().and_then(|keys| keys.get(row)).cloned();
+    let by_key = || {
+        let mut seen = Vec::new();
+        (0..readings.samples).map(|row| place_in(&mut seen, key(row))).collect()
+    };
+    let placements = model.placements(readings).unwrap_or_else(by_key);
+    let sessions = readings.pose.iter().map(|pose| readings.session_of_pose[*pose]).collect();
+    let session =
+        |row: usize| Some(format!("{}", readings.session_of_pose[readings.pose[row]] + 1));
+    let numbered = |raw: Vec<usize>, name: &dyn Fn(usize) -> Option<String>| {
+        let (mut seen, mut names) = (Vec::new(), Vec::new());
+        let live = |row: &usize| weights[*row] > 0.0;
+        for row in (0..raw.len()).filter(live) {
+            if place_in(&mut seen, raw[row]) == names.len() {
+                names.push(name(row).unwrap_or_default());
+            }
+        }
+        let of_row = raw.into_iter().map(|g| place_in(&mut seen, g)).collect();
+        (names.len() > 1).then_some((of_row, names))
+    };
+    let placed = numbered(placements, &key).map(|(rows, names)| (Grouping::Placement, rows, names));
+    placed.or_else(|| {
+        numbered(sessions, &session).map(|(rows, names)| (Grouping::Session, rows, names))
+    })
+}
+
+/// Number of a value among those seen, itself included.
+fn place_in<T: PartialEq>(seen: &mut Vec<T>, value: T) -> usize {
+    seen.iter().position(|s| *s == value).unwrap_or_else(|| {
+        seen.push(value);
+        seen.len() - 1
+    })
+}
+
+/// Columns that may change from group to group, with typical sizes.
+fn changing(observations: &Observations, model: &Model, sums: &Sums) -> Vec<(usize, f64)> {
+    let mechanism = &observations.mechanism;
+    let mut changing = Vec::new();
+    for (instance, &first) in model.instances.iter().zip(&model.first) {
+        let term = instance.term;
+        let sits = term.placed() == Placed::Once && term.moves_only(&[Spot::Tip]);
+        if term.role() == Role::Offset || sits {
+            let sizes = targets::typical(mechanism, instance.term, instance.target);
+            changing.extend(sizes.into_iter().enumerate().map(|(k, size)| (first + k, size)));
+        }
+    }
+    // What is touched in several groups may have been moved between them.
+    let size = targets::typical(mechanism, &PointPosition, Target::All).first().copied();
+    for unknown in model.unknowns.iter().filter(|u| matches!(u.thing, Thing::Point(_))) {
+        let columns = model.term_parameters + unknown.first..;
+        for column in columns.take(unknown.width) {
+            if sums.gram.iter().filter(|gram| gram[(column, column)] > 0.0).count() > 1 {
+                changing.extend(size.map(|size| (column, size)));
+            }
+        }
+    }
+    changing
+}
+
+/// `X_gᵀX_g` and `X_gᵀr_g` of each group, in units of the noise.
+struct Sums {
+    gram: Vec<Mat<f64>>,
+    pull: Vec<Vec<f64>>,
+}
+
+impl Sums {
+    fn of(observations: &Observations, fit: &Fit, of_row: &[usize], groups: usize) -> Self {
+        let Observations { readings, weights, .. } = observations;
+        let part = Part { model: &fit.model, readings, weights: Some(weights) };
+        let residuals = Implicit::of(part, fit.assumed()).residuals(&fit.beta, true);
+        let (n, k) = (fit.model.parameters, residuals.equations);
+        let mut gram = vec![Mat::zeros(n, n); groups];
+        let mut pull = vec![vec![0.0; n]; groups];
+        let live = (0..readings.samples).filter(|row| weights[*row] > 0.0);
+        for equation in live.flat_map(|row| row * k..(row + 1) * k) {
+            let group = of_row[equation / k];
+            let x = &residuals.by_parameter[equation * n..(equation + 1) * n];
+            let used: Vec<usize> = (0..n).filter(|&i| x[i] != 0.0).collect();
+            for &i in &used {
+                pull[group][i] += x[i] * residuals.whitened[equation];
+                used.iter().for_each(|&j| gram[group][(i, j)] += x[i] * x[j]);
+            }
+        }
+        Self { gram, pull }
+    }
+}
+
+/// What groups tell at a fit.
+struct Told<'a> {
+    fit: &'a Fit,
+    sums: &'a Sums,
+    changing: &'a [(usize, f64)],
+}
+
+impl Told<'_> {
+    /// `N` of some groups, priors included.
+    fn normal(&self, groups: &[usize]) -> Mat<f64> {
+        let mut normal = self.fit.gram.clone();
+        for group in (0..self.sums.gram.len()).filter(|g| !groups.contains(g)) {
+            normal -= &self.sums.gram[group];
+        }
+        normal
+    }
+
+    /// `N⁻¹` times the slope of ½χ² of some groups, priors included: a step away from their minimum.
+    fn step(&self, inverse: &Mat<f64>, groups: &[usize]) -> Vec<f64> {
+        let n = inverse.nrows();
+        let mut slope = vec![0.0; n];
+        for prior in &self.fit.priors {
+            let off = prior.off(&self.fit.beta);
+            prior.slopes(&self.fit.beta).into_iter().for_each(|(i, by)| slope[i] += by * off);
+        }
+        for &g in groups {
+            slope.iter_mut().zip(&self.sums.pull[g]).for_each(|(s, p)| *s += p);
+        }
+        (0..n).map(|i| (0..n).map(|j| inverse[(i, j)] * slope[j]).sum()).collect()
+    }
+
+    /// `X_gᵀX_g E S^½`
+    fn columns(&self, group: usize) -> Mat<f64> {
+        let gram = &self.sums.gram[group];
+        Mat::from_fn(gram.nrows(), self.changing.len(), |i, k| {
+            let (column, typical) = self.changing[k];
+            gram[(i, column)] * typical
+        })
+    }
+
+    /// (131) of some groups, whose `N⁻¹` is given.
+    fn component(&self, inverse: &Mat<f64>, groups: &[usize]) -> Option<Component> {
+        let (m, n) = (self.changing.len(), inverse.nrows());
+        if m == 0 || groups.len() < 2 {
+            return None;
+        }
+        let count = groups.len() * m;
+        let step = self.step(inverse, groups);
+        let mut wide = Mat::<f64>::zeros(n, count);
+        let mut own = Mat::<f64>::zeros(count, count);
+        let mut left = vec![0.0; count];
+        for (at, &g) in groups.iter().enumerate() {
+            let columns = self.columns(g);
+            wide.subcols_mut(at * m, m).copy_from(&columns);
+            for (k, (column, typical)) in self.changing.iter().enumerate() {
+                let taken: f64 = (0..n).map(|i| columns[(i, k)] * step[i]).sum();
+                left[at * m + k] = self.sums.pull[g][*column] * typical - taken;
+                for l in 0..m {
+                    own[(at * m + k, at * m + l)] = columns[(*column, l)] * typical;
+                }
+            }
+        }
+        let c = own - wide.transpose() * (inverse * &wide);
+        let Fit { noise, chi2, dof, .. } = self.fit;
+        // Noise that changes slowly counts as so much more of it.
+        let slow = noise.slow;
+        let c = Mat::from_fn(count, count, |i, j| c[(i, j)] / slow);
+        left.iter_mut().for_each(|u| *u /= slow);
+        let least = if noise.judges() { 1.0 } else { 0.0 };
+        Contrasts::of(c.as_ref(), &left, [*chi2, *dof, least])?.component()
+    }
+
+    /// `V` (132) of some groups.
+    fn covariance(&self, inverse: &Mat<f64>, groups: &[usize], component: &Component) -> Mat<f64> {
+        let n = inverse.nrows();
+        let noise = self.fit.noise.slow * component.noise;
+        let mut covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * noise);
+        for &g in groups {
+            let moved = inverse * self.columns(g);
+            covariance += faer::Scale(component.variance) * &moved * moved.transpose();
+        }
+        covariance
+    }
+
+    /// Every other group against the rest; none of a single group.
+    fn halves(&self, all: &Component) -> Option<Halves> {
+        let count = self.sums.gram.len();
+        let halves = [0, 1].map(|first| (first..count).step_by(2).collect::<Vec<_>>());
+        let n = self.fit.model.parameters;
+        let inverses = halves.each_ref().map(|half| invert(&self.normal(half)).0);
+        let own = [0, 1].map(|h| self.component(&inverses[h], &halves[h]));
+        let steps = [0, 1].map(|h| self.step(&inverses[h], &halves[h]));
+        let of = |h: usize| {
+            let component = own[h].unwrap_or(*all);
+            let within = Component { variance: 0.0, ..component };
+            [within, component].map(|c| self.covariance(&inverses[h], &halves[h], &c))
+        };
+        let ([within, between], [other_within, other_between]) = (of(0), of(1));
+        // What priors say is the same in both.
+        let mut priors = self.normal(&[]);
+        priors = &inverses[0] * &priors * &inverses[1];
+        let shared = &priors + priors.transpose();
+        Some(Halves {
+            difference: (0..n).map(|i| steps[1][i] - steps[0][i]).collect(),
+            within: within + other_within - &shared,
+            between: between + other_between - shared,
+            own: own.iter().all(Option::is_some),
+            groups: halves,
+        })
+    }
+}

@@ -1,0 +1,166 @@
+//! One variance component beside noise, by restricted maximum likelihood.
+//!
+//! With `u = Zᵀ r`, what a fit leaves of the columns `Z` of random effects, and `C = Zᵀ P Z = V c Vᵀ`,
+//! what it leaves of themselves, `w = Vᵀ u` and `λ = τ²/φ`,
+//!
+//! ```text
+//! -2 ln L = ν ln φ + (χ² - R)/φ + Σ ln(1 + λ c),    R = Σ λ w²/(1 + λ c),    φ = (χ² - R)/ν   (131)
+//! ```
+//!
+//! for effects `N(0, τ²)` and noise of the variance `φ`, of at least what is known of it.
+
+use faer::MatRef;
+
+use crate::numerics::distributions::chi2_tail;
+use crate::numerics::symmetric::eigenvalues;
+
+/// A variance component: effects have the standard deviation `sd`, in units of their typical sizes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Component {
+    /// Most likely standard deviation.
+    pub sd: f64,
+    /// Where its likelihood is within 95 %.
+    pub interval: [f64; 2],
+    /// Probability by chance of so much, were there none.
+    pub p_value: f64,
+    /// Expected variance, any `sd` below 1 being as likely beforehand: few groups do not show that
+    /// there is none.
+    pub variance: f64,
+    /// Variance of the noise beside it.
+    pub noise: f64,
+}
+
+/// What is told of a component.
+pub(crate) struct Contrasts {
+    /// `c` and `w²`.
+    pairs: Vec<[f64; 2]>,
+    /// `χ²`
+    pub(crate) chi2: f64,
+    /// `ν`
+    pub(crate) dof: f64,
+    /// Smallest variance that the noise can have.
+    pub(crate) least: f64,
+}
+
+/// Standard deviations that are tried, over the decades in which data tell something.
+const TRIED: usize = 400;
+
+/// Part of a contrast that is no rounding.
+const PART: f64 = 1e-9;
+
+/// χ² of one degree of freedom that is exceeded with 5 %.
+const WITHIN: f64 = 3.841_458_820_694_124;
+
+impl Contrasts {
+    /// Of `C` and `u`; none where nothing is left of the effects.
+    pub(crate) fn of(c: MatRef<'_, f64>, u: &[f64], [chi2, dof, least]: [f64; 3]) -> Option<Self> {
+        let (values, vectors) = eigenvalues(c)?;
+        let largest = values.last().copied().filter(|v| *v > 0.0)?;
+        let along = |k: usize| u.iter().enumerate().map(|(i, u)| vectors[(i, k)] * u).sum::<f64>();
+        let kept = (0..values.len()).filter(|&k| values[k] > PART * largest);
+        let pairs = kept.map(|k| [values[k], along(k).powi(2)]).collect();
+        (dof >= 1.0 && chi2.is_finite()).then_some(Self { pairs, chi2, dof, least })
+    }
+
+    /// `-2 ln L` and `φ` of `λ`.
+    fn at(&self, lambda: f64) -> [f64; 2] {
+        let (mut left, mut volume) = (self.chi2, 0.0);
+        for [c, square] in &self.pairs {
+            left -= lambda * square / (1.0 + lambda * c);
+            volume += (lambda * c).ln_1p();
+        }
+        let noise = (left / self.dof).max(self.least).max(f64::MIN_POSITIVE);
+        [self.dof * noise.ln() + left / noise + volume, noise]
+    }
+
+    /// The component; none where even effects of their typical sizes would not be seen.
+    pub(crate) fn component(&self) -> Option<Component> {
+        let largest = self.pairs.iter().fold(0.0, |m: f64, [c, _]| m.max(*c));
+        let first = 1e-3 / largest.sqrt();
+        if !(self.pairs.len() > 3 && first < 1e-2) {
+            return None;
+        }
+        let step = (1.0 / first).ln() / (TRIED - 1) as f64;
+        let ratios = (0..TRIED).map(|k| first * (step * k as f64).exp());
+        // Ratio, its `-2 ln L` and `φ`, and the width of standard deviations that it stands for.
+        let tried: Vec<[f64; 4]> = std::iter::once([0.0, 0.5 * first])
+            .chain(ratios.map(|ratio| [ratio, ratio * step]))
+            .map(|[ratio, width]| {
+                let [cost, noise] = self.at(ratio * ratio);
+                [ratio * noise.sqrt(), cost, noise, width * noise.sqrt()]
+            })
+            .collect();
+        let best = tried.iter().copied().min_by(|a, b| a[1].total_cmp(&b[1]))?;
+        let fall = tried[0][1] - best[1];
+        let likely = tried.iter().filter(|t| t[1] <= best[1] + WITHIN).map(|t| t[0]);
+        let interval = likely.fold([f64::INFINITY, 0.0_f64], |[l, h], sd| [l.min(sd), h.max(sd)]);
+        let mean = |of: &dyn Fn(&[f64; 4]) -> f64| {
+            let weight = |t: &[f64; 4]| t[3] * (-0.5 * (t[1] - best[1])).exp();
+            let all: f64 = tried.iter().map(weight).sum();
+            tried.iter().map(|t| weight(t) * of(t)).sum::<f64>() / all
+        };
+        Some(Component {
+            sd: best[0],
+            interval,
+            p_value: if fall > 0.0 { 0.5 * chi2_tail(fall, 1.0) } else { 1.0 },
+            variance: mean(&|t| t[0] * t[0]),
+            noise: mean(&|t| t[2]),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::*;
+    use crate::numerics::random::Random;
+
+    /// -2 ln of the restricted likelihood of plain matrices: `y ~ N(X β, φ I + τ² Z Zᵀ)`.
+    fn plain(x: &DMatrix<f64>, z: &DMatrix<f64>, y: &DVector<f64>, [tau, noise]: [f64; 2]) -> f64 {
+        let n = y.len();
+        let v = DMatrix::identity(n, n) * noise + z * z.transpose() * (tau * tau);
+        let inverse = v.clone().try_inverse().expect("positive");
+        let normal = x.transpose() * &inverse * x;
+        let solved = normal.clone().try_inverse().expect("full rank");
+        let left = &inverse - &inverse * x * solved * x.transpose() * &inverse;
+        v.determinant().ln() + normal.determinant().ln() + (y.transpose() * left * y)[(0, 0)]
+    }
+
+    #[test]
+    fn the_likelihood_is_that_of_plain_matrices() {
+        let mut random = Random::new(7);
+        let (n, p, m) = (24, 3, 8);
+        let x = DMatrix::from_fn(n, p, |_, _| random.uniform(-1.0, 1.0));
+        // Two random effects in each of four groups.
+        let z =
+            DMatrix::from_fn(
+                n,
+                m,
+                |i, k| {
+                    if i / 6 == k / 2 { random.uniform(-20.0, 20.0) } else { 0.0 }
+                },
+            );
+        let y = DVector::from_fn(n, |_, _| random.uniform(-3.0, 3.0));
+        let normal = (x.transpose() * &x).try_inverse().expect("full rank");
+        let hat = &x * normal * x.transpose();
+        let r = &y - &hat * &y;
+        let c = z.transpose() * (DMatrix::identity(n, n) - hat) * &z;
+        let u = z.transpose() * &r;
+        let square = faer::Mat::from_fn(m, m, |i, j| c[(i, j)]);
+        let told = [r.norm_squared(), (n - p) as f64, 0.0];
+        let found = Contrasts::of(square.as_ref(), u.as_slice(), told).expect("told");
+        let mut differences = Vec::new();
+        for ratio in [0.0, 0.01, 0.1, 0.5] {
+            let [cost, noise] = found.at(ratio * ratio);
+            let witness = plain(&x, &z, &y, [ratio * noise.sqrt(), noise]);
+            differences.push(cost - witness);
+        }
+        // They differ by a constant: what X alone gives.
+        assert!(differences.iter().all(|d| (d - differences[0]).abs() < 1e-9), "{differences:?}");
+        let component = found.component().expect("seen");
+        let [low, high] = component.interval;
+        assert!(low <= component.sd && component.sd <= high);
+        assert!(component.variance > component.sd * component.sd);
+    }
+}

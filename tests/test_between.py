@@ -1,0 +1,62 @@
+"""What changes from placement to placement, and intervals that hold elsewhere.
+
+The simulator is products of plain matrices; the full form is `python -m tests.between`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsicalib
+from tests import between
+from tests.test_examples import sockets
+
+ARMS = 12
+REST = rsicalib.DEMO / "rest.csv"
+
+
+def test_intervals_hold_at_placements_that_were_not_recorded() -> None:
+    found = between.counted(ARMS, 3, 0.005)
+    # Of one arm all errors go together: as many independent draws as arms, twice over. The chance
+    # that 24 with 95 % are below 79 % is 0.1 %.
+    assert np.mean(found.mean) > 0.79
+    assert np.mean(found.elsewhere) > 0.79
+    assert np.mean(found.within) < 0.6, "intervals within placements are far too narrow elsewhere"
+    assert np.mean(found.small) > 0.8, "the component is seen"
+
+
+def test_where_nothing_changes_none_is_seen() -> None:
+    found = between.counted(ARMS, 3, 0.0)
+    assert np.mean(found.interval) > 0.7
+    assert sum(found.small) <= 3  # binomial, 12 arms at 5 %: more has 0.2 %
+    assert np.mean(found.mean) > 0.79
+
+
+def test_a_result_says_how_halves_differ() -> None:
+    mechanism, readings, _ = sockets()
+    found = rsicalib.calibrate(readings, mechanism)
+    assert found.between is not None and found.between.kind == "placement"
+    assert found.between.groups == ("front", "left", "high")
+    halves = found.between.halves
+    assert halves is not None and not halves.own
+    assert halves.groups == (("front", "high"), ("left",))
+    one = rsicalib.calibrate(readings, mechanism, fit_groups=["front", "high"])
+    other = rsicalib.calibrate(readings, mechanism, fit_groups=["left"])
+    assert other.between is None, "one placement tells nothing of others"
+    apart = rsicalib.forward(readings, mechanism, one) - rsicalib.forward(
+        readings, mechanism, other
+    )
+    # Linearised at the whole, and at 16 of 150 poses.
+    assert halves.difference == pytest.approx(float(np.sqrt((apart**2).mean())), rel=0.3)
+    assert "3 placements differ by" in found.summary()
+    assert all(p.sd_between is not None for p in found.parameters if p.sd is not None)
+
+
+def test_sessions_are_groups_where_nothing_was_placed() -> None:
+    whole = rsicalib.load_readings(rsicalib.DEMO / "readings.csv")
+    assert rsicalib.calibrate(whole, rest=REST).between is None
+    halves = [whole.select(whole.pose <= 24), whole.select(whole.pose > 24)]
+    found = rsicalib.calibrate(halves, rest=REST)
+    assert found.between is not None and found.between.kind == "session"
+    assert found.between.groups == ("1", "2")
