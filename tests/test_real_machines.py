@@ -54,3 +54,31 @@ def test_the_zero_of_joint_3_of_a_da_vinci_arm() -> None:
     value, sd = found(file, ["offset@q3"], "offset", "q3")
     assert value == pytest.approx(plain.value[3], abs=0.5 * sd)
     assert 0.7 < sd / plain.sd[3] < 1.4
+
+
+TRACED = {
+    # constant of all belts by plain least squares [mm], or none; gain of the lower belts [per mil]
+    "unknown_m": (154.6, 3.8),
+    "frame_a": (None, 3.4),
+    "frame_b": (None, 3.8),
+    "show": (None, 6.4),
+    "ten_02": (None, 5.1),
+}
+
+
+@pytest.mark.parametrize("name", TRACED)
+def test_a_blind_trace_names_short_belts_and_a_constant_only_where_makers_found_it(
+    name: str,
+) -> None:
+    constant, short = TRACED[name]
+    file = DATA / "maslow" / f"{name}.csv"
+    answer = rsicalib.trace(file, mechanism_of(file)).to_dict()
+    assert answer["verdict"] == "explained"
+    steps = {f"{s['term']}@{s['target']}": s["parameters"][0] for s in answer["steps"]}
+    # Upper belts that read too long are lower ones too short: lengths alone tell no scale.
+    pair = steps.pop("gain@tl+tr", None) or steps.pop("gain@bl+br")
+    assert 1e3 * abs(pair["value"]) == pytest.approx(short, abs=2e3 * pair["sd"])
+    assert list(steps) == ([] if constant is None else ["offset@each"])
+    if constant is not None:
+        common = steps["offset@each"]
+        assert common["value"] == pytest.approx(constant, abs=common["sd"])

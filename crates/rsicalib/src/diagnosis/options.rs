@@ -97,6 +97,8 @@ rules! {
     FewFirst = "few_first",
     /// The misclosure must not grow.
     Misclosure = "misclosure",
+    /// A declared noise of which less is left than chance allows is a bound.
+    Bound = "bound",
     /// No standing point has moved where places of such points are estimated.
     PointsStand = "points_stand",
 }

@@ -13,9 +13,13 @@
 //! data(χ²) = (ν + d) ln(1 + χ²/ν)   repeats tell the noise; χ² where ν is infinite
 //!          = d ln χ²                the fit alone tells it
 //!          = d (1 + ln(χ²/d))       it is declared, nothing bears it out, and χ² > d; else χ²  (114)
+//!          = d (1 + ln(χ²/d))       the same, where it is a bound, and χ² > d; else d
 //! ```
 //!
-//! The last is the likelihood at the best scale of 1 or more: a declared noise may be too small.
+//! The last two are the likelihood at the best scale of 1 or more: a declared noise may be too small.
+//! It is a bound where an explanation leaves less of it than chance allows: then it is no noise that
+//! differs from pose to pose, but what its author allows a loop to be open, and what explains a part
+//! of that explains nothing that was asked for.
 
 /// Kinds of candidates, each with its prior.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,6 +84,8 @@ pub enum Scale {
     Known(f64),
     /// A declaration that nothing bears out.
     Declared,
+    /// A declaration of which an explanation has left less than chance allows.
+    Bound,
     /// The fit alone.
     Fitted,
 }
@@ -100,7 +106,8 @@ impl Data {
         let d = self.dof.max(1.0);
         match self.scale {
             Scale::Known(nu) if nu.is_finite() => (nu + d) * (chi2 / nu).ln_1p(),
-            Scale::Declared if chi2 > d => d * (1.0 + (chi2 / d).ln()),
+            Scale::Declared | Scale::Bound if chi2 > d => d * (1.0 + (chi2 / d).ln()),
+            Scale::Bound => d,
             Scale::Known(_) | Scale::Declared => chi2,
             Scale::Fitted => d * chi2.max(f64::MIN_POSITIVE).ln(),
         }
@@ -152,7 +159,11 @@ mod tests {
         assert!((fall(Scale::Declared) - alone(0.0)).abs() < 1e-12);
         // Where a declared noise leaves no more than it should, it is taken as known.
         assert!((of(Scale::Declared, 48.0) - of(Scale::Declared, 40.0) - 8.0).abs() < 1e-12);
-        let (below, above) = (of(Scale::Declared, 50.0), of(Scale::Declared, 50.0 + 1e-9));
-        assert!((above - below).abs() < 1e-8);
+        for scale in [Scale::Declared, Scale::Bound] {
+            let (below, above) = (of(scale, 50.0), of(scale, 50.0 + 1e-9));
+            assert!((above - below).abs() < 1e-8);
+        }
+        // Below a bound nothing is gained.
+        assert!((of(Scale::Bound, 48.0) - of(Scale::Bound, 40.0)).abs() < 1e-12);
     }
 }

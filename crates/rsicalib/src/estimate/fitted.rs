@@ -8,7 +8,7 @@ use faer::Mat;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::between::Between;
 use crate::estimate::conventions::Conventions;
-use crate::estimate::noise::source::{LEAST_DOF, NoiseEstimate, Source};
+use crate::estimate::noise::source::{LEAST_DOF, MINOR, NoiseEstimate, Source};
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
@@ -102,10 +102,12 @@ impl Fit {
         Self { noise: all.noise.clone(), ..self.clone() }
     }
 
-    /// True where noise is declared, and no repeats bear it out.
+    /// True where noise is declared, and no repeats bear it out: those of a pose share its play, and
+    /// say nothing of it.
     #[must_use]
     pub fn unverified(&self) -> bool {
-        self.noise.source == Source::Declared && self.within < LEAST_DOF
+        let repeated = self.noise.source != Source::Declared || self.within >= LEAST_DOF;
+        self.noise.judges() && !(repeated && self.noise.share >= MINOR)
     }
 
     /// True where the length of something known takes part in a convention: then nothing says how long

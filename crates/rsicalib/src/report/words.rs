@@ -3,6 +3,7 @@
 use crate::diagnosis::doubt::{Doubt, Doubted};
 use crate::diagnosis::localisation::{Residual, Share, Structure};
 use crate::diagnosis::location::Location;
+use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::stepwise::rivals::Explanation;
 use crate::estimate::degrees::degrees_in;
@@ -343,10 +344,17 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
         Residual::Noise { nearest: None } => (None, "nothing left above the noise".into()),
         Residual::Noise { nearest: Some((instance, p)) } => {
             let (id, target) = (instance.term.info().id, instance.target.name(mechanism));
-            let text = format!(
-                "nothing left above the noise; nearest to it is {id} of {target}, as chance makes \
-                 one with p = {p:.2}"
-            );
+            let text = match *p <= LEVEL {
+                true => format!(
+                    "no more left than the noise that is declared, but a part of it is no chance: \
+                     nearest to it is {id} of {target} (p = {p:.1e}). Record poses again at other \
+                     times, which shows what of it is noise"
+                ),
+                false => format!(
+                    "nothing left above the noise; nearest to it is {id} of {target}, as chance \
+                     makes one with p = {p:.2}"
+                ),
+            };
             (None, text)
         }
         Residual::Unjudged => {

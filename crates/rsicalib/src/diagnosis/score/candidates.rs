@@ -57,8 +57,7 @@ fn carries_body(mechanism: &Mechanism, chain: usize) -> bool {
 fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let mechanism = &observations.mechanism;
     // Without a length that is known a gain of all lengths is the scale, and nothing else.
-    let all = || Target::together(mechanism.measuring()) == Some(target);
-    if term.role() == Role::Gain && all() && !mechanism.has_scale() {
+    if term.role() == Role::Gain && !mechanism.has_scale() && completes(mechanism, fit, target) {
         return false;
     }
     if target.is_shared() {
@@ -103,6 +102,16 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
         Target::Chain(_) => !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats()),
         _ => true,
     }
+}
+
+/// True where a gain at a target, with those that a fit has elsewhere, is at every channel that reads
+/// a length.
+fn completes(mechanism: &Mechanism, fit: &Fit, target: Target) -> bool {
+    let gains = fit.model.instances.iter().filter(|i| i.term.role() == Role::Gain);
+    let targets = gains.map(|i| i.target).chain([target]);
+    let at: Vec<usize> = targets.flat_map(|t| mechanism.channels_at(t)).collect();
+    let measuring = mechanism.measuring();
+    !measuring.is_empty() && measuring.iter().all(|c| at.contains(c))
 }
 
 /// True where any shape over what this term runs over is fitted to its target.

@@ -6,7 +6,7 @@ use std::slice;
 
 use crate::Error;
 use crate::diagnosis::isolation::belongs;
-use crate::diagnosis::options::{Rule, SearchOptions};
+use crate::diagnosis::options::{LEVEL, Rule, SearchOptions};
 use crate::diagnosis::price::{Data, Scale, room};
 use crate::diagnosis::score::pairs::{self, Pair};
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose, one_place_each};
@@ -198,6 +198,18 @@ impl<'a> Stepwise<'a> {
         let residual = (!self.judges).then_some([fit.total, fit.dof]);
         let left = self.unverified.then_some([fit.chi2, fit.dof]);
         Judge { noise_dof: self.noise_dof, residual, left }
+    }
+
+    /// Takes a declared noise for a bound, where an explanation leaves less of it than chance allows;
+    /// true where that is new.
+    pub fn bounded_by(&mut self, explained: &Fit) -> bool {
+        let too_little = |p: f64| 1.0 - p <= LEVEL;
+        let less = self.judge(explained).lack_of_fit(explained).is_some_and(too_little);
+        let new = self.data.scale == Scale::Declared && less && self.search.uses(Rule::Bound);
+        if new {
+            self.data.scale = Scale::Bound;
+        }
+        new
     }
 
     /// Scores of what may be wrong. Where one thing is at fault alone, no single reading is,

@@ -96,8 +96,22 @@ impl Searched {
     }
 }
 
-/// The search, and once more where one thing is at fault alone.
+/// The search, and once more where the declared noise is a bound by what it found.
 pub fn search_effects(
+    stepwise: &mut Stepwise,
+    start: &Fit,
+) -> Result<(Searched, Option<Isolated>), Error> {
+    let weights = stepwise.small.weights.clone();
+    let explained = search_and_isolate(stepwise, start)?;
+    if explained.0.found.is_empty() || !stepwise.bounded_by(&explained.0.current) {
+        return Ok(explained);
+    }
+    stepwise.release(weights);
+    search_and_isolate(stepwise, start)
+}
+
+/// The search, and once more where one thing is at fault alone.
+fn search_and_isolate(
     stepwise: &mut Stepwise,
     start: &Fit,
 ) -> Result<(Searched, Option<Isolated>), Error> {

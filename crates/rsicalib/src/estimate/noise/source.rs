@@ -248,7 +248,7 @@ fn roundings(observations: &Observations, used: &Noise) -> impl Iterator<Item = 
 
 /// Where all closures declare their play, and readings nobody spoke of make less than
 /// this share of the misclosure's variance, the noise is declared.
-const MINOR: f64 = 0.5;
+pub(crate) const MINOR: f64 = 0.5;
 
 /// True where every closure of a sample declares its play.
 fn plays(observations: &Observations) -> bool {
