@@ -28,7 +28,7 @@ def forward(
     *,
     skip_bad_rows: bool = False,
 ) -> FloatArray:
-    """Find the platform's pose for every reading, or the points that the chains carry.
+    """Find the platform's pose for every reading, or the points that chains carry, or that move.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def forward(
     -------
     ndarray, shape (n, 6)
         `x y z` [length unit] and `rx ry rz` [rad], eq. (1). Of a mechanism without
-        a platform, `x y z` of each point that a chain carries, shape (n, 3 points).
+        a platform, `x y z` of each point that a chain carries, shape (n, 3 points); where
+        no chain carries one, of each that is somewhere else in each pose (a sled on belts).
 
     Raises
     ------

@@ -1,6 +1,7 @@
 """Where a mechanism is under a calibration, and how well that is known.
 
-A mechanism with a platform gives its pose; one without gives the points that its chains carry.
+A mechanism with a platform gives its pose; one without gives the points that its chains carry, or,
+where no chain carries one, the points that are somewhere else in each pose: a sled on belts.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ __all__ = ["Places", "places", "readings_for"]
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Poses of a platform, or points that chains carry: `n` samples, `k` columns.
+    """Poses of a platform, or points that are carried or move: `n` samples, `k` columns.
 
     Attributes
     ----------
@@ -39,9 +40,15 @@ class Places:
 
 
 def readings_for(readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: bool) -> Readings:
-    """Load readings to be applied: points need no columns beside the channels."""
-    bare = mechanism if mechanism.to_dict().get("platform") else Bare(mechanism)
-    return load(readings, bare, skip_bad_rows)
+    """Load readings to be applied: carried points need no columns beside the channels."""
+    needed = Bare(mechanism) if _by_chains(mechanism) else mechanism
+    return load(readings, needed, skip_bad_rows)
+
+
+def _by_chains(mechanism: Mechanism) -> bool:
+    """Whether the chains alone tell the places."""
+    drawn = mechanism.to_dict()
+    return not drawn.get("platform") and any("chain" in p for p in drawn.get("point", ()))
 
 
 def places(
@@ -65,8 +72,7 @@ def places(
     Places
         Places of all samples.
     """
-    posed = bool(mechanism.to_dict().get("platform"))
-    table = as_table([readings], mechanism, bare=not posed)
+    table = as_table([readings], mechanism, bare=_by_chains(mechanism))
     covariance = covariance_of(result) if result is not None and sd else None
     found = _core.places(mechanism, as_applied(result, mechanism), table, covariance)
     names, values, deviations = found

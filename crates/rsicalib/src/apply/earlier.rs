@@ -6,6 +6,8 @@
 use crate::apply::check::{Check, compare};
 use crate::apply::poses::poses_of;
 use crate::estimate::Noise;
+use crate::estimate::Part;
+use crate::estimate::settle::settled;
 use crate::mechanism::{Closure, Mechanism, Point, Target};
 use crate::model::{Instance, Model, Spec, Want, Workspace, instances_of, is_unknown_thing};
 use crate::readings::{Readings, Table};
@@ -255,6 +257,10 @@ impl Under {
         // Instances by number, and which of their parameters it is.
         let mut acting: Vec<(Vec<usize>, usize)> = Vec::new();
         for p in parameters {
+            if is_unknown_thing(&p.spec.term) {
+                acting.push((Vec::new(), 0));
+                continue;
+            }
             let found = match wanted(&p.spec) {
                 true => acting_as(mechanism, &readings, &p.spec, *own)?,
                 false => Vec::new(),
@@ -287,22 +293,29 @@ impl Under {
             scale.angle += scale.gain * (centre - scale.centre);
             *scale = scale.referred_to(mechanism, c, centre, span);
         }
-        let columns = acting
-            .into_iter()
-            .map(|(numbers, k)| numbers.into_iter().map(|i| model.first[i] + k).collect())
-            .collect();
+        let columns = acting.into_iter().zip(parameters).map(|((numbers, k), p)| {
+            match is_unknown_thing(&p.spec.term) {
+                true => model.column_called(&p.spec, &p.name).into_iter().collect(),
+                false => numbers.into_iter().map(|i| model.first[i] + k).collect(),
+            }
+        });
+        let columns = columns.collect();
         let values = parameters.iter().map(|p| p.value).collect();
         Ok(Self { model, readings, values, columns })
     }
 
     /// The model's own parameters, the inverse of [`crate::estimate::directions::reported`].
     ///
-    /// What happened several times before the first row adds up.
+    /// What happened several times before the first row adds up; what was unknown is where it was
+    /// found.
     pub(crate) fn internal(&self, values: &[f64]) -> Vec<f64> {
         let model = &self.model;
         let mut beta = model.nominal();
         for (value, columns) in values.iter().zip(&self.columns) {
-            columns.iter().for_each(|&column| beta[column] += value);
+            for &column in columns {
+                let so_far = if column < model.term_parameters { beta[column] } else { 0.0 };
+                beta[column] = so_far + value;
+            }
         }
         for (c, scale) in model.scales.iter().enumerate() {
             let gain = model.column(Role::Gain, c);
@@ -321,6 +334,30 @@ impl Under {
     pub(crate) fn poses(&self, values: &[f64], sigma: &[f64]) -> Vec<[f64; 6]> {
         let noise = Noise::declared(sigma.to_vec());
         poses_of(&self.model, &self.readings, &self.internal(values), &noise)
+    }
+
+    /// Place of every point that is somewhere else in each pose, row by row, where the result has
+    /// these values: where the closures have it, each reading as far off as its noise allows, (59).
+    pub(crate) fn moving(&self, values: &[f64], sigma: &[f64]) -> Vec<Vec<[f64; 3]>> {
+        self.moving_at(&self.internal(values), &Noise::declared(sigma.to_vec()))
+    }
+
+    /// The same with these parameters of the model.
+    pub(crate) fn moving_at(&self, beta: &[f64], noise: &Noise) -> Vec<Vec<[f64; 3]>> {
+        let (model, readings) = (&self.model, &self.readings);
+        let part = Part { model, readings, weights: None };
+        let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; model.posed.len()];
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let found = settled(&part, noise, block, beta);
+            let xi = &found[readings.channels..];
+            for (out, point) in out.iter_mut().zip(&model.posed) {
+                for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
+                    let at = |i: usize| point.slots[i].map_or(point.at[i], |k| xi[k].0[lane]);
+                    out[row] = std::array::from_fn(at);
+                }
+            }
+        }
+        out
     }
 
     /// Place of every carried point in every row where the result has these values.
@@ -358,9 +395,6 @@ fn acting_as(
     spec: &Spec,
     own: bool,
 ) -> Result<Vec<Instance>, Error> {
-    if is_unknown_thing(&spec.term) {
-        return Ok(Vec::new());
-    }
     match outlasts(mechanism, spec)? {
         Outlasts::Nothing if !own => Ok(Vec::new()),
         Outlasts::Value if !own => {

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::apply::earlier::{Applied, Under};
-use crate::apply::places::names_of;
+use crate::apply::places::{Placed, names_of};
 use crate::apply::poses::poses_of;
 use crate::estimate::Noise;
 use crate::mechanism::Mechanism;
@@ -51,7 +51,7 @@ impl Placer {
             let (what, found) = ("reading".into(), reading.len());
             return Err(Error::Shape { what, found, expected: channels });
         }
-        let posed = !self.mechanism.platform.is_empty();
+        let what = Placed::of(&self.mechanism);
         let (under, beta) = match self.last.take() {
             Some((mut under, beta)) => {
                 under.readings.replace(&under.model.mechanism, reading)?;
@@ -59,15 +59,16 @@ impl Placer {
             }
             None => {
                 let table = Table { values: reading.to_vec(), ..Table::default() };
-                let build = if posed { Under::new } else { Under::open };
+                let build = if what == Placed::Carried { Under::open } else { Under::new };
                 let under = build(&self.mechanism, &self.applied, table)?;
                 let beta = under.internal(&under.values);
                 self.last.insert((under, beta))
             }
         };
-        if posed {
-            return Ok(poses_of(&under.model, &under.readings, beta, &self.noise).concat());
-        }
-        Ok(under.points_at(beta).concat().concat())
+        Ok(match what {
+            Placed::Platform => poses_of(&under.model, &under.readings, beta, &self.noise).concat(),
+            Placed::Carried => under.points_at(beta).concat().concat(),
+            Placed::Moving => under.moving_at(beta, &self.noise).concat().concat(),
+        })
     }
 }

@@ -5,7 +5,7 @@ use faer::{Mat, Side};
 use crate::Error;
 use crate::apply::earlier::{Applied, Under, opened};
 use crate::apply::poses::short_way;
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, Point};
 use crate::readings::Table;
 
 /// Step of the differences, in standard deviations: small for linearity, large against rounding.
@@ -14,7 +14,8 @@ const STEP: f64 = 1e-2;
 /// Principal variances below this fraction of the largest are zero.
 const RANK: f64 = 1e-14;
 
-/// Poses of a platform, or points that chains carry, row by row of a table.
+/// Poses of a platform, points that chains carry, or points that are somewhere else in each pose, row
+/// by row of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Places {
     /// `x y z rx ry rz` [length unit, rad], or `ball.x ball.y ball.z` of a point `ball`.
@@ -26,7 +27,8 @@ pub struct Places {
     pub sd: Option<Vec<f64>>,
 }
 
-/// Where a mechanism is: its platform, or the points that its chains carry.
+/// Where a mechanism is: its platform, or the points that its chains carry, or, where no chain carries
+/// one, those that are somewhere else in each pose (a sled on belts).
 ///
 /// `covariance` is that of the result's parameters, row by row. With its principal axes `c_k`,
 /// one standard deviation long, the variance of a place `p` is
@@ -47,15 +49,16 @@ pub fn places(
     covariance: Option<&[f64]>,
     table: Table,
 ) -> Result<Places, Error> {
-    let posed = !mechanism.platform.is_empty();
-    let names = names_of(mechanism)?;
-    let build = if posed { Under::new } else { Under::open };
+    let (what, names) = (Placed::of(mechanism), names_of(mechanism)?);
+    let posed = what == Placed::Platform;
+    let build = if what == Placed::Carried { Under::open } else { Under::new };
     let under = build(mechanism, applied, table)?;
     let at = |values: &[f64]| -> Vec<f64> {
-        if posed {
-            return under.poses(values, &applied.sigma).concat();
-        }
-        let points = under.points(values);
+        let points = match what {
+            Placed::Platform => return under.poses(values, &applied.sigma).concat(),
+            Placed::Carried => under.points(values),
+            Placed::Moving => under.moving(values, &applied.sigma),
+        };
         let row = |row: usize| points.iter().flat_map(move |of_point| of_point[row]);
         (0..under.readings.samples).flat_map(row).collect()
     };
@@ -69,19 +72,44 @@ pub fn places(
     Ok(Places { values: at(&under.values), names, sd })
 }
 
+/// What of a mechanism has a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Placed {
+    /// Its platform.
+    Platform,
+    /// The points that its chains carry.
+    Carried,
+    /// The points that are somewhere else in each pose.
+    Moving,
+}
+
+impl Placed {
+    pub(crate) fn of(mechanism: &Mechanism) -> Self {
+        let mut points = mechanism.points.iter();
+        match () {
+            () if !mechanism.platform.is_empty() => Self::Platform,
+            () if points.clone().any(|p| p.chain.is_some()) => Self::Carried,
+            () if points.any(|p| p.moves()) => Self::Moving,
+            () => Self::Carried,
+        }
+    }
+}
+
 /// Names of what [`places`] gives.
 ///
 /// # Errors
 ///
-/// [`Error::Missing`] without a platform where no chain carries a point.
+/// [`Error::Missing`] without a platform where no chain carries a point, and none moves.
 pub(crate) fn names_of(mechanism: &Mechanism) -> Result<Vec<String>, Error> {
-    if !mechanism.platform.is_empty() {
-        return Ok(["x", "y", "z", "rx", "ry", "rz"].map(String::from).to_vec());
-    }
-    let opened = opened(mechanism)?;
-    let carried = opened.points.iter().filter(|p| p.chain.is_some());
-    let names = carried.flat_map(|p| ["x", "y", "z"].map(|axis| format!("{}.{axis}", p.name)));
-    Ok(names.collect())
+    let of_points = |points: &[Point], named: fn(&Point) -> bool| -> Vec<String> {
+        let named = points.iter().filter(|p| named(p));
+        named.flat_map(|p| ["x", "y", "z"].map(|axis| format!("{}.{axis}", p.name))).collect()
+    };
+    Ok(match Placed::of(mechanism) {
+        Placed::Platform => ["x", "y", "z", "rx", "ry", "rz"].map(String::from).to_vec(),
+        Placed::Carried => of_points(&opened(mechanism)?.points, |p| p.chain.is_some()),
+        Placed::Moving => of_points(&mechanism.points, Point::moves),
+    })
 }
 
 /// Standard deviations of what `at` gives, by differences along the principal axes.

@@ -8,14 +8,30 @@ use crate::mechanism::Value;
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::{End, Measured};
 use crate::model::evaluation::{Want, Workspace};
-use crate::model::numbering::{Owned, Thing};
+use crate::model::numbering::{Owned, Thing, Unknown};
 use crate::model::places::plane_through;
 use crate::model::prior::Prior;
+use crate::model::specification::Spec;
 use crate::model::spheres::{Sphere, amid};
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Block, Readings};
 
 impl Model {
+    /// The parameter that a coordinate of an unknown thing is, by what results call both; none where
+    /// these readings do not touch the thing, or where the axes of a plane were chosen by others.
+    pub(crate) fn column_called(&self, spec: &Spec, name: &str) -> Option<usize> {
+        let own = |u: &&Unknown| {
+            u.thing.term() == spec.term && spec.target.as_deref() == Some(u.name.as_str())
+        };
+        let unknown = self.unknowns.iter().find(own)?;
+        if let Thing::Plane(p) = unknown.thing {
+            self.mechanism.planes[p].normal?;
+        }
+        let mut coordinates = unknown.thing.coordinates(&self.mechanism).into_iter();
+        let k = coordinates.position(|(coordinate, _)| coordinate == name)?;
+        Some(self.term_parameters + unknown.first + k)
+    }
+
     /// Number of the placement of every sample; `None` for a mechanism without unknown points.
     /// Unknown points that known distances link belong to one placement.
     #[must_use]
