@@ -41,6 +41,7 @@ PYTHON = (
     "shapes",
     "report",
     "interactive",
+    "digest",
     "results",
     "work",
     "groups",

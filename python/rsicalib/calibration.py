@@ -145,4 +145,4 @@ def calibrate(
     except UndeterminedError as error:
         return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
     found = {**report, "method": method or Calibration.method, "update": job.update(report, fit)}
-    return finished(Calibration.from_dict(job.result(Calibration, found, session)))
+    return finished(job.told(Calibration.from_dict(job.result(Calibration, found, session))))

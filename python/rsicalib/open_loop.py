@@ -96,4 +96,4 @@ def fixture(
     checked = [e["aligned" if align else "check"] for e in (fit, nominal)]
     again = result.to_dict() | _core.judged_open_loop(count, *checked)
     again |= {"fit": NOTHING | fit, "nominal": NOTHING | nominal}
-    return Calibration.from_dict(again)
+    return job.told(Calibration.from_dict(again))

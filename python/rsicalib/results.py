@@ -12,6 +12,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
+from rsicalib.digest import digest_of_numbers
 from rsicalib.errors import InputError, ResultError, UndeterminedError
 from rsicalib.interactive import Interactive
 from rsicalib.io.files import write_text
@@ -56,6 +57,20 @@ class Result(Interactive):
             return Evidence.from_dict(self.source.gather())
         except UndeterminedError:
             return None
+
+    @cached_property
+    def edited(self) -> bool:
+        """Whether numbers that poses come from were edited after it was written.
+
+        A result without a `digest`, of an earlier version, cannot tell.
+        """
+        return self.digest is not None and self.digest != digest_of_numbers(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Write the result as plain values, with the digest of its numbers."""
+        out = super().to_dict()
+        out["digest"] = out.pop("digest", None) or digest_of_numbers(self)
+        return out
 
     def to_json(self) -> str:
         """The result as JSON text, as `--json` prints it."""

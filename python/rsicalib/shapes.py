@@ -121,6 +121,10 @@ class Noise(Record):
     """Where the noise is known from; null in results of earlier versions."""
     seating: float | None = field(default=None, metadata=IF_KNOWN)
     """How well what is touched holds its place, where only the fit tells it, in `length_unit`."""
+    closures: Mapping[str, float] = field(default_factory=dict, metadata=OMIT)
+    """How well each closure holds, one draw for each seating: the standard deviation as it is
+    declared, or as only the fit tells it, in `length_unit` or as equal coordinates count. Closures
+    that hold exactly are not listed."""
 
 
 @dataclass(frozen=True)
@@ -1028,6 +1032,8 @@ class ResultShape(Record):
     """Parameters that differ from an earlier result, where one was given."""
     supersedes: str | None = None
     """SHA-256 of the earlier result that this one is meant to replace."""
+    digest: str | None = field(default=None, metadata=IF_KNOWN)
+    """Digest of the numbers that poses come from, as they were written: others were edited."""
     misclosure: Misclosure | None = field(default=None, metadata=IF_KNOWN)
     """How the loops close under this result: what a watch compares with."""
     update: Update | None = field(default=None, metadata=IF_KNOWN)

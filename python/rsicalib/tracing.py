@@ -110,4 +110,4 @@ def trace(
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
     lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
-    return finished(Trace.from_dict(job.result(Trace, report, session) | lacking))
+    return finished(job.told(Trace.from_dict(job.result(Trace, report, session) | lacking)))

@@ -33,6 +33,7 @@ WarnedKind: TypeAlias = Literal[
     "time_goes_back",
     "moved_rest",
     "imported",
+    "open_loops",
     "other",
 ]
 """What a warning is about; the schema of the results says what each of them means."""

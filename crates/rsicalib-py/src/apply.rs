@@ -43,18 +43,22 @@ pub struct PyApplied {
     #[pyo3(item)]
     declared: bool,
     #[pyo3(item)]
+    closures: Vec<(String, f64)>,
+    #[pyo3(item)]
     own: bool,
 }
 
 impl From<PyApplied> for Applied {
     fn from(given: PyApplied) -> Self {
-        let PyApplied { parameters, centre, span, temperature, sigma, declared, own } = given;
+        let PyApplied { parameters, centre, span, temperature, sigma, declared, closures, own } =
+            given;
         let reported = |(spec, name, value)| Reported { spec: spec_of(spec), name, value };
         Self {
             parameters: parameters.into_iter().map(reported).collect(),
             reference: Reference { centre, span, temperature },
             sigma,
             declared,
+            closures,
             own,
         }
     }

@@ -427,8 +427,11 @@ impl PyFit {
             covariance.map(|c| c.as_array().iter().copied().collect());
         let (applied, noise) = (applied.into(), &self.fit.noise);
         let found = work(py, || {
-            let judged =
-                Judged { noise: self.fit.assumed(), inflation: noise.inflation, dof: noise.dof };
+            let judged = Judged {
+                noise: self.fit.assumed(),
+                inflation: noise.inflation,
+                dof: noise.dof_of_pose(),
+            };
             compare(&applied, covariance.as_deref(), &self.observations, &judged)
         })?
         .map_err(PyError::from)?;

@@ -164,7 +164,7 @@ def certainty_html(result: ResultShape) -> str:
 
 
 def _name(rival: Rival) -> str:
-    return listed_words([subject(name) for name in rival.terms])
+    return listed_words([subject(name) for name in rival.terms] or ["nothing"])
 
 
 def _percent(p: float) -> str:

@@ -78,6 +78,7 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
             "temperature": None,
             "parameters": [],
             "declared": False,
+            "closures": [],
             "own": own,
         }
         return {**reference, "sigma": sigma, **nothing}
@@ -87,6 +88,7 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
         **result.reference.to_dict(),
         "sigma": [result.noise.sigma[c.name] for c in channels],
         "declared": result.noise.kind == "declared",
+        "closures": list(result.noise.closures.items()),
         "own": own,
         "parameters": [(p.at, p.name, p.value) for p in result.parameters if p.value is not None],
     }

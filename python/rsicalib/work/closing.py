@@ -1,7 +1,8 @@
 """Whether the loops close under a result, in readings that it is applied to.
 
-A result that was edited, or that is of another device, gives poses like any other. But the loops
-of the readings do not close under it as they did in its own session, and that is told.
+A result that was edited, or that is of another device, gives poses like any other. But the first
+has not the digest that was written with it, and the loops of the readings do not close under the
+other as they did in its own session: both are told.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ MOST = 200
 
 
 def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str | None:
-    """Say that the loops do not close as they did in the result's own session.
+    """Say that the loops do not close as in the result's own session, or that it was edited.
 
     Parameters
     ----------
@@ -50,6 +51,11 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
         None where they do, or where that cannot be told from readings alone: of chains whose
         points are free or touch unknown places, or of terms that need more than one row.
     """
+    if result.edited:
+        return (
+            "numbers of this result were edited after it was written, and poses follow them: "
+            "identify again, or delete its `digest` if that was meant"
+        )
     noise, covariance = result.noise, covariance_of(result)
     if noise is None or (covariance is not None and not covariance.any()):
         return None  # no parameter was determined: there is nothing that could have changed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,8 @@ from rsicalib.work.arguments import (
     noise_of_channels,
     open_mechanism,
 )
-from rsicalib.work.closing import first_rows
+from rsicalib.work.closing import first_rows, open_loops
+from rsicalib.work.listening import AnyResult
 from rsicalib.work.outcome import (
     beside_earlier,
     described,
@@ -77,6 +79,8 @@ class Work:
         """The same with the groups that are held out."""
         self.selected: tuple[list[str] | None, list[str] | None] | None = None
         """Groups to use, and to leave out."""
+        self.checked: Readings | None = None
+        """Readings of the check poses."""
         self.warnings: list[Warned] = []
         self.about = about
         """Device, note and date, by the keys of the result."""
@@ -158,6 +162,7 @@ class Work:
             return None
         loaded = load(check, self.mechanism, self.skip)
         self.warnings += loaded.warnings
+        self.checked = loaded
         return posed(loaded, self.mechanism)
 
     def beside(self, known: Known | None, align: bool) -> dict[str, Any]:
@@ -248,6 +253,15 @@ class Work:
         except InputError:
             return None  # the loops are not the same: unknown points, measured distances
         return update_of(self.mechanism, self.earlier, changes, rms)
+
+    def told(self, result: AnyResult) -> AnyResult:
+        """A result with what the loops of its check readings say."""
+        if self.checked is None or result.verdict == "undetermined":
+            return result
+        said = open_loops(self.checked, self.mechanism, result)
+        if said is None:
+            return result
+        return replace(result, warnings=(*result.warnings, Warned("open_loops", None, said)))
 
     def too_few(
         self, kind: type[Result], error: UndeterminedError, session: _core.Session | None

@@ -65,6 +65,11 @@ pub struct Applied {
     pub sigma: Vec<f64>,
     /// True where those were declared, not estimated.
     pub declared: bool,
+    /// How well closures held in its session, [`NoiseEstimate::of_closures`]; one that is not among
+    /// them holds as the mechanism declares.
+    ///
+    /// [`NoiseEstimate::of_closures`]: crate::estimate::noise::source::NoiseEstimate::of_closures
+    pub closures: Vec<(String, f64)>,
     /// True for the very sessions that the result was found with: all of it acts then, where
     /// and when it did.
     pub own: bool,
@@ -140,7 +145,7 @@ pub fn platform_poses(
         });
     }
     let under = Under::new(mechanism, applied, table)?;
-    Ok(under.poses(&under.values, &applied.sigma))
+    Ok(under.poses(&under.values))
 }
 
 /// Where the chains carry their points under a result, row by row of a table.
@@ -195,6 +200,8 @@ pub(crate) struct Under {
     pub(crate) values: Vec<f64>,
     /// For each of them, the parameters of the model that it is; none where it does not act.
     pub(crate) columns: Vec<Vec<usize>>,
+    /// Of readings and closures, as the result has them.
+    pub(crate) noise: Noise,
 }
 
 impl Under {
@@ -301,7 +308,8 @@ impl Under {
         });
         let columns = columns.collect();
         let values = parameters.iter().map(|p| p.value).collect();
-        Ok(Self { model, readings, values, columns })
+        let noise = Noise::declared(sigma.clone()).with_closures(&model, &applied.closures);
+        Ok(Self { model, readings, values, columns, noise })
     }
 
     /// The model's own parameters, the inverse of [`crate::estimate::directions::reported`].
@@ -331,24 +339,23 @@ impl Under {
     }
 
     /// Platform pose of every row where the result has these values.
-    pub(crate) fn poses(&self, values: &[f64], sigma: &[f64]) -> Vec<[f64; 6]> {
-        let noise = Noise::declared(sigma.to_vec());
-        poses_of(&self.model, &self.readings, &self.internal(values), &noise)
+    pub(crate) fn poses(&self, values: &[f64]) -> Vec<[f64; 6]> {
+        poses_of(&self.model, &self.readings, &self.internal(values), &self.noise)
     }
 
     /// Place of every point that is somewhere else in each pose, row by row, where the result has
     /// these values: where the closures have it, each reading as far off as its noise allows, (59).
-    pub(crate) fn moving(&self, values: &[f64], sigma: &[f64]) -> Vec<Vec<[f64; 3]>> {
-        self.moving_at(&self.internal(values), &Noise::declared(sigma.to_vec()))
+    pub(crate) fn moving(&self, values: &[f64]) -> Vec<Vec<[f64; 3]>> {
+        self.moving_at(&self.internal(values))
     }
 
     /// The same with these parameters of the model.
-    pub(crate) fn moving_at(&self, beta: &[f64], noise: &Noise) -> Vec<Vec<[f64; 3]>> {
+    pub(crate) fn moving_at(&self, beta: &[f64]) -> Vec<Vec<[f64; 3]>> {
         let (model, readings) = (&self.model, &self.readings);
         let part = Part { model, readings, weights: None };
         let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; model.posed.len()];
         for (block, meta) in readings.blocks().iter().enumerate() {
-            let found = settled(&part, noise, block, beta);
+            let found = settled(&part, &self.noise, block, beta);
             let xi = &found[readings.channels..];
             for (out, point) in out.iter_mut().zip(&model.posed) {
                 for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {

@@ -4,7 +4,6 @@ use crate::Error;
 use crate::apply::earlier::{Applied, Under};
 use crate::apply::places::{Placed, names_of};
 use crate::apply::poses::poses_of;
-use crate::estimate::Noise;
 use crate::mechanism::Mechanism;
 use crate::readings::Table;
 
@@ -16,7 +15,6 @@ use crate::readings::Table;
 pub struct Placer {
     mechanism: Mechanism,
     applied: Applied,
-    noise: Noise,
     names: Vec<String>,
     /// The mechanism with its last reading, and the parameters of its model.
     last: Option<(Under, Vec<f64>)>,
@@ -30,8 +28,7 @@ impl Placer {
     /// As [`places`](crate::apply::places::places).
     pub fn new(mechanism: &Mechanism, applied: Applied) -> Result<Self, Error> {
         let names = names_of(mechanism)?;
-        let noise = Noise::declared(applied.sigma.clone());
-        Ok(Self { mechanism: mechanism.clone(), applied, noise, names, last: None })
+        Ok(Self { mechanism: mechanism.clone(), applied, names, last: None })
     }
 
     /// Names of the values: `x y z rx ry rz`, or `ball.x ball.y ball.z` of a point `ball`.
@@ -66,9 +63,11 @@ impl Placer {
             }
         };
         Ok(match what {
-            Placed::Platform => poses_of(&under.model, &under.readings, beta, &self.noise).concat(),
+            Placed::Platform => {
+                poses_of(&under.model, &under.readings, beta, &under.noise).concat()
+            }
             Placed::Carried => under.points_at(beta).concat().concat(),
-            Placed::Moving => under.moving_at(beta, &self.noise).concat().concat(),
+            Placed::Moving => under.moving_at(beta).concat().concat(),
         })
     }
 }

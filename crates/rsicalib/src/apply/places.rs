@@ -55,9 +55,9 @@ pub fn places(
     let under = build(mechanism, applied, table)?;
     let at = |values: &[f64]| -> Vec<f64> {
         let points = match what {
-            Placed::Platform => return under.poses(values, &applied.sigma).concat(),
+            Placed::Platform => return under.poses(values).concat(),
             Placed::Carried => under.points(values),
-            Placed::Moving => under.moving(values, &applied.sigma),
+            Placed::Moving => under.moving(values),
         };
         let row = |row: usize| points.iter().flat_map(move |of_point| of_point[row]);
         (0..under.readings.samples).flat_map(row).collect()

@@ -143,6 +143,28 @@ impl Noise {
         Self { sigma, play: 1.0, seating: Vec::new(), measured: Vec::new() }
     }
 
+    /// The same where closures of these names hold so well, length units or as coordinates count:
+    /// each has the variance `sd²` in place of what the mechanism declares of it.
+    #[must_use]
+    pub(crate) fn with_closures(self, model: &Model, closures: &[(String, f64)]) -> Self {
+        let declared = Self { seating: Vec::new(), ..self.clone() }.by_closure(model);
+        let names = model.mechanism.closures.iter().map(|closure| &closure.name);
+        let own = |(name, declared): (&String, f64)| {
+            let known = closures.iter().find(|(of, _)| of == name);
+            known.map_or(0.0, |(_, sd)| sd * sd - declared * declared)
+        };
+        Self { seating: names.zip(declared).map(own).collect(), ..self }
+    }
+
+    /// Standard deviation of each closure of a model, in length units or as coordinates count.
+    pub(crate) fn by_closure(&self, model: &Model) -> Vec<f64> {
+        let (whole, lengths) = (self.of_closures(model).whole(), model.lengths());
+        let of = |mut own: std::ops::Range<usize>| {
+            own.next().map_or(0.0, |e| whole[e].sqrt() * lengths[e])
+        };
+        model.equations_by_closure().map(of).collect()
+    }
+
     /// Variance of each equation that is drawn for each sample, length units squared; empty where none
     /// is.
     pub(crate) fn measured_lengths(&self, model: &Model) -> Vec<f64> {

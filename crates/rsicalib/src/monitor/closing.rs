@@ -57,7 +57,7 @@ pub fn closing(
 ) -> Result<Closing, Error> {
     let watched = Watched::new(mechanism, applied, covariance, Vec::new())?;
     let (width, equations) = (watched.order.len(), watched.under.model.equations());
-    let mut rows = Rows::new(&watched, &applied.sigma);
+    let mut rows = Rows::new(&watched, &watched.under.noise);
     let lengths = watched.under.model.lengths();
     let used: Vec<(u64, &[f64])> =
         values.chunks_exact(mechanism.channels.len()).map(|row| (0, row)).collect();

@@ -25,6 +25,7 @@ use crate::monitor::windows::{Sums, Windows};
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::{chi2_tail, f_tail};
 use crate::numerics::lanes::WIDTH;
+use crate::readings::Readings;
 
 /// Probability that chance alone makes any change of a device.
 pub const CHANGED_LEVEL: f64 = 0.01;
@@ -43,7 +44,7 @@ const UNKNOWN: f64 = 1e3;
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Comparison {
-    /// χ² of the later readings under the earlier calibration, its uncertainty counted in, per
+    /// χ² of the later poses under the earlier calibration, its uncertainty counted in, per
     /// degree of freedom.
     pub chi2_per_dof: f64,
     /// Probability of more by chance.
@@ -98,9 +99,14 @@ struct Pass {
     chi2: f64,
 }
 
+/// The later session: one row for each held pose, the mean of its samples, or each row of a
+/// recording.
 struct Session<'a> {
-    observations: &'a Observations,
     judged: &'a Judged,
+    rows: Arc<Readings>,
+    used: Vec<usize>,
+    /// Samples of each row.
+    samples: Vec<f64>,
 }
 
 /// A candidate, and what speaks for it.
@@ -150,14 +156,14 @@ pub fn compare(
     let noise = &judged.noise;
     let mechanism = &observations.mechanism;
     let mut watched = Watched::new(mechanism, earlier, covariance, candidates(mechanism))?;
-    let session = Session { observations, judged };
+    let session = Session::of(observations, judged)?;
     let mut seen = Seen::new(mechanism.channels.len());
-    session.used().for_each(|row| seen.see(observations.readings.row(row)));
-    let count = session.used().count() as f64 * watched.under.model.equations() as f64;
+    session.used.iter().for_each(|&row| seen.see(session.rows.row(row)));
+    let count = session.used.len() as f64 * watched.under.model.equations() as f64;
 
     let was = watched.at.clone();
     let prior = watched.prior.clone();
-    let rms_misclosure = session.misclosure(&watched)?;
+    let rms_misclosure = session.misclosure(&watched);
     let mut pass = session.pass(&watched, &was, &prior);
     let (chi2_per_dof, p_value) = (pass.chi2 / count, session.p_value(pass.chi2, count));
     let mut changes: Vec<Named> = Vec::new();
@@ -190,7 +196,7 @@ pub fn compare(
         let candidate = &watched.candidates[k];
         let (parameters, [size, sd], unit) = candidate.changes(&values, &covariance);
         let [term, target] = name(&watched, k);
-        let platform_rms = seen.change(&watched, &noise.sigma, &was, &alone);
+        let platform_rms = seen.change(&watched, noise, &was, &alone);
         Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
     let changes = found.collect();
@@ -214,32 +220,45 @@ fn name(watched: &Watched, candidate: usize) -> [String; 2] {
     [term.clone(), target.clone().unwrap_or_default()]
 }
 
-impl Session<'_> {
-    fn used(&self) -> impl Iterator<Item = usize> {
-        (0..self.observations.readings.samples).filter(|&row| self.observations.weights[row] > 0.0)
+impl<'a> Session<'a> {
+    fn of(observations: &Observations, judged: &'a Judged) -> Result<Self, Error> {
+        let Observations { readings, mechanism, weights, .. } = observations;
+        let (rows, samples) = match readings.held {
+            true => {
+                let (poses, samples) = readings.averaged(mechanism, weights)?;
+                (Arc::new(poses), samples)
+            }
+            false => (Arc::clone(readings), weights.clone()),
+        };
+        let used = (0..rows.samples).filter(|&row| samples[row] > 0.0).collect();
+        Ok(Self { judged, rows, used, samples })
     }
 
     /// Sums over all rows about the present parameters, `prior` holding about `was`.
     fn pass(&self, watched: &Watched, was: &[f64], prior: &[f64]) -> Pass {
         let width = watched.order.len();
         let k = watched.under.model.equations();
-        let mut rows = Rows::new(watched, &self.judged.noise.sigma);
+        let mut rows = Rows::new(watched, &self.judged.noise);
         let mut state = State::new(prior.to_vec(), watched.uncertain, width, k);
         for (position, mean) in state.mean.iter_mut().enumerate() {
             let column = watched.order[position];
             *mean = (was[column] - watched.at[column]) / watched.scale[position];
         }
         let mut windows = Windows::new(width, 1, watched.tested());
-        let less = 1.0 / self.judged.inflation.sqrt();
         let mut chi2 = 0.0;
-        let readings = &self.observations.readings;
-        let used: Vec<(u64, &[f64])> = self.used().map(|row| (0, readings.row(row))).collect();
-        rows.each(watched, &used, |_, r, g| {
-            r.iter_mut().chain(&mut *g).for_each(|v| *v *= less);
-            chi2 += state.compare(r, g, width) * self.judged.inflation;
-            state.absorb();
-            windows.add(r, g, 0, None);
-        });
+        let (mut r, mut g) = (vec![0.0; k], vec![0.0; k * width]);
+        for used in self.used.chunks(WIDTH) {
+            self.put(&mut rows, used);
+            rows.linearise(watched, 0);
+            for (lane, &row) in used.iter().enumerate() {
+                rows.read(lane, watched, 0, &mut r, &mut g);
+                let more = (self.samples[row] / self.judged.inflation).sqrt();
+                r.iter_mut().chain(&mut g).for_each(|v| *v *= more);
+                chi2 += state.compare(&r, &g, width);
+                state.absorb();
+                windows.add(&r, &g, 0, None);
+            }
+        }
         Pass { state, now: windows.now, chi2 }
     }
 
@@ -302,27 +321,23 @@ impl Session<'_> {
         ranked
     }
 
-    /// Misclosure of the poses, each the mean of its samples, under the present parameters.
-    fn misclosure(&self, watched: &Watched) -> Result<f64, Error> {
-        let Observations { readings, mechanism, weights, .. } = self.observations;
-        let (poses, live) = match readings.held {
-            true => {
-                let (poses, live) = readings.averaged(mechanism, weights)?;
-                (Arc::new(poses), live)
-            }
-            false => (Arc::clone(readings), weights.clone()),
-        };
+    /// Puts rows into the first lanes.
+    fn put(&self, rows: &mut Rows, used: &[usize]) {
+        used.iter().enumerate().for_each(|(lane, &row)| rows.put(lane, self.rows.row(row)));
+        let samples: Vec<f64> = used.iter().map(|&row| self.samples[row]).collect();
+        rows.seat(&samples);
+    }
+
+    /// Misclosure of the rows under the present parameters.
+    fn misclosure(&self, watched: &Watched) -> f64 {
         let lengths = watched.under.model.lengths();
-        let mut rows = Rows::new(watched, &self.judged.noise.sigma);
-        let used: Vec<usize> = (0..poses.samples).filter(|&row| live[row] > 0.0).collect();
+        let mut rows = Rows::new(watched, &self.judged.noise);
         let mut squares = 0.0;
-        for block in used.chunks(WIDTH) {
-            for (lane, &row) in block.iter().enumerate() {
-                rows.put(lane, poses.row(row));
-            }
-            squares += rows.misclosure(watched, &lengths, block.len());
+        for used in self.used.chunks(WIDTH) {
+            self.put(&mut rows, used);
+            squares += rows.misclosure(watched, &lengths, used.len());
         }
-        Ok((squares / (used.len() * lengths.len()).max(1) as f64).sqrt())
+        (squares / (self.used.len() * lengths.len()).max(1) as f64).sqrt()
     }
 }
 

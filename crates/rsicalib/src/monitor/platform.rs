@@ -47,7 +47,7 @@ impl Seen {
     pub(crate) fn change(
         &self,
         watched: &Watched,
-        sigma: &[f64],
+        noise: &Noise,
         before: &[f64],
         after: &[f64],
     ) -> Option<PlatformRms> {
@@ -57,8 +57,7 @@ impl Seen {
         }
         let table = Table { values: self.rows.clone(), ..Table::default() };
         let readings = Readings::beside(&model.mechanism, table, &watched.under.readings).ok()?;
-        let noise = Noise::declared(sigma.to_vec());
-        let poses = |beta: &[f64]| poses_of(model, &readings, beta, &noise);
+        let poses = |beta: &[f64]| poses_of(model, &readings, beta, noise);
         let pairs: Vec<_> = poses(before).into_iter().zip(poses(after)).collect();
         let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
         Some(PlatformRms { position: position_rms, orientation: orientation_rms })

@@ -14,16 +14,17 @@ pub(crate) struct Rows {
     /// Parameters about which they are linearised: those of this row.
     at: Vec<f64>,
     row: u64,
+    /// Samples of which each lane is the mean, all of one seating.
+    seats: Lanes,
 }
 
 impl Rows {
-    pub(crate) fn new(watched: &Watched, sigma: &[f64]) -> Self {
-        let noise = Noise::declared(sigma.to_vec());
+    pub(crate) fn new(watched: &Watched, noise: &Noise) -> Self {
         let model = &watched.under.model;
         let none = vec![Lanes::ZERO; model.scales.len()];
         let adjusted = vec![Lanes::ZERO; model.stride()];
         let at = vec![0.0; model.parameters];
-        Self { room: Room::new(model, &noise), raw: none, adjusted, at, row: 0 }
+        Self { room: Room::new(model, noise), raw: none, adjusted, at, row: 0, seats: Lanes::ONE }
     }
 
     /// Puts a row into a lane and all after it.
@@ -46,7 +47,16 @@ impl Rows {
                 self.adjusted = under.model.placed(readings, 0, &self.raw, &self.at, ws);
             }
         }
+        self.room.seat(self.seats);
         self.room.linearise(&part, 0, &self.raw, &self.at, &mut self.adjusted, 1);
+    }
+
+    /// Lets the first lanes be means of so many samples, which share a seating: `r` and `G` of one
+    /// of them, (67).
+    pub(crate) fn seat(&mut self, samples: &[f64]) {
+        for (lane, samples) in self.seats.0.iter_mut().zip(samples) {
+            *lane = *samples;
+        }
     }
 
     /// Gives `take` the place, `r` and `G` of one row after the other, which have these numbers and

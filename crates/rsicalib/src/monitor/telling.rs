@@ -40,7 +40,7 @@ impl Monitor {
         let (parameters, [size, sd], unit) = named.changes(&values, &covariance);
         let in_row = |at| watched.in_row(at, tested.row);
         let platform_rms =
-            self.seen.change(watched, &self.sigma, &in_row(&before), &in_row(&after));
+            self.seen.change(watched, &watched.under.noise, &in_row(&before), &in_row(&after));
         let spec = |candidate: usize| watched.candidates[candidate].spec.clone();
         let now = names.iter().find(|n| n.kind == open.named);
         let mut also_fits: Vec<Spec> = Vec::new();

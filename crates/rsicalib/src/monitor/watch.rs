@@ -69,7 +69,6 @@ const LOOK_AGAIN: u64 = 16;
 /// ```
 pub struct Monitor {
     pub(super) watched: Watched,
-    pub(super) sigma: Vec<f64>,
     pub(super) order: Order,
     pub(super) counts: Counts,
     pub(super) rows: Rows,
@@ -139,10 +138,9 @@ impl Monitor {
         let thresholds =
             Thresholds::new(options.false_alarms, LEVELS, watched.candidates.len(), Windows::step);
         Ok(Self {
-            sigma: applied.sigma.clone(),
             order: Order::new(&mechanism.channels),
             counts: Counts::default(),
-            rows: Rows::new(&watched, &applied.sigma),
+            rows: Rows::new(&watched, &watched.under.noise),
             whitening: Whitening::new(options.quiet.correlation, CORRELATION, equations, width),
             state,
             windows: Windows::new(width, LEVELS, watched.tested()),
@@ -158,7 +156,7 @@ impl Monitor {
             held: 0,
             age: 0,
             recent: Recent::new(mechanism.channels.len()),
-            again: Rows::new(&watched, &applied.sigma),
+            again: Rows::new(&watched, &watched.under.noise),
             open: None,
             alarms: Vec::new(),
             watched,
@@ -187,7 +185,7 @@ impl Monitor {
     ///
     /// [`Error::Shape`] where `values` is not whole rows, or where there is not a time for each.
     pub fn update_all(&mut self, values: &[f64], times: Option<&[f64]>) -> Result<&[Alarm], Error> {
-        let channels = self.sigma.len();
+        let channels = self.watched.under.model.scales.len();
         let rows = values.len() / channels;
         let shape =
             |what: &str, found, expected| Error::Shape { what: what.into(), found, expected };

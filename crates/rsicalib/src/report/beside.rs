@@ -193,6 +193,7 @@ fn applied(observations: &Observations, fit: &Fit, own: bool) -> Applied {
         parameters: known.map(of).collect(),
         reference: Reference::of(&observations.readings),
         sigma: fit.noise.sigma.clone(),
+        closures: fit.noise.of_closures(&fit.model),
         declared: fit.noise.source == Source::Declared,
         own,
     }

@@ -116,6 +116,9 @@ macro_rules! result {
             /// SHA-256 of the earlier result that this one is meant to replace.
             #[serde(default)]
             pub supersedes: Option<String>,
+            /// Digest of the numbers that poses come from, as they were written: others were edited.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub digest: Option<String>,
             /// How the loops close under this result: what a watch compares with.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub misclosure: Option<Misclosure>,
@@ -291,6 +294,11 @@ pub struct Noise {
     /// How well what is touched holds its place, where only the fit tells it, in `length_unit`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seating: Option<f64>,
+    /// How well each closure holds, one draw for each seating: the standard deviation as it is
+    /// declared, or as only the fit tells it, in `length_unit` or as equal coordinates count.
+    /// Closures that hold exactly are not listed.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub closures: IndexMap<String, f64>,
 }
 
 /// What changes from group to group: placements, or sessions.

@@ -134,12 +134,12 @@ fn check(result: &impl Parts) -> Result<(), Refused> {
             return refuse(&place, centre.to_string(), format!("{low} to {high}, its span"));
         }
     }
-    match noise.sigma.iter().find(|(_, sigma)| !bounds::positive(**sigma)) {
-        Some((name, sigma)) => {
-            refuse(&format!("noise.sigma.{name}"), sigma.to_string(), "a number above 0")
+    for (key, held) in [("sigma", &noise.sigma), ("closures", &noise.closures)] {
+        if let Some((name, sd)) = held.iter().find(|(_, sd)| !bounds::positive(**sd)) {
+            return refuse(&format!("noise.{key}.{name}"), sd.to_string(), "a number above 0");
         }
-        None => Ok(()),
     }
+    Ok(())
 }
 
 fn refuse<T>(

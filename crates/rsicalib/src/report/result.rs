@@ -47,6 +47,9 @@ pub struct NoiseReport {
     /// How well what is touched holds its place, where only the fit tells it, length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub seating: Option<f64>,
+    /// How well each closure holds that is not exact, as it is declared or as the fit tells it,
+    /// length units or as coordinates count.
+    pub closures: Named,
 }
 
 /// How well a model fits.
@@ -212,6 +215,7 @@ impl From<&Estimates> for Applied {
             parameters: found.parameters.iter().map(of).collect(),
             reference: found.reference.clone(),
             sigma: found.noise.sigma.0.iter().map(|(_, sigma)| *sigma).collect(),
+            closures: found.noise.closures.0.clone(),
             declared: found.noise.kind == Source::Declared,
             own: false,
         }
@@ -252,6 +256,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             correlation: fit.noise.correlation,
             unit: Named(unit.collect()),
             seating: fit.noise.largest_seating(),
+            closures: Named(fit.noise.of_closures(&fit.model)),
         },
         misclosure: misclosure(observations, fit),
         remarks: parameters.iter().filter_map(warned::of_parameter).collect(),

@@ -111,6 +111,8 @@ pub enum Kind {
     MovedRest,
     /// What the import of a log noted.
     Imported,
+    /// The loops of check readings do not close as those of the session.
+    OpenLoops,
     /// A kind of a later version.
     #[cfg_attr(feature = "serde", serde(other))]
     Other,

@@ -270,12 +270,13 @@ impl<'a> Stepwise<'a> {
             return Ok(());
         }
         if !self.small.options.seating.is_empty() {
-            let seating = open::improved(&self.small, current);
+            let seating = open::improved(&self.small, current).seating;
             self.small.options.seating = seating;
             *current = fit(&self.small, current.model.instances.clone(), Some(current))?;
             return Ok(());
         }
-        let scale = variance_of_readings(&current.residuals, current.total / current.dof).sqrt();
+        let (residuals, dof) = (&current.residuals, current.dof);
+        let scale = variance_of_readings(residuals, current.total / dof, dof).sqrt();
         if let Some(sigma) = &mut self.small.options.noise {
             sigma.iter_mut().for_each(|s| *s *= scale);
         }

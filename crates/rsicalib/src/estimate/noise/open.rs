@@ -24,11 +24,14 @@ use crate::estimate::tried::Start;
 use crate::model::Model;
 use crate::numerics::symmetric::inverse_root;
 
-/// Largest number of fits, each with the variances that the one before shows.
+/// Largest number of fits, each with the variances that the one before shows: steps of [`LEAST`] reach
+/// a variance that is 10¹³ times smaller than the first, a seating three million times tighter than the
+/// drawing is wrong.
 const ROUNDS: usize = 10;
 
-/// Change of a variance below which it has settled: a tenth of its standard deviation by a hundred poses.
-const SETTLED: f64 = 0.02;
+/// A variance has settled where it is nearer to its maximum than this many of its own standard
+/// deviations, of the information of (68): the two together are then 0.5 % larger than one.
+const SETTLED: f64 = 0.1;
 
 /// Closures are exact unless what they leave is above chance at this level.
 const EXACT: f64 = 0.01;
@@ -93,12 +96,10 @@ pub(crate) fn fit_with_seatings(
     seated.options.seating = kinds.by_closure(model, &first);
     let mut fit = solve(&seated, start.clone())?;
     for _ in 0..ROUNDS {
-        let next = improved(&seated, &fit);
-        let change = |(next, now): (&f64, &f64)| (next - now).abs() > SETTLED * now;
-        let moved = next.iter().zip(&seated.options.seating).any(change);
-        seated.options.seating = next;
+        let Improved { seating, moved } = improved(&seated, &fit);
+        seated.options.seating = seating;
         fit = solve(&seated, Start { beta: fit.beta.clone(), ..start.clone() })?;
-        if !moved {
+        if moved < SETTLED {
             break;
         }
     }
@@ -117,8 +118,16 @@ fn repeats(observations: &Observations, fit: &Fit) -> bool {
     fit.noise.source != Source::Fit || readings.held && readings.samples > readings.poses()
 }
 
+/// What a step of scoring makes of the variances of the seatings.
+pub(crate) struct Improved {
+    /// One for each closure of the model.
+    pub(crate) seating: Vec<f64>,
+    /// The largest step, in standard deviations of its variance.
+    moved: f64,
+}
+
 /// The variances of the seatings that a fit with some shows: one step of scoring by (68).
-pub(crate) fn improved(observations: &Observations, fit: &Fit) -> Vec<f64> {
+pub(crate) fn improved(observations: &Observations, fit: &Fit) -> Improved {
     let (model, readings) = (&*fit.model, &observations.readings);
     let part = Part { model, readings, weights: Some(&observations.weights) };
     let adjusted = fit.adjusted_of(readings).map(<[_]>::to_vec);
@@ -179,11 +188,13 @@ pub(crate) fn improved(observations: &Observations, fit: &Fit) -> Vec<f64> {
         (0..count).map(|i| step[(i, 0)]).collect::<Vec<f64>>()
     });
     let next = |(now, step): (&f64, &f64)| (now + step).clamp(LEAST * now, now / LEAST);
-    let next: Vec<f64> = match step {
-        Some(step) => now.iter().zip(&step).map(next).collect(),
-        None => now,
+    let Some(step) = step else {
+        return Improved { seating: kinds.by_closure(model, &now), moved: 0.0 };
     };
-    kinds.by_closure(model, &next)
+    let next: Vec<f64> = now.iter().zip(&step).map(next).collect();
+    let by = |j: usize| (next[j] - now[j]).abs() * information[(j, j)].sqrt();
+    let moved = (0..count).map(by).fold(0.0, f64::max);
+    Improved { seating: kinds.by_closure(model, &next), moved }
 }
 
 /// A step changes a variance by not more than this factor.

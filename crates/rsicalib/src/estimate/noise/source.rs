@@ -8,6 +8,7 @@ use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Witness;
 use crate::mechanism::Channel;
+use crate::model::Model;
 use crate::numerics::distributions;
 
 /// Where the noise is from.
@@ -85,6 +86,15 @@ impl NoiseEstimate {
     pub fn largest_seating(&self) -> Option<f64> {
         let largest = self.seating.iter().copied().fold(0.0, f64::max).sqrt();
         (largest > 0.0).then_some(largest)
+    }
+
+    /// How well each closure holds that is not exact: its name and the standard deviation, length
+    /// units or as coordinates count.
+    #[must_use]
+    pub fn of_closures(&self, model: &Model) -> Vec<(String, f64)> {
+        let names = model.mechanism.closures.iter().map(|closure| closure.name.clone());
+        let own = names.zip(self.of_one_reading().by_closure(model));
+        own.filter(|(_, sd)| *sd > 0.0).collect()
     }
 
     /// True where lack of fit can be judged against it: nothing of it is of the fit alone.
@@ -365,7 +375,7 @@ pub(crate) fn estimate_noise(
     if told {
         let lasting = groups.lasting_rounding(observations) * share;
         // In a recording every row has a play of its own, and a length that is measured has its noise.
-        let white = variance_of_readings(differences, within);
+        let white = variance_of_readings(differences, within, dof);
         let variance = (white + lasting).max(rounding * rounding);
         let (source, dof) = if white < lasting || white + lasting < variance {
             (Source::Quantisation, f64::INFINITY)
@@ -390,20 +400,20 @@ pub(crate) fn estimate_noise(
     let total: f64 =
         live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
     let free = ((live.len() * k) as f64 - parameters as f64).max(1.0);
-    let s =
-        variance_of_readings(residuals, total / free).sqrt().max(rounding).max(f64::MIN_POSITIVE);
+    let variance = variance_of_readings(residuals, total / free, free);
+    let s = variance.sqrt().max(rounding).max(f64::MIN_POSITIVE);
     scaled(s, Source::Fit, free)
 }
 
-/// Play that is declared larger than all there is leaves readings this share of the variance, at each
-/// of the few rounds of a fit.
-const LEAST_SHARE: f64 = 1e-2;
-
-/// Variance of the readings, in units of what whitens residuals, whose square is so much in the mean:
-/// what is declared of the closures stays.
-pub(crate) fn variance_of_readings(residuals: &Residuals, mean_square: f64) -> f64 {
+/// Variance of the readings, in units of what whitens residuals, whose square is so much in the mean
+/// of `dof` of them: what is declared of the closures stays.
+///
+/// Declared play may be as large as all there is. What the readings add to it is then not told from
+/// nothing, and taken for the standard error of that mean: `√(2/dof)` of it.
+pub(crate) fn variance_of_readings(residuals: &Residuals, mean_square: f64, dof: f64) -> f64 {
     let play = if residuals.play { 1.0 - residuals.readings_share } else { 0.0 };
-    ((mean_square - play) / (1.0 - play)).max(LEAST_SHARE * mean_square)
+    let error = (2.0 / dof).sqrt().min(1.0) * mean_square;
+    ((mean_square - play) / (1.0 - play)).max(error)
 }
 
 /// Rounding of the readings as numbers, in units of their noise: by less they do not differ.

@@ -1,0 +1,40 @@
+"""Digest of the numbers of a result that poses come from: edited ones have another."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from rsicalib.records import plain
+from rsicalib.shapes import ResultShape
+
+__all__ = ["digest_of_numbers"]
+
+
+def digest_of_numbers(result: ResultShape) -> str:
+    """SHA-256 of what poses and their standard deviations come from.
+
+    Words, verdicts and figures of the session do not count, nor how numbers are written.
+    """
+    noise, loops = result.noise, result.misclosure
+    parts = {
+        "mechanism": [result.mechanism, result.length_unit],
+        "parameters": [[p.term, p.target, p.place, p.name, p.value] for p in result.parameters],
+        "covariance": result.covariance,
+        "noise": None if noise is None else [noise.sigma, noise.closures],
+        "reference": result.reference,
+        "misclosure": None if loops is None else loops.rms,
+        "laws": [law.to_dict() for law in result.laws],
+    }
+    text = json.dumps(_as_floats(plain(parts)), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _as_floats(value: Any) -> Any:
+    """The same with every number as a float: whoever writes 3 for 3.0 edits nothing."""
+    if isinstance(value, dict):
+        return {key: _as_floats(own) for key, own in value.items()}
+    if isinstance(value, list):
+        return [_as_floats(own) for own in value]
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

@@ -1,0 +1,55 @@
+"""How well closures hold is one fact: of the fit, of the result, of what the result is applied to.
+
+Witness: the arm in plain matrix products of `tests/cone.py`, and the seatings that it drew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, Mechanism
+from tests import cone
+from tests.oracle import Array
+
+PLAY = 0.02
+
+
+def at_known_cone(play: float | None, terms: str = '["offset"]') -> Mechanism:
+    """The arm of `cone` before a cone whose place is known."""
+    place = ", ".join(map(str, cone.CONE))
+    text = cone.mechanism(None, play, terms).replace('unknown = ["at"]', f"at = [{place}]")
+    return Mechanism.from_toml(text)
+
+
+def drawn(session: cone.Seatings) -> float:
+    """Root mean square of where the ball sat, by coordinate."""
+    off: Array = np.array([cone.tip(q) - cone.CONE for q in session.angles])
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def test_a_result_says_of_each_closure_how_well_it_holds() -> None:
+    session = cone.session(11)
+    declared = rsicalib.calibrate(session.table, at_known_cone(PLAY))
+    assert declared.noise is not None
+    assert dict(declared.noise.closures) == {"ball in cone": pytest.approx(PLAY)}
+    told = rsicalib.calibrate(session.table, at_known_cone(None))
+    assert told.noise is not None
+    # 114 degrees of freedom tell a standard deviation to 7 %.
+    assert told.noise.closures["ball in cone"] == pytest.approx(drawn(session), rel=0.2)
+    exact = rsicalib.calibrate(cone.session(12, play=0.0).table, at_known_cone(None))
+    assert exact.noise is not None
+    assert dict(exact.noise.closures) == {}
+
+
+def test_unlike_closures_keep_their_own() -> None:
+    whole = rsicalib.load_mechanism("rsi").to_dict()
+    for closure, noise in zip(whole["closure"], (0.001, 0.002, 0.0), strict=True):
+        closure["noise"] = noise
+    found = rsicalib.calibrate(
+        DEMO / "readings.csv", rest=DEMO / "rest.csv", mechanism=Mechanism.from_dict(whole)
+    )
+    assert found.noise is not None
+    names = [closure["name"] for closure in whole["closure"]]
+    assert dict(found.noise.closures) == {names[0]: 0.001, names[1]: 0.002}
