@@ -34,6 +34,16 @@ def test_the_page_of_terms_is_what_the_registry_says() -> None:
         assert path.read_text(encoding="utf-8") == made, f"{path.name}: run scripts.make_terms"
 
 
+def test_every_number_that_is_claimed_stands_on_the_page_that_it_names() -> None:
+    rows = re.findall(r"^\|.*\*\*.*\|$", (ROOT / "docs/claims.md").read_text("utf-8"), re.M)
+    assert rows
+    for row in rows:
+        (page,) = re.findall(r"\]\((\w[\w-]*\.md)", row)
+        text = (ROOT / "docs" / page).read_text("utf-8")
+        for number in re.findall(r"\*\*(.+?)\*\*", row):
+            assert number in text, f"{page}: {number}"
+
+
 @pytest.mark.parametrize("path", make_docs.pages(), ids=lambda p: p.name)
 def test_the_code_of_a_page_runs_and_prints_what_stands_below_it(path: Path) -> None:
     with make_docs.page(path) as page:

@@ -304,7 +304,7 @@ def test_the_command_writes_what_the_guide_and_people_read(tmp_path: Path) -> No
 
 
 def test_a_small_experiment_decides_more_ties_than_random_poses_do() -> None:
-    """`python -m tests.blind.planning` is the full one; its figures are in docs/plan.md."""
+    """`python -m tests.blind.planning` is the full one; figures: docs/plan-measured.md."""
     seed = 20261122
     found = [it for it, _ in zip(planning.ties(4, seed), range(4), strict=False)]
     assert len(found) == 4
