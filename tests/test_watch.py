@@ -54,6 +54,14 @@ def test_sound_devices_raise_no_more_false_alarms_than_promised(kind: str) -> No
     assert sum(f.alarms for f in found) <= promised + 3 * promised**0.5
 
 
+def test_heavy_tails_raise_no_more_false_alarms_than_promised() -> None:
+    # Student's t of three degrees of freedom: 18 times the promise before tails were learned.
+    found = [quiet([5, device], "t3", 1e-4, 12_000) for device in range(3)]
+    promised = 1e-4 * sum(f.rows for f in found)
+    # One alarm of each device until its tails are known.
+    assert sum(f.alarms for f in found) <= 3 + promised + 3 * promised**0.5
+
+
 def test_a_slipped_sensor_is_named_with_its_time_and_size(step: dict[str, Any]) -> None:
     monitor = Monitor(step["calibration"])
     alarms = monitor.update(step["values"])

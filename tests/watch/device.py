@@ -21,10 +21,27 @@ from tests.oracle import Array
 RATE_HZ = 400.0
 """Samples per second at work."""
 
-NOISES = ("white", "tremor", "correlated")
+NOISES = (
+    "white",
+    "tremor",
+    "correlated",
+    "correlated_3",
+    "correlated_8",
+    "creeping",
+    "t5",
+    "t3",
+    "steps",
+)
+"""`creeping`: offsets go to and fro slowly; `t5`, `t3`: Student's t; `steps`: 4 counts each."""
 
-CORRELATION = 0.6
+CORRELATION = {"correlated": 0.6, "correlated_3": 0.3, "correlated_8": 0.8}
 """Of neighbouring samples where noise is correlated, before rounding."""
+
+STEP = 4.0
+"""Counts of a coarse converter."""
+
+CREEP = (0.5, 3600.0)
+"""Amplitude [counts] and period [s] of offsets that creep, each with a phase of its own."""
 
 TREMOR = (0.01, 0.01)
 """Standard deviation of a trembling hand from sample to sample (in, rad)."""
@@ -32,16 +49,26 @@ TREMOR = (0.01, 0.01)
 
 def noise_of(kind: str, rng: np.random.Generator, rows: int, start: Array | None) -> Array:
     """Noise of unit variance, (rows, 9), following the last row `start` (9,) if correlated."""
+    if kind in ("t5", "t3"):
+        dof = float(kind[1])
+        heavy: Array = rng.standard_t(dof, (rows, 9)) * np.sqrt((dof - 2.0) / dof)
+        return heavy
     white = rng.standard_normal((rows, 9))
-    if kind != "correlated":
+    if kind not in CORRELATION:
         return white
-    fresh = np.sqrt(1.0 - CORRELATION**2)
+    neighbour = CORRELATION[kind]
+    fresh = np.sqrt(1.0 - neighbour**2)
     before = rng.standard_normal(9) if start is None else start
     driven = fresh * white
-    out: Array = lfilter([1.0], [1.0, -CORRELATION], driven, axis=0, zi=CORRELATION * before[None])[
-        0
-    ]
+    start = neighbour * before[None]
+    out: Array = lfilter([1.0], [1.0, -neighbour], driven, axis=0, zi=start)[0]
     return out
+
+
+def read(kind: str, counts: Array) -> Array:
+    """What the converter makes of counts, (n, 9)."""
+    step = STEP if kind == "steps" else 1.0
+    return np.clip(step * np.rint(counts / step), 0, simulator.TOP)
 
 
 @dataclass(frozen=True)
@@ -138,7 +165,11 @@ class Work:
         noise = noise_of(self.kind, self.rng, count, self.last)
         self.row, self.last = self.row + count, noise[-1]
         counts = (angles - self.device.offsets) / self.device.gains + self.sigma * noise
-        return np.clip(np.rint(counts), 0, simulator.TOP)
+        if self.kind == "creeping":
+            size, period = CREEP
+            turn = 2 * np.pi * (at[:, None] / (RATE_HZ * period) + np.arange(9) / 9.0)
+            counts += size * (np.sin(turn) - np.sin(2 * np.pi * np.arange(9) / 9.0))
+        return read(self.kind, counts)
 
     def _angles(self, pose: Array, at: Array) -> Array:
         angles = inverse(self.device.geometry, pose).reshape(-1, 9)
@@ -170,10 +201,10 @@ def calibrated(
         sigma=1.0,
         tremor=TREMOR if kind == "tremor" else (0.0, 0.0),
     )
-    if kind == "correlated":
+    if kind not in ("white", "tremor", "creeping"):
         ideal = device.ideal(session["scene"])
         noise = np.concatenate([noise_of(kind, rng, samples, None) for _ in range(poses)])
-        session["values"] = np.clip(np.rint(ideal + noise), 0, simulator.TOP).astype(np.int64)
+        session["values"] = read(kind, ideal + noise).astype(np.int64)
     rest = simulator.rest(device, rng)
     found = rsicalib.calibrate(readings_of(session), rest=readings_of(rest))
     return device, found, rng

@@ -27,13 +27,15 @@
 //! the residual white, learned from the residual itself (`whitening`). Its scale is learned, too.
 //! Samples far outside wait until the next ones confirm them; a bad reading alone is counted and
 //! left out. Onsets `τ` lie on a grid with windows of 8, 16, 32, … samples (`windows`), and
-//! thresholds share the promised rate between all windows and candidates (`thresholds`).
+//! thresholds share the promised rate between all windows and candidates (`thresholds`). Noise with
+//! heavier tails than the normal one is told by the tests themselves (`tails`).
 //!
 //! | symbol | here | |
 //! |---|---|---|
 //! | r, G, Z | `rows` | whitened misclosure and its derivatives of one sample |
 //! | δ, J⁻¹, J⁻¹b | `state` | error of the calibration: covariance and mean |
 //! | D, d | `windows` | sums since an onset |
+//! | x, n, s | `tails` | how far out the tests of this device are by chance |
 //! | M, u, T | `score` | score test of one candidate in one window |
 //! | θ | `open`, `naming`, `estimating` | the change that is named, and corrected when later rows tell |
 //! | ρ | `drift` | its rate, (106) |
@@ -55,6 +57,7 @@ mod rows;
 mod saved;
 mod score;
 mod state;
+mod tails;
 mod telling;
 mod thresholds;
 mod watch;

@@ -53,6 +53,7 @@ impl Monitor {
         shape.extend(self.whitening.lengths());
         shape.extend(self.windows.lengths());
         shape.extend(self.recent.lengths());
+        shape.extend(self.tails.lengths());
         shape
     }
 
@@ -79,7 +80,7 @@ impl Keep for Monitor {
         fields!(bytes, self.order, self.counts, self.whitening, self.windows, self.seen);
         fields!(bytes, self.state.size, self.state.mean, self.state.covariance);
         fields!(bytes, self.scale, self.dof, self.waiting, self.held, self.age);
-        fields!(bytes, self.recent, self.open);
+        fields!(bytes, self.recent, self.open, self.tails);
     }
 }
 

@@ -19,6 +19,7 @@
 //! known from `ν` values only, `T` follows `q F(q, ν)`; `ν ln(1 + T/ν)`, corrected as Wallace
 //! (1959) has it for Student's t, is compared with the threshold of `χ²`.
 
+use crate::monitor::tails::Tails;
 use crate::numerics::distributions::chi2_tail;
 
 /// Largest rank of a candidate.
@@ -26,6 +27,10 @@ const MOST_RANK: usize = 16;
 
 /// Samples after an alarm until a level is tested, over those between its tests.
 const REACHED: f64 = 2.5;
+
+/// Share of windows of which at most so many are in the tail that is learned: the windows are enough
+/// to learn from, and the tail is close to exponential.
+const TAIL: f64 = 0.1;
 
 /// Factor `F` for a promised rate: from alarms of sound hand controllers in motion, counted by
 /// `python -m tests.watch.run rate --noise white --seed 101` for 1e-5, 1e-4 and 1e-3, and carried on
@@ -37,6 +42,11 @@ const TOGETHER: [(f64, f64); 5] = [(1e-6, 1.0), (1e-5, 1.3), (1e-4, 1.9), (1e-3,
 pub(crate) struct Thresholds {
     /// Level by level, [`MOST_RANK`] entries each.
     limits: Vec<f64>,
+    /// `-ln p` of every level.
+    levels: Vec<f64>,
+    /// Statistic of every rank beyond which tails are learned, and `u` of (129).
+    begins: Vec<f64>,
+    pub(crate) tail: f64,
     /// Number of tests whose p-value counts as one sample's.
     tests: f64,
 }
@@ -54,21 +64,42 @@ impl Thresholds {
         let reached = |level: usize| (-REACHED * rate * step(level)).exp();
         let all: f64 = (0..levels).map(|level| reached(level).powi(2)).sum();
         let bound = together(rate) * rate;
-        let limits = (0..levels)
-            .flat_map(|level| {
-                let share = reached(level) / all;
-                let p = (bound * share * step(level) / candidates.max(1) as f64).min(0.5);
-                (1..=MOST_RANK).map(move |rank| quantile(p, rank as f64))
-            })
-            .collect();
-        Self { limits, tests }
+        let chance = |level: usize| {
+            let share = reached(level) / all;
+            (bound * share * step(level) / candidates.max(1) as f64).min(0.5)
+        };
+        let ranks = |p: f64| (1..=MOST_RANK).map(move |rank| quantile(p, rank as f64));
+        let limits = (0..levels).flat_map(|level| ranks(chance(level))).collect();
+        let tail = TAIL / candidates.max(1) as f64;
+        let begins = ranks(tail).collect();
+        let levels = (0..levels).map(|level| -chance(level).ln()).collect();
+        Self { limits, levels, begins, tail: -tail.ln(), tests }
     }
 
-    /// True where a statistic is above its threshold, with the scale known from `dof` values.
+    /// `-ln P` of a statistic by chance, with the scale known from `dof` values, where it is in the
+    /// tail or above its threshold.
     #[inline(always)]
-    pub(crate) fn exceeded(&self, level: usize, rank: usize, statistic: f64, dof: f64) -> bool {
-        let limit = self.limits[level * MOST_RANK + rank.clamp(1, MOST_RANK) - 1];
-        rank > 0 && statistic > limit && as_chi2(statistic, dof) > limit
+    pub(crate) fn far(&self, level: usize, rank: usize, statistic: f64, dof: f64) -> Option<f64> {
+        let place = rank.clamp(1, MOST_RANK) - 1;
+        let least = self.limits[level * MOST_RANK + place].min(self.begins[place]);
+        if rank == 0 || statistic <= least {
+            return None;
+        }
+        let statistic = as_chi2(statistic, dof);
+        (statistic > least).then(|| -log_tail(statistic, rank as f64))
+    }
+
+    /// True where a window in which the loudest test has this `-ln P` raises an alarm, with the tails
+    /// of this device, which learn from it.
+    pub(crate) fn exceeded(&self, level: usize, log: f64, tails: &mut Tails) -> bool {
+        let (limit, beyond) = (self.levels[level], log - self.tail);
+        if beyond <= 0.0 {
+            return log > limit;
+        }
+        let alarm = self.tail + tails.worth(level, beyond) > limit;
+        let counted = if alarm { beyond.min((limit - self.tail).max(0.0)) } else { beyond };
+        tails.learn(level, counted, alarm);
+        alarm
     }
 
     /// Probability of a larger statistic by chance, corrected for the number of tests.

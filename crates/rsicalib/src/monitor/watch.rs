@@ -12,6 +12,7 @@ use crate::monitor::recent::Recent;
 use crate::monitor::rows::Rows;
 use crate::monitor::score::Score;
 use crate::monitor::state::{State, dot};
+use crate::monitor::tails::Tails;
 use crate::monitor::thresholds::{Thresholds, as_chi2, quantile};
 use crate::monitor::watched::{Watched, changes};
 use crate::monitor::whitening::Whitening;
@@ -76,6 +77,7 @@ pub struct Monitor {
     pub(super) state: State,
     pub(super) windows: Windows,
     pub(super) thresholds: Thresholds,
+    pub(super) tails: Tails,
     pub(super) score: Score,
     pub(super) seen: Seen,
     /// Scale of the noise, as a variance, and the values that it is known from.
@@ -145,6 +147,7 @@ impl Monitor {
             state,
             windows: Windows::new(width, LEVELS, watched.tested()),
             thresholds,
+            tails: Tails::new(LEVELS),
             score: Score::new(width),
             seen: Seen::new(mechanism.channels.len()),
             scale: 1.0,
@@ -331,14 +334,16 @@ impl Monitor {
         self.whitening.learn(|g| dot(&g[..size], &state.mean));
         self.windows.add(&self.r, &self.g, tested.row, tested.time);
         let Some((level, onset)) = self.windows.keep() else { return false };
+        let mut loudest: Option<f64> = None;
         for candidate in &self.watched.candidates {
             let begin = self.windows.onset(onset);
             let (statistic, rank) =
                 self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
-            if self.thresholds.exceeded(level, rank, statistic / self.scale, self.dof) {
-                return true;
+            let far = self.thresholds.far(level, rank, statistic / self.scale, self.dof);
+            if far > loudest {
+                loudest = far;
             }
         }
-        false
+        loudest.is_some_and(|log| self.thresholds.exceeded(level, log, &mut self.tails))
     }
 }
