@@ -118,7 +118,7 @@ def _applied(
     middle = [sum(c.range) / 2 if c.range else 0.0 for c in channels]
     span = [list(c.range) if c.range else [-math.pi, math.pi] for c in channels]
     known = {"centre": middle, "span": span, "temperature": 20.0, "sigma": [1.0] * len(channels)}
-    return {**known, "declared": True, "own": True, "parameters": parameters}
+    return {**known, "declared": True, "closures": [], "own": True, "parameters": parameters}
 
 
 def _table(values: FloatArray, **more: Any) -> dict[str, Any]:
