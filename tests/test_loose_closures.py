@@ -10,6 +10,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Mechanism
+from rsicalib.errors import InputError
 from tests import cone
 from tests.oracle import Array
 
@@ -53,3 +54,51 @@ def test_unlike_closures_keep_their_own() -> None:
     assert found.noise is not None
     names = [closure["name"] for closure in whole["closure"]]
     assert dict(found.noise.closures) == {names[0]: 0.001, names[1]: 0.002}
+
+
+@pytest.mark.parametrize("play", [PLAY, None])
+def test_a_later_clean_session_of_seatings_has_no_change(play: float | None) -> None:
+    """Was: a link 265 mm longer.
+
+    Gains that a result does not have were taken for zero, and the play of a seating for as many
+    draws as it has samples.
+    """
+    mechanism = at_known_cone(play)
+    first = rsicalib.calibrate(cone.session(21).table, mechanism)
+    for seed in (22, 23, 24):
+        later = rsicalib.calibrate(cone.session(seed).table, mechanism, calibration=first)
+        assert later.update is not None
+        assert later.update.changes == ()
+        # 120 equations: χ² per degree of freedom has a standard deviation of .13.
+        assert later.update.chi2_per_dof == pytest.approx(1.0, abs=0.5)
+
+
+def test_a_joint_that_slipped_between_sessions_of_seatings_is_named() -> None:
+    mechanism = at_known_cone(PLAY)
+    first = rsicalib.calibrate(cone.session(21).table, mechanism)
+    table = dict(cone.session(25).table)
+    table["q3"] = [float(q) - 2e-3 for q in table["q3"]]
+    later = rsicalib.calibrate(table, mechanism, calibration=first)
+    assert later.update is not None
+    (change,) = later.update.changes
+    assert (change.term, change.target) == ("offset", "q3")
+    assert abs(change.size - 2e-3) < 4.0 * change.sd
+
+
+def test_loops_that_close_exactly_are_no_seatings() -> None:
+    """Held poses whose samples are the same numbers, simulated without any noise."""
+    for seed, samples in ((31, 2), (32, 8)):
+        table = cone.session(seed, poses=20, samples=samples, sigma=0.0, play=0.0).table
+        for verb in (rsicalib.calibrate, rsicalib.trace):
+            found = verb(table, at_known_cone(None))
+            assert found.verdict == "adequate"
+            values = [found[f"offset@q{k}"].value for k in range(1, 7)]
+            assert values == pytest.approx(cone.OFFSETS, abs=1e-9)
+
+
+def test_lengths_that_nothing_tells_are_refused_at_cones_too() -> None:
+    """The point sits on the last frame: with all lengths free, none are the best."""
+    text = cone.mechanism(None, None, '["offset", "link_length", "link_offset"]')
+    text = text.replace("at = [40.0, 0.0, 120.0]", "at = [0.0, 0.0, 0.0]")
+    with pytest.raises(InputError, match="how long anything is"):
+        rsicalib.calibrate(cone.session(41).table, Mechanism.from_toml(text))

@@ -325,10 +325,12 @@ impl Under {
                 beta[column] = so_far + value;
             }
         }
+        // What the result does not have is as the mechanism declares it.
+        let reported = |column: &usize| self.columns.iter().any(|own| own.contains(column));
         for (c, scale) in model.scales.iter().enumerate() {
-            let gain = model.column(Role::Gain, c);
+            let gain = model.column(Role::Gain, c).filter(reported);
             let slope = gain.map_or(scale.gain, |g| beta[g]);
-            if let Some(offset) = model.column(Role::Offset, c) {
+            if let Some(offset) = model.column(Role::Offset, c).filter(reported) {
                 beta[offset] += slope * scale.centre - scale.angle;
             }
             if let Some(gain) = gain {
