@@ -17,6 +17,7 @@ from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hin
 
 import numpy as np
 
+from rsicalib.certificates import Certificate
 from rsicalib.monitor import Alarm, Watch
 from rsicalib.plans import Plan
 from rsicalib.records import Record
@@ -29,6 +30,7 @@ __all__ = ["DOCUMENTS", "schema"]
 DOCUMENTS: dict[str, type[Record]] = {
     "rsicalib.plan/1": Plan,
     "rsicalib.supposition/1": Supposition,
+    "rsicalib.certificate/1": Certificate,
     "rsicalib.alarm/1": Alarm,
     "rsicalib.watch/1": Watch,
     "rsicalib.history/1": History,

@@ -61,6 +61,8 @@ PYTHON = (
     "further",
     "planning",
     "lifetime",
+    "certificates",
+    "certifying",
     "supposing",
     "identifiability",
     "export",

@@ -31,7 +31,10 @@ def documents(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[s
     alarms = [alarm for row in known for alarm in monitor.update(row)]
     assert alarms
     supposed = rsicalib.suppose(DEMO / "readings.csv", ["curvature@a22.c2=0.02"])
+    traced = rsicalib.trace(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    certificates = [rsicalib.certify(one, limit=0.01) for one in (traced, found)]
     made = {
+        "rsicalib.certificate/1": certificates,
         "rsicalib.plan/1": [rsicalib.plan(poses=12)],
         "rsicalib.supposition/1": [supposed],
         "rsicalib.alarm/1": alarms,

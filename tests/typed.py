@@ -50,6 +50,7 @@ def results(path: Path, table: dict[str, list[float]]) -> None:
     assert_type(rsicalib.paper(10), Paper)
     assert_type(rsicalib.history(path), History)
     assert_type(rsicalib.suppose(path, ["drift@a22=0.01"]), Supposition)
+    assert_type(rsicalib.certify(found, limit="0.5 mm"), rsicalib.Certificate)
     assert_type(rsicalib.watch(path, found), Watching)
     assert_type([alarm for alarm in rsicalib.watch(path, found)], list[rsicalib.Alarm])
     assert_type(rsicalib.Monitor(found).update([0.0]), list[rsicalib.Alarm])

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
         terms,
         trace,
     )
+    from rsicalib.certificates import Certificate
+    from rsicalib.certifying import certify
     from rsicalib.devices import Device
     from rsicalib.errors import InputError, OpenLoopsWarning, RsicalibError, UndeterminedError
     from rsicalib.export import export_toml, export_urdf
@@ -60,6 +62,7 @@ __all__ = [
     "DEMO",
     "Alarm",
     "Calibration",
+    "Certificate",
     "Channel",
     "Device",
     "Fleet",
@@ -90,6 +93,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "calibrate_devices",
+    "certify",
     "demo",
     "export_result",
     "export_toml",
@@ -120,6 +124,8 @@ _HOMES = {
     "rsicalib._core": "Channel Mechanism Term __version__",
     "rsicalib.api": """DEMO calibrate demo fixture forward forward_sd inverse load_mechanism
         load_readings terms trace""",
+    "rsicalib.certificates": "Certificate",
+    "rsicalib.certifying": "certify",
     "rsicalib.devices": "Device",
     "rsicalib.errors": "InputError OpenLoopsWarning RsicalibError UndeterminedError",
     "rsicalib.export": "export_toml export_urdf",

@@ -322,6 +322,26 @@ def bound_at(
 ) -> dict[str, Any]:
     """The Cramér-Rao bound for poses of shape (n, 6) that are to be visited."""
 
+def budget(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    covariance: Array,
+    between: Sequence[float],
+    table: Mapping[str, Any],
+    dof: float | None,
+    play: float,
+    unseen: Sequence[tuple[Spec, Mapping[str, Any]]],
+    orientation: bool,
+    confidence: float,
+    draws: int,
+    seed: int,
+) -> dict[str, Any]:
+    """What the largest error of a result over the rows of a table is made of, and how large it may be.
+
+    `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
+    coordinate. The keys are those of the core's `Budget`.
+    """
+
 def calibrate_devices(
     mechanism: Mechanism,
     tables: Sequence[Mapping[str, Any]],
@@ -386,6 +406,19 @@ def course(
     """What a parameter has done over results of (day, value, sd), by date: as in `history.json`; None
     where that cannot be told. `told` are the results from which on something has changed, as one of
     them says; `tests` is how many parameters are looked at.
+    """
+
+def decide(
+    limit: float,
+    expanded: float,
+    known: float,
+    confidence: float,
+    seen: tuple[float, float, int, float] | None = None,
+) -> tuple[str, float | None]:
+    """Whether a limit is kept, and the expanded uncertainty of what was seen at known poses.
+
+    `seen` is the largest error there, the standard deviation of a coordinate by noise, the number of
+    poses, and the largest error that noise alone makes elsewhere.
     """
 
 def evidence_schema() -> str:

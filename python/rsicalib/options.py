@@ -91,6 +91,8 @@ NUMBERS: dict[str, Bounds] = {
     "max_iterations": Bounds(1, 1_000_000),
     "xtol": Bounds(0, 1, whole=False, above=True, below=True),
     "alpha": Bounds(0, 1, "a probability", whole=False, above=True, below=True),
+    # Below one half the largest error would be likelier beyond U than within.
+    "confidence": Bounds(0.5, 1, "a probability", whole=False, above=True, below=True),
     "seed": Bounds(0, LARGEST_SEED),
     # The tables have a scatter of their own: two trials at least. Ten million take days.
     "trials": Bounds(2, 10_000_000),

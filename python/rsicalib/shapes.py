@@ -39,6 +39,7 @@ __all__ = [
     "Hidden",
     "Hypothesis",
     "KnownPlace",
+    "Largest",
     "Law",
     "LawParameter",
     "Misclosure",
@@ -67,6 +68,7 @@ __all__ = [
     "Switchboard",
     "TraceShape",
     "Unexplained",
+    "Unseen",
     "Update",
     "Weakest",
     "WithExcluded",
@@ -160,6 +162,20 @@ class HeldOut(Record):
 
 
 @dataclass(frozen=True)
+class Largest(Record):
+    """The largest errors of the platform pose, and what noise of the readings does to each."""
+
+    position: float
+    """Length of the error of the position, length units."""
+    orientation: float
+    """Length of the errors of roll, pitch and yaw together, rad."""
+    position_noise: float | None = None
+    """Standard deviation of a coordinate of the position by the noise of the readings alone."""
+    orientation_noise: float | None = None
+    """The same of roll, pitch and yaw, rad."""
+
+
+@dataclass(frozen=True)
 class Expected(Record):
     """An error of known poses against what is predicted of it."""
 
@@ -186,6 +202,8 @@ class Check(Record):
     """Of the position, length units."""
     orientation_rms: float
     """Of roll, pitch and yaw, rad."""
+    largest: Largest | None = field(default=None, metadata=IF_KNOWN)
+    """Where it is largest."""
     predicted: Expected | None = field(default=None, metadata=IF_KNOWN)
     """The same as a calibration predicts it; none of what has no covariance."""
 
@@ -648,6 +666,30 @@ class Unexplained(Record):
     """What it is; null in results of earlier versions."""
 
 
+@dataclass(frozen=True)
+class Unseen(Record):
+    """What a session leaves open of an effect that it was not found to have.
+
+    With an effect of `d` parameters `h`, typical sizes `D`, and the projected normal equations `M`,
+    `u` of (71),
+
+    ```text V = (D⁻² + M)⁻¹, m = V u, ln B = ½ uᵀ V u - ½ ln det(1 + D M D) (141) ```
+
+    `h` is normal with mean `m` and covariance `V` if it is there, and `B` is how much more likely
+    the readings are with it than without.
+    """
+
+    probability: float
+    """Probability that it is this one, if there is one that nobody named."""
+    mean: tuple[float, ...]
+    """Mean of each of its parameters."""
+    covariance: Labelled
+    """Their covariance, row by row."""
+    moves: tuple[tuple[float, ...], ...]
+    """By how much each parameter of the result is too large for it, row by row, for one unit of
+    each of its own: unknown points are left out."""
+
+
 @dataclass(frozen=True, repr=False)
 class Hidden(Absent, Record):
     """How large an absent effect would have to be to be seen, and what it would do meanwhile."""
@@ -666,6 +708,8 @@ class Hidden(Absent, Record):
     """Where a searched term would act: another channel."""
     label: str | None = field(default=None, metadata=IF_KNOWN)
     """What people call the target."""
+    unseen: Unseen | None = field(default=None, metadata=IF_KNOWN)
+    """What the session leaves open of it, for a budget of uncertainty."""
 
 
 @dataclass(frozen=True)

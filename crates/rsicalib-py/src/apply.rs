@@ -4,7 +4,9 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::{depythonize, pythonize};
+use rsicalib::apply::budget::{Drawing, Errors, Quantity};
 use rsicalib::apply::check::Check;
+use rsicalib::apply::decision::{self, Seen};
 use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
 use rsicalib::apply::export::{self, Exported};
 use rsicalib::apply::moved::{Compared, Estimate};
@@ -256,4 +258,63 @@ pub fn fixture<'py>(
     let found = work(py, || rsicalib::apply::fixture::fixture(&mechanism.0, &table, &poses))?
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
+}
+
+/// Term, target and place of an effect, and what its session leaves open of it.
+type PyUnseen<'py> = (PySpec, Bound<'py, PyAny>);
+
+/// What the largest error of a result over the rows of a table is made of, and how large it may be.
+///
+/// `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
+/// coordinate. The keys are those of the core's `Budget`.
+#[pyfunction]
+#[pyo3(signature = (mechanism, applied, covariance, between, table, dof, play, unseen, orientation, confidence, draws, seed))]
+#[expect(clippy::too_many_arguments, reason = "a call from Python, by name")]
+pub fn budget<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+    covariance: PyReadonlyArray2<'_, f64>,
+    between: Vec<f64>,
+    table: PyTable<'_>,
+    dof: Option<f64>,
+    play: f64,
+    unseen: Vec<PyUnseen<'py>>,
+    orientation: bool,
+    confidence: f64,
+    draws: usize,
+    seed: u64,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (applied, table) = (applied.into(), table.table());
+    let covariance = covariance.as_array().iter().copied().collect();
+    let one = |(spec, left): PyUnseen<'py>| Ok((spec_of(spec), depythonize(&left)?));
+    let unseen = unseen.into_iter().map(one).collect::<PyResult<Vec<_>>>()?;
+    let errors = Errors { covariance, between, dof: dof.unwrap_or(f64::INFINITY), play, unseen };
+    let quantity = if orientation { Quantity::Orientation } else { Quantity::Position };
+    let drawing = Drawing { quantity, confidence, draws, seed };
+    let found = work(py, || {
+        rsicalib::apply::budget::budget(&mechanism.0, &applied, &errors, table, &drawing)
+    })?
+    .map_err(PyError::from)?;
+    Ok(pythonize(py, &found)?)
+}
+
+/// Whether a limit is kept, and the expanded uncertainty of what was seen at known poses.
+///
+/// `seen` is the largest error there, the standard deviation of a coordinate by noise, the number of
+/// poses, and the largest error that noise alone makes elsewhere.
+#[pyfunction]
+#[pyo3(signature = (limit, expanded, known, confidence, seen=None))]
+pub fn decide<'py>(
+    py: Python<'py>,
+    limit: f64,
+    expanded: f64,
+    known: f64,
+    confidence: f64,
+    seen: Option<(f64, f64, usize, f64)>,
+) -> PyResult<(Bound<'py, PyAny>, Option<f64>)> {
+    let seen = seen
+        .map(|(largest, sd, poses, noise)| Seen::at_poses(largest, sd, poses, noise, confidence));
+    let decision = decision::decide(limit, expanded, known, seen);
+    Ok((pythonize(py, &decision)?, seen.map(|seen| seen.expanded)))
 }

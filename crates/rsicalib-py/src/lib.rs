@@ -81,7 +81,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::judged_open_loop, module)?)?;
     module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
     module.add_function(wrap_pyfunction!(faults::steps, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::budget, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::decide, module)?)?;
     module.add_function(wrap_pyfunction!(monitor::closing, module)?)?;
     module.add_function(wrap_pyfunction!(history::course, module)?)?;
     module.add_function(wrap_pyfunction!(population::centre_of_population, module)?)?;

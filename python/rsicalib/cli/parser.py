@@ -13,6 +13,7 @@ from rsicalib.cli.completion import SHELLS
 from rsicalib.cli.verbs import (
     Args,
     calibrate,
+    certify,
     completion,
     demo,
     export,
@@ -309,6 +310,20 @@ def make_parser() -> argparse.ArgumentParser:
     words = "error of the platform's position that is too much, in units of length"
     sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
     words = "write history.json, history.txt and history.html there"
+    sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
+    _add_force(sub)
+
+    sub = verb(certify)
+    words = "a trace: result.json, or what `trace --json` wrote"
+    sub.add_argument("result", metavar="RESULT", help=words)
+    _add_mechanism(sub)
+    words = "of the largest error: a length in the mechanism's unit, '0.5 mm', '2 mrad'"
+    sub.add_argument("--limit", metavar="LENGTH|ANGLE", required=True, help=words)
+    words = "probability that the error is not beyond U (0.95)"
+    sub.add_argument("--confidence", type=parsed("confidence"), default=0.95, help=words)
+    words = "places that count: readings, or x y z rx ry rz; of the workspace where not given"
+    sub.add_argument("--at", metavar="POSES", help=words)
+    words = "write certificate.json, certificate.txt and certificate.html there"
     sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
     _add_force(sub)
 

@@ -27,6 +27,7 @@ from rsicalib.records import plain, to_json
 __all__ = [
     "Args",
     "calibrate",
+    "certify",
     "completion",
     "demo",
     "export",
@@ -294,6 +295,27 @@ def suppose(args: Args) -> int:
     elif not args.quiet:
         say(found.text().removesuffix("\n"))
     return 0
+
+
+def certify(args: Args) -> int:
+    """Whether the largest error is within a limit: decision, budget, what would decide it."""
+    from rsicalib.certifying import certify as certify_result
+
+    options = {name: getattr(args, name) for name in ("limit", "confidence", "at")}
+    what = "draw the largest error"
+    found = _heard(args, lambda _: certify_result(args.result, args.mechanism, **options), what)
+    head = {"format": "rsicalib.certificate/1", "version": _core.__version__}
+    document = to_json({**head, **found.to_dict()})
+    if args.out is not None:
+        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
+        page = f"{found.report()}<!-- {MARK} -->\n"
+        files = {"certificate.json": document, "certificate.txt": text, "certificate.html": page}
+        write_folder(args.out, files, force=args.force)
+    if args.json:
+        emit(document)
+    elif not args.quiet:
+        say(found.text().removesuffix("\n"))
+    return found.exit_code
 
 
 def paper(args: Args) -> int:

@@ -21,9 +21,29 @@ pub struct Check {
     pub position_rms: f64,
     /// Of roll, pitch and yaw, rad.
     pub orientation_rms: f64,
+    /// Where it is largest.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub largest: Option<Largest>,
     /// The same as a calibration predicts it; none of what has no covariance.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub predicted: Option<Expected>,
+}
+
+/// The largest errors of the platform pose, and what noise of the readings does to each.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Largest {
+    /// Length of the error of the position, length units.
+    pub position: f64,
+    /// Length of the errors of roll, pitch and yaw together, rad.
+    pub orientation: f64,
+    /// Standard deviation of a coordinate of the position by the noise of the readings alone.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub position_noise: Option<f64>,
+    /// The same of roll, pitch and yaw, rad.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub orientation_noise: Option<f64>,
 }
 
 /// Error of a fit on known poses; with `align`, after the best rigid motion of
@@ -47,7 +67,20 @@ pub fn check(
     let (position, orientation) = (found.position_rms, found.orientation_rms);
     let judged = error.judge(position, orientation, fit.noise.dof);
     let finite = judged.chi2.is_finite() && judged.position_sd > 0.0 && found.poses > 0;
-    Ok(Check { predicted: finite.then_some(judged), ..found })
+    let quiet = predicted(observations, fit, table, known.len(), false)?;
+    let noise = |all: f64, parameters: f64| {
+        let square = all * all - parameters * parameters;
+        square.is_finite().then(|| square.max(0.0).sqrt())
+    };
+    let largest = found.largest.map(|largest| Largest {
+        position_noise: noise(error.position_sd, quiet.position_sd),
+        orientation_noise: error
+            .orientation_sd
+            .zip(quiet.orientation_sd)
+            .and_then(|(all, parameters)| noise(all, parameters)),
+        ..largest
+    });
+    Ok(Check { predicted: finite.then_some(judged), largest, ..found })
 }
 
 /// Error of the poses that `found` gives for the mean readings of each known pose; where the known
@@ -105,19 +138,26 @@ pub(crate) fn motion_of(
 pub fn error_of(pairs: &[([f64; 6], [f64; 6])], align: bool) -> Check {
     let motion = motion_of(pairs, align);
     let (mut position, mut orientation) = (0.0, 0.0);
+    let mut largest = Largest::default();
     for (known, found) in pairs {
-        position += (motion.0 * at(found) + motion.1 - at(known)).norm_squared();
+        let square = (motion.0 * at(found) + motion.1 - at(known)).norm_squared();
+        position += square;
+        largest.position = largest.position.max(square.sqrt());
+        let mut turned = 0.0;
         let (rx, ry, rz) = (motion.0 * turn(found)).euler_angles();
         for (angle, known) in [rx, ry, rz].into_iter().zip(&known[3..]) {
             let off = (angle - known + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI);
-            orientation += (off - std::f64::consts::PI).powi(2);
+            turned += (off - std::f64::consts::PI).powi(2);
         }
+        orientation += turned;
+        largest.orientation = largest.orientation.max(turned.sqrt());
     }
     let components = 3.0 * pairs.len().max(1) as f64;
     Check {
         poses: pairs.len(),
         position_rms: (position / components).sqrt(),
         orientation_rms: (orientation / components).sqrt(),
+        largest: (!pairs.is_empty()).then_some(largest),
         predicted: None,
     }
 }

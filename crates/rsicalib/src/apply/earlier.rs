@@ -230,12 +230,22 @@ impl Under {
         applied: &Applied,
         table: Table,
     ) -> Result<Self, Error> {
+        Self::open_with_terms(mechanism, applied, table, &[])
+    }
+
+    /// The same with terms that the result lacks.
+    pub(crate) fn open_with_terms(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        table: Table,
+        more: &[Spec],
+    ) -> Result<Self, Error> {
         let table = Table { keys: Vec::new(), columns: Vec::new(), ..table };
         let carries = |spec: &Spec| {
             let term = terms::find_in(mechanism, &spec.term);
             term.is_ok_and(|term| term.info().per != Per::Closure)
         };
-        Self::build(&opened(mechanism)?, applied, table, carries, &[])
+        Self::build(&opened(mechanism)?, applied, table, carries, more)
     }
 
     fn build(

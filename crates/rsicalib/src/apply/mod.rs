@@ -1,8 +1,10 @@
 //! A fit, or an earlier result, applied to readings: poses, points, known poses, the open loop.
 
 pub mod accuracy;
+pub mod budget;
 pub mod change;
 pub mod check;
+pub mod decision;
 pub mod earlier;
 pub mod export;
 pub mod fixture;
@@ -13,3 +15,4 @@ pub mod placer;
 pub mod places;
 pub mod poses;
 pub(crate) mod slopes;
+pub mod unseen;

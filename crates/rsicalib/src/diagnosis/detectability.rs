@@ -1,14 +1,18 @@
 //! What could be there unseen: how large each absent effect would have to be to be seen,
 //! and what it would do to the platform meanwhile.
 
+use faer::Mat;
+
 use crate::Error;
 use crate::apply::change::{Movable, PlatformRms};
+use crate::apply::unseen::Unseen;
+use crate::diagnosis::left_open::{Open, weigh};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::{Projected, project};
 use crate::diagnosis::trace::Traced;
 use crate::estimate::carry_over;
-use crate::estimate::directions::{place, unit};
+use crate::estimate::directions::{place, reported_map, unit};
 use crate::model::Instance;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::VISIBLE;
@@ -31,6 +35,9 @@ pub struct Detectability {
     pub unit: String,
     /// What that size would do to the platform.
     pub platform_rms: Option<PlatformRms>,
+    /// What the session leaves open of it.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub unseen: Option<Unseen>,
 }
 
 /// Noncentrality of an effect of typical size below which it is none: it would take a million
@@ -55,6 +62,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let first = &model.first[last.model.instances.len()..];
     let extra = model.term_parameters - base;
     let beta = carry_over(last, &model);
+    let to_reported = reported_map(last);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
     let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {
         let info = instance.term.info();
@@ -65,8 +73,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         // The direction, in typical sizes, that is hardest to see among those that can be.
         let typical =
             crate::terms::targets::typical(&observations.mechanism, instance.term, instance.target);
-        let square =
-            faer::Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
+        let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
         let eigen = square.self_adjoint_eigen(faer::Side::Lower).ok()?;
         let raw: f64 = (0..d).map(|i| candidate.raw[i] * typical[i] * typical[i]).sum();
         let value = eigen.S().column_vector()[0];
@@ -74,26 +81,35 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         let size = if visible { (wanted / value).sqrt() } else { f64::NAN };
         let direction: Vec<f64> = (0..d).map(|i| eigen.U()[(i, 0)] * typical[i] * size).collect();
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let platform_rms = platform.as_ref().filter(|_| visible).map(|platform| {
+        let moves = |direction: &[f64]| {
             // What the fitted parameters absorb of it, they move the platform by as well.
             let absorbed = (0..last.beta.len()).map(|i| {
                 let by: f64 = (0..d).map(|k| candidate.absorbed[(i, k)] * direction[k]).sum();
                 (if i < base { i } else { i + extra }, -by)
             });
             let own = direction.iter().enumerate().map(|(k, by)| (first + k, *by));
-            platform.by(&own.chain(absorbed).collect::<Vec<_>>())
-        });
-        Some(Detectability {
+            let change: Vec<_> = own.chain(absorbed).collect();
+            platform.as_ref().map(|platform| platform.by(&change))
+        };
+        let platform_rms = if visible { moves(&direction) } else { None };
+        let open = Open::of(&candidate, &typical)?;
+        let size = open.size(|direction| moves(direction).map(|rms| rms.position));
+        let unseen = open.unseen(&to_reported, &candidate.absorbed, base);
+        let found = Detectability {
+            unseen: Some(unseen),
             term: info.id.into(),
             target: instance.target.name(&observations.mechanism),
             place: place(observations, instance),
             detectable: visible.then_some(largest),
             unit: unit(observations, instance, info.parameters[0].unit),
             platform_rms,
-        })
+        };
+        Some((found, size))
     };
     let all = named.iter().zip(projected).zip(first);
-    let mut hidden: Vec<Detectability> = workers::map(all, of_one).into_iter().flatten().collect();
+    let (mut hidden, sizes): (Vec<Detectability>, Vec<Option<f64>>) =
+        workers::map(all, of_one).into_iter().flatten().unzip();
+    weigh(hidden.iter_mut().map(|h| &mut h.unseen), &sizes);
     hidden.sort_by(|a, b| {
         let of = |h: &Detectability| h.platform_rms.map_or(0.0, |p| p.position);
         of(b).total_cmp(&of(a))

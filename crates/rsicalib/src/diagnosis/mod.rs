@@ -7,6 +7,7 @@ pub(crate) mod detectability;
 pub(crate) mod doubt;
 pub mod held_out;
 pub(crate) mod isolation;
+pub(crate) mod left_open;
 pub(crate) mod localisation;
 pub(crate) mod location;
 pub(crate) mod long;

@@ -334,6 +334,12 @@ pub fn covariance_as_reported(fit: &Fit, covariance: &Mat<f64>) -> Mat<f64> {
     &map * covariance * map.transpose()
 }
 
+/// Derivatives of the reported values by the parameters of the model.
+#[must_use]
+pub fn reported_map(fit: &Fit) -> Mat<f64> {
+    as_reported(fit).1
+}
+
 /// Values of the parameters as they are reported, and the derivatives of these.
 fn as_reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
     let model = &fit.model;

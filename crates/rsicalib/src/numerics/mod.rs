@@ -6,6 +6,7 @@ pub mod component;
 pub mod credible_set;
 pub mod dense;
 pub(crate) mod distributions;
+pub(crate) mod draws;
 pub mod formula;
 pub mod lanes;
 pub mod linearization;

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::apply::accuracy::Predicted;
 use crate::apply::check::Check;
 use crate::apply::earlier::Reference;
+use crate::apply::unseen::Unseen;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::{Reason, Verdict};
 use crate::estimate::between::Grouping;
@@ -736,4 +737,7 @@ pub struct Hidden {
     /// What people call the target.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub label: Option<String>,
+    /// What the session leaves open of it, for a budget of uncertainty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unseen: Option<Unseen>,
 }

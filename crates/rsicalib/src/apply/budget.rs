@@ -1,0 +1,441 @@
+//! What the largest error of a result is made of, and how large it may be: a budget by GUM.
+//!
+//! The error of a place, one reading taken there, is to first order
+//!
+//! ```text
+//! e = J δ + (∂p/∂h - J A) h + N ε + ζ                                            (142)
+//! ```
+//!
+//! with the derivatives `J` by the reported parameters, `N` by the readings (100): errors `δ` of the
+//! parameters, one effect `h` that nobody named (141), of which the parameters have absorbed `A h`,
+//! noise `ε` of the reading, and play `ζ`. `δ` and `h` are one draw for all places, `ε` and `ζ` are
+//! new at each. That is why variances of places do not bound the largest error: it is drawn, as
+//! JCGM 101 does, and the expanded uncertainty is the quantile of
+//!
+//! ```text
+//! max over places |e|                                                            (143)
+//! ```
+//!
+//! The rows of the budget are of the place that is known least: `u² = tr var e`, source by source,
+//! so that squares add up, and degrees of freedom are those of Welch and Satterthwaite.
+
+use nalgebra::DMatrix;
+
+use crate::Error;
+use crate::apply::earlier::{Applied, Reported, Under, opened, outlasts};
+use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
+use crate::apply::unseen::Unseen;
+use crate::estimate::Noise;
+use crate::mechanism::Mechanism;
+use crate::model::{Spec, instances_of, is_unknown_thing};
+use crate::numerics::draws::{Draws, square_root};
+use crate::readings::{Readings, Table};
+use crate::terms;
+use crate::terms::targets::provided;
+use crate::terms::term::{Outlasts, Per};
+
+/// What is asked of a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Length of the error of a position.
+    Position,
+    /// Length of the errors of roll, pitch and yaw together, of a platform.
+    Orientation,
+}
+
+/// What is known of the errors of a result.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Errors {
+    /// Covariance of its parameters, row by row.
+    pub covariance: Vec<f64>,
+    /// What is added to it elsewhere: variances of what changes between placements or sessions,
+    /// parameter by parameter; empty where nothing does.
+    pub between: Vec<f64>,
+    /// Degrees of freedom of the noise that scales it; infinite where it was declared.
+    pub dof: f64,
+    /// Standard deviation of each coordinate by play [length unit].
+    pub play: f64,
+    /// What its session leaves open of effects that were not found.
+    pub unseen: Vec<(Spec, Unseen)>,
+}
+
+/// How the largest error is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawing {
+    /// What is asked.
+    pub quantity: Quantity,
+    /// Probability with which the largest error is within the expanded uncertainty.
+    pub confidence: f64,
+    /// Number of draws: their quantile has a relative standard error of 1 to 2 %.
+    pub draws: usize,
+    /// Seed of the draws.
+    pub seed: u64,
+}
+
+/// A source of the budget.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Share {
+    /// `parameters`, `between placements`, `noise`, `play` or `unseen`.
+    pub source: &'static str,
+    /// The effect, of those that are unseen.
+    pub effect: Option<String>,
+    /// Standard uncertainty of the place that is known least [length unit or rad].
+    pub u: f64,
+    /// Its degrees of freedom; none: infinitely many.
+    pub dof: Option<f64>,
+}
+
+/// A budget of uncertainty.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Budget {
+    /// The sources, the largest effects that are unseen one by one, the others together.
+    pub budget: Vec<Share>,
+    /// Their root sum of squares.
+    pub u: f64,
+    /// Its degrees of freedom by Welch and Satterthwaite; none: infinitely many.
+    pub dof: Option<f64>,
+    /// The largest error is not beyond it, with the probability that was asked for.
+    pub expanded: f64,
+    /// Median of the largest error.
+    pub median: f64,
+    /// Noise and play alone make the largest error at least so large, with the same probability.
+    pub least: f64,
+    /// Row of the place that is known least.
+    pub row: usize,
+    /// Number of places.
+    pub places: usize,
+    /// Effects of the result that are bound to its session, and are not applied elsewhere.
+    pub of_its_session: Vec<String>,
+}
+
+/// Effects that have a row of their own.
+const ROWS: usize = 6;
+
+/// The budget of a result, of the largest error over the rows of a table.
+///
+/// # Errors
+///
+/// As [`crate::apply::places::places`]; [`Error::Missing`] of an orientation without a platform,
+/// [`Error::Shape`] where the covariance or an effect is of other parameters.
+pub fn budget(
+    mechanism: &Mechanism,
+    applied: &Applied,
+    errors: &Errors,
+    table: Table,
+    drawing: &Drawing,
+) -> Result<Budget, Error> {
+    let places = Places::new(mechanism, applied, errors, table, drawing.quantity)?;
+    let (row, shares) = places.least_known(errors);
+    let u = shares.iter().map(|s| s.u * s.u).sum::<f64>().sqrt();
+    let fourth = shares.iter().filter_map(|s| Some(s.u.powi(4) / s.dof?)).sum::<f64>();
+    let (largest, by_noise) = places.largest(errors, drawing);
+    let quantile = |sorted: &[f64], p: f64| {
+        let at = (p * sorted.len() as f64).ceil() as usize;
+        let at = at.clamp(1, sorted.len().max(1)) - 1;
+        sorted.get(at).copied().unwrap_or(f64::NAN)
+    };
+    Ok(Budget {
+        budget: shares,
+        u,
+        dof: (fourth > 0.0).then(|| u.powi(4) / fourth),
+        expanded: quantile(&largest, drawing.confidence),
+        median: quantile(&largest, 0.5),
+        least: quantile(&by_noise, 1.0 - drawing.confidence),
+        row: places.all[row].row,
+        places: places.all.len(),
+        of_its_session: of_its_session(mechanism, applied)?,
+    })
+}
+
+/// Effects of a result of which nothing outlasts its session: a drift, not a slip.
+fn of_its_session(mechanism: &Mechanism, applied: &Applied) -> Result<Vec<String>, Error> {
+    let mut found: Vec<String> = Vec::new();
+    for Reported { spec, .. } in &applied.parameters {
+        let bound = outlasts(mechanism, spec)? == Outlasts::Nothing;
+        let name = spec.to_string();
+        if bound && !is_unknown_thing(&spec.term) && !found.contains(&name) {
+            found.push(name);
+        }
+    }
+    Ok(found)
+}
+
+/// How the error of a place follows its sources: three coordinates each.
+struct Place {
+    row: usize,
+    /// By the independent errors of the parameters, one standard deviation each.
+    parameters: DMatrix<f64>,
+    /// By what changes between placements, in the same way.
+    between: DMatrix<f64>,
+    /// By the parameters of all unseen effects, one after the other.
+    effects: DMatrix<f64>,
+    /// By the noise of each channel, one standard deviation each.
+    noise: DMatrix<f64>,
+}
+
+struct Places {
+    all: Vec<Place>,
+    /// Names of the effects that are unseen, their probability and their mean with the root of their covariance.
+    effects: Vec<Effect>,
+    play: f64,
+}
+
+struct Effect {
+    name: String,
+    probability: f64,
+    /// Its columns among all.
+    first: usize,
+    mean: Vec<f64>,
+    root: DMatrix<f64>,
+}
+
+impl Effect {
+    /// One draw of its parameters.
+    fn drawn(&self, random: &mut Draws) -> Vec<f64> {
+        let z: Vec<f64> = self.mean.iter().map(|_| random.normal()).collect();
+        let by_root = |i: usize| (0..z.len()).map(|j| self.root[(i, j)] * z[j]).sum::<f64>();
+        self.mean.iter().enumerate().map(|(i, mean)| mean + by_root(i)).collect()
+    }
+}
+
+impl Places {
+    fn new(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        errors: &Errors,
+        table: Table,
+        quantity: Quantity,
+    ) -> Result<Self, Error> {
+        let posed = !mechanism.platform.is_empty();
+        if quantity == Quantity::Orientation && !posed {
+            let (mechanism, needs) = (mechanism.name.clone(), "platform");
+            return Err(Error::Missing { mechanism, needs, why: "points have no orientation" });
+        }
+        let n = applied.parameters.len();
+        let shape = |what: &str, found: usize, expected: usize| match found == expected {
+            true => Ok(()),
+            false => Err(Error::Shape { what: what.into(), found, expected }),
+        };
+        shape("covariance", errors.covariance.len(), n * n)?;
+        let acting = acting(mechanism, &errors.unseen, &table, posed)?;
+        let build = if posed { Under::with_terms } else { Under::open_with_terms };
+        let under = build(mechanism, applied, table, &acting)?;
+        let beta = under.internal(&under.values);
+        let slopes = match posed {
+            true => {
+                let noise = Noise::declared(applied.sigma.clone());
+                platform_slopes(&under.model, &under.readings, &beta, &noise, 1)?
+            }
+            false => carried_slopes(&under.model, &under.readings, &beta)?,
+        };
+        let map = reported_to_model(&under, &beta);
+        let root = square_root(&DMatrix::from_row_slice(n, n, &errors.covariance));
+        let changes_by: Vec<f64> = errors.between.iter().map(|v| v.max(0.0).sqrt()).collect();
+        shape("between placements", changes_by.len(), if changes_by.is_empty() { 0 } else { n })?;
+        let changing: Vec<usize> = (0..changes_by.len()).filter(|&k| changes_by[k] > 0.0).collect();
+        let mut effects = Vec::with_capacity(errors.unseen.len());
+        // How the parameters of the model change with those of all effects.
+        let width = errors.unseen.iter().map(|(_, u)| u.mean.len()).sum();
+        let mut changes = DMatrix::<f64>::zeros(beta.len(), width);
+        let mut first = 0;
+        for (spec, unseen) in &errors.unseen {
+            let d = unseen.mean.len();
+            shape("covariance of an effect", unseen.covariance.concat().len(), d * d)?;
+            let known = unseen.moves.len().min(n);
+            shape("moves of an effect", unseen.moves.concat().len(), unseen.moves.len() * d)?;
+            for k in 0..d {
+                for (i, row) in unseen.moves.iter().take(known).enumerate() {
+                    let by = row[k];
+                    changes.column_mut(first + k).axpy(-by, &map.column(i), 1.0);
+                }
+            }
+            if acting.contains(spec) {
+                for instance in instances_of(mechanism, &under.readings, spec)? {
+                    let at = under.model.instances.iter().position(|i| *i == instance);
+                    if let Some(column) = at.map(|i| under.model.first[i]) {
+                        (0..d).for_each(|k| changes[(column + k, first + k)] += 1.0);
+                    }
+                }
+            }
+            let covariance = DMatrix::from_row_slice(d, d, &unseen.covariance.concat());
+            effects.push(Effect {
+                name: spec.to_string(),
+                probability: unseen.probability,
+                first,
+                mean: unseen.mean.clone(),
+                root: square_root(&covariance),
+            });
+            first += d;
+        }
+        let by_root = &map * root;
+        let by_change = DMatrix::from_fn(beta.len(), changing.len(), |i, k| {
+            map[(i, changing[k])] * changes_by[changing[k]]
+        });
+        let from = if quantity == Quantity::Orientation { 3 } else { 0 };
+        let of_row = |s: Slopes| {
+            let count = if posed { 1 } else { s.by_parameter.nrows() / 3 };
+            let (by_root, by_change, changes) = (&by_root, &by_change, &changes);
+            (0..count)
+                .map(move |p| {
+                    let at = from + 3 * p;
+                    let slopes = s.by_parameter.rows(at, 3);
+                    let mut noise = s.by_reading.rows(at, 3).into_owned();
+                    for (c, sigma) in applied.sigma.iter().enumerate() {
+                        noise.column_mut(c).scale_mut(*sigma);
+                    }
+                    let (parameters, effects) = (slopes * by_root, slopes * changes);
+                    let between = slopes * by_change;
+                    Place { row: s.row, parameters, between, effects, noise }
+                })
+                .collect::<Vec<_>>()
+        };
+        let all: Vec<Place> = slopes.into_iter().flat_map(of_row).collect();
+        if all.is_empty() {
+            return Err(Error::Empty("no place is left to be certain of".into()));
+        }
+        let play = if quantity == Quantity::Position { errors.play } else { 0.0 };
+        Ok(Self { all, effects, play })
+    }
+
+    /// The place that is known least, and what its uncertainty is made of.
+    fn least_known(&self, errors: &Errors) -> (usize, Vec<Share>) {
+        let of = |k: usize| self.shares(&self.all[k], errors);
+        let size = |shares: &[Share]| shares.iter().map(|s| s.u * s.u).sum::<f64>();
+        let all = (0..self.all.len()).map(|k| (k, of(k)));
+        let (row, shares) =
+            all.max_by(|a, b| size(&a.1).total_cmp(&size(&b.1))).unwrap_or_else(|| (0, Vec::new()));
+        (row, shares)
+    }
+
+    fn shares(&self, place: &Place, errors: &Errors) -> Vec<Share> {
+        let dof = Some(errors.dof).filter(|dof| dof.is_finite());
+        let share = |source, u: f64, dof| Share { source, effect: None, u, dof };
+        let mut shares = vec![
+            share("parameters", place.parameters.norm(), dof),
+            share("noise", place.noise.norm(), dof),
+        ];
+        if place.between.ncols() > 0 {
+            shares.push(share("between placements", place.between.norm(), None));
+        }
+        if self.play > 0.0 {
+            shares.push(share("play", self.play * 3.0_f64.sqrt(), None));
+        }
+        let of_effect = |effect: &Effect| {
+            let by = place.effects.columns(effect.first, effect.mean.len());
+            let mean = by * DMatrix::from_column_slice(effect.mean.len(), 1, &effect.mean);
+            let square = mean.norm_squared() + (by * &effect.root).norm_squared();
+            let u = (effect.probability * square).sqrt();
+            Share { source: "unseen", effect: Some(effect.name.clone()), u, dof: None }
+        };
+        let mut unseen: Vec<Share> = self.effects.iter().map(of_effect).collect();
+        unseen.sort_by(|a, b| b.u.total_cmp(&a.u));
+        let others: f64 = unseen.iter().skip(ROWS).map(|s| s.u * s.u).sum();
+        unseen.truncate(ROWS);
+        shares.extend(unseen);
+        if others > 0.0 {
+            shares.push(share("unseen", others.sqrt(), None));
+        }
+        shares
+    }
+
+    /// Draws of (143), sorted; those of noise and play alone as well.
+    fn largest(&self, errors: &Errors, drawing: &Drawing) -> (Vec<f64>, Vec<f64>) {
+        let mut random = Draws::new(drawing.seed);
+        let draws = (0..drawing.draws).map(|_| self.one(errors, &mut random));
+        let (mut all, mut by_noise): (Vec<f64>, Vec<f64>) = draws.unzip();
+        all.sort_by(f64::total_cmp);
+        by_noise.sort_by(f64::total_cmp);
+        (all, by_noise)
+    }
+
+    /// One draw of the largest error, and of that by noise and play alone.
+    fn one(&self, errors: &Errors, random: &mut Draws) -> (f64, f64) {
+        let Some(first) = self.all.first() else { return (0.0, 0.0) };
+        // Noise that is estimated is itself uncertain: Student's distribution.
+        let scale = random.student_scale(errors.dof);
+        let common: Vec<f64> =
+            (0..first.parameters.ncols()).map(|_| scale * random.normal()).collect();
+        let shift: Vec<f64> = (0..first.between.ncols()).map(|_| random.normal()).collect();
+        let effect = self.pick(random).map(|effect| (effect.first, effect.drawn(random)));
+        let mut reading: Vec<f64> = Vec::new();
+        let (mut row, mut largest, mut by_noise) = (usize::MAX, 0.0_f64, 0.0_f64);
+        for place in &self.all {
+            if place.row != row {
+                row = place.row;
+                reading = (0..place.noise.ncols()).map(|_| scale * random.normal()).collect();
+            }
+            let (mut square, mut noise) = (0.0, 0.0);
+            for i in 0..3 {
+                let sum = |by: &DMatrix<f64>, first: usize, z: &[f64]| -> f64 {
+                    z.iter().enumerate().map(|(k, z)| by[(i, first + k)] * z).sum()
+                };
+                let mut new = sum(&place.noise, 0, &reading);
+                if self.play > 0.0 {
+                    new += self.play * random.normal();
+                }
+                let named = sum(&place.parameters, 0, &common) + sum(&place.between, 0, &shift);
+                let unseen = effect.as_ref().map_or(0.0, |(at, h)| sum(&place.effects, *at, h));
+                square += (new + named + unseen).powi(2);
+                noise += new * new;
+            }
+            largest = largest.max(square);
+            by_noise = by_noise.max(noise);
+        }
+        (largest.sqrt(), by_noise.sqrt())
+    }
+
+    /// One of the unseen effects, by their probabilities.
+    fn pick(&self, random: &mut Draws) -> Option<&Effect> {
+        let mut left = random.uniform();
+        self.effects.iter().find(|effect| {
+            left -= effect.probability;
+            left < 0.0
+        })
+    }
+}
+
+/// Unseen effects that act on these readings as well: what is bound to its session does not.
+fn acting(
+    mechanism: &Mechanism,
+    unseen: &[(Spec, Unseen)],
+    table: &Table,
+    posed: bool,
+) -> Result<Vec<Spec>, Error> {
+    if unseen.is_empty() {
+        return Ok(Vec::new());
+    }
+    let bare;
+    let (mechanism, table) = match posed {
+        true => (mechanism, table.clone()),
+        false => {
+            bare = opened(mechanism)?;
+            (&bare, Table { keys: Vec::new(), columns: Vec::new(), ..table.clone() })
+        }
+    };
+    let readings = Readings::new(mechanism, table)?;
+    let mut found = Vec::new();
+    for (spec, _) in unseen {
+        let term = terms::find_in(mechanism, &spec.term)?;
+        let at_end = !posed && term.info().per == Per::Closure;
+        let whole = outlasts(mechanism, spec)? == Outlasts::Whole;
+        if whole && !at_end && provided(term, mechanism, &readings).is_ok() {
+            found.push(spec.clone());
+        }
+    }
+    Ok(found)
+}
+
+/// Derivatives of the parameters of the model by those that a result reports: they are linear.
+fn reported_to_model(under: &Under, beta: &[f64]) -> DMatrix<f64> {
+    let mut map = DMatrix::zeros(beta.len(), under.values.len());
+    for k in 0..under.values.len() {
+        let mut values = under.values.clone();
+        values[k] += 1.0;
+        for (i, (ahead, here)) in under.internal(&values).iter().zip(beta).enumerate() {
+            map[(i, k)] = ahead - here;
+        }
+    }
+    map
+}

@@ -1,0 +1,328 @@
+"""Certificates: the budget beside plain differences, the decision, the words, and bad input."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, InputError
+from rsicalib.certifying import PLACES
+from rsicalib.cli.command import main
+from rsicalib.measures import parameters_of
+from tests.certificates import device, figures
+
+READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
+
+
+@pytest.fixture(scope="module")
+def traced() -> rsicalib.Trace:
+    """The demo, checked."""
+    return rsicalib.trace(READINGS, rest=REST, check=CHECK)
+
+
+@pytest.fixture(scope="module")
+def saved(traced: rsicalib.Trace, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its file."""
+    path = tmp_path_factory.mktemp("certify") / "trace.json"
+    traced.save(path)
+    return path
+
+
+def exit_code(words: list[str]) -> object:
+    """What the command returns."""
+    with pytest.raises(SystemExit) as done:
+        main(words)
+    return done.value.code or 0
+
+
+def at(values: dict[str, Any], readings: Any) -> np.ndarray:
+    """Positions under a result with other values."""
+    return rsicalib.forward(readings, calibration=rsicalib.Trace.from_dict(values))[:, :3]
+
+
+@pytest.mark.filterwarnings("ignore::rsicalib.OpenLoopsWarning")
+def test_the_expanded_uncertainty_is_that_of_plain_differences_and_draws(
+    traced: rsicalib.Trace,
+) -> None:
+    # Derivatives by central differences of `forward`; draws by numpy. No effect is unseen.
+    poses = rsicalib.workspace(traced, poses=40, seed=3).poses
+    values = traced.to_dict()
+    for hidden in values["could_hide"]:
+        if hidden.get("unseen"):
+            hidden["unseen"]["probability"] = 0.0
+    quiet = rsicalib.Trace.from_dict(values)
+    mechanism = rsicalib.load_mechanism("rsi")
+    found = rsicalib.certify(quiet, limit=1.0, at=poses).uncertainty
+    assert found is not None and found.places == len(poses)
+
+    parameters = parameters_of(quiet, mechanism)
+    exact = rsicalib.Device(mechanism, *parameters).readings(poses)
+    readings = rsicalib.Readings.from_arrays(mechanism, exact)
+    sd = np.sqrt(np.diag(traced.covariance))
+    by_parameter = []
+    for k, one in enumerate(values["parameters"]):
+        step, here = 1e-3 * sd[k], one["value"]
+        sides = []
+        for sign in (1, -1):
+            one["value"] = here + sign * step
+            sides.append(at(values, readings))
+        one["value"] = here
+        by_parameter.append((sides[0] - sides[1]) / (2 * step))
+    by_reading = []
+    for k, channel in enumerate(mechanism.channels):
+        sides = []
+        for sign in (1, -1):
+            moved = exact.copy()
+            moved[:, k] += sign
+            sides.append(at(values, rsicalib.Readings.from_arrays(mechanism, moved)))
+        by_reading.append((sides[0] - sides[1]) / 2 * traced.noise.sigma[channel.name])
+    rng = np.random.default_rng(1)
+    n = 4000
+    errors = rng.multivariate_normal(np.zeros(len(sd)), traced.covariance, n, method="eigh")
+    noise = rng.standard_normal((n, len(poses), 9))
+    e = np.einsum("nk,kpi->npi", errors, by_parameter) + np.einsum(
+        "npc,cpi->npi", noise, by_reading
+    )
+    largest = np.linalg.norm(e, axis=2).max(axis=1)
+    # The quantiles of 4,000 and of 2,000 draws scatter by 0.6 and 0.8 % of U; 4 of them together.
+    assert found.expanded == pytest.approx(np.quantile(largest, 0.95), rel=0.04)
+    assert found.median == pytest.approx(np.median(largest), rel=0.02)
+    u = np.sqrt(np.einsum("kpi,kl,lpi->p", by_parameter, traced.covariance, by_parameter)).max()
+    rows = {one.source: one.u for one in found.budget if one.effect is None}
+    assert rows["parameters"] <= u * (1 + 1e-4)
+    assert found.u == pytest.approx(np.sqrt(sum(one.u**2 for one in found.budget)))
+
+
+def test_what_is_left_open_of_an_effect_is_what_a_fit_with_it_says() -> None:
+    # (141) from the estimate and its deviation in a fit with the effect, and how the others move.
+    base = rsicalib.trace(READINGS, rest=REST)
+    specs = ["offset", "gain", "curvature@a22"]
+    before = rsicalib.calibrate(READINGS, rest=REST, terms=specs)
+    for term, target in (("cubic", "a11"), ("link_length", "arm2/2"), ("curvature", "a33")):
+        hidden = next(h for h in base.could_hide if (h.term, h.target) == (term, target))
+        assert hidden.unseen is not None
+        fit = rsicalib.calibrate(READINGS, rest=REST, terms=[*specs, f"{term}@{target}"])
+        one = fit.parameters[-1]
+        assert one.value is not None and one.sd is not None
+        typical = next(t for t in rsicalib.terms() if t["id"] == term)["parameters"][0]["typical"]
+        if term == "link_length":
+            typical *= 4.5  # the longest length of the drawing
+        variance = 1 / (typical**-2 + one.sd**-2)
+        assert hidden.unseen.covariance[0][0] == pytest.approx(variance, rel=0.05)
+        mean = variance * one.value / one.sd**2
+        assert hidden.unseen.mean[0] == pytest.approx(mean, abs=0.1 * np.sqrt(variance))
+        moved = before.values - fit.values[:-1]
+        wanted = np.array(hidden.unseen.moves)[:, 0] * one.value
+        # First order: what is left is small beside the deviations.
+        sd = np.sqrt(np.diag(before.covariance))
+        assert np.all(np.abs(moved - wanted) < 0.1 * sd + 0.05 * np.abs(moved))
+    # What does next to nothing is left out; the rest are probabilities.
+    assert 0.5 < sum(h.unseen.probability for h in base.could_hide if h.unseen) <= 1
+
+
+def test_a_limit_is_decided_beyond_the_uncertainty_alone(traced: rsicalib.Trace) -> None:
+    found = rsicalib.certify(traced, limit=1.0)
+    assert found.uncertainty is not None
+    expanded = found.uncertainty.expanded
+    assert found.decision == "within" and found.exit_code == 0 and found.decides is None
+    assert rsicalib.certify(traced, limit=1.001 * expanded).decision == "within"
+    undecided = rsicalib.certify(traced, limit=0.999 * expanded)
+    assert (undecided.decision, undecided.exit_code) == ("undecided", 3)
+    (known,) = undecided.known
+    assert known.expanded is not None and known.poses == 20
+    beyond = rsicalib.certify(traced, limit=0.9 * (known.error - known.expanded))
+    assert (beyond.decision, beyond.exit_code) == ("not within", 4)
+    # Without check points it cannot be shown, and is not said.
+    unchecked = rsicalib.trace(READINGS, rest=REST)
+    assert rsicalib.certify(unchecked, limit=1e-6).decision == "undecided"
+    assert unchecked.quality.check is None
+    # The largest of the check poses is that of `forward`.
+    readings = rsicalib.load_readings(CHECK)
+    assert readings.poses is not None
+    labels = np.unique(readings.pose)
+    means = np.array([readings.values[readings.pose == k].mean(axis=0) for k in labels])
+    poses = np.array([readings.poses[readings.pose == k][0] for k in labels])
+    mechanism = rsicalib.load_mechanism("rsi")
+    off = at(traced.to_dict(), rsicalib.Readings.from_arrays(mechanism, means)) - poses[:, :3]
+    assert known.error == pytest.approx(np.linalg.norm(off, axis=1).max(), rel=1e-6)
+
+
+def test_more_confidence_more_places_and_units(traced: rsicalib.Trace) -> None:
+    sizes = []
+    for options in ({"confidence": 0.9}, {}, {"confidence": 0.99}):
+        one = rsicalib.certify(traced, limit=1.0, **options)  # type: ignore[arg-type]
+        assert one.uncertainty is not None and one.uncertainty.places == PLACES
+        sizes.append(one.uncertainty.expanded)
+    assert sizes == sorted(sizes)
+    length = rsicalib.certify(traced, limit="25.4 mm")
+    assert (length.limit, length.unit) == (pytest.approx(1.0), "in")
+    angle = rsicalib.certify(traced, limit="5 mrad")
+    assert (angle.quantity, angle.unit, angle.limit) == ("orientation", "rad", pytest.approx(5e-3))
+    assert angle.uncertainty is not None and 0 < angle.uncertainty.expanded < 0.1
+    again = rsicalib.certify(traced, limit=1.0)
+    assert again.to_dict() == rsicalib.certify(traced, limit=1.0).to_dict()
+
+
+@pytest.mark.parametrize("verdict", ["unexplained", "partly_explained", "undetermined", "unjudged"])
+def test_a_result_that_does_not_predict_its_error_certifies_nothing(
+    traced: rsicalib.Trace, verdict: str
+) -> None:
+    values = {**traced.to_dict(), "verdict": verdict}
+    found = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0)
+    assert found.decision == "undecided" and verdict in found.reasons[0]
+
+
+def test_a_calibration_is_not_enough(traced: rsicalib.Trace) -> None:
+    found = rsicalib.certify(rsicalib.calibrate(READINGS, rest=REST), limit=10.0)
+    assert found.decision == "undecided" and "certify a trace" in found.reasons[0]
+    old = traced.to_dict()
+    for hidden in old["could_hide"]:
+        hidden.pop("unseen", None)
+    found = rsicalib.certify(rsicalib.Trace.from_dict(old), limit=10.0)
+    assert found.decision == "undecided" and "trace again" in found.reasons[0]
+
+
+@pytest.mark.filterwarnings("ignore::rsicalib.OpenLoopsWarning")
+def test_what_changes_between_placements_is_a_part_of_its_own(traced: rsicalib.Trace) -> None:
+    poses = rsicalib.workspace(traced, poses=1, seed=8).poses
+    values = traced.to_dict()
+    size = 0.01
+    changing = {"term": "offset", "target": "a11", "name": "offset", "sd": size, "unit": "rad"}
+    values["between"] = {
+        "kind": "placements",
+        "groups": ["a", "b", "c"],
+        "sd": 1.0,
+        "interval": [0.1, 2.0],
+        "p_value": 0.01,
+        "parameters": [changing],
+        "covariance": (4.0 * np.asarray(traced.covariance)).tolist(),
+    }
+    other = rsicalib.Trace.from_dict(values)
+    rows = []
+    for one in (traced, other):
+        found = rsicalib.certify(one, limit=1.0, at=poses).uncertainty
+        assert found is not None
+        rows.append({s.source: s.u for s in found.budget if s.effect is None})
+    assert rows[1]["parameters"] == pytest.approx(2 * rows[0]["parameters"])
+    assert "between placements" not in rows[0]
+    mechanism = rsicalib.load_mechanism("rsi")
+    exact = rsicalib.Device(mechanism, *parameters_of(traced, mechanism)).readings(poses)
+    sides = []
+    for sign in (1, -1):
+        moved = traced.to_dict()
+        assert moved["parameters"][0]["target"] == "a11"
+        moved["parameters"][0]["value"] += sign * 1e-4
+        sides.append(at(moved, rsicalib.Readings.from_arrays(mechanism, exact)))
+    slope = np.linalg.norm(sides[0] - sides[1]) / 2e-4
+    assert rows[1]["between placements"] == pytest.approx(size * slope, rel=1e-3)
+
+
+def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
+    class Left:
+        term, target, place = "curvature", "a22", None
+        applied = False
+        platform_rms = traced.steps[0].platform_rms
+
+    from rsicalib import certifying
+
+    left = rsicalib.Trace.from_dict(traced.to_dict())
+    object.__setattr__(left, "steps", (Left(),))
+    _, known = certifying._known(left, "position", 0.95, 0.02)
+    assert known[-1].source == "effects not applied"
+    assert known[-1].error == pytest.approx(np.sqrt(3) * Left.platform_rms.position)  # type: ignore[union-attr,operator]
+
+
+def test_the_command_prints_its_document_and_its_plan_works_when_pasted(
+    saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["certify", str(saved), "--limit", "0.018", "--json", "--out", str(tmp_path / "out")]
+    assert exit_code(words) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert document["format"] == "rsicalib.certificate/1"
+    assert document["uncertainty"]["budget"][0]["source"] == "parameters"
+    assert document["decides"].startswith("plan ")
+    assert document == json.loads((tmp_path / "out" / "certificate.json").read_text())
+    assert exit_code(["certify", str(saved), "--limit", "1 mm"]) == 0
+    assert "within 0.0394" in capsys.readouterr().out.replace("0.0393701", "0.0394")
+    assert exit_code([*shlex.split(document["decides"]), "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["poses"]) == 6
+
+
+def test_places_come_from_files_of_readings_or_of_poses(
+    saved: Path, traced: rsicalib.Trace, tmp_path: Path
+) -> None:
+    poses = rsicalib.workspace(traced, poses=5).poses
+    file = tmp_path / "poses.csv"
+    rows = [",".join(f"{v:.17g}" for v in pose) for pose in poses]
+    file.write_text("\n".join(["x,y,z,rx,ry,rz", *rows]) + "\n")
+    by_file, by_array = (rsicalib.certify(saved, limit=1.0, at=one) for one in (file, poses))
+    assert by_file.uncertainty == by_array.uncertainty
+    by_readings = rsicalib.certify(saved, limit=1.0, at=CHECK)
+    assert by_readings.uncertainty is not None and by_readings.uncertainty.places == 160
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"limit": -1.0}, "found -1.0, expected a length in in above 0"),
+        ({"limit": 0}, "expected a length in in above 0"),
+        ({"limit": "0.5 kg"}, "found '0.5 kg'"),
+        ({"limit": "half an inch"}, "found 'half an inch'"),
+        ({"limit": "0.5.1 mm"}, "found '0.5.1 mm'"),
+        ({"limit": float("nan")}, "found nan"),
+        ({"limit": 1.0, "confidence": 1.5}, "confidence: found 1.5"),
+        ({"limit": 1.0, "at": [[50.0, 0, 0, 0, 0, 0]]}, "found pose 1 (50, 0, 0, 0, 0, 0)"),
+        ({"limit": 1.0, "at": [[0.0, 0, 0]]}, "shape (1, 3), expected numbers of shape (n, 6)"),
+        ({"limit": 1.0, "mechanism": "delta"}, "found a calibration of"),
+    ],
+)
+def test_what_cannot_be_certified_is_refused(
+    traced: rsicalib.Trace, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError) as error:
+        rsicalib.certify(traced, **options)
+    assert words in str(error.value)
+
+
+def test_files_that_cannot_be_used_are_refused_by_their_place(saved: Path, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    plan.write_text('{"format": "rsicalib.plan/1"}')
+    with pytest.raises(InputError, match=r"plan\.json, format: found .rsicalib\.plan/1."):
+        rsicalib.certify(plan, limit=1.0)
+    file = tmp_path / "poses.csv"
+    file.write_text("x,y,z,rx,ry,rz\n0,0,-2,0,0,0\n0,0,low,0,0,0\n")
+    with pytest.raises(InputError, match=r"line 3, column z: found 'low', expected a number"):
+        rsicalib.certify(saved, limit=1.0, at=file)
+    file.write_text("x,y,z\n0,0,-2\n")
+    with pytest.raises(InputError, match="column rx: found no such column"):
+        rsicalib.certify(saved, limit=1.0, at=file)
+
+
+def test_the_sheet_says_what_is_signed(traced: rsicalib.Trace) -> None:
+    found = rsicalib.certify(traced, limit=0.018)
+    page, text = found.report(), found.text()
+    assert found.uncertainty is not None
+    for words in (
+        found.data_sha256,
+        "Undecided",
+        "noise of a reading",
+        "20 poses",
+        "Scale:",
+        "plan",
+    ):
+        assert words in page
+    assert "Undecided" in text and "rsicalib plan" in text
+    assert "<script>" not in found.report().split("<main>")[1].split("</main>")[0]
+
+
+def test_the_small_form_of_the_campaign_runs() -> None:
+    # The full form is `python -m tests.certificates`: of three devices nothing is counted.
+    rows = [device(number, 5, more=number == 0) for number in range(3)]
+    assert "3 devices" in figures(rows)
+    assert any(row.before.expanded for row in rows)
