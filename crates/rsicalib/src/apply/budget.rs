@@ -25,7 +25,6 @@ use crate::Error;
 use crate::apply::earlier::{Applied, Reported, Under, opened, outlasts};
 use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::apply::unseen::Unseen;
-use crate::estimate::Noise;
 use crate::mechanism::Mechanism;
 use crate::model::{Spec, instances_of, is_unknown_thing};
 use crate::numerics::draws::{Draws, square_root};
@@ -224,10 +223,7 @@ impl Places {
         let under = build(mechanism, applied, table, &acting)?;
         let beta = under.internal(&under.values);
         let slopes = match posed {
-            true => {
-                let noise = Noise::declared(applied.sigma.clone());
-                platform_slopes(&under.model, &under.readings, &beta, &noise, 1)?
-            }
+            true => platform_slopes(&under.model, &under.readings, &beta, &under.noise, 1)?,
             false => carried_slopes(&under.model, &under.readings, &beta)?,
         };
         let map = reported_to_model(&under, &beta);
