@@ -90,10 +90,10 @@ fn columns<'py>(
         let of = |one: &Outcome| one.as_ref().ok().and_then(of).filter(|v| v.is_finite());
         out.set_item(name, found.iter().map(of).collect::<Vec<_>>())
     };
-    numbers("chi2", &|r| Some(r.fit.chi2))?;
-    numbers("dof", &|r| Some(r.fit.dof))?;
+    numbers("chi2", &|r| r.fit.chi2)?;
+    numbers("dof", &|r| r.fit.dof)?;
     numbers("p_value", &|r| r.fit.p_value)?;
-    numbers("rms_misclosure", &|r| Some(r.fit.rms_misclosure))?;
+    numbers("rms_misclosure", &|r| r.fit.rms_misclosure)?;
     if held_out {
         numbers("held_out_chi2_per_dof", &|r| r.fit.held_out.map(|h| h.chi2_per_dof))?;
         numbers("held_out_rms_misclosure", &|r| r.fit.held_out.map(|h| h.rms_misclosure))?;

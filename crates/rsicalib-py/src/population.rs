@@ -66,6 +66,7 @@ impl From<&PyShare<'_>> for Share {
                 sd_between: None,
                 unit: unit.clone(),
                 note: None,
+                earlier: None,
             };
         let candidate =
             |(term, target, name, columns): &(_, Option<String>, String, Vec<usize>)| {

@@ -92,7 +92,8 @@ fn main() -> Result<(), Error> {
     let observations = Observations::new(&linkage(), table, None, FitOptions::default())?;
     let report = calibrate(&observations)?;
 
-    println!("{:?}: χ² {:.1} for {} degrees", report.verdict, report.fit.chi2, report.fit.dof);
+    let (chi2, dof) = (report.fit.chi2.unwrap_or(f64::NAN), report.fit.dof.unwrap_or(0.0));
+    println!("{:?}: χ² {chi2:.1} for {dof} degrees", report.verdict);
     for p in &report.estimates.parameters {
         let sd = p.sd.unwrap_or(f64::INFINITY);
         println!("{:6} of {:6} {:9.5} ± {sd:.5} {}", p.term, p.target, p.value, p.unit);

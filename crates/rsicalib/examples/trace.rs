@@ -55,7 +55,10 @@ fn main() -> Result<(), Error> {
     for step in &trace.steps {
         println!(
             "{} of {}: p {:.1e}, χ² rises by {:.0} without the effect",
-            step.effect.term, step.effect.target, step.p_value, step.chi2_rise
+            step.term,
+            step.target,
+            step.p_value,
+            step.chi2_rise.unwrap_or(f64::NAN)
         );
         for p in &step.parameters {
             println!("    {} = {:.4} ± {:.4} {}", p.name, p.value, p.sd.unwrap_or(0.0), p.unit);

@@ -70,8 +70,8 @@ fn a_bent_sensor_is_unexplained_before_the_trace_and_explained_after_it() {
     assert_eq!(trace.verdict, Verdict::Explained);
     assert_eq!(trace.steps.len(), 1);
     let step = &trace.steps[0];
-    assert_eq!(step.effect.target, "a22");
-    let named = step.effect.term == "curvature";
+    assert_eq!(step.target, "a22");
+    let named = step.term == "curvature";
     assert!(named || step.also_fits.iter().any(|p| p.term == "curvature"), "{step:?}");
     if named {
         let found = &step.parameters[0];

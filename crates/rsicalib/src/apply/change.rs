@@ -6,14 +6,21 @@ use crate::apply::poses::{carried_points, some_poses};
 use crate::apply::slopes::{Slopes, platform_slopes};
 use crate::estimate::{Fit, Noise, Observations};
 use crate::model::Model;
+#[cfg(feature = "serde")]
+use crate::numerics::nullable;
 
-/// Root mean square of what an effect does to the platform, by component.
+/// What an effect does to the platform pose: root mean square over components.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename = "Rms"))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct PlatformRms {
-    /// Length units.
+    /// Position, in units of length.
+    #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
+    #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub position: f64,
-    /// rad.
+    /// Orientation, in radians.
+    #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
+    #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub orientation: f64,
 }
 

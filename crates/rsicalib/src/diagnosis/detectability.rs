@@ -18,25 +18,34 @@ use crate::numerics::distributions;
 use crate::numerics::symmetric::VISIBLE;
 use crate::numerics::workers;
 
-/// An effect that could be there unseen.
+/// How large an absent effect would have to be to be seen, and what it would do meanwhile.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Hidden")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Detectability {
     /// Id of the term.
     pub term: String,
-    /// What it would belong to.
+    /// What the term belongs to.
     pub target: String,
-    /// Where a searched term would act: another channel.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub place: Option<String>,
     /// Size that would have been seen in four sessions of five.
     pub detectable: Option<f64>,
-    /// Its unit.
+    /// Unit of the size.
     pub unit: String,
-    /// What that size would do to the platform.
+    /// What an effect of that size does to the platform.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub platform_rms: Option<PlatformRms>,
+    /// Where a searched term would act: another channel.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub place: Option<String>,
+    /// What people call the target.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub label: Option<String>,
     /// What the session leaves open of it.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub unseen: Option<Unseen>,
 }
 
@@ -103,6 +112,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
             detectable: visible.then_some(largest),
             unit: unit(observations, instance, info.parameters[0].unit),
             platform_rms,
+            label: instance.target.label(&observations.mechanism),
         };
         Some((found, size))
     };

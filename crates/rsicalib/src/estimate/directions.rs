@@ -7,6 +7,8 @@ use crate::estimate::note::Note;
 use crate::estimate::observations::Observations;
 use crate::estimate::sparse::{LISTED, Row, reduced};
 use crate::model::{Instance, Spec, place_name};
+#[cfg(feature = "serde")]
+use crate::numerics::nullable;
 use crate::terms::term::{Placed, Role};
 
 /// Unobservable and weak directions in the space of parameters.
@@ -265,31 +267,53 @@ pub fn uncentred_condition(fit: &Fit) -> f64 {
     crate::numerics::symmetric::invert(&gram).2
 }
 
-/// An estimated parameter.
+/// What an earlier result says of a parameter: the value that it left behind, slips included.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Before {
+    /// The earlier estimate.
+    pub value: f64,
+    /// Standard deviation of the difference, by both uncertainties.
+    pub sd: f64,
+}
+
+/// An estimate: `value` ± 1.96 `sd` covers the truth 95 times in 100.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Parameter")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct ParameterReport {
-    /// Id of the parameter's term.
+    /// Id of the term.
     pub term: String,
-    /// Target of the term.
+    /// What the term belongs to.
     pub target: String,
-    /// Place of a searched term.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub place: Option<String>,
     /// Name of the parameter.
     pub name: String,
-    /// Estimate, in `unit`.
+    /// The estimate.
+    #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
+    #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub value: f64,
-    /// Standard deviation, in `unit`; `None` for a parameter that the poses cannot determine.
+    /// Standard deviation; null where these poses cannot determine the parameter.
     pub sd: Option<f64>,
-    /// Standard deviation between groups, as that of the mean over them; none without groups.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub sd_between: Option<f64>,
-    /// Unit of the estimate.
+    /// Unit of both.
     pub unit: String,
-    /// What keeps it from being what its term is called.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub note: Option<Note>,
+    /// Standard deviation of the mean over groups, as of `between.covariance`; null where there are
+    /// none.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub sd_between: Option<f64>,
+    /// Where a searched term acts: a pose, or another channel.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub place: Option<String>,
+    /// What keeps the parameter from being what its term is called.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub note: Option<String>,
+    /// What an earlier result says of it, where one was given and knows it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub earlier: Option<Before>,
 }
 
 impl ParameterReport {
@@ -303,15 +327,21 @@ impl ParameterReport {
     /// The same parameter with what must be noted of it.
     #[must_use]
     pub fn noted(mut self) -> Self {
-        self.note = Note::of(&self.term, self.value, self.sd);
+        self.note = self.noting().map(|note| note.to_string());
         self
+    }
+
+    /// What must be noted of it.
+    #[must_use]
+    pub fn noting(&self) -> Option<Note> {
+        Note::of(&self.term, self.value, self.sd)
     }
 
     /// The note as a sentence about this parameter, for a list of warnings.
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let name = format!("{} {}", self.term, self.target);
-        Some(self.note?.sentence(&name, self.value, self.sd?, &self.unit))
+        Some(self.noting()?.sentence(&name, self.value, self.sd?, &self.unit))
     }
 }
 
@@ -379,6 +409,7 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
                 sd_between: None,
                 unit: unit(observations, instance, parameter.unit),
                 note: None,
+                earlier: None,
             });
         }
     }
@@ -394,6 +425,7 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
                 sd_between: None,
                 unit: if length { mechanism.length_unit.clone() } else { "rad".into() },
                 note: None,
+                earlier: None,
             });
         }
     }

@@ -26,13 +26,6 @@ impl fmt::Display for Note {
     }
 }
 
-#[cfg(feature = "serde")]
-impl serde::Serialize for Note {
-    fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_str(self)
-    }
-}
-
 impl Note {
     /// What must be noted of an estimate of a term.
     #[must_use]

@@ -13,6 +13,8 @@ pub mod linearization;
 pub mod lm;
 pub(crate) mod normal_equations;
 pub(crate) mod normals;
+#[cfg(feature = "serde")]
+pub(crate) mod nullable;
 pub mod random;
 pub mod rank;
 pub(crate) mod schur;

@@ -1,7 +1,6 @@
 //! What is known beside the readings that are fitted, and what it says of a calibration.
 
 use crate::Error;
-use crate::apply::check::Check;
 use crate::apply::earlier::{self, Applied, Reference, Reported};
 use crate::apply::groups::spread;
 use crate::diagnosis::verdict::Compared;
@@ -9,7 +8,8 @@ use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
 use crate::readings::Table;
-use crate::report::result::{FitReport, Known, Named, parameters};
+use crate::report::named::Named;
+use crate::report::result::{FitReport, Known, parameters};
 
 /// What is known beside the readings that are fitted, to judge a calibration by.
 #[derive(Debug, Clone)]
@@ -40,59 +40,39 @@ pub struct Touched {
 }
 
 /// Mean distance of carried points from their own mean at what they touch, by placement.
+///
+/// `docs/measured.md` says how the measure is formed. Null where there are no such groups.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Groups")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct GroupsReport {
-    /// Mean over the groups that were fitted.
+    /// Mean over the groups that were fitted [unit].
     pub fitted: Option<f64>,
-    /// Mean over the groups that the fit has not seen.
+    /// Mean over the groups that the fit has not seen [unit].
     pub others: Option<f64>,
-    /// Group by group.
+    /// Group by group [unit].
     pub by_group: Named,
     /// Unit of all of them.
     pub unit: String,
     /// `fitted` with the mechanism as it is declared.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub nominal_fitted: Option<f64>,
     /// `others` with the mechanism as it is declared.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub nominal_others: Option<f64>,
     /// `fitted` before effects were traced.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub before_fitted: Option<f64>,
     /// `others` before effects were traced.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub before_others: Option<f64>,
     /// Coordinates that the groups that were not fitted have.
     #[cfg_attr(feature = "serde", serde(skip))]
     coordinates: f64,
-}
-
-/// Error of known poses of which nothing else is known.
-#[derive(Debug, Clone, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct NominalReport {
-    chi2: Option<f64>,
-    dof: Option<f64>,
-    p_value: Option<f64>,
-    rms_misclosure: Option<f64>,
-    /// Error on known poses.
-    pub check: Option<Check>,
-    /// The same after a rigid motion of the instrument.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub aligned: Option<Check>,
-}
-
-impl NominalReport {
-    /// The error, after the best rigid motion of the instrument where that was asked for.
-    #[must_use]
-    pub fn checked(&self) -> Option<Check> {
-        self.aligned.or(self.check)
-    }
-
-    /// How a fit compares with the mechanism as it is declared.
-    #[must_use]
-    pub fn beside(&self, fit: &FitReport) -> Option<Compared> {
-        Some(Compared::of(&fit.checked()?, &self.checked()?))
-    }
 }
 
 impl Beside {
@@ -101,11 +81,11 @@ impl Beside {
     /// # Errors
     ///
     /// As [`earlier::check`].
-    pub fn nominal(&self) -> Result<Option<NominalReport>, Error> {
+    pub fn nominal(&self) -> Result<Option<FitReport>, Error> {
         let Some(Known { table, poses, align }) = &self.known else { return Ok(None) };
         let of = |align| earlier::check(&self.mechanism, &self.declared, table, poses, align);
         let aligned = align.then(|| of(true)).transpose()?;
-        Ok(Some(NominalReport { check: Some(of(false)?), aligned, ..NominalReport::default() }))
+        Ok(Some(FitReport { check: Some(of(false)?), aligned, ..FitReport::default() }))
     }
 
     /// How well groups are repeated under a fit, and under the one before effects were traced; none

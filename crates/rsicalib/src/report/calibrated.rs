@@ -8,7 +8,7 @@ use crate::diagnosis::verdict::{self, Determined, Evidence, Judgement, Reason, V
 use crate::estimate::Observations;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::{Job, Stage};
-use crate::report::beside::{Beside, GroupsReport, NominalReport};
+use crate::report::beside::{Beside, GroupsReport};
 use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
@@ -39,7 +39,7 @@ pub struct CalibrationReport {
     pub fit: FitReport,
     /// The known poses with the mechanism as it is declared.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub nominal: Option<NominalReport>,
+    pub nominal: Option<FitReport>,
     /// How well points that are touched are repeated.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub groups: Option<GroupsReport>,
@@ -122,7 +122,7 @@ pub fn of(
         chi2_per_dof: quality.chi2_per_dof(),
         held_out,
         check: quality.checked(),
-        check_declared: nominal.as_ref().and_then(|nominal| nominal.beside(&quality)),
+        check_declared: nominal.as_ref().and_then(|nominal| quality.beside(nominal)),
         groups_declared: groups.as_ref().and_then(|groups| groups.compared()[0]),
         ..Evidence::default()
     });

@@ -86,10 +86,10 @@ fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceR
         &reasons(&found.excluded),
     ]);
     let of_step = |p: &ParameterReport| {
-        found.steps.iter().any(|step| {
-            let effect = &step.effect;
-            (&effect.term, &effect.target, &effect.place) == (&p.term, &p.target, &p.place)
-        })
+        found
+            .steps
+            .iter()
+            .any(|step| (&step.term, &step.target, &step.place) == (&p.term, &p.target, &p.place))
     };
     let parameters = found.estimates.parameters.iter().filter(|p| !of_step(p)).cloned().collect();
     let (verdict, fit, steps) = (found.verdict, found.after, found.steps);

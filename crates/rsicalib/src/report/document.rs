@@ -11,17 +11,20 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::accuracy::Predicted;
-use crate::apply::check::Check;
+use crate::apply::change::PlatformRms;
 use crate::apply::earlier::Reference;
-use crate::apply::unseen::Unseen;
-use crate::diagnosis::held_out::HeldOut;
+use crate::diagnosis::detectability::Detectability;
 use crate::diagnosis::verdict::{Reason, Verdict};
 use crate::estimate::between::Grouping;
+use crate::estimate::directions::ParameterReport;
 use crate::estimate::noise::source::Source;
 use crate::mechanism::Law;
-use crate::report::traced::Left;
+use crate::report::beside::GroupsReport;
+use crate::report::result::{
+    ExcludedReport, FitReport, MisclosureReport, StartReport, WithExcluded,
+};
+use crate::report::traced::{RivalReport, StepReport, Unexplained};
 use crate::report::warned::Warned;
-use crate::terms::term::{Class, Over};
 
 /// Formats of results, with the version that this program writes.
 pub const FORMATS: [&str; 2] = ["rsicalib.calibration/1", "rsicalib.trace/1"];
@@ -62,7 +65,7 @@ macro_rules! result {
             pub warnings: Vec<Warned>,
             /// Readings that were left out.
             #[serde(default)]
-            pub excluded: Vec<Excluded>,
+            pub excluded: Vec<ExcludedReport>,
             /// The calibration with the readings in `excluded`.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub with_excluded: Option<WithExcluded>,
@@ -75,7 +78,7 @@ macro_rules! result {
             #[serde(default, skip_serializing_if = "Vec::is_empty")]
             pub implausible: Vec<String>,
             /// Estimates.
-            pub parameters: Vec<Parameter>,
+            pub parameters: Vec<ParameterReport>,
             /// Covariance of the parameters, in their order and units; null where unknown.
             pub covariance: Vec<Vec<Option<f64>>>,
             /// What changes from group to group, placements or sessions; null where the session has
@@ -101,7 +104,7 @@ macro_rules! result {
             pub condition: Option<f64>,
             /// Starts that were tried.
             #[serde(default)]
-            pub starts: Vec<Start>,
+            pub starts: Vec<StartReport>,
             /// Why the solver stopped.
             #[serde(default)]
             pub termination: String,
@@ -110,7 +113,7 @@ macro_rules! result {
             pub reference: Option<Reference>,
             /// The check poses with the mechanism as it is declared.
             #[serde(default, skip_serializing_if = "Option::is_none")]
-            pub nominal: Option<FitQuality>,
+            pub nominal: Option<FitReport>,
             /// Parameters that differ from an earlier result, where one was given.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub moved: Option<Vec<Moved>>,
@@ -122,13 +125,13 @@ macro_rules! result {
             pub digest: Option<String>,
             /// How the loops close under this result: what a watch compares with.
             #[serde(default, skip_serializing_if = "Option::is_none")]
-            pub misclosure: Option<Misclosure>,
+            pub misclosure: Option<MisclosureReport>,
             /// What has changed since an earlier result, and whether it is worth an update.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub update: Option<Update>,
             /// How well points that are touched are repeated, where the mechanism has such.
             #[serde(default, skip_serializing_if = "Option::is_none")]
-            pub groups: Option<Groups>,
+            pub groups: Option<GroupsReport>,
             /// What people call channels and links, by target.
             #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
             pub labels: IndexMap<String, String>,
@@ -139,7 +142,7 @@ macro_rules! result {
         }
 
         impl Parts for $name {
-            fn parameters(&self) -> &[Parameter] {
+            fn parameters(&self) -> &[ParameterReport] {
                 &self.parameters
             }
             fn covariance(&self) -> &[Vec<Option<f64>>] {
@@ -157,10 +160,10 @@ macro_rules! result {
             fn reference(&self) -> Option<&Reference> {
                 self.reference.as_ref()
             }
-            fn fits(&self) -> Vec<(&'static str, &FitQuality)> {
+            fn fits(&self) -> Vec<(&'static str, &FitReport)> {
                 Self::own_fits(self)
             }
-            fn steps(&self) -> &[Step] {
+            fn steps(&self) -> &[StepReport] {
                 Self::own_steps(self)
             }
         }
@@ -170,7 +173,7 @@ macro_rules! result {
 /// The parts of a result that must agree with each other.
 pub(crate) trait Parts {
     /// Estimates.
-    fn parameters(&self) -> &[Parameter];
+    fn parameters(&self) -> &[ParameterReport];
     /// Their covariance, row by row.
     fn covariance(&self) -> &[Vec<Option<f64>>];
     /// What changes from group to group.
@@ -182,16 +185,16 @@ pub(crate) trait Parts {
     /// The readings that the parameters refer to.
     fn reference(&self) -> Option<&Reference>;
     /// How well the models fit, by their keys.
-    fn fits(&self) -> Vec<(&'static str, &FitQuality)>;
+    fn fits(&self) -> Vec<(&'static str, &FitReport)>;
     /// Effects that were found.
-    fn steps(&self) -> &[Step];
+    fn steps(&self) -> &[StepReport];
 }
 
 result! {
     /// A calibration: parameters from joint readings alone.
     Calibration {
         /// How well the model fits.
-        fit: FitQuality,
+        fit: FitReport,
     }
 }
 
@@ -199,22 +202,22 @@ result! {
     /// A calibration whose residual was traced.
     Trace {
         /// How well the model fits that the search began with.
-        before: FitQuality,
+        before: FitReport,
         /// Effects that were found, in their order.
         #[serde(default)]
-        steps: Vec<Step>,
+        steps: Vec<StepReport>,
         /// Explanations within 12 of the best in penalised χ², itself included; the best first, 8
         /// at most.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        rivals: Vec<Rival>,
+        rivals: Vec<RivalReport>,
         /// How well the model fits with the terms of `steps`.
-        after: FitQuality,
+        after: FitReport,
         /// What is left.
         #[serde(default)]
         unexplained: Option<Unexplained>,
         /// Absent effects that would not have been seen.
         #[serde(default)]
-        could_hide: Vec<Hidden>,
+        could_hide: Vec<Detectability>,
         /// Terms that could not be tried, and what the readings or the mechanism lack for them.
         #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
         not_candidates: BTreeMap<String, String>,
@@ -222,21 +225,21 @@ result! {
 }
 
 impl Calibration {
-    fn own_fits(&self) -> Vec<(&'static str, &FitQuality)> {
+    fn own_fits(&self) -> Vec<(&'static str, &FitReport)> {
         vec![("fit", &self.fit)]
     }
 
-    fn own_steps(&self) -> &[Step] {
+    fn own_steps(&self) -> &[StepReport] {
         &[]
     }
 }
 
 impl Trace {
-    fn own_fits(&self) -> Vec<(&'static str, &FitQuality)> {
+    fn own_fits(&self) -> Vec<(&'static str, &FitReport)> {
         vec![("before", &self.before), ("after", &self.after)]
     }
 
-    fn own_steps(&self) -> &[Step] {
+    fn own_steps(&self) -> &[StepReport] {
         &self.steps
     }
 }
@@ -364,111 +367,6 @@ pub struct Halves {
     pub own: bool,
 }
 
-/// How well a model fits.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct FitQuality {
-    /// χ² between poses.
-    pub chi2: Option<f64>,
-    /// Its degrees of freedom.
-    pub dof: Option<f64>,
-    /// Probability of a larger χ² by chance; null where lack of fit cannot be judged.
-    pub p_value: Option<f64>,
-    /// Error of the closures, in `misclosure_unit`.
-    pub rms_misclosure: Option<f64>,
-    /// Unit of `rms_misclosure`: of length, or of the coordinates that closures make equal.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub misclosure_unit: Option<String>,
-    /// Error on poses left out.
-    #[serde(default)]
-    pub held_out: Option<HeldOut>,
-    /// Error on known poses.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub check: Option<Check>,
-    /// As `check`, after the best rigid motion of the instrument.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub aligned: Option<Check>,
-}
-
-/// An estimate: `value` ± 1.96 `sd` covers the truth 95 times in 100.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Parameter {
-    /// Id of the term.
-    pub term: String,
-    /// What the term belongs to.
-    pub target: String,
-    /// Name of the parameter.
-    pub name: String,
-    /// The estimate.
-    pub value: Option<f64>,
-    /// Standard deviation; null where these poses cannot determine the parameter.
-    pub sd: Option<f64>,
-    /// Unit of both.
-    pub unit: String,
-    /// Standard deviation of the mean over groups, as of `between.covariance`; null where there are
-    /// none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sd_between: Option<f64>,
-    /// Where a searched term acts: a pose, or another channel.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<String>,
-    /// What keeps the parameter from being what its term is called.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub note: Option<String>,
-    /// What an earlier result says of it, where one was given and knows it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub earlier: Option<Before>,
-}
-
-/// What an earlier result says of a parameter: the value that it left behind, slips included.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Before {
-    /// The earlier estimate.
-    pub value: f64,
-    /// Standard deviation of the difference, by both uncertainties.
-    pub sd: f64,
-}
-
-/// A start that was tried.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Start {
-    /// Where the start began.
-    pub from: String,
-    /// `fᵀf` where the start ended.
-    pub cost: Option<f64>,
-    /// True where a gain went to zero: the trivial solution.
-    #[serde(default)]
-    pub collapsed: Option<bool>,
-}
-
-/// A reading that was found to be bad; null: all of them.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Excluded {
-    /// Label of the pose.
-    pub pose: Option<i64>,
-    /// Sample of the pose, counted from 1.
-    pub sample: Option<i64>,
-    /// Values of the columns that tell its unknown points apart.
-    pub group: Option<String>,
-    /// The chain at fault.
-    pub chain: Option<String>,
-    /// The channel at fault.
-    pub channel: Option<String>,
-    /// Why.
-    pub reason: String,
-    /// How many samples that are.
-    #[serde(default)]
-    pub samples: Option<u64>,
-}
-
-/// The calibration of all readings, where some were left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct WithExcluded {
-    /// How well the model fits.
-    pub fit: FitQuality,
-    /// Estimates.
-    pub parameters: Vec<Parameter>,
-}
-
 /// A parameter that is not what an earlier result says, beyond both uncertainties.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Moved {
@@ -486,19 +384,6 @@ pub struct Moved {
     pub sd: f64,
     /// Unit of all three.
     pub unit: String,
-}
-
-/// Reference statistics of the misclosure: how the loops close under a result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Misclosure {
-    /// Root mean square by closure, in units of length.
-    pub rms: IndexMap<String, f64>,
-    /// Degrees of freedom of the noise; null where it was declared.
-    pub dof: Option<f64>,
-    /// Correlation of neighbouring samples.
-    pub correlation: f64,
-    /// Usual time between neighbouring samples, in seconds; null without times.
-    pub interval_s: Option<f64>,
 }
 
 /// A later session against an earlier result.
@@ -539,205 +424,8 @@ pub struct Changed {
     /// Probability of such a change by chance, for any of the candidates.
     pub p_value: f64,
     /// What it does to the platform.
-    pub platform_rms: Option<Rms>,
+    pub platform_rms: Option<PlatformRms>,
     /// Changes that these readings cannot tell from it, as `offset@a22`.
     #[serde(default)]
     pub also_fits: Vec<String>,
-}
-
-/// Mean distance of carried points from their own mean at what they touch, by placement.
-///
-/// `docs/measured.md` says how the measure is formed. Null where there are no such groups.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Groups {
-    /// Mean over the groups that were fitted [unit].
-    pub fitted: Option<f64>,
-    /// Mean over the groups that the fit has not seen [unit].
-    pub others: Option<f64>,
-    /// Group by group [unit].
-    pub by_group: IndexMap<String, f64>,
-    /// Unit of all of them.
-    pub unit: String,
-    /// `fitted` with the mechanism as it is declared.
-    #[serde(default)]
-    pub nominal_fitted: Option<f64>,
-    /// `others` with the mechanism as it is declared.
-    #[serde(default)]
-    pub nominal_others: Option<f64>,
-    /// `fitted` before effects were traced.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub before_fitted: Option<f64>,
-    /// `others` before effects were traced.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub before_others: Option<f64>,
-}
-
-/// A term at its target.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Name {
-    /// Id of the term.
-    pub term: String,
-    /// Where the fault lies.
-    pub class: Class,
-    /// What the term belongs to.
-    pub target: String,
-    /// Where a searched term acts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<String>,
-    /// What people call the target.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub label: Option<String>,
-}
-
-/// What an effect does to the platform pose: root mean square over components.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Rms {
-    /// Position, in units of length.
-    pub position: Option<f64>,
-    /// Orientation, in radians.
-    pub orientation: Option<f64>,
-}
-
-/// A parameter of a term that was found missing.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct StepParameter {
-    /// Name of the parameter.
-    pub name: String,
-    /// The estimate.
-    pub value: Option<f64>,
-    /// Standard deviation.
-    pub sd: Option<f64>,
-    /// Unit of both.
-    pub unit: String,
-    /// As in `Parameter`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub note: Option<String>,
-}
-
-/// A missing term that was found.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Step {
-    /// Id of the term.
-    pub term: String,
-    /// Where the fault lies.
-    pub class: Class,
-    /// What the term belongs to.
-    pub target: String,
-    /// Probability by chance, corrected for the places looked at.
-    pub p_value: Option<f64>,
-    /// By how much χ² would rise without the term.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub chi2_rise: Option<f64>,
-    /// Estimates.
-    #[serde(default)]
-    pub parameters: Vec<StepParameter>,
-    /// Where a searched term acts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<String>,
-    /// What people call the target.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub label: Option<String>,
-    /// Terms that these poses cannot tell from this one.
-    #[serde(default)]
-    pub also_fits: Vec<Name>,
-    /// What the term did to the platform pose, the other parameters having absorbed what they can.
-    #[serde(default)]
-    pub platform_rms: Option<Rms>,
-    /// Rows of reading and correction, in `curve_unit`; see `curve_over`.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub curve: Vec<[f64; 2]>,
-    /// Standard deviation of each correction.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub curve_sd: Vec<f64>,
-    /// `reading`, or `time`: rows are then time, 0 to 1 over the session, and correction.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub curve_over: Option<Over>,
-    /// Unit of the corrections: `rad`, the unit of length for a joint that slides, or `1` for a
-    /// fraction of all readings.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub curve_unit: Option<String>,
-    /// The closed form behind a free curve, for the readings or times that occur.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub curve_law: Option<CurveLaw>,
-    /// Error on poses left out, with this effect and those before.
-    #[serde(default)]
-    pub held_out: Option<HeldOut>,
-}
-
-/// The closed form behind a free curve.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct CurveLaw {
-    /// Name of the form; null where no form that is known is the law.
-    pub form: Option<String>,
-    /// What the curve does, in words.
-    pub text: String,
-    /// What was searched for, then the amplitudes.
-    #[serde(default)]
-    pub parameters: Vec<LawParameter>,
-    /// Other forms that fit as well.
-    #[serde(default)]
-    pub also_fits: Vec<String>,
-}
-
-/// A number of a closed form.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct LawParameter {
-    /// Its name.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-    /// Values between which it lies with 95 % probability.
-    pub interval: [f64; 2],
-    /// Unit of all three.
-    pub unit: String,
-}
-
-/// Effects that explain a session together, nearly as well as the best do.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Rival {
-    /// The effects.
-    pub terms: Vec<Name>,
-    /// χ², with 4 for each parameter of the effects and 4 for a time that was searched.
-    pub chi2_penalised: f64,
-    /// Probability among the explanations that are listed, all as likely beforehand.
-    pub probability: f64,
-}
-
-/// What is left when nothing scores any more.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Unexplained {
-    /// Probability of the residual by chance.
-    pub p_value: Option<f64>,
-    /// Where the structure is.
-    pub target: Option<String>,
-    /// What is left, in words.
-    pub text: String,
-    /// What it is; null in results of earlier versions.
-    #[serde(default)]
-    pub kind: Option<Left>,
-}
-
-/// How large an absent effect would have to be to be seen, and what it would do meanwhile.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Hidden {
-    /// Id of the term.
-    pub term: String,
-    /// What the term belongs to.
-    pub target: String,
-    /// Size that would have been seen in four sessions of five.
-    pub detectable: Option<f64>,
-    /// Unit of the size.
-    pub unit: String,
-    /// What an effect of that size does to the platform.
-    #[serde(default)]
-    pub platform_rms: Option<Rms>,
-    /// Where a searched term would act: another channel.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<String>,
-    /// What people call the target.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub label: Option<String>,
-    /// What the session leaves open of it, for a budget of uncertainty.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unseen: Option<Unseen>,
 }

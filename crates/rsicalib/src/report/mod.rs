@@ -15,6 +15,8 @@ pub mod document;
 #[doc(hidden)]
 pub mod evidence;
 pub(crate) mod front;
+#[doc(hidden)]
+pub mod named;
 #[cfg(feature = "document")]
 #[doc(hidden)]
 pub mod read;
@@ -34,6 +36,7 @@ pub use crate::apply::check::Check;
 pub use crate::diagnosis::held_out::HeldOut;
 pub use crate::diagnosis::verdict::Reason;
 pub use crate::estimate::directions::ParameterReport;
-pub use result::{Estimates, ExcludedReport, FitReport, Named, NoiseReport};
+pub use named::Named;
+pub use result::{Estimates, ExcludedReport, FitReport, NoiseReport};
 pub use traced::{Left, Place, RivalReport, StepReport, Unexplained};
 pub use warned::{Kind, Warned};

@@ -3,8 +3,9 @@
 use faer::{Mat, Side};
 use serde::Deserialize;
 
+use crate::estimate::directions::ParameterReport;
 use crate::numerics::bounds;
-use crate::report::document::{Calibration, FORMATS, Parameter, Parts, Trace};
+use crate::report::document::{Calibration, FORMATS, Parts, Trace};
 use crate::report::words;
 use crate::text::quoted;
 
@@ -111,7 +112,7 @@ fn checked<'de, T: Deserialize<'de> + Parts>(text: &'de str) -> Result<T, Refuse
 /// Checks that the parts of a result agree, and that each is what it can be.
 fn check(result: &impl Parts) -> Result<(), Refused> {
     check_parameters(result)?;
-    let sd = |p: &Parameter| p.sd;
+    let sd = |p: &ParameterReport| p.sd;
     check_covariance("covariance", result.parameters(), result.covariance(), sd)?;
     check_between(result)?;
     check_fit(result)?;
@@ -152,16 +153,17 @@ fn refuse<T>(
 
 /// Refuses a parameter that stands twice, and numbers that none can have.
 fn check_parameters(result: &impl Parts) -> Result<(), Refused> {
-    let key = |p: &Parameter| (p.term.clone(), p.target.clone(), p.place.clone(), p.name.clone());
+    let key =
+        |p: &ParameterReport| (p.term.clone(), p.target.clone(), p.place.clone(), p.name.clone());
     let mut seen = std::collections::HashSet::new();
     for (k, p) in result.parameters().iter().enumerate() {
         if !seen.insert(key(p)) {
             let found = format!("{} {} {} again", p.term, p.target, p.name);
             return refuse(&format!("parameters[{k}]"), found, "each parameter once");
         }
-        if let Some(value) = p.value.filter(|value| !bounds::usable(*value)) {
+        if !(p.value.is_nan() || bounds::usable(p.value)) {
             let place = format!("parameters[{k}].value");
-            return refuse(&place, value.to_string(), bounds::expected(value));
+            return refuse(&place, p.value.to_string(), bounds::expected(p.value));
         }
         if let Some(sd) = p.sd.filter(|sd| !(*sd >= 0.0 && bounds::usable(*sd))) {
             return refuse(&format!("parameters[{k}].sd"), sd.to_string(), "0 or more, or null");
@@ -173,7 +175,7 @@ fn check_parameters(result: &impl Parts) -> Result<(), Refused> {
 /// Refuses changes from group to group that nothing has.
 fn check_between(result: &impl Parts) -> Result<(), Refused> {
     let Some(between) = result.between() else { return Ok(()) };
-    let sd = |p: &Parameter| p.sd_between;
+    let sd = |p: &ParameterReport| p.sd_between;
     check_covariance("between.covariance", result.parameters(), &between.covariance, sd)?;
     if !(0.0..=1.0).contains(&between.p_value) {
         return refuse("between.p_value", between.p_value.to_string(), "0 to 1");
@@ -193,9 +195,9 @@ fn check_between(result: &impl Parts) -> Result<(), Refused> {
 /// of these standard deviations.
 fn check_covariance(
     name: &str,
-    parameters: &[Parameter],
+    parameters: &[ParameterReport],
     covariance: &[Vec<Option<f64>>],
-    sd: impl Fn(&Parameter) -> Option<f64>,
+    sd: impl Fn(&ParameterReport) -> Option<f64>,
 ) -> Result<(), Refused> {
     let n = parameters.len();
     if covariance.len() != n || covariance.iter().any(|row| row.len() != n) {

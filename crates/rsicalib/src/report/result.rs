@@ -6,6 +6,7 @@ use crate::apply::check::{Check, check};
 use crate::apply::earlier::{Applied, Reference, Reported};
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
+use crate::diagnosis::verdict::Compared;
 use crate::estimate::directions::{
     Directions, ParameterReport, covariance_as_reported, parameter_names, reported,
 };
@@ -13,20 +14,10 @@ use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations, Part};
 use crate::readings::{Readings, Table};
 use crate::report::between::{self, BetweenReport};
+use crate::report::named::Named;
 use crate::report::warned::{self, Warned};
 use crate::report::words;
 use crate::screening::excluded::Excluded;
-
-/// Names and what each has, in the order of the mechanism.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Named<T = f64>(pub Vec<(String, T)>);
-
-#[cfg(feature = "serde")]
-impl<T: serde::Serialize> serde::Serialize for Named<T> {
-    fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_map(self.0.iter().map(|(k, v)| (k, v)))
-    }
-}
 
 /// Noise of one reading.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,25 +44,33 @@ pub struct NoiseReport {
 }
 
 /// How well a model fits.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "FitQuality")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct FitReport {
     /// χ² between poses.
-    pub chi2: f64,
+    pub chi2: Option<f64>,
     /// Its degrees of freedom.
-    pub dof: f64,
-    /// Probability of a larger one by chance.
+    pub dof: Option<f64>,
+    /// Probability of a larger χ² by chance; null where lack of fit cannot be judged.
     pub p_value: Option<f64>,
     /// Error of the closures, in `misclosure_unit`.
-    pub rms_misclosure: f64,
-    /// The unit of length; of equal coordinates theirs, where nothing else closes.
-    pub misclosure_unit: String,
+    pub rms_misclosure: Option<f64>,
+    /// Unit of `rms_misclosure`: of length, or of the coordinates that closures make equal.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub misclosure_unit: Option<String>,
     /// Error on poses left out.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub held_out: Option<HeldOut>,
     /// Error on known poses.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub check: Option<Check>,
-    /// The same after a rigid motion of the instrument.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    /// As `check`, after the best rigid motion of the instrument.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub aligned: Option<Check>,
 }
 
@@ -80,21 +79,19 @@ impl FitReport {
     #[must_use]
     pub fn of(fit: &Fit) -> Self {
         Self {
-            chi2: fit.chi2,
-            dof: fit.dof,
+            chi2: Some(fit.chi2),
+            dof: Some(fit.dof),
             p_value: fit.p_value,
-            rms_misclosure: fit.rms_misclosure,
-            misclosure_unit: fit.model.misclosure_unit().into(),
-            held_out: None,
-            check: None,
-            aligned: None,
+            rms_misclosure: Some(fit.rms_misclosure),
+            misclosure_unit: Some(fit.model.misclosure_unit().into()),
+            ..Self::default()
         }
     }
 
     /// χ² per degree of freedom, where there are any.
     #[must_use]
     pub fn chi2_per_dof(&self) -> Option<f64> {
-        (self.dof >= 1.0).then(|| self.chi2 / self.dof)
+        self.dof.filter(|dof| *dof >= 1.0).and_then(|dof| Some(self.chi2? / dof))
     }
 
     /// Error on known poses, after the best rigid motion of the instrument where that was asked for.
@@ -102,31 +99,48 @@ impl FitReport {
     pub fn checked(&self) -> Option<Check> {
         self.aligned.or(self.check)
     }
+
+    /// How this fit compares with another, the mechanism as it is declared for one.
+    #[must_use]
+    pub fn beside(&self, other: &Self) -> Option<Compared> {
+        Some(Compared::of(&self.checked()?, &other.checked()?))
+    }
 }
 
 /// A start that was tried.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Start")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct StartReport {
-    /// Where it began.
+    /// Where the start began.
     pub from: String,
-    /// `fᵀf` where it ended.
-    pub cost: f64,
-    /// True where a gain went to zero.
-    pub collapsed: bool,
+    /// `fᵀf` where the start ended.
+    pub cost: Option<f64>,
+    /// True where a gain went to zero: the trivial solution.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub collapsed: Option<bool>,
 }
 
-/// How the loops close under a fit: what a watch compares with.
+/// Reference statistics of the misclosure: how the loops close under a result.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Misclosure")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct MisclosureReport {
-    /// Root mean square by closure, length units.
+    /// Root mean square by closure, in units of length.
     pub rms: Named,
-    /// Degrees of freedom of the noise; none where it was declared.
+    /// Degrees of freedom of the noise; null where it was declared.
     pub dof: Option<f64>,
-    /// Of neighbouring samples.
+    /// Correlation of neighbouring samples.
     pub correlation: f64,
-    /// Usual time between neighbouring samples (s), where rows have a time.
+    /// Usual time between neighbouring samples, in seconds; null without times.
     pub interval_s: Option<f64>,
 }
 
@@ -280,8 +294,8 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             .iter()
             .map(|t| StartReport {
                 from: words::origin(t.from),
-                cost: t.cost,
-                collapsed: t.collapsed,
+                cost: Some(t.cost),
+                collapsed: Some(t.collapsed),
             })
             .collect(),
         termination: words::termination(fit.termination).into(),
@@ -301,33 +315,40 @@ pub struct Known {
     pub align: bool,
 }
 
-/// A reading that was left out.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+/// A reading that was found to be bad; null: all of them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Excluded")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct ExcludedReport {
-    /// Label of the pose; none for a whole placement.
+    /// Label of the pose.
     pub pose: Option<i64>,
-    /// Sample of the pose, counted from 1; none: all of them.
+    /// Sample of the pose, counted from 1.
     pub sample: Option<i64>,
-    /// Keys of its unknown points.
+    /// Values of the columns that tell its unknown points apart.
     pub group: Option<String>,
     /// The chain at fault.
     pub chain: Option<String>,
     /// The channel at fault.
     pub channel: Option<String>,
-    /// How many samples that are.
-    pub samples: usize,
     /// Why.
     pub reason: String,
+    /// How many samples that are.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub samples: Option<u64>,
 }
 
-/// The calibration with the readings that were left out.
+/// The calibration of all readings, where some were left out.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct WithExcluded {
-    /// How well it fits.
+    /// How well the model fits.
     pub fit: FitReport,
-    /// Its parameters.
+    /// Estimates.
     pub parameters: Vec<ParameterReport>,
 }
 
@@ -351,7 +372,7 @@ pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedRep
             .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
         chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
-        samples: excluded.samples,
+        samples: Some(excluded.samples as u64),
         reason: words::cause(mechanism, &excluded.cause, excluded.samples),
     }
 }

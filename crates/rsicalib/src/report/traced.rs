@@ -13,11 +13,13 @@ use crate::diagnosis::score::scored;
 use crate::diagnosis::stepwise::rivals;
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
 use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Reason, Verdict};
-use crate::estimate::directions::{ParameterReport, directions, place, reported, unit};
+use crate::estimate::directions::{directions, place, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
-use crate::estimate::{Fit, Implicit, Observations, Part, fit};
+use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit};
 use crate::model::Instance;
-use crate::report::beside::{Beside, GroupsReport, NominalReport};
+#[cfg(feature = "serde")]
+use crate::numerics::nullable;
+use crate::report::beside::{Beside, GroupsReport};
 use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
@@ -25,84 +27,145 @@ use crate::report::warned::{self, Warned};
 use crate::report::words;
 use crate::terms::term::{Class, Over};
 
-/// A term at a target.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+/// A term at its target.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename = "Name"))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Place {
     /// Id of the term.
     pub term: String,
     /// Where the fault lies.
     pub class: Class,
-    /// What it belongs to.
+    /// What the term belongs to.
     pub target: String,
     /// Where a searched term acts.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
-    /// What people call it.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    /// What people call the target.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub label: Option<String>,
 }
 
-/// One effect that was found.
+impl Place {
+    /// Name of an instance, as results have it.
+    #[must_use]
+    pub fn of(observations: &Observations, instance: &Instance) -> Self {
+        let info = instance.term.info();
+        Self {
+            term: info.id.into(),
+            class: info.class,
+            target: instance.target.name(&observations.mechanism),
+            place: place(observations, instance),
+            label: instance.target.label(&observations.mechanism),
+        }
+    }
+}
+
+/// A parameter of a term that was found missing.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct StepParameter {
+    /// Name of the parameter.
+    pub name: String,
+    /// The estimate.
+    #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
+    #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: Option<f64>,
+    /// Unit of both.
+    pub unit: String,
+    /// As in `Parameter`.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub note: Option<String>,
+}
+
+/// A missing term that was found.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename = "Step"))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct StepReport {
-    /// The effect.
-    #[cfg_attr(feature = "serde", serde(flatten))]
-    pub effect: Place,
+    /// Id of the term.
+    pub term: String,
+    /// Where the fault lies.
+    pub class: Class,
+    /// What the term belongs to.
+    pub target: String,
     /// Probability by chance, corrected for the places looked at.
+    #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
+    #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub p_value: f64,
-    /// By how much χ² would rise without it.
-    pub chi2_rise: f64,
-    /// Its parameters.
-    pub parameters: Vec<ParameterReport>,
-    /// What these poses cannot tell from it.
+    /// By how much χ² would rise without the term.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub chi2_rise: Option<f64>,
+    /// Estimates.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub parameters: Vec<StepParameter>,
+    /// Where a searched term acts.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub place: Option<String>,
+    /// What people call the target.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub label: Option<String>,
+    /// Terms that these poses cannot tell from this one.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub also_fits: Vec<Place>,
-    /// What it does to the platform.
+    /// What the term did to the platform pose, the other parameters having absorbed what they can.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub platform_rms: Option<PlatformRms>,
-    /// Reading (or time) and correction, where it is a curve.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub curve: Option<Vec<[f64; 2]>>,
-    /// What the curve runs over.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    /// Rows of reading and correction, in `curve_unit`; see `curve_over`.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub curve: Vec<[f64; 2]>,
+    /// Standard deviation of each correction.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub curve_sd: Vec<f64>,
+    /// `reading`, or `time`: rows are then time, 0 to 1 over the session, and correction.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub curve_over: Option<Over>,
-    /// Unit of the corrections of the curve.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    /// Unit of the corrections: `rad`, the unit of length for a joint that slides, or `1` for a
+    /// fraction of all readings.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub curve_unit: Option<String>,
-    /// Standard deviation of each correction of the curve.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub curve_sd: Option<Vec<f64>>,
-    /// The closed form behind a free curve.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    /// The closed form behind a free curve, for the readings or times that occur.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub curve_law: Option<CurveLaw>,
-    /// Error on poses left out, with this effect and those before it.
+    /// Error on poses left out, with this effect and those before.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub held_out: Option<HeldOut>,
 }
 
 /// Effects that explain a session together, nearly as well as the best do.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Rival")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct RivalReport {
     /// The effects.
     pub terms: Vec<Place>,
-    /// χ² with what the effects are charged.
+    /// χ², with 4 for each parameter of the effects and 4 for a time that was searched.
     pub chi2_penalised: f64,
     /// Probability among the explanations that are listed, all as likely beforehand.
     pub probability: f64,
 }
 
-/// What is left.
+/// What is left when nothing scores any more.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Unexplained {
     /// Probability of the residual by chance.
     pub p_value: Option<f64>,
     /// Where the structure is.
     pub target: Option<String>,
-    /// In words.
+    /// What is left, in words.
     pub text: String,
-    /// What it is.
-    pub kind: Left,
+    /// What it is; null in results of earlier versions.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub kind: Option<Left>,
 }
 
 /// What is left after a trace.
@@ -171,7 +234,7 @@ pub struct TraceReport {
     pub after: FitReport,
     /// The known poses with the mechanism as it is declared.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub nominal: Option<NominalReport>,
+    pub nominal: Option<FitReport>,
     /// How well points that are touched are repeated.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub groups: Option<GroupsReport>,
@@ -267,11 +330,8 @@ pub fn traced(
         held_out: after.held_out,
         held_out_before: held_out_before(&traced, &before, &after),
         check: after.checked(),
-        check_declared: nominal.as_ref().and_then(|nominal| nominal.beside(&after)),
-        check_before: before
-            .checked()
-            .zip(after.checked())
-            .map(|(before, after)| Compared::of(&after, &before)),
+        check_declared: nominal.as_ref().and_then(|nominal| after.beside(nominal)),
+        check_before: after.beside(&before),
         groups_declared,
         groups_before,
     });
@@ -307,7 +367,7 @@ pub fn traced(
         after,
         nominal,
         groups,
-        unexplained: Unexplained { p_value, target, text, kind: Left::of(&residual) },
+        unexplained: Unexplained { p_value, target, text, kind: Some(Left::of(&residual)) },
         could_hide: hidden,
         estimates,
         before_residuals: match &traced.stretches {
@@ -348,20 +408,9 @@ fn held_out_before(traced: &Traced, before: &FitReport, after: &FitReport) -> Op
     Some(Compared { found: after.chi2_per_dof, other: before.chi2_per_dof, errors })
 }
 
-fn effect(observations: &Observations, instance: &Instance) -> Place {
-    let info = instance.term.info();
-    Place {
-        term: info.id.into(),
-        class: info.class,
-        target: instance.target.name(&observations.mechanism),
-        place: place(observations, instance),
-        label: instance.target.label(&observations.mechanism),
-    }
-}
-
 fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport {
     RivalReport {
-        terms: explanation.effects.iter().map(|i| effect(observations, i)).collect(),
+        terms: explanation.effects.iter().map(|i| Place::of(observations, i)).collect(),
         chi2_penalised: explanation.chi2,
         probability: explanation.probability,
     }
@@ -380,17 +429,12 @@ fn step(
     let own = traced.in_all(&found.instance);
     let first =
         after.model.instances.iter().position(|i| *i == own).map_or(0, |k| after.model.first[k]);
-    let parameters = info.parameters.iter().enumerate().map(|(k, p)| ParameterReport {
-        term: info.id.into(),
-        target: found.instance.target.name(&observations.mechanism),
-        place: place(observations, &own),
-        name: p.name.into(),
-        value: values[first + k],
-        sd: (!after.unknowable[first + k])
-            .then(|| covariance[(first + k, first + k)].max(0.0).sqrt()),
-        sd_between: None,
-        unit: unit(observations, &found.instance, p.unit),
-        note: None,
+    let parameters = info.parameters.iter().enumerate().map(|(k, p)| {
+        let (value, sd) = (values[first + k], covariance[(first + k, first + k)].max(0.0).sqrt());
+        let sd = (!after.unknowable[first + k]).then_some(sd);
+        let note = Note::of(info.id, value, sd).map(|note| note.to_string());
+        let unit = unit(observations, &found.instance, p.unit);
+        StepParameter { name: p.name.into(), value, sd, unit, note }
     });
     let curve = curve(after, &found.instance, first);
     // What it does to the platform: the search's fit with it against the one without.
@@ -401,19 +445,25 @@ fn step(
     let up_to = traced.found[..=index].iter().map(|f| f.instance);
     let instances: Vec<Instance> = base.chain(bad).chain(up_to).collect();
     let fitted = fit(&traced.small, instances, Some(&traced.last))?;
+    let Place { term, class, target, place, label } = Place::of(observations, &own);
+    let points = curve.as_ref().map_or(&[][..], |c| &c.points);
     Ok(StepReport {
-        effect: effect(observations, &own),
+        term,
+        class,
+        target,
+        place,
+        label,
         p_value: found.p_value.min(1.0),
-        chi2_rise: found.rise,
-        parameters: parameters.map(ParameterReport::noted).collect(),
-        also_fits: found.also.iter().map(|i| effect(&traced.small, i)).collect(),
+        chi2_rise: Some(found.rise),
+        parameters: parameters.collect(),
+        also_fits: found.also.iter().map(|i| Place::of(&traced.small, i)).collect(),
         platform_rms,
         held_out: left_out(traced, &fitted, after),
         curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),
         curve_over: curve.as_ref().map(|c| c.over),
         curve_unit: curve.as_ref().map(|c| c.unit.clone()),
-        curve_sd: curve.as_ref().map(|c| c.points.iter().map(|p| p[2]).collect()),
-        curve: curve.map(|c| c.points.into_iter().map(|p| [p[0], p[1]]).collect()),
+        curve_sd: points.iter().map(|p| p[2]).collect(),
+        curve: points.iter().map(|p| [p[0], p[1]]).collect(),
     })
 }
 

@@ -136,7 +136,7 @@ pub fn wires(observations: &Observations, fit: &Fit) -> Option<Warned> {
 /// What must be noted of an estimate.
 #[must_use]
 pub fn of_parameter(parameter: &ParameterReport) -> Option<Warned> {
-    let kind = match parameter.note? {
+    let kind = match parameter.noting()? {
         Note::UnphysicalSign => Kind::UnphysicalSign,
     };
     Some(Warned { kind, target: Some(parameter.target.clone()), text: parameter.remark()? })

@@ -24,21 +24,25 @@ use crate::terms::term::Over;
 
 /// The closed form behind a free curve.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct CurveLaw {
-    /// Its name; none where no form is the law.
+    /// Name of the form; null where no form that is known is the law.
     pub form: Option<String>,
     /// What the curve does, in words.
     pub text: String,
     /// What was searched for, then the amplitudes.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub parameters: Vec<LawParameter>,
     /// Other forms that fit as well.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub also_fits: Vec<String>,
 }
 
 /// A number of a closed form.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct LawParameter {
     /// Its name.
     pub name: String,

@@ -10,9 +10,9 @@ use crate::estimate::{Fit, fit};
 use crate::model::Instance;
 use crate::report::evidence::drawing::places;
 use crate::report::evidence::known::{place, positions};
-use crate::report::evidence::scores::name;
 use crate::report::evidence::shapes::{Hypothesis, HypothesisKind, ParameterName, SwitchFit};
 use crate::report::result::Known;
+use crate::report::traced::Place;
 use crate::report::traced::by_pose;
 use crate::terms::find;
 use crate::terms::term::Acts;
@@ -56,7 +56,7 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
         let instances = base.iter().chain(&effects).copied().collect();
         // What these readings cannot fit is no hypothesis of them.
         let Ok(one) = fit(small, instances, Some(last)) else { continue };
-        let effects = effects.iter().map(|i| name(small, i)).collect();
+        let effects = effects.iter().map(|i| Place::of(small, i)).collect();
         out.push(Hypothesis { kind, effects, probability, ..of_fit(traced, &one, known)? });
     }
     Ok(out)

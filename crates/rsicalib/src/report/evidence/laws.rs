@@ -10,9 +10,9 @@ use crate::estimate::angles::Angles;
 use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::Target;
 use crate::model::Instance;
-use crate::report::evidence::scores::name;
 use crate::report::evidence::shapes::{Alternative, Law};
 use crate::report::evidence::thinned::{grouped, some};
+use crate::report::traced::Place;
 use crate::terms::term::{Acts, Needs, Placed};
 
 /// Alternatives that are fitted again and drawn.
@@ -63,7 +63,7 @@ pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Opt
             Angles::of(observations, model, beta)
         };
         let value = |row: usize| acts.law[row] + acts.apart(row, &there);
-        let effect = name(observations, other);
+        let effect = Place::of(observations, other);
         alternatives.push(Alternative { effect, line: line(&value) });
     }
     let correction_unit = acts.unit(observations);

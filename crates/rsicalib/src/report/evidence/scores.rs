@@ -2,27 +2,14 @@
 
 use crate::diagnosis::score::scored::Scored;
 use crate::estimate::Observations;
-use crate::estimate::directions::place;
 use crate::model::Instance;
-use crate::report::document::Name;
 use crate::report::evidence::shapes::Score;
-
-/// Name of a term at its target, as results have it.
-pub fn name(observations: &Observations, instance: &Instance) -> Name {
-    let info = instance.term.info();
-    Name {
-        term: info.id.into(),
-        class: info.class,
-        target: instance.target.name(&observations.mechanism),
-        place: place(observations, instance),
-        label: instance.target.label(&observations.mechanism),
-    }
-}
+use crate::report::traced::Place;
 
 /// Scores of a search, as results have them.
 pub fn scores(small: &Observations, scored: &[Scored], chosen: &[Instance]) -> Vec<Score> {
     let score = |s: &Scored| Score {
-        effect: name(small, &s.instance),
+        effect: Place::of(small, &s.instance),
         score: s.score,
         charged: s.charged(),
         dof: s.width,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::apply::check::Check;
 use crate::estimate::directions::ParameterReport;
-use crate::report::document::Name;
+use crate::report::traced::Place;
 
 /// What the pictures of a report are drawn from, beyond the result itself.
 ///
@@ -79,7 +79,7 @@ pub struct Law {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Alternative {
     /// The effect.
-    pub effect: Name,
+    pub effect: Place,
     /// Variable and correction.
     pub line: Vec<[f64; 2]>,
 }
@@ -100,7 +100,7 @@ pub struct Against {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Score {
     /// The candidate.
-    pub effect: Name,
+    pub effect: Place,
     /// By how much χ² would fall with it, to first order, eq. (72).
     pub score: f64,
     /// The same less the charge for its parameters and for the places looked at.
@@ -163,7 +163,7 @@ pub struct KnownPlace {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Hypothesis {
     /// The effects, wrong readings left out; none: the model that the search began with.
-    pub effects: Vec<Name>,
+    pub effects: Vec<Place>,
     /// Probability among the explanations that were weighed; null for what was not among them.
     pub probability: Option<f64>,
     /// What this is.
@@ -257,7 +257,7 @@ pub struct Switchboard {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Switch {
     /// The effect; on: it is in the model. Null for readings.
-    pub effect: Option<Name>,
+    pub effect: Option<Place>,
     /// Label of the pose; on: its readings are left out. Null for an effect.
     pub pose: Option<i64>,
     /// The channel at fault, where it can be told.

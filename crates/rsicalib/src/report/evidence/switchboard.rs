@@ -6,8 +6,8 @@ use crate::diagnosis::score::scored::is_data;
 use crate::estimate::directions::{parameter_names, reported};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
-use crate::report::evidence::scores::name;
 use crate::report::evidence::shapes::{ParameterName, Switch, SwitchFit, Switchboard};
+use crate::report::traced::Place;
 use crate::report::traced::by_pose;
 use crate::screening::excluded::Excluded;
 
@@ -104,7 +104,7 @@ fn switch(small: &Observations, suspect: &Suspect) -> Switch {
             channel: Some(instance.target.name(&small.mechanism)),
         },
         Suspect::Instance(instance) => {
-            Switch { effect: Some(name(small, &instance)), pose: None, channel: None }
+            Switch { effect: Some(Place::of(small, &instance)), pose: None, channel: None }
         }
         Suspect::Pose(pose) => Switch { effect: None, pose: label(pose), channel: None },
     }
