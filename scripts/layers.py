@@ -44,7 +44,6 @@ PYTHON = (
     "digest",
     "results",
     "work",
-    "groups",
     "places",
     "calibration",
     "tracing",

@@ -22,24 +22,6 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "formats.md"
 SCHEMAS = ROOT / "python" / "rsicalib" / "schema"
 
-SECTIONS = {
-    "Mechanism": ("The whole file", ""),
-    "Channel": ("`[[channel]]`: a sensor", "channel"),
-    "Chain": ("`[[chain]]`: links and joints in a row", "chain"),
-    "Row": ("`dh = […]`: one row of a chain", "dh"),
-    "Point": ("`[[point]]`: a place", "point"),
-    "Plane": ("`[[plane]]`: a surface that a point is on", "plane"),
-    "Line": ("`[[line]]`: a line that a point is on", "line"),
-    "Frame": ("`[[frame]]`: where an instrument stands", "frame"),
-    "Closure": ("`[[closure]]`: what holds in every pose", "closure"),
-    "Column": ("`[[column]]`: a column of the readings for laws", "column"),
-    "Rest": ("`[rest]`: a pose that is known without a measurement", "rest"),
-    "Workspace": ("`[workspace]`: poses that the platform can be brought to", "workspace"),
-    "ModelSection": ("`[model]`: what `calibrate` identifies", "model"),
-    "OwnTerm": ("`[[term]]`: a law of your own", "term"),
-}
-"""Types of a mechanism file in the order of the page, with their headings."""
-
 BY_HAND = {
     "rsicalib.poses/1": {
         "format": "`rsicalib.poses/1`.",
@@ -165,14 +147,22 @@ def text() -> str:
 
 
 def mechanism() -> Iterator[str]:
-    """Tables of the keys of a mechanism file."""
+    """Tables of the keys of a mechanism file: the whole, then each type below its key."""
     schema = json.loads(_core.mechanism_schema())
-    types = {**schema["$defs"], "Mechanism": schema}
-    missing = {name for name, kind in types.items() if "properties" in kind} - set(SECTIONS)
-    assert not missing, f"SECTIONS has no place for {missing}"
-    for name, (title, _) in SECTIONS.items():
-        about = _prose(types[name]["description"])
-        yield f"### {title}\n\n{about}\n\n{schema_table(types[name], types)}\n"
+    yield from _tables("The whole file", schema, schema["$defs"])
+
+
+def _tables(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> Iterator[str]:
+    """A table of one type, and those of the types of its keys."""
+    yield f"### {title}\n\n{_prose(kind['description'])}\n\n{schema_table(kind, types)}\n"
+    whole = kind.get("$defs") is types
+    for key, value in kind["properties"].items():
+        rows = value.get("type") == "array"
+        for one in [value.get("items", {}) if rows else value, *value.get("anyOf", ())]:
+            below = types.get(str(one.get("$ref")).rpartition("/")[2], {})
+            if "properties" in below:
+                head = f"[[{key}]]" if rows else f"[{key}]"
+                yield from _tables(f"`{head if whole else f'{key} = […]'}`", below, types)
 
 
 def results() -> Iterator[str]:

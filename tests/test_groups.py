@@ -10,10 +10,8 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
-from rsicalib.groups import spread
 from rsicalib.report.words import advice
 from rsicalib.shapes import Reason
-from rsicalib.work.applying import as_applied
 from tests.test_examples import sockets
 
 
@@ -123,6 +121,3 @@ def test_groups_are_chosen_over_all_sessions(made: Any) -> None:
 def test_a_mechanism_that_touches_nothing_unknown_has_no_such_measure() -> None:
     found = rsicalib.calibrate(rsicalib.DEMO / "readings.csv", rest=rsicalib.DEMO / "rest.csv")
     assert found.groups is None and "groups" not in found.to_dict()
-    mechanism = rsicalib.load_mechanism("rsi")
-    readings = rsicalib.load_readings(rsicalib.DEMO / "rest.csv", mechanism)
-    assert spread([readings], mechanism, as_applied(None, mechanism)) == {}

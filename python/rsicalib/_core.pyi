@@ -623,17 +623,6 @@ def shares(
 def spec(term: str, target: str | None = None, place: str | None = None) -> str:
     """A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`."""
 
-def spread(
-    mechanism: Mechanism,
-    applied: Mapping[str, Any],
-    table: Mapping[str, Any],
-    groups: Sequence[str] | None = None,
-) -> list[tuple[str, float]]:
-    """Mean distance of carried points from their own means at what they touch, group by group.
-
-    `groups` names the group of each row; None: the first column that tells unknown points apart.
-    """
-
 def steps(values: Array, counts: Sequence[bool]) -> list[float]:
     """The step of each channel, shape (channels,): of a counter a count or more; zero where readings
     lie on no grid.

@@ -130,25 +130,6 @@ impl PyPlacer {
     }
 }
 
-/// Mean distance of carried points from their own means at what they touch, group by group.
-///
-/// `groups` names the group of each row; None: the first column that tells unknown points apart.
-#[pyfunction]
-#[pyo3(signature = (mechanism, applied, table, groups=None))]
-pub fn spread(
-    py: Python<'_>,
-    mechanism: &PyMechanism,
-    applied: PyApplied,
-    table: PyTable<'_>,
-    groups: Option<Vec<String>>,
-) -> PyResult<Vec<(String, f64)>> {
-    let (applied, table) = (applied.into(), table.table());
-    let found = work(py, || {
-        rsicalib::apply::groups::spread(&mechanism.0, &applied, &table, groups.as_deref())
-    })?;
-    Ok(found.map_err(PyError::from)?)
-}
-
 /// The mechanism with the parameters of a result in it, the same motions of the ends of its
 /// chains as rows `{chain: row}`, and what could not be put in.
 #[pyfunction]

@@ -71,7 +71,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_poses, module)?)?;
     module.add_function(wrap_pyfunction!(apply::places, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::spread, module)?)?;
     module.add_function(wrap_pyfunction!(apply::exported, module)?)?;
     module.add_function(wrap_pyfunction!(apply::calibrated_sensors, module)?)?;
     module.add_function(wrap_pyfunction!(apply::lasting, module)?)?;

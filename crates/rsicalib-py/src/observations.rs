@@ -8,10 +8,10 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyTuple};
 use pythonize::pythonize;
+use rsicalib::apply::earlier::Applied;
 use rsicalib::design::suppose::Supposed;
 use rsicalib::diagnosis::options::{Rule, SearchOptions};
 use rsicalib::diagnosis::trace::Traced;
-use rsicalib::diagnosis::verdict::worth_an_update;
 use rsicalib::estimate::directions::directions;
 use rsicalib::estimate::progress::Progress;
 use rsicalib::estimate::{Expected, Fit, FitOptions, Method, Observations};
@@ -22,6 +22,8 @@ use rsicalib::report::beside::{Beside, Touched};
 use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
 use rsicalib::report::result::{Estimates, FitReport, Known, estimates};
+use rsicalib::report::update::Update;
+
 use rsicalib::report::warned::{self, Warned};
 use rsicalib::screening::excluded::Excluded;
 use rsicalib::terms::targets::searchable;
@@ -425,7 +427,7 @@ impl PyFit {
     ) -> PyResult<Bound<'py, PyAny>> {
         let covariance: Option<Vec<f64>> =
             covariance.map(|c| c.as_array().iter().copied().collect());
-        let (applied, noise) = (applied.into(), &self.fit.noise);
+        let (applied, noise): (Applied, _) = (applied.into(), &self.fit.noise);
         let found = work(py, || {
             let judged = Judged {
                 noise: self.fit.assumed(),
@@ -435,12 +437,8 @@ impl PyFit {
             compare(&applied, covariance.as_deref(), &self.observations, &judged)
         })?
         .map_err(PyError::from)?;
-        let parameters = found.changes.iter().flat_map(|one| &one.parameters);
-        let changes = parameters.map(|p| (p.value, p.sd));
-        let worth = worth_an_update(changes, found.rms_misclosure, rms);
-        let found = pythonize(py, &found)?;
-        found.set_item("worth", worth)?;
-        Ok(found)
+        let update = Update::of(&self.observations.mechanism, &applied, found, rms);
+        Ok(pythonize(py, &update.map_err(PyError::from)?)?)
     }
 
     /// What looks wrong with the readings or what is declared of them.

@@ -32,6 +32,25 @@ pub fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
+/// A number rounded to so many digits, without zeros at its end: `0.0529`, `1.2e-05`.
+#[must_use]
+pub fn significant(value: f64, digits: usize) -> String {
+    let trimmed = |text: &str| match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text.to_owned(),
+    };
+    let rounded = format!("{value:.*e}", digits - 1);
+    let Some((mantissa, power)) = rounded.split_once('e') else { return rounded };
+    let power: i32 = power.parse().unwrap_or_default();
+    match usize::try_from(digits as i32 - 1 - power) {
+        Ok(places) if power >= -4 => trimmed(&format!("{value:.places$}")),
+        _ => {
+            let sign = if power < 0 { '-' } else { '+' };
+            format!("{}e{sign}{:02}", trimmed(mantissa), power.abs())
+        }
+    }
+}
+
 /// Numbers in brackets, with commas between them.
 #[must_use]
 pub fn listed_numbers(values: &[f64]) -> String {
@@ -82,6 +101,23 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn significant_digits_are_written_as_python_writes_them() {
+        // `f"{value:.{digits}g}"` of Python 3.11.
+        for (value, digits, text) in [
+            (0.052_94, 3, "0.0529"),
+            (1.0, 3, "1"),
+            (-1234.0, 3, "-1.23e+03"),
+            (999.6, 3, "1e+03"),
+            (100.0, 3, "100"),
+            (0.000_123_4, 2, "0.00012"),
+            (0.000_012_34, 2, "1.2e-05"),
+            (0.0, 3, "0"),
+        ] {
+            assert_eq!(significant(value, digits), text);
+        }
+    }
 
     #[test]
     fn a_name_with_a_slip_is_recognised() {

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import shlex
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
@@ -19,6 +18,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.guide.log import Sample
 from rsicalib.guide.session import Session
+from rsicalib.guide.source import started
 from rsicalib.io.sources import LONGEST_LINE
 
 __all__ = ["Robot", "drive", "passed"]
@@ -39,13 +39,7 @@ class Robot:
         self.lines = 0
         self._began = time.time()
         try:
-            self._process = subprocess.Popen(
-                shlex.split(command),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                encoding="utf-8",
-                errors="replace",
-            )
+            self._process = started(command, subprocess.PIPE)
         except (OSError, ValueError) as error:
             found = f"{command!r}, which cannot be run ({error})"
             raise InputError(f"--drive: found {found}, expected a command") from None

@@ -17,7 +17,7 @@ from typing import IO
 from rsicalib.errors import InputError
 from rsicalib.io.sources import LONGEST_LINE
 
-__all__ = ["Lines", "open_source"]
+__all__ = ["Lines", "open_source", "started"]
 
 POLL_S = 0.05
 """Between two looks at a file that grows."""
@@ -91,18 +91,26 @@ def open_source(source: str) -> Lines:
     if os.path.exists(path):
         return Lines(_growing(path, stop), stop)
     try:
-        process = subprocess.Popen(
-            shlex.split(source),
-            stdout=subprocess.PIPE,
-            stdin=subprocess.DEVNULL,
-            encoding="utf-8",
-            errors="replace",
-        )
+        process = started(source, subprocess.DEVNULL)
     except (OSError, ValueError) as error:
         found = f"{source!r}, which is no file and cannot be run ({error})"
         raise InputError(f"--source: found {found}, expected -, a file or a command") from None
     assert process.stdout is not None
     return Lines(_of_process(process, process.stdout, stop), stop)
+
+
+def started(command: str, stdin: int) -> subprocess.Popen[str]:
+    """Start a command whose lines are read; `stdin` as `subprocess` takes it.
+
+    An OSError or a ValueError says that it cannot be run.
+    """
+    return subprocess.Popen(
+        shlex.split(command),
+        stdin=stdin,
+        stdout=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+    )
 
 
 def _of_process(

@@ -7,11 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
-from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError, UndeterminedError
 from rsicalib.io.frames import in_memory
 from rsicalib.io.readings import Readings
@@ -31,7 +28,7 @@ from rsicalib.work.arguments import (
     noise_of_channels,
     open_mechanism,
 )
-from rsicalib.work.closing import first_rows, open_loops
+from rsicalib.work.closing import open_loops
 from rsicalib.work.listening import AnyResult
 from rsicalib.work.outcome import (
     beside_earlier,
@@ -39,7 +36,6 @@ from rsicalib.work.outcome import (
     digest_of,
     labels_of,
     reference_of,
-    update_of,
 )
 from rsicalib.work.prior import PopulationArg, expected_of, read_population
 
@@ -196,16 +192,6 @@ class Work:
         """Error of the mechanism as it is declared."""
         return self.error(known, None, align)
 
-    def by_pose(self, whitened: FloatArray) -> FloatArray:
-        """Residuals of poses from those of samples, in units of noise: (poses, equations)."""
-        first = [first_rows(r.pose, len(r)) for r in self.readings]
-        ends = np.cumsum([0] + [len(r) for r in self.readings])
-        starts = np.concatenate([f + end for f, end in zip(first, ends, strict=False)])
-        sizes = np.diff(np.append(starts, len(whitened)))
-        sums: FloatArray = np.add.reduceat(whitened, starts, axis=0)
-        out: FloatArray = sums / np.sqrt(sizes)[:, None]
-        return out
-
     def result(
         self, kind: type[Result], found: dict[str, Any], session: _core.Session | None
     ) -> dict[str, Any]:
@@ -249,10 +235,10 @@ class Work:
         held_out = found["fit"].get("held_out")
         rms = None if held_out is None else held_out["rms_misclosure"]
         try:
-            changes = fit.changes(applied, covariance_of(self.earlier), rms)
+            update: dict[str, Any] = fit.changes(applied, covariance_of(self.earlier), rms)
         except InputError:
             return None  # the loops are not the same: unknown points, measured distances
-        return update_of(self.mechanism, self.earlier, changes, rms)
+        return update
 
     def told(self, result: AnyResult) -> AnyResult:
         """A result with what the loops of its check readings say."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -19,7 +19,6 @@ from rsicalib.io.readings import Readings
 from rsicalib.records import plain
 from rsicalib.results import Result
 from rsicalib.shapes import Before, Data, Moved, Parameter, Skipped
-from rsicalib.units import with_unit
 
 __all__ = [
     "NOTHING",
@@ -30,7 +29,6 @@ __all__ = [
     "digest_of",
     "labels_of",
     "reference_of",
-    "update_of",
 ]
 
 DateArg: TypeAlias = str | datetime.date
@@ -105,49 +103,6 @@ def digest_of(calibration: Any, earlier: Result) -> str:
         return hashlib.sha256(earlier.to_json().encode()).hexdigest()
     with open(calibration, "rb") as file:
         return hashlib.sha256(file.read()).hexdigest()
-
-
-def update_of(
-    mechanism: Mechanism,
-    earlier: Result,
-    changes: Mapping[str, Any],
-    after: float | None,
-) -> dict[str, Any]:
-    """What has changed since an earlier result, and whether a new one is worth an update.
-
-    `after` is what the loops close to under the new one, poses left out in turn.
-    """
-    named = [
-        {**one, "also_fits": [f"{term}@{target}" for term, target in one["also_fits"]]}
-        for one in changes["changes"]
-    ]
-    before, worth = changes["rms_misclosure"], changes["worth"]
-    lasting = set(_core.lasting(mechanism, [p.at for p in earlier.parameters]))
-    passing = [p.spec for p in earlier.parameters if _core.spec(*p.at) not in lasting]
-    unit = mechanism.length_unit
-    if not named:
-        text = "nothing has changed beyond both uncertainties: the earlier result holds"
-    else:
-        text = "changed: " + ", ".join(
-            f"{one['term']} of {one['target']} by "
-            + with_unit(f"{one['size']:.3g} ± {1.96 * one['sd']:.2g}", one["unit"])
-            for one in named
-        )
-        if worth:
-            text += f"; an update is worth it: held out, the loops close to {after:.3g} {unit}"
-            text += f" instead of {before:.3g}"
-        else:
-            text += "; an update is not worth it: held out, the loops close no better"
-    return {
-        "worth": worth,
-        "text": text,
-        "chi2_per_dof": changes["chi2_per_dof"],
-        "p_value": changes["p_value"],
-        "rms_before": before,
-        "rms_after": after,
-        "changes": named,
-        "session_only": list(dict.fromkeys(passing)),
-    }
 
 
 def beside_earlier(

@@ -19,6 +19,7 @@ use faer::{Mat, Side};
 use crate::Error;
 use crate::estimate::observations::Observations;
 use crate::estimate::sparse::{Row, reduced};
+use crate::mechanism::Mechanism;
 use crate::model::configurations::{Configurations, linear};
 use crate::model::{Model, Prior};
 use crate::numerics::random::Random;
@@ -54,6 +55,21 @@ pub(crate) struct Here<'a> {
     pub(crate) model: &'a Model,
     pub(crate) priors: &'a [Prior],
     pub(crate) beta: &'a [f64],
+}
+
+impl Here<'_> {
+    /// The same model for other readings of a mechanism, at the estimates of its terms.
+    fn under(
+        &self,
+        mechanism: &Mechanism,
+        readings: &Readings,
+    ) -> Result<(Model, Vec<f64>), Error> {
+        let model = Model::like(self.model, mechanism, readings)?;
+        let mut beta = model.nominal();
+        let terms = model.term_parameters;
+        beta[..terms].copy_from_slice(&self.beta[..terms]);
+        Ok((model, beta))
+    }
 }
 
 impl Conventions {
@@ -176,9 +192,7 @@ impl Conventions {
         let mechanism = &here.observations.mechanism;
         let touched = Configurations::of_keys(mechanism, readings.groups.clone()).about(readings);
         let under = |readings: &Readings| {
-            let model = Model::like(here.model, touched.mechanism(), readings)?;
-            let mut beta = model.nominal();
-            beta[..terms].copy_from_slice(&here.beta[..terms]);
+            let (model, mut beta) = here.under(touched.mechanism(), readings)?;
             shared(here.model, &model).for_each(|(own, there)| beta[own] = here.beta[there]);
             Ok((model, beta))
         };
@@ -210,12 +224,7 @@ impl Conventions {
         let mechanism = &here.observations.mechanism;
         let others = Configurations::of_others(mechanism)?.about(&here.observations.readings);
         let free = others.mechanism().clone();
-        let under = |readings: &Readings| {
-            let model = Model::like(here.model, &free, readings)?;
-            let mut beta = model.nominal();
-            beta[..terms].copy_from_slice(&here.beta[..terms]);
-            Ok((model, beta))
-        };
+        let under = |readings: &Readings| here.under(&free, readings);
         let others = others.with_places(random, &under)?;
         let foreign = foreign(here.model);
         let own: Vec<usize> = (0..terms).filter(|i| !foreign.contains(i)).collect();

@@ -204,7 +204,7 @@ pub struct Model {
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
     /// Coordinates of unknown points that null equations determine.
-    pub(crate) settled: Vec<Prior>,
+    pub(crate) held: Vec<Prior>,
     pub(crate) sensors: Vec<SensorAt>,
     pub(crate) electronics: Vec<ElectronicsAt>,
     pub(crate) gates: Vec<Gate>,
@@ -377,7 +377,7 @@ impl Model {
         let mut model = Self {
             steps: Vec::new(),
             closures: Vec::new(),
-            settled: Vec::new(),
+            held: Vec::new(),
             sensors: Vec::new(),
             electronics: Vec::new(),
             gates: Vec::new(),

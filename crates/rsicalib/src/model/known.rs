@@ -26,7 +26,7 @@ impl Model {
     #[must_use]
     pub fn priors(&self) -> Vec<Prior> {
         let mut priors = self.links();
-        priors.extend_from_slice(&self.settled);
+        priors.extend_from_slice(&self.held);
         let whole = |i: &Instance| i.term.info().broad && i.term.info().per == Per::Row;
         let complete = self.instances.iter().any(whole);
         let root = self.mechanism.channels_of(0).first().copied();

@@ -30,7 +30,7 @@ const NULL: f64 = 1e-9;
 
 /// Standard deviation of a coordinate that a null equation without play determines, in parts of
 /// the largest singular value. Nothing depends on its size: no reading moves the coordinate.
-const SETTLED: f64 = 1e-6;
+const HELD: f64 = 1e-6;
 
 /// Directions of a touch that are not null, and the others.
 struct Parted {
@@ -50,11 +50,11 @@ impl Model {
             .collect();
         let found: Vec<_> =
             touches.into_iter().map(|k| (k, self.directions(k, readings))).collect();
-        self.settled.clear();
+        self.held.clear();
         for (k, parted) in found {
             let Some(parted) = parted else { continue };
-            let settled = self.settled_along(k, readings, &parted);
-            self.settled.extend(settled);
+            let held = self.held_along(k, readings, &parted);
+            self.held.extend(held);
             self.closures[k].along = Some(parted.kept);
         }
         self.number_equations();
@@ -138,15 +138,15 @@ impl Model {
     }
 
     /// Where the chain touches unknown points along null directions.
-    fn settled_along(&self, closure: usize, readings: &Readings, parted: &Parted) -> Vec<Prior> {
+    fn held_along(&self, closure: usize, readings: &Readings, parted: &Parted) -> Vec<Prior> {
         let closure = &self.closures[closure];
         let (touching, point) = match closure.ends {
             [End::Unknown(point, ..), other] | [other, End::Unknown(point, ..)] => (other, point),
             _ => return Vec::new(),
         };
-        let sd = closure.noise.max(SETTLED * parted.largest);
+        let sd = closure.noise.max(HELD * parted.largest);
         let (beta, want) = (self.nominal(), Want { x: false, a: false });
-        let (mut ws, mut settled) = (Workspace::default(), Vec::new());
+        let (mut ws, mut held) = (Workspace::default(), Vec::new());
         let mut known: Vec<usize> = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let number = self.owned[point].numbers[meta.group];
@@ -157,14 +157,14 @@ impl Model {
             self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
             let seen = readings.columns(block);
             let at = self.end_point(&touching, meta.group, seen, &beta, &ws);
-            settled.extend(parted.null.iter().map(|direction| Prior::Along {
+            held.extend(parted.null.iter().map(|direction| Prior::Along {
                 point: self.term_parameters + self.unknowns[number].first,
                 direction: *direction,
                 mean: (0..3).map(|k| direction[k] * at[k].0[0]).sum(),
                 sd,
             }));
         }
-        settled
+        held
     }
 }
 

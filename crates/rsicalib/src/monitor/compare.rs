@@ -33,8 +33,8 @@ pub const CHANGED_LEVEL: f64 = 0.01;
 /// Most changes that are looked for.
 const MOST_CHANGES: usize = 4;
 
-/// Linearisations until a change has settled.
-const SETTLED: usize = 4;
+/// Linearisations about the estimate of a change.
+const LINEARISATIONS: usize = 4;
 
 /// Standard deviation, in typical sizes, of what is not known.
 const UNKNOWN: f64 = 1e3;
@@ -262,12 +262,12 @@ impl<'a> Session<'a> {
         Pass { state, now: windows.now, chi2 }
     }
 
-    /// The state once the estimates of some changes have settled.
+    /// The state at the estimates of some changes.
     fn settle(&self, watched: &mut Watched, was: &[f64], changes: &[Named]) -> Pass {
         let prior = freed(watched, changes);
         let mut pass = self.pass(watched, was, &prior);
         centre(watched, &mut pass);
-        for _ in 1..SETTLED {
+        for _ in 1..LINEARISATIONS {
             pass = self.pass(watched, was, &prior);
             centre(watched, &mut pass);
         }

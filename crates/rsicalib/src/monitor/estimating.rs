@@ -19,7 +19,7 @@ const TYPICAL: f64 = 3.0;
 const FASTER: f64 = 3.0;
 
 /// Linearisations about the estimate of a change.
-const SETTLED: usize = 3;
+const LINEARISATIONS: usize = 3;
 
 impl Monitor {
     /// Puts the estimates of changes since an onset into the parameters, and their uncertainty into
@@ -129,7 +129,7 @@ impl Monitor {
     pub(super) fn refit(&mut self, open: &Open, kind: Kind, last: u64) -> bool {
         let Some(rows) = self.recent.between(open.alarm.since_row, last) else { return false };
         let alone = open.prior(open.columns(kind));
-        for _ in 0..SETTLED {
+        for _ in 0..LINEARISATIONS {
             self.pass(open, &alone, &rows);
             for (k, mean) in self.state.mean.iter_mut().enumerate() {
                 self.watched.at[self.watched.order[k]] += *mean * self.watched.scale[k];

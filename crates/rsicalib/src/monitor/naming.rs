@@ -17,7 +17,7 @@ use crate::numerics::credible_set::AS_WELL;
 const BESIDE: (f64, f64) = (20.0, 0.9);
 
 /// Samples after which a name is taken for certain.
-const SETTLED_AT: u64 = 1 << 15;
+const CERTAIN_AFTER: u64 = 1 << 15;
 
 /// Names that are tried for the linearisation.
 const TRIED: usize = 3;
@@ -108,7 +108,7 @@ impl Monitor {
         let excluded = |n: &Name| n.fit < now.fit - BESIDE.0;
         let alone = best.kind.candidate == candidate && names.iter().filter(other).all(excluded);
         self.open = Some(open);
-        if self.age >= SETTLED_AT {
+        if self.age >= CERTAIN_AFTER {
             self.settle();
         } else if alone {
             self.narrow(candidate);

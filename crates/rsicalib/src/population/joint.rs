@@ -12,8 +12,8 @@ const FALSE: f64 = 0.01;
 /// Rounds of (124), and of leaving devices out.
 const ROUNDS: usize = 500;
 
-/// Variances between devices change by less than this, in parts, where (124) has settled.
-const SETTLED: f64 = 1e-4;
+/// Variances between devices change by less than this, in parts, where (124) has converged.
+const CONVERGED: f64 = 1e-4;
 
 /// Least variance between devices, in tolerances squared: a hundredth of the tolerance.
 const LEAST: f64 = 1e-4;
@@ -184,7 +184,7 @@ impl Fleet<'_> {
                 *old = next;
             }
             known = determined;
-            if moved < SETTLED {
+            if moved < CONVERGED {
                 break;
             }
         }

@@ -11,7 +11,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::accuracy::Predicted;
-use crate::apply::change::PlatformRms;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::detectability::Detectability;
 use crate::diagnosis::verdict::{Reason, Verdict};
@@ -24,6 +23,7 @@ use crate::report::result::{
     ExcludedReport, FitReport, MisclosureReport, StartReport, WithExcluded,
 };
 use crate::report::traced::{RivalReport, StepReport, Unexplained};
+use crate::report::update::Update;
 use crate::report::warned::Warned;
 
 /// Formats of results, with the version that this program writes.
@@ -384,48 +384,4 @@ pub struct Moved {
     pub sd: f64,
     /// Unit of all three.
     pub unit: String,
-}
-
-/// A later session against an earlier result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Update {
-    /// True where something has changed for sure, and this result has the smaller held-out error.
-    pub worth: bool,
-    /// The same as a sentence.
-    pub text: String,
-    /// χ² of the readings under the earlier result, its uncertainty counted in, per degree of
-    /// freedom.
-    pub chi2_per_dof: f64,
-    /// Probability of more by chance.
-    pub p_value: f64,
-    /// Misclosure of the poses under the earlier result, root mean square in units of length.
-    pub rms_before: f64,
-    /// The same under this result, poses left out in turn; null where that was not computed.
-    pub rms_after: Option<f64>,
-    /// What has changed, the most certain first.
-    pub changes: Vec<Changed>,
-    /// Effects of the earlier result that belong to its session, and are not compared.
-    pub session_only: Vec<String>,
-}
-
-/// A change between two sessions of a device.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Changed {
-    /// Id of the term.
-    pub term: String,
-    /// Where: a channel, a closure, a chain or a link of it.
-    pub target: String,
-    /// How large: the value of a single parameter, or the length of a displacement.
-    pub size: f64,
-    /// Standard deviation of the size.
-    pub sd: f64,
-    /// Unit of both.
-    pub unit: String,
-    /// Probability of such a change by chance, for any of the candidates.
-    pub p_value: f64,
-    /// What it does to the platform.
-    pub platform_rms: Option<PlatformRms>,
-    /// Changes that these readings cannot tell from it, as `offset@a22`.
-    #[serde(default)]
-    pub also_fits: Vec<String>,
 }

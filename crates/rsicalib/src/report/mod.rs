@@ -28,6 +28,8 @@ pub mod schema;
 #[doc(hidden)]
 pub mod traced;
 #[doc(hidden)]
+pub mod update;
+#[doc(hidden)]
 pub mod warned;
 #[doc(hidden)]
 pub mod words;

@@ -7,7 +7,7 @@ use crate::model::Instance;
 use crate::numerics::workers;
 
 /// Residuals that are kept, in numbers: 32 MB.
-const MOST: usize = 1 << 22;
+const MOST_KEPT: usize = 1 << 22;
 
 /// The noise and the weights of a session.
 type State = (Noise, Vec<f64>);
@@ -84,7 +84,7 @@ impl KnownFits {
     /// Whether so many more fits like this one can be kept.
     fn have_room(&self, like: &Fit, more: usize) -> bool {
         let numbers = like.residuals.whitened.len() * like.model.scales.len();
-        numbers * (self.fits.len() + more) <= MOST
+        numbers * (self.fits.len() + more) <= MOST_KEPT
     }
 }
 

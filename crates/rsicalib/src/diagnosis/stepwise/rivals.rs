@@ -12,7 +12,7 @@ use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::numerics::workers;
 
 /// Upper limit of explanations.
-const MOST: usize = 8;
+const MOST_RIVALS: usize = 8;
 
 /// Effects that explain a session together.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +57,7 @@ impl Stepwise<'_> {
             }
             let without = self.without(current, &[found[index].instance])?;
             let new = |s: &&Scored| !found.iter().any(|found| found.instance == s.instance);
-            let others: Vec<&Scored> = alternatives.iter().take(MOST).filter(new).collect();
+            let others: Vec<&Scored> = alternatives.iter().take(MOST_RIVALS).filter(new).collect();
             self.prepare_with(&without, others.iter().map(|s| slice::from_ref(&s.instance)));
             for other in others {
                 let mut all = found.to_vec();
@@ -83,7 +83,7 @@ fn nearest<T>(mut all: Vec<(Explanation, T)>) -> Vec<(Explanation, T)> {
     all.sort_by(|(a, _), (b, _)| a.chi2.total_cmp(&b.chi2));
     let best = all.first().map_or(0.0, |(e, _)| e.chi2);
     all.retain(|(e, _)| e.chi2 <= best + RIVAL);
-    all.truncate(MOST);
+    all.truncate(MOST_RIVALS);
     let weight = |e: &Explanation| (0.5 * (best - e.chi2)).exp();
     let sum: f64 = all.iter().map(|(e, _)| weight(e)).sum();
     for (explanation, _) in &mut all {

@@ -1,0 +1,140 @@
+//! A later session beside an earlier result: what has changed, and whether an update is worth it.
+
+use crate::Error;
+use crate::apply::change::PlatformRms;
+use crate::apply::earlier::{Applied, lasting};
+use crate::diagnosis::verdict::worth_an_update;
+use crate::mechanism::Mechanism;
+use crate::monitor::compare::{Comparison, Found};
+use crate::text::significant;
+
+/// A later session against an earlier result.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Update {
+    /// True where something has changed for sure, and this result has the smaller held-out error.
+    pub worth: bool,
+    /// The same as a sentence.
+    pub text: String,
+    /// χ² of the readings under the earlier result, its uncertainty counted in, per degree of
+    /// freedom.
+    pub chi2_per_dof: f64,
+    /// Probability of more by chance.
+    pub p_value: f64,
+    /// Misclosure of the poses under the earlier result, root mean square in units of length.
+    pub rms_before: f64,
+    /// The same under this result, poses left out in turn; null where that was not computed.
+    pub rms_after: Option<f64>,
+    /// What has changed, the most certain first.
+    pub changes: Vec<Changed>,
+    /// Effects of the earlier result that belong to its session, and are not compared.
+    pub session_only: Vec<String>,
+}
+
+/// A change between two sessions of a device.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Changed {
+    /// Id of the term.
+    pub term: String,
+    /// Where: a channel, a closure, a chain or a link of it.
+    pub target: String,
+    /// How large: the value of a single parameter, or the length of a displacement.
+    pub size: f64,
+    /// Standard deviation of the size.
+    pub sd: f64,
+    /// Unit of both.
+    pub unit: String,
+    /// Probability of such a change by chance, for any of the candidates.
+    pub p_value: f64,
+    /// What it does to the platform.
+    pub platform_rms: Option<PlatformRms>,
+    /// Changes that these readings cannot tell from it, as `offset@a22`.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub also_fits: Vec<String>,
+}
+
+impl Update {
+    /// Of what has changed since `earlier`, where the loops close to `rms_after` under the new
+    /// result, poses left out in turn.
+    ///
+    /// # Errors
+    ///
+    /// As [`lasting`].
+    pub fn of(
+        mechanism: &Mechanism,
+        earlier: &Applied,
+        found: Comparison,
+        rms_after: Option<f64>,
+    ) -> Result<Self, Error> {
+        let sizes = found.changes.iter().flat_map(|one| &one.parameters).map(|p| (p.value, p.sd));
+        let worth = worth_an_update(sizes, found.rms_misclosure, rms_after);
+        let specs = || earlier.parameters.iter().map(|p| &p.spec);
+        let lasting = lasting(mechanism, specs())?;
+        let mut session_only: Vec<String> = Vec::new();
+        for spec in specs().filter(|spec| !lasting.contains(spec)).map(ToString::to_string) {
+            if !session_only.contains(&spec) {
+                session_only.push(spec);
+            }
+        }
+        let changes: Vec<Changed> = found.changes.into_iter().map(Changed::from).collect();
+        let mut update = Self {
+            worth,
+            text: String::new(),
+            chi2_per_dof: found.chi2_per_dof,
+            p_value: found.p_value,
+            rms_before: found.rms_misclosure,
+            rms_after,
+            changes,
+            session_only,
+        };
+        update.text = update.sentence(&mechanism.length_unit);
+        Ok(update)
+    }
+
+    fn sentence(&self, unit: &str) -> String {
+        if self.changes.is_empty() {
+            return "nothing has changed beyond both uncertainties: the earlier result holds"
+                .into();
+        }
+        let changes: Vec<String> = self.changes.iter().map(Changed::sentence).collect();
+        let changes = changes.join(", ");
+        match self.rms_after.filter(|_| self.worth) {
+            Some(after) => format!(
+                "changed: {changes}; an update is worth it: held out, the loops close to {} {unit} \
+                 instead of {}",
+                significant(after, 3),
+                significant(self.rms_before, 3)
+            ),
+            None => format!(
+                "changed: {changes}; an update is not worth it: held out, the loops close no better"
+            ),
+        }
+    }
+}
+
+impl Changed {
+    fn sentence(&self) -> String {
+        let Self { term, target, size, sd, unit, .. } = self;
+        let (size, half) = (significant(*size, 3), significant(1.96 * sd, 2));
+        let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+        format!("{term} of {target} by {size} ± {half}{unit}")
+    }
+}
+
+impl From<Found> for Changed {
+    fn from(found: Found) -> Self {
+        Self {
+            term: found.term,
+            target: found.target,
+            size: found.size,
+            sd: found.sd,
+            unit: found.unit,
+            p_value: found.p_value,
+            platform_rms: found.platform_rms,
+            also_fits: found.also_fits.iter().map(|[a, b]| format!("{a}@{b}")).collect(),
+        }
+    }
+}
