@@ -10,7 +10,6 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Mechanism
-from rsicalib.errors import InputError
 from tests import cone
 from tests.oracle import Array
 
@@ -94,11 +93,3 @@ def test_loops_that_close_exactly_are_no_seatings() -> None:
             assert found.verdict == "adequate"
             values = [found[f"offset@q{k}"].value for k in range(1, 7)]
             assert values == pytest.approx(cone.OFFSETS, abs=1e-9)
-
-
-def test_lengths_that_nothing_tells_are_refused_at_cones_too() -> None:
-    """The point sits on the last frame: with all lengths free, none are the best."""
-    text = cone.mechanism(None, None, '["offset", "link_length", "link_offset"]')
-    text = text.replace("at = [40.0, 0.0, 120.0]", "at = [0.0, 0.0, 0.0]")
-    with pytest.raises(InputError, match="how long anything is"):
-        rsicalib.calibrate(cone.session(41).table, Mechanism.from_toml(text))

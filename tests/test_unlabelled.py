@@ -48,8 +48,13 @@ def bent(q: Array, channel: int) -> Array:
 @pytest.mark.parametrize("kind", ["poses", "motion"])
 def test_hysteresis_is_named_in_single_poses_and_in_a_motion(kind: str, channel: int) -> None:
     q, step_s = (poses(channel), 10.0) if kind == "poses" else (motion(), 0.1)
-    found = rsicalib.trace(read(q, bent(q, channel), step_s, 7), mechanism(PALLETISER, 3))
-    (step,) = found.steps
-    assert (found.verdict, step.term, step.target) == ("explained", "hysteresis", f"q{channel + 1}")
-    (half,) = step.parameters
-    assert abs(half.value - 6 * NOISE) < 4.0 * half.sd
+    explained = 0
+    for seed in range(6):
+        found = rsicalib.trace(read(q, bent(q, channel), step_s, seed), mechanism(PALLETISER, 3))
+        (step,) = found.steps
+        assert (step.term, step.target) == ("hysteresis", f"q{channel + 1}")
+        (half,) = step.parameters
+        assert abs(half.value - 6 * NOISE) < 4.0 * half.sd
+        explained += found.verdict == "explained"
+    # Where a joint turns round, noise decides from which side it came: some sessions show it.
+    assert explained >= 4

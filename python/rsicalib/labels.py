@@ -52,7 +52,7 @@ class Labelled(_Base):
         values : array_like, shape (n, n)
             The matrix.
         names : sequence of str
-            `n` different names.
+            `n` different names; none where they are not known.
 
         Returns
         -------
@@ -65,7 +65,7 @@ class Labelled(_Base):
             There is not one name for each row.
         """
         array = np.asarray(values, dtype=np.float64)
-        if array.size and array.shape != (len(names), len(names)):
+        if array.size and names and array.shape != (len(names), len(names)):
             raise ValueError(f"found shape {array.shape}, expected {len(names)} rows and columns")
         out = array.view(cls)
         out.names = tuple(names)

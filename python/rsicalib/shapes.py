@@ -709,7 +709,7 @@ class Hidden(Absent, Record):
     label: str | None = field(default=None, metadata=IF_KNOWN)
     """What people call the target."""
     unseen: Unseen | None = field(default=None, metadata=IF_KNOWN)
-    """What the session leaves open of it, for a budget of uncertainty."""
+    """What the session leaves open of it."""
 
 
 @dataclass(frozen=True)

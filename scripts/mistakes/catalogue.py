@@ -157,8 +157,8 @@ MISTAKES = [
         "covariance",
         result(no_covariance),
     ),
-    Mistake("gains times 1000", FORWARD, 4, "do not close", result(gains)),
-    Mistake("two values exchanged", FORWARD, 4, "do not close", result(exchanged)),
+    Mistake("gains times 1000", FORWARD, 4, "were edited", result(gains)),
+    Mistake("two values exchanged", FORWARD, 4, "were edited", result(exchanged)),
     Mistake("a covariance that is not symmetric", FORWARD, 2, "covariance[1][0]", result(askew)),
     Mistake(
         "noise without a channel",

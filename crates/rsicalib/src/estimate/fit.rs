@@ -72,7 +72,6 @@ pub fn fit(
         },
         None => begin(observations, &model, &guess),
     };
-    let began = start.beta.clone();
     let found = if observations.is_long() || observations.judged {
         solve(observations, model, priors, start, guess)
     } else {
@@ -81,10 +80,7 @@ pub fn fit(
             solve(observations, model.clone(), priors.clone(), start, noise)
         })
     };
-    let no_scale = |fit: &Fit| {
-        let readings = &observations.readings;
-        fit.has_no_scale() || search::shrunk(&fit.model, readings, &began, &fit.beta)
-    };
+    let no_scale = |fit: &Fit| fit.has_no_scale() || search::shrunk(&fit.model, &fit.beta);
     match (from, found) {
         (None, Ok(found)) if no_scale(&found) => Err(Error::Option {
             name: "terms",

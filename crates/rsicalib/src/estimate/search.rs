@@ -19,12 +19,12 @@ use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::{Anchor, Observations};
-use crate::mechanism::Mechanism;
-use crate::model::{Model, Prior, Want, Workspace};
+use crate::mechanism::{Mechanism, Target, Value};
+use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::readings::{Readings, rows_of};
-use crate::terms::term::Role;
+use crate::terms::term::{Acts, Role};
 
 /// Fraction of its nominal gain below which a channel has collapsed, and of its drawing a length.
 const COLLAPSED: f64 = 0.05;
@@ -68,25 +68,22 @@ pub fn collapsed(model: &Model, beta: &[f64]) -> bool {
     ratios(model, beta).any(|ratio| ratio.abs() < COLLAPSED)
 }
 
-/// True where the joints no longer move what closes, other than at `start`: a fit to which nothing says
-/// how long anything is makes the machine small, which closes any loop.
-pub(crate) fn shrunk(model: &Model, readings: &Readings, start: &[f64], beta: &[f64]) -> bool {
-    let lengths = model.lengths();
-    let mut ws = Workspace::default();
-    let mut levers = |x: &[f64]| {
-        let mut sum = 0.0;
-        for (block, meta) in readings.blocks().iter().enumerate() {
-            let want = Want { x: false, a: true };
-            model.evaluate(readings, block, readings.raw(block), x, want, &mut ws);
-            for (own, length) in ws.g.chunks_exact(model.scales.len()).zip(&lengths) {
-                let squares = own.iter().flat_map(|g| &g.0[..meta.live]).map(|g| g * g);
-                sum += squares.sum::<f64>() * length * length;
+/// True where every closure has a length that is fitted, and all of them have collapsed: a fit to which
+/// nothing says how long anything is makes the machine small, which closes any loop.
+pub(crate) fn shrunk(model: &Model, beta: &[f64]) -> bool {
+    let closures = &model.mechanism.closures;
+    let gone = |k: usize| {
+        let fitted = model.instances.iter().zip(&model.first).find(|(i, _)| {
+            matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(k)
+        });
+        match (fitted, &closures[k].value) {
+            (Some((_, &first)), Some(Value::Known(drawn))) => {
+                (drawn + beta[first]).abs() < COLLAPSED * drawn.abs()
             }
+            _ => false,
         }
-        sum
     };
-    let before = levers(start);
-    before > 0.0 && levers(beta) < COLLAPSED * COLLAPSED * before
+    !closures.is_empty() && (0..closures.len()).all(gone)
 }
 
 /// Number of samples that the search of starts uses.
