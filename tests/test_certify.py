@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import rsicalib
 from rsicalib import DEMO, InputError
@@ -136,6 +137,11 @@ def test_a_limit_is_decided_beyond_the_uncertainty_alone(traced: rsicalib.Trace)
     assert (undecided.decision, undecided.exit_code) == ("undecided", 3)
     (known,) = undecided.known
     assert known.expanded is not None and known.poses == 20
+    # (144) of the noise of a mean of eight: a coordinate scatters by as much as one reading of the
+    # budget over √8, but for where the poses are.
+    noise = next(s.u for s in undecided.uncertainty.budget if s.source == "noise")  # type: ignore[union-attr]
+    longest = np.sqrt(stats.chi2.ppf(0.95 ** (1 / 20), 3)) * noise / np.sqrt(3 * 8)
+    assert 0.5 * longest < known.expanded < 1.1 * longest
     beyond = rsicalib.certify(traced, limit=0.9 * (known.error - known.expanded))
     assert (beyond.decision, beyond.exit_code) == ("not within", 4)
     # Without check points it cannot be shown, and is not said.

@@ -37,8 +37,8 @@ impl Seen {
     /// ```
     #[must_use]
     pub fn at_poses(largest: f64, sd: f64, poses: usize, noise: f64, confidence: f64) -> Self {
-        let each = confidence.powf(1.0 / poses.max(1) as f64);
-        Self { largest, expanded: sd * chi2_quantile(each, 3.0).sqrt(), noise }
+        let beyond = 1.0 - confidence.powf(1.0 / poses.max(1) as f64);
+        Self { largest, expanded: sd * chi2_quantile(beyond, 3.0).sqrt(), noise }
     }
 
     /// The largest error elsewhere is at least so large.
