@@ -66,7 +66,7 @@
 //! let observations = Observations::new(&mechanism, table, None, options)?;
 //! assert_eq!(rsicalib::calibrate(&observations)?.verdict, Verdict::Unexplained);
 //! let traced = rsicalib::trace(&observations, &SearchOptions::default())?;
-//! assert_eq!((traced.verdict, &*traced.steps[0].effect.target), (Verdict::Explained, "a22"));
+//! assert_eq!((traced.verdict, &*traced.steps[0].target), (Verdict::Explained, "a22"));
 //! # Ok::<(), rsicalib::Error>(())
 //! ```
 //!
