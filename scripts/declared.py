@@ -17,13 +17,13 @@ from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hin
 
 import numpy as np
 
-from rsicalib.certificates import Certificate
-from rsicalib.monitor import Alarm, Watch
-from rsicalib.plans import Plan
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
+from rsicalib.planning.plans import Plan
+from rsicalib.planning.supposing import Supposition
 from rsicalib.report.past import History
 from rsicalib.reproduction.document import Paper
-from rsicalib.supposing import Supposition
+from rsicalib.results.certificate import Certificate
+from rsicalib.verbs.monitor import Alarm, Watch
 
 __all__ = ["DOCUMENTS", "schema"]
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 import rsicalib
-from rsicalib.devices import draw_poses, nominal_device
 from rsicalib.io.files import write_text
 from rsicalib.io.readings import Readings
-from rsicalib.supposing import Supposition, suppose
+from rsicalib.planning.supposing import Supposition, suppose
+from rsicalib.poses.devices import draw_poses, nominal_device
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"

@@ -1,4 +1,4 @@
-"""Write `python/rsicalib/shapes.py` and `python/rsicalib/schema/*.json` from the types of the core.
+"""Write `facts/shapes.py` and `schema/*.json` of the package from the types of the core.
 
 Run as `python -m scripts.make_shapes`; a test compares. Names, types, defaults and docstrings are
 those of `crates/rsicalib/src/report/document.rs`.
@@ -58,10 +58,10 @@ from dataclasses import dataclass, field
 
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
-from rsicalib.estimates import Absent, Effect, Estimate, Fitness, Together
+from rsicalib.facts.estimates import Absent, Effect, Estimate, Fitness, Together
 from rsicalib.labels import Labelled
-from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
-from rsicalib.warned import Warned
+from rsicalib.facts.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
+from rsicalib.facts.warned import Warned
 '''
 
 RESIDUALS = '''    before_residuals: FloatArray | None = field(default=None, metadata=NOT_WRITTEN)
@@ -80,7 +80,7 @@ def schemas() -> dict[str, dict[str, Any]]:
 
 def files() -> dict[Path, str]:
     """Everything that is generated, by path."""
-    out = {PACKAGE / "shapes.py": shapes()}
+    out = {PACKAGE / "facts" / "shapes.py": shapes()}
     for name, schema in schemas().items():
         stem = name.removeprefix("rsicalib.").replace("/", "-")
         text = json.dumps(schema, indent=1, ensure_ascii=False) + "\n"

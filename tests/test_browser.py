@@ -12,11 +12,11 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Trace
+from rsicalib.facts.shapes import Excluded
+from rsicalib.facts.warned import Warned
 from rsicalib.report.poses import poses_html
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
 from rsicalib.reproduction.page import html as paper_html
-from rsicalib.shapes import Excluded
-from rsicalib.warned import Warned
 from tests.browser import look, needs_chromium
 from tests.test_families import clean
 

@@ -13,9 +13,9 @@ from scipy import stats
 
 import rsicalib
 from rsicalib import DEMO, InputError
-from rsicalib.certifying import PLACES
 from rsicalib.cli.command import main
-from rsicalib.measures import parameters_of
+from rsicalib.planning.measures import parameters_of
+from rsicalib.verbs.certifying import PLACES
 from tests.certificates import device, figures
 
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
@@ -235,7 +235,7 @@ def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
         applied = False
         platform_rms = traced.steps[0].platform_rms
 
-    from rsicalib import certifying
+    from rsicalib.verbs import certifying
 
     left = rsicalib.Trace.from_dict(traced.to_dict())
     object.__setattr__(left, "steps", (Left(),))

@@ -119,7 +119,7 @@ def reached(arm: dict[str, Any], angles: Array, places: Array) -> Array:
     return angles
 
 
-def excluded(seed: int, damage: Damage) -> list[rsicalib.shapes.Excluded]:
+def excluded(seed: int, damage: Damage) -> list[rsicalib.facts.shapes.Excluded]:
     mechanism, readings = session(seed, damage)
     found = rsicalib.calibrate(readings, mechanism)
     return list(found.excluded)

@@ -17,11 +17,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rsicalib.errors import InputError, RsicalibError
+from rsicalib.facts.warned import Warned
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.io.samples import Skipped
 from rsicalib.io.suspicions import suspicions
 from rsicalib.io.tables import File, numbers, table_of_file, table_of_numbers
-from rsicalib.warned import Warned
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
 

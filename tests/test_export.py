@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import DEMO, Calibration, export
+from rsicalib import DEMO, Calibration
 from rsicalib.io.mechanisms import read_mechanism
+from rsicalib.verbs import export
 from rsicalib.work.job import Work
 from tests import oracle
 

@@ -10,7 +10,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, _core
-from rsicalib.warned import KINDS, WIRING, Warned
+from rsicalib.facts.warned import KINDS, WIRING, Warned
 
 PACKAGE = Path(rsicalib.__file__).parent
 

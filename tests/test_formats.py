@@ -11,7 +11,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO
-from rsicalib.records import plain
+from rsicalib.facts.records import plain
 from scripts import declared
 
 SCHEMAS = Path(rsicalib.__file__).parent / "schema"

@@ -16,9 +16,9 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, InputError, _core
-from rsicalib.further import Sessions, explanations
-from rsicalib.planning import Plan, plan
-from rsicalib.records import plain
+from rsicalib.facts.records import plain
+from rsicalib.planning.further import Sessions, explanations
+from rsicalib.planning.plan import Plan, plan
 from tests import oracle
 from tests.blind import effects, planning, simulator
 from tests.blind.scene import SESSION_S, held, room

@@ -10,8 +10,8 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
+from rsicalib.facts.shapes import Reason
 from rsicalib.report.words import advice
-from rsicalib.shapes import Reason
 from tests.test_examples import sockets
 
 

@@ -24,6 +24,7 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
+from rsicalib.facts.warned import Warned
 from rsicalib.guide.advice import Adviser, Repeat
 from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Columns, Log, Sample
@@ -31,7 +32,6 @@ from rsicalib.guide.server import Page
 from rsicalib.guide.session import SAME
 from rsicalib.guide.source import open_source
 from rsicalib.guide.terminal import Screen, screen
-from rsicalib.warned import Warned
 from tests import oracle, person, trouble
 from tests.blind import simulator
 from tests.blind.simulator import Device
@@ -544,7 +544,7 @@ def test_a_mechanism_without_a_platform_and_targets_that_mean_nothing_are_refuse
         guide(tmp_path / "a", target=0.0, source="true")
     drawing = oracle.rsi()
     drawing.pop("platform", None)
-    bare = rsicalib._core.Mechanism.from_dict(rsicalib.records.plain(drawing))
+    bare = rsicalib._core.Mechanism.from_dict(rsicalib.facts.records.plain(drawing))
     with pytest.raises(InputError, match="without a platform"):
         guide(tmp_path / "b", bare, source="true")
 

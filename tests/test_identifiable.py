@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import rsicalib
-from rsicalib.identifiability import COMPLETE, identifiable
 from rsicalib.io.mechanisms import read_mechanism
+from rsicalib.planning.identifiability import COMPLETE, identifiable
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -14,7 +14,7 @@ from scipy.stats import chi2, ncx2
 import rsicalib
 from rsicalib import DEMO, InputError, Mechanism, Term
 from rsicalib.cli import main
-from rsicalib.supposing import suppose
+from rsicalib.planning.supposing import suppose
 from scripts import make_gallery
 from tests.families.draw import FAMILIES
 from tests.families.power import Linear

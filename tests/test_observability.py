@@ -7,7 +7,7 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError, _core
-from rsicalib.measures import observability
+from rsicalib.planning.measures import observability
 from rsicalib.reproduction.printed import printed_numbers
 from tests import oracle
 from tests.oracle import Array

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rsicalib import InputError, _core
-from rsicalib.planning import CRITERIA, Plan, bound, plan
-from rsicalib.records import plain
+from rsicalib.facts.records import plain
+from rsicalib.planning.plan import CRITERIA, Plan, bound, plan
 from rsicalib.reproduction.printed import printed_numbers
 from tests import oracle
 from tests.oracle import Array

@@ -13,8 +13,8 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, InputError, Mechanism
 from rsicalib.cli import main
-from rsicalib.shapes import Name
-from rsicalib.worthwhile import worthwhile
+from rsicalib.facts.shapes import Name
+from rsicalib.planning.worthwhile import worthwhile
 
 READINGS, REST = (DEMO / f"{name}.csv" for name in ("readings", "rest"))
 

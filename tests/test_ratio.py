@@ -10,7 +10,7 @@ import pytest
 
 import rsicalib
 from rsicalib import Mechanism
-from rsicalib.export import calibrated
+from rsicalib.verbs.export import calibrated
 from tests import oracle
 from tests.oracle import Array
 

@@ -17,17 +17,17 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Calibration, Mechanism, Parameter, Trace, _core
+from rsicalib.facts.records import plain, to_json
+from rsicalib.facts.shapes import Excluded, Name, Noise, Reason, Unexplained
+from rsicalib.facts.warned import Warned
 from rsicalib.io.readings import Readings
-from rsicalib.records import plain, to_json
 from rsicalib.report import residuals, svg
 from rsicalib.report.checks import noise_figure
 from rsicalib.report.figure import Figure
 from rsicalib.report.residuals import residual_figure
 from rsicalib.report.words import noise_words, number, plus_minus, sentence
-from rsicalib.results import Result
-from rsicalib.shapes import Excluded, Name, Noise, Reason, Unexplained
+from rsicalib.results.result import Result
 from rsicalib.units import with_unit
-from rsicalib.warned import Warned
 from rsicalib.work.arguments import Bare
 from tests.families.device import Effect, Scene, observe
 from tests.families.trials import readings_of

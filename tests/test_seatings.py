@@ -13,7 +13,7 @@ import pytest
 
 import rsicalib
 from rsicalib import Mechanism
-from rsicalib.results import Calibration, Trace
+from rsicalib.results.result import Calibration, Trace
 from tests import cone
 from tests.oracle import Array
 

@@ -17,8 +17,9 @@ from scipy.stats import ks_2samp
 import rsicalib
 from benches.speed import Rival
 from rsicalib import InputError, _core
-from rsicalib.devices import Device, draw_poses, nominal_device
-from rsicalib.records import plain
+from rsicalib.facts.records import plain
+from rsicalib.poses.devices import Device, draw_poses, nominal_device
+from rsicalib.poses.simulation import simulate
 from rsicalib.reproduction.convergence import (
     convergence_equal,
     convergence_independent,
@@ -34,7 +35,6 @@ from rsicalib.reproduction.noise import (
 from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.printed import printed_numbers
 from rsicalib.reproduction.trials import run
-from rsicalib.simulation import simulate
 from tests import oracle
 
 RSI = _core.Mechanism.rsi()

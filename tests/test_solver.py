@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from benches.speed import Rival, session
 from rsicalib import InputError, _core
-from rsicalib.records import plain
+from rsicalib.facts.records import plain
 from tests import oracle
 from tests.oracle import Array
 

@@ -15,8 +15,8 @@ import numpy.typing as npt
 import pytest
 
 import rsicalib
-from rsicalib.export import calibrated
 from rsicalib.io.rigid import rigid
+from rsicalib.verbs.export import calibrated
 
 Array = npt.NDArray[np.float64]
 

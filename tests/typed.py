@@ -10,18 +10,18 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 import rsicalib
-from rsicalib.identifiability import Identifiable
+from rsicalib.facts.shapes import Before
 from rsicalib.io.readings import Readings
 from rsicalib.labels import Labelled
-from rsicalib.measures import Observability
-from rsicalib.monitor import Watching
-from rsicalib.planning import Plan
-from rsicalib.platform_sd import Workspace
+from rsicalib.planning.identifiability import Identifiable
+from rsicalib.planning.measures import Observability
+from rsicalib.planning.plan import Plan
+from rsicalib.planning.platform_sd import Workspace
+from rsicalib.planning.supposing import Supposition
+from rsicalib.poses.simulation import Simulated
 from rsicalib.report.past import History
 from rsicalib.reproduction.document import Paper
-from rsicalib.shapes import Before
-from rsicalib.simulation import Simulated
-from rsicalib.supposing import Supposition
+from rsicalib.verbs.monitor import Watching
 
 Array = npt.NDArray[np.float64]
 

@@ -30,33 +30,33 @@ if TYPE_CHECKING:
         terms,
         trace,
     )
-    from rsicalib.certificates import Certificate
-    from rsicalib.certifying import certify
-    from rsicalib.devices import Device
     from rsicalib.errors import InputError, OpenLoopsWarning, RsicalibError, UndeterminedError
-    from rsicalib.export import export_toml, export_urdf
     from rsicalib.exports.opening import export_result
+    from rsicalib.facts.shapes import Parameter, Step
+    from rsicalib.facts.warned import Warned
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
-    from rsicalib.identifiability import Identifiable, identifiable
     from rsicalib.imports.log import Log
     from rsicalib.imports.opening import import_log
     from rsicalib.io.readings import Readings
-    from rsicalib.lifetime import history
-    from rsicalib.measures import Observability, observability
-    from rsicalib.monitor import Alarm, Monitor, Watch, Watching, watch
-    from rsicalib.placing import Placer
-    from rsicalib.planning import plan
-    from rsicalib.plans import Plan
-    from rsicalib.platform_sd import Workspace, workspace
+    from rsicalib.planning.identifiability import Identifiable, identifiable
+    from rsicalib.planning.measures import Observability, observability
+    from rsicalib.planning.plan import plan
+    from rsicalib.planning.plans import Plan
+    from rsicalib.planning.platform_sd import Workspace, workspace
+    from rsicalib.planning.supposing import Supposition, suppose
+    from rsicalib.poses.devices import Device
+    from rsicalib.poses.placing import Placer
+    from rsicalib.poses.simulation import Simulated, simulate
     from rsicalib.report.past import History
     from rsicalib.reproduction.document import Paper
     from rsicalib.reproduction.paper import paper
-    from rsicalib.results import Calibration, Trace, load_calibration
-    from rsicalib.shapes import Parameter, Step
-    from rsicalib.simulation import Simulated, simulate
-    from rsicalib.supposing import Supposition, suppose
-    from rsicalib.warned import Warned
+    from rsicalib.results.certificate import Certificate
+    from rsicalib.results.result import Calibration, Trace, load_calibration
+    from rsicalib.verbs.certifying import certify
+    from rsicalib.verbs.export import export_toml, export_urdf
+    from rsicalib.verbs.lifetime import history
+    from rsicalib.verbs.monitor import Alarm, Monitor, Watch, Watching, watch
 
 __all__ = [
     "DEMO",
@@ -124,33 +124,33 @@ _HOMES = {
     "rsicalib._core": "Channel Mechanism Term __version__",
     "rsicalib.api": """DEMO calibrate demo fixture forward forward_sd inverse load_mechanism
         load_readings terms trace""",
-    "rsicalib.certificates": "Certificate",
-    "rsicalib.certifying": "certify",
-    "rsicalib.devices": "Device",
+    "rsicalib.results.certificate": "Certificate",
+    "rsicalib.verbs.certifying": "certify",
+    "rsicalib.poses.devices": "Device",
     "rsicalib.errors": "InputError OpenLoopsWarning RsicalibError UndeterminedError",
-    "rsicalib.export": "export_toml export_urdf",
+    "rsicalib.verbs.export": "export_toml export_urdf",
     "rsicalib.exports.opening": "export_result",
     "rsicalib.fleets.devices": "calibrate_devices",
     "rsicalib.fleets.run": "Fleet fleet",
-    "rsicalib.identifiability": "Identifiable identifiable",
+    "rsicalib.planning.identifiability": "Identifiable identifiable",
     "rsicalib.imports.log": "Log",
     "rsicalib.imports.opening": "import_log",
     "rsicalib.io.readings": "Readings",
-    "rsicalib.lifetime": "history",
-    "rsicalib.measures": "Observability observability",
-    "rsicalib.monitor": "Alarm Monitor Watch Watching watch",
-    "rsicalib.placing": "Placer",
-    "rsicalib.planning": "plan",
-    "rsicalib.plans": "Plan",
-    "rsicalib.platform_sd": "Workspace workspace",
+    "rsicalib.verbs.lifetime": "history",
+    "rsicalib.planning.measures": "Observability observability",
+    "rsicalib.verbs.monitor": "Alarm Monitor Watch Watching watch",
+    "rsicalib.poses.placing": "Placer",
+    "rsicalib.planning.plan": "plan",
+    "rsicalib.planning.plans": "Plan",
+    "rsicalib.planning.platform_sd": "Workspace workspace",
     "rsicalib.report.past": "History",
     "rsicalib.reproduction.document": "Paper",
     "rsicalib.reproduction.paper": "paper",
-    "rsicalib.results": "Calibration Trace load_calibration",
-    "rsicalib.shapes": "Parameter Step",
-    "rsicalib.simulation": "Simulated simulate",
-    "rsicalib.supposing": "Supposition suppose",
-    "rsicalib.warned": "Warned",
+    "rsicalib.results.result": "Calibration Trace load_calibration",
+    "rsicalib.facts.shapes": "Parameter Step",
+    "rsicalib.poses.simulation": "Simulated simulate",
+    "rsicalib.planning.supposing": "Supposition suppose",
+    "rsicalib.facts.warned": "Warned",
 }
 """Names by the module that has them; a module is imported where its first name is used."""
 

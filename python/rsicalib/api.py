@@ -10,14 +10,14 @@ from typing import Any
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.calibration import calibrate
 from rsicalib.io.frames import TableArg
 from rsicalib.io.readings import Readings
 from rsicalib.io.readings import load_readings as read_readings
-from rsicalib.kinematics import forward, forward_sd, inverse
-from rsicalib.open_loop import fixture
-from rsicalib.results import Trace
-from rsicalib.tracing import trace
+from rsicalib.poses.kinematics import forward, forward_sd, inverse
+from rsicalib.results.result import Trace
+from rsicalib.verbs.calibration import calibrate
+from rsicalib.verbs.open_loop import fixture
+from rsicalib.verbs.tracing import trace
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 from rsicalib.work.listening import ProgressArg
 

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 
 import rsicalib
-from rsicalib.further import explanations, words
-from rsicalib.planning import Plan, plan
-from rsicalib.records import plain
+from rsicalib.facts.records import plain
+from rsicalib.planning.further import explanations, words
+from rsicalib.planning.plan import Plan, plan
 from tests import oracle
 from tests.blind import effects as catalogue
 from tests.blind import simulator

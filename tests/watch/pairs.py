@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 import rsicalib
-from rsicalib.shapes import Update
+from rsicalib.facts.shapes import Update
 from tests.blind import simulator
 from tests.blind.simulator import CHANNELS, Device
 from tests.watch.device import Change, calibrated, readings_of

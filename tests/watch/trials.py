@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import rsicalib
-from rsicalib.monitor import Alarm, Suspect
+from rsicalib.verbs.monitor import Alarm, Suspect
 from tests.blind.simulator import CHANNELS
 from tests.watch.device import RATE_HZ, Change, Work, calibrated
 

@@ -13,8 +13,8 @@ from rsicalib.cli.parser import make_parser
 from rsicalib.cli.streams import emit, is_of_streams, open_streams, silence
 from rsicalib.cli.verbs import Args
 from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.facts.records import to_json
 from rsicalib.io.files import forget_parts
-from rsicalib.records import to_json
 
 __all__ = ["main"]
 

@@ -11,10 +11,10 @@ from rsicalib.cli.colours import painted, wants_colour
 from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.progress import progress_of, terminal_width
 from rsicalib.cli.streams import emit, say
+from rsicalib.facts.warned import Warned
 from rsicalib.io.folders import MARK, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
-from rsicalib.results import Calibration, Result, Trace
-from rsicalib.warned import Warned
+from rsicalib.results.result import Calibration, Result, Trace
 
 __all__ = ["prepare", "show", "warn"]
 
@@ -54,7 +54,7 @@ def prepare(args: argparse.Namespace) -> None:
 
 def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
     """What a folder of a result holds, by name."""
-    from rsicalib.export import calibrated_files
+    from rsicalib.verbs.export import calibrated_files
 
     files = {
         RESULT: result.to_json(),

@@ -20,9 +20,9 @@ from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import emit, say
 from rsicalib.errors import InputError, UndeterminedError
+from rsicalib.facts.records import plain, to_json
 from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
 from rsicalib.plain_text import meant, printable
-from rsicalib.records import plain, to_json
 
 __all__ = [
     "Args",
@@ -136,7 +136,7 @@ def forward(args: Args) -> int:
     """Readings to platform poses under a calibration, CSV on standard output."""
     import numpy as np
 
-    from rsicalib.places import places, readings_for
+    from rsicalib.poses.places import places, readings_for
     from rsicalib.work.arguments import earlier_result
     from rsicalib.work.closing import open_loops
 
@@ -178,7 +178,7 @@ def forward(args: Args) -> int:
 
 def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
-    from rsicalib.simulation import simulate as simulate_device
+    from rsicalib.poses.simulation import simulate as simulate_device
 
     names = "mechanism poses samples noise seed force"
     options = {name: getattr(args, name) for name in names.split()}
@@ -193,7 +193,7 @@ def simulate(args: Args) -> int:
 
 def plan(args: Args) -> int:
     """Which poses to visit."""
-    from rsicalib.planning import plan as plan_poses
+    from rsicalib.planning.plan import plan as plan_poses
     from rsicalib.report.poses import poses_html
 
     found = _heard(
@@ -281,7 +281,7 @@ def fleet(args: Args) -> int:
 
 def suppose(args: Args) -> int:
     """What an effect would do in these poses, and whether they would show it."""
-    from rsicalib.supposing import suppose as suppose_effect
+    from rsicalib.planning.supposing import suppose as suppose_effect
 
     names = "mechanism rest closures noise calibration skip_bad_rows"
     options = {"model": args.terms, **{name: getattr(args, name) for name in names.split()}}
@@ -299,7 +299,7 @@ def suppose(args: Args) -> int:
 
 def certify(args: Args) -> int:
     """Whether the largest error is within a limit: decision, budget, what would decide it."""
-    from rsicalib.certifying import certify as certify_result
+    from rsicalib.verbs.certifying import certify as certify_result
 
     options = {name: getattr(args, name) for name in ("limit", "confidence", "at")}
     what = "draw the largest error"
@@ -340,7 +340,7 @@ def paper(args: Args) -> int:
 
 def history(args: Args) -> int:
     """Parameters of one device against date."""
-    from rsicalib.lifetime import history as history_of
+    from rsicalib.verbs.lifetime import history as history_of
 
     options = {"device": args.device, "target": args.target}
     what = "read the results"
@@ -361,7 +361,7 @@ def history(args: Args) -> int:
 
 def watch(args: Args) -> int:
     """A calibration at work: alarms with what, since when, how large; JSON lines."""
-    from rsicalib.monitor import watch as watch_device
+    from rsicalib.verbs.monitor import watch as watch_device
 
     watching = watch_device(
         args.readings,
@@ -430,8 +430,8 @@ def completion(args: Args) -> int:
 
 def mechanism(args: Args) -> int:
     """Show a built-in mechanism, or check a file: what it says, and what can be identified."""
-    from rsicalib.identifiability import COMPLETE, identifiable
     from rsicalib.io.mechanisms import expansion_notes
+    from rsicalib.planning.identifiability import COMPLETE, identifiable
 
     loaded = api.load_mechanism(args.name)
     models = () if args.quiet else (None, COMPLETE)

@@ -8,9 +8,9 @@ from functools import cached_property
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.export import Calibrated, calibrated
 from rsicalib.io.readings import Readings
-from rsicalib.results import Result
+from rsicalib.results.result import Result
+from rsicalib.verbs.export import Calibrated, calibrated
 from rsicalib.work.arguments import MechanismArg, open_mechanism
 
 __all__ = ["Ask"]

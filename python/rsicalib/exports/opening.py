@@ -8,12 +8,12 @@ from typing import Any
 
 from rsicalib._core import __version__
 from rsicalib.errors import InputError
-from rsicalib.export import export_toml, export_urdf
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.kinds import EXPORTS
+from rsicalib.facts.records import to_json
 from rsicalib.io.folders import EXPORT
 from rsicalib.io.readings import Readings
-from rsicalib.records import to_json
+from rsicalib.verbs.export import export_toml, export_urdf
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,

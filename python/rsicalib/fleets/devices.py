@@ -14,12 +14,12 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.facts.records import plain
 from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
 from rsicalib.io.cells import Fault, MechanismLike, read_cells, read_header
 from rsicalib.io.frames import Cells, Columns, columns_of
 from rsicalib.io.tables import Table, text
 from rsicalib.options import names
-from rsicalib.records import plain
 from rsicalib.work.arguments import Bare, MechanismArg, noise_of_channels, open_mechanism
 
 __all__ = ["REST", "Device", "calibrate_devices", "devices_of", "digests", "without"]

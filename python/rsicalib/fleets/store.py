@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from rsicalib.errors import InputError
+from rsicalib.facts.records import to_json
 from rsicalib.fleets.dataset import pyarrow_modules
 from rsicalib.fleets.engines import Rows
 from rsicalib.fleets.frames import TEXT
 from rsicalib.io.files import write_text
-from rsicalib.records import to_json
 
 __all__ = ["Store"]
 

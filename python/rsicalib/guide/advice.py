@@ -13,13 +13,13 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import RsicalibError
-from rsicalib.further import explanations, reason, words
+from rsicalib.facts.records import plain
+from rsicalib.facts.warned import WIRING, Warned
 from rsicalib.guide.log import Sample
 from rsicalib.io.readings import Readings
-from rsicalib.records import plain
-from rsicalib.results import Trace
-from rsicalib.tracing import trace
-from rsicalib.warned import WIRING, Warned
+from rsicalib.planning.further import explanations, reason, words
+from rsicalib.results.result import Trace
+from rsicalib.verbs.tracing import trace
 from rsicalib.work.applying import as_applied, as_table
 
 __all__ = ["Advice", "Adviser", "Repeat"]

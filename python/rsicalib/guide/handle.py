@@ -11,9 +11,9 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import workspace
 from rsicalib.errors import RsicalibError
-from rsicalib.results import Trace
+from rsicalib.poses.devices import workspace
+from rsicalib.results.result import Trace
 from rsicalib.work.applying import as_applied
 
 __all__ = ["Handle", "moves", "turned"]

@@ -8,7 +8,6 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 
-from rsicalib.devices import workspace
 from rsicalib.errors import InputError
 from rsicalib.guide.advice import Adviser
 from rsicalib.guide.drive import Robot
@@ -19,7 +18,8 @@ from rsicalib.guide.session import Session, Settings
 from rsicalib.guide.source import Lines, open_source
 from rsicalib.guide.terminal import Screen
 from rsicalib.options import checked
-from rsicalib.results import Trace
+from rsicalib.poses.devices import workspace
+from rsicalib.results.result import Trace
 from rsicalib.work.arguments import Bare, MechanismArg, PathLike, ReadingsArg, load, open_mechanism
 
 __all__ = ["guide"]

@@ -21,7 +21,7 @@ from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Log, Sample
 from rsicalib.io.files import write_text
 from rsicalib.report.words import subject
-from rsicalib.results import Trace
+from rsicalib.results.result import Trace
 
 __all__ = ["Session", "Settings"]
 

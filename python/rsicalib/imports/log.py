@@ -15,13 +15,13 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.arrays import IntArray
+from rsicalib.facts.records import to_json
+from rsicalib.facts.warned import Warned
 from rsicalib.io.cells import MechanismLike
 from rsicalib.io.folders import IMPORT, MARK, Sealed
 from rsicalib.io.readings import Readings, readings_of_table
 from rsicalib.io.tables import Table
-from rsicalib.records import to_json
 from rsicalib.tabular import Told
-from rsicalib.warned import Warned
 
 __all__ = ["Column", "Log", "Session"]
 

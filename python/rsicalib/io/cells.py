@@ -16,9 +16,9 @@ import numpy.typing as npt
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.facts.warned import Warned
 from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
 from rsicalib.plain_text import meant
-from rsicalib.warned import Warned
 
 __all__ = [
     "COLUMNS",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rsicalib.errors import InputError
+from rsicalib.facts.warned import Warned
 from rsicalib.io.samples import Samples
-from rsicalib.warned import Warned
 
 __all__ = ["check_poses_are_together", "time_goes_back"]
 

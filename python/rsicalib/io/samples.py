@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray, IntArray
-from rsicalib.warned import Warned
+from rsicalib.facts.warned import Warned
 
 __all__ = ["Samples", "Skipped", "frozen", "picked"]
 

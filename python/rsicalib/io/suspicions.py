@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.facts.warned import Warned
 from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
 from rsicalib.units import is_count
-from rsicalib.warned import Warned
 
 __all__ = ["suspicions"]
 

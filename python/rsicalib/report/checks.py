@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from rsicalib.facts.shapes import Noise, Reliability, ResultShape
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas
 from rsicalib.report.words import listed_words, number
-from rsicalib.shapes import Noise, Reliability, ResultShape
 from rsicalib.units import with_unit
 
 __all__ = ["noise_figure", "reliability_figure", "reliability_rows"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rsicalib.facts.shapes import Against, EffectEvidence, Law, Score, Step
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
 from rsicalib.report.words import name_of, number, subject
-from rsicalib.shapes import Against, EffectEvidence, Law, Score, Step
 from rsicalib.units import axis_words, in_thousandths
 
 __all__ = ["effect_figures", "scores_figure"]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.facts.shapes import Evidence, Hypothesis, ParameterName, SwitchFit
 from rsicalib.report.mechanism import Scene
 from rsicalib.report.residuals import Dots
 from rsicalib.report.words import listed_words, number, plus_minus, probability, subject
-from rsicalib.shapes import Evidence, Hypothesis, ParameterName, SwitchFit
 
 __all__ = ["choices_html", "fader_html", "fit_data", "hypothesis_data", "key_of", "residuals_of"]
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.facts.shapes import Drawing, Evidence, ResultShape, TraceShape
 from rsicalib.report.figure import Figure, data_element
 from rsicalib.report.residuals import Dots
 from rsicalib.report.svg import WIDE, Canvas
 from rsicalib.report.words import number, subject
-from rsicalib.shapes import Drawing, Evidence, ResultShape, TraceShape
 
 __all__ = ["Scene", "mechanism_figure", "scene_of"]
 

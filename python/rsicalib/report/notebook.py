@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from rsicalib.facts.shapes import ResultShape, TraceShape
+from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.report.words import advice, comparison, sentence, size_words, subject
-from rsicalib.shapes import ResultShape, TraceShape
 from rsicalib.tabular import html_table
-from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["result_html"]
 

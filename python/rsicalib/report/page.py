@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
+from rsicalib.facts.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
+from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
 from rsicalib.report.effects import effect_figures, scores_figure
 from rsicalib.report.figure import STYLE, Figure, data_element
@@ -33,9 +35,7 @@ from rsicalib.report.words import (
     subject,
 )
 from rsicalib.report.workspace import workspace_figure
-from rsicalib.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
 from rsicalib.units import with_unit
-from rsicalib.verdicts import EXIT_CODES
 
 __all__ = ["document", "figures", "html", "listed", "pictures", "section", "table"]
 

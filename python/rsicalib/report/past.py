@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rsicalib import _core
-from rsicalib.estimates import parameter_key
+from rsicalib.facts.estimates import parameter_key
+from rsicalib.facts.records import Record, to_json
 from rsicalib.plots import intervals, on_axes
-from rsicalib.records import Record, to_json
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, pictures, section, table
 from rsicalib.report.residuals import FAR

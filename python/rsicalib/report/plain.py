@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from html import escape
 
+from rsicalib.facts.shapes import Evidence, ResultShape, Rival, Step, TraceShape
 from rsicalib.report.words import (
     labelled,
     listed_words,
@@ -14,7 +15,6 @@ from rsicalib.report.words import (
     subject,
     target_words,
 )
-from rsicalib.shapes import Evidence, ResultShape, Rival, Step, TraceShape
 
 __all__ = ["certainty_html", "plain_words"]
 

@@ -9,9 +9,9 @@ from statistics import NormalDist
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.facts.shapes import Evidence, ResultShape, TraceShape
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
-from rsicalib.shapes import Evidence, ResultShape, TraceShape
 
 __all__ = ["Dots", "dots_of", "normal_figure", "residual_figure"]
 

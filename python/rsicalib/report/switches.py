@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rsicalib.facts.shapes import Evidence, ParameterName, Switch
 from rsicalib.report.figure import Figure, data_element
 from rsicalib.report.hypotheses import (
     choices_html,
@@ -19,7 +20,6 @@ from rsicalib.report.hypotheses import (
 from rsicalib.report.mechanism import Scene
 from rsicalib.report.residuals import Dots, draw_residuals
 from rsicalib.report.words import name_of, number, subject
-from rsicalib.shapes import Evidence, ParameterName, Switch
 
 __all__ = ["data_of", "switchboard_html", "words_of"]
 

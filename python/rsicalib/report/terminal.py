@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rsicalib.facts.shapes import Parameter, ResultShape, TraceShape
 from rsicalib.report.words import (
     advice,
     between_words,
@@ -21,7 +22,6 @@ from rsicalib.report.words import (
     sentence,
     size_words,
 )
-from rsicalib.shapes import Parameter, ResultShape, TraceShape
 from rsicalib.units import axis_words, with_unit
 
 __all__ = ["summary"]

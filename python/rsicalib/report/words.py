@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from rsicalib.shapes import (
+from rsicalib.facts.shapes import (
     CalibrationShape,
     CurveLaw,
     Excluded,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rsicalib.facts.shapes import Evidence, ResultShape, Slice, Weakest
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart
 from rsicalib.report.words import listed_words, number, parameter_name
-from rsicalib.shapes import Evidence, ResultShape, Slice, Weakest
 
 __all__ = ["workspace_figure"]
 

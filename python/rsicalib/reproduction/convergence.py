@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device
 from rsicalib.errors import InputError
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
+from rsicalib.poses.devices import Device
 from rsicalib.reproduction.edges import edge, intervals
 from rsicalib.reproduction.placing import exact_readings
 from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, run

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
 
 __all__ = ["Cell", "Misprint", "Paper", "Row", "Table"]
 

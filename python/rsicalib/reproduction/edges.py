@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
 
 __all__ = ["Edge", "edge", "intervals"]
 

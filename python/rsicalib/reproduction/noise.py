@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
+from rsicalib.poses.devices import Device
 from rsicalib.reproduction.placing import exact_readings, placed
 from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, rms, rms_of_rows, run
 

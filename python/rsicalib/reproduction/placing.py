@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device
 from rsicalib.errors import InputError
+from rsicalib.poses.devices import Device
 
 __all__ = ["exact_readings", "placed"]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device, nominal_device
+from rsicalib.poses.devices import Device, nominal_device
 
 __all__ = ["Printed", "printed_numbers"]
 

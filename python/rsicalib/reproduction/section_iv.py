@@ -9,7 +9,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device
+from rsicalib.poses.devices import Device
 from rsicalib.reproduction.document import Cell, Row, Table
 from rsicalib.reproduction.noise import fixture_lines
 from rsicalib.reproduction.placing import placed

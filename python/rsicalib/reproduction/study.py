@@ -11,7 +11,7 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device
+from rsicalib.poses.devices import Device
 from rsicalib.reproduction.printed import Printed
 from rsicalib.reproduction.trials import Progress, rms
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device
+from rsicalib.poses.devices import Device
 from rsicalib.reproduction.convergence import (
     convergence_equal,
     convergence_independent,

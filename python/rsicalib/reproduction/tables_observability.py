@@ -6,7 +6,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.measures import SCALINGS
+from rsicalib.planning.measures import SCALINGS
 from rsicalib.reproduction.document import Cell, Row, Table
 from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.study import Study

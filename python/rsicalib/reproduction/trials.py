@@ -17,7 +17,7 @@ import numpy.typing as npt
 from rsicalib.arrays import FloatArray
 from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
 
 __all__ = ["ITERATIONS", "Estimate", "Progress", "rms", "rms_of_rows", "run"]
 

@@ -11,7 +11,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
-from rsicalib.results import Result
+from rsicalib.results.result import Result
 from rsicalib.units import is_count
 
 __all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed"]

@@ -18,7 +18,7 @@ from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.frames import TableArg, in_memory
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.plain_text import meant
-from rsicalib.results import Result, load_calibration
+from rsicalib.results.result import Result, load_calibration
 
 __all__ = [
     "Bare",

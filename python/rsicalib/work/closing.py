@@ -17,7 +17,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import OpenLoopsWarning
 from rsicalib.io.readings import Readings
-from rsicalib.results import Result
+from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, covariance_of
 
 __all__ = ["first_rows", "open_loops", "warn_of_open_loops"]

@@ -10,11 +10,11 @@ from typing import Any
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, InputTypeError, UndeterminedError
+from rsicalib.facts.shapes import Parameter
+from rsicalib.facts.warned import Warned
 from rsicalib.io.frames import in_memory
 from rsicalib.io.readings import Readings
-from rsicalib.results import Result
-from rsicalib.shapes import Parameter
-from rsicalib.warned import Warned
+from rsicalib.results.result import Result
 from rsicalib.work.applying import Known, as_applied, as_table, covariance_of, posed
 from rsicalib.work.arguments import (
     Bare,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TypeAlias, TypeVar
 
 from rsicalib.report.words import sentence
-from rsicalib.results import Result
+from rsicalib.results.result import Result
 
 __all__ = ["ProgressArg", "finished", "listener"]
 

@@ -15,10 +15,10 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
+from rsicalib.facts.records import plain
+from rsicalib.facts.shapes import Before, Data, Moved, Parameter, Skipped
 from rsicalib.io.readings import Readings
-from rsicalib.records import plain
-from rsicalib.results import Result
-from rsicalib.shapes import Before, Data, Moved, Parameter, Skipped
+from rsicalib.results.result import Result
 
 __all__ = [
     "NOTHING",

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from rsicalib.errors import InputError
+from rsicalib.facts.records import to_json
 from rsicalib.io.files import write_bytes
-from rsicalib.records import to_json
 
 __all__ = ["read_state", "write_state"]
 

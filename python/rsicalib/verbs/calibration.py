@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
 from rsicalib.options import checked, names
-from rsicalib.results import Calibration
+from rsicalib.results.result import Calibration
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,

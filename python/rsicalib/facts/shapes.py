@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
-from rsicalib.estimates import Absent, Effect, Estimate, Fitness, Together
+from rsicalib.facts.estimates import Absent, Effect, Estimate, Fitness, Together
 from rsicalib.labels import Labelled
-from rsicalib.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
-from rsicalib.warned import Warned
+from rsicalib.facts.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
+from rsicalib.facts.warned import Warned
 
 __all__ = [
     "Against",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
 
 __all__ = ["KINDS", "WIRING", "Warned", "WarnedKind"]
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsicalib import _core, options
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, open_mechanism
 

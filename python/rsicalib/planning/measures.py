@@ -11,10 +11,10 @@ import numpy as np
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import nominal
 from rsicalib.errors import InputError
+from rsicalib.facts.records import NOT_WRITTEN, Record
 from rsicalib.plots import lines, on_axes
-from rsicalib.records import NOT_WRITTEN, Record
+from rsicalib.poses.devices import nominal
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import (
     CalibrationArg,

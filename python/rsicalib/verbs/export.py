@@ -18,7 +18,7 @@ from rsicalib.io.folders import MARK
 from rsicalib.io.mechanisms import mechanism_document
 from rsicalib.io.sources import read_text
 from rsicalib.io.urdf import write_urdf
-from rsicalib.results import Result
+from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied
 from rsicalib.work.arguments import (
     CalibrationArg,

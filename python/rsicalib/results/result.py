@@ -12,15 +12,15 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
-from rsicalib.digest import digest_of_numbers
 from rsicalib.errors import InputError, ResultError, UndeterminedError
-from rsicalib.interactive import Interactive
+from rsicalib.facts.digest import digest_of_numbers
+from rsicalib.facts.records import to_json
+from rsicalib.facts.shapes import CalibrationShape, Evidence, FitQuality, TraceShape
+from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
-from rsicalib.records import to_json
 from rsicalib.report.words import quality
-from rsicalib.shapes import CalibrationShape, Evidence, FitQuality, TraceShape
-from rsicalib.verdicts import EXIT_CODES
+from rsicalib.results.interactive import Interactive
 
 __all__ = ["Calibration", "Result", "Trace", "load_calibration"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Literal, TypeAlias
 
-from rsicalib.records import Record
+from rsicalib.facts.records import Record
 from rsicalib.report.page import document, listed, section, table
 from rsicalib.report.words import number
 from rsicalib.tabular import Told

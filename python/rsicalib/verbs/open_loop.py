@@ -8,8 +8,8 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.errors import UndeterminedError
-from rsicalib.results import Calibration
-from rsicalib.shapes import Parameter
+from rsicalib.facts.shapes import Parameter
+from rsicalib.results.result import Calibration
 from rsicalib.work.applying import posed
 from rsicalib.work.arguments import MechanismArg, ReadingsArg
 from rsicalib.work.job import Work

@@ -12,15 +12,15 @@ import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.facts.records import Record
+from rsicalib.facts.shapes import Rms
 from rsicalib.options import names
 from rsicalib.plots import dots as draw_dots
 from rsicalib.plots import on_axes
-from rsicalib.records import Record
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document
 from rsicalib.report.residuals import MOST_DOTS, Dots, draw_residuals
 from rsicalib.report.words import name_of
-from rsicalib.shapes import Rms
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg

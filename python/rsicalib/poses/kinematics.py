@@ -8,7 +8,7 @@ import numpy.typing as npt
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
-from rsicalib.places import Places, places, readings_for
+from rsicalib.poses.places import Places, places, readings_for
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,

@@ -16,16 +16,16 @@ import numpy.typing as npt
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.certificates import Certificate, Known, Source, Uncertainty
-from rsicalib.devices import Device, draw_poses
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.facts.shapes import FitQuality, TraceShape
 from rsicalib.io.readings import Readings
 from rsicalib.io.tables import read_table
-from rsicalib.measures import parameters_of
-from rsicalib.places import readings_for
 from rsicalib.plain_text import quoted
-from rsicalib.results import Result
-from rsicalib.shapes import FitQuality, TraceShape
+from rsicalib.planning.measures import parameters_of
+from rsicalib.poses.devices import Device, draw_poses
+from rsicalib.poses.places import readings_for
+from rsicalib.results.certificate import Certificate, Known, Source, Uncertainty
+from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import (
     Bare,

@@ -6,8 +6,8 @@ import hashlib
 import json
 from typing import Any
 
-from rsicalib.records import plain
-from rsicalib.shapes import ResultShape
+from rsicalib.facts.records import plain
+from rsicalib.facts.shapes import ResultShape
 
 __all__ = ["digest_of_numbers"]
 

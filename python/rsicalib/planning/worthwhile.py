@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rsicalib.facts.shapes import Name
 from rsicalib.report.words import listed_words
-from rsicalib.shapes import Name
 
 __all__ = ["worthwhile"]
 

@@ -12,16 +12,16 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Within
 from rsicalib.errors import InputError
-from rsicalib.plans import Forecast, Plan
+from rsicalib.facts.shapes import Name
+from rsicalib.planning.plans import Forecast, Plan
+from rsicalib.planning.worthwhile import worthwhile
+from rsicalib.poses.devices import Within
 from rsicalib.report.words import subject
-from rsicalib.results import Result, Trace
-from rsicalib.shapes import Name
+from rsicalib.results.result import Result, Trace
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import described
-from rsicalib.worthwhile import worthwhile
 
 __all__ = ["Choice", "Sessions", "explanations", "plan_further", "plan_until"]
 

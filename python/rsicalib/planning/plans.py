@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.facts.records import IF_KNOWN, OMIT, Record
+from rsicalib.facts.shapes import Rms
 from rsicalib.io.files import write_text
 from rsicalib.plots import on_axes, scatter
-from rsicalib.records import IF_KNOWN, OMIT, Record
-from rsicalib.shapes import Rms
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import PathLike
 

@@ -18,13 +18,13 @@ import numpy.typing as npt
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
+from rsicalib.facts.records import Record, to_json
+from rsicalib.facts.shapes import Rms
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.opening import import_log
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_of
-from rsicalib.records import Record, to_json
-from rsicalib.results import Calibration, Result, Trace
-from rsicalib.shapes import Rms
+from rsicalib.results.result import Calibration, Result, Trace
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
 from rsicalib.work.applying import as_applied, covariance_of

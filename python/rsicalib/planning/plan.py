@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Within, workspace
 from rsicalib.errors import InputError
-from rsicalib.further import Choice, Sessions, plan_further, plan_until
 from rsicalib.io.readings import Readings
-from rsicalib.measures import counts_of, known_sd, parameters_of
-from rsicalib.plans import Bound, Plan
+from rsicalib.planning.further import Choice, Sessions, plan_further, plan_until
+from rsicalib.planning.measures import counts_of, known_sd, parameters_of
+from rsicalib.planning.plans import Bound, Plan
+from rsicalib.poses.devices import Within, workspace
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,

@@ -12,7 +12,7 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.io.readings import Readings
-from rsicalib.results import Result
+from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import Bare, ReadingsArg, load
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
+from rsicalib.facts.shapes import Parameter, ResultShape, Step, TraceShape
 from rsicalib.labels import Labelled
 from rsicalib.plots import bars, dots, on_axes
 from rsicalib.report.notebook import result_html
 from rsicalib.report.words import name_of
-from rsicalib.shapes import Parameter, ResultShape, Step, TraceShape
 from rsicalib.tabular import data_frame
 
 if TYPE_CHECKING:

@@ -10,14 +10,14 @@ import numpy as np
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device, Within, draw_poses
 from rsicalib.errors import InputError
+from rsicalib.facts.records import Record
 from rsicalib.io.readings import Readings
-from rsicalib.kinematics import forward_sd
-from rsicalib.measures import parameters_of
-from rsicalib.places import places
+from rsicalib.planning.measures import parameters_of
 from rsicalib.plots import on_axes, scatter
-from rsicalib.records import Record
+from rsicalib.poses.devices import Device, Within, draw_poses
+from rsicalib.poses.kinematics import forward_sd
+from rsicalib.poses.places import places
 from rsicalib.tabular import Tabular
 from rsicalib.work.applying import as_applied
 from rsicalib.work.arguments import (

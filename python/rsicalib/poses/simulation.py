@@ -15,10 +15,10 @@ import numpy as np
 
 from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
-from rsicalib.devices import Device, Within, draw_poses
+from rsicalib.facts.records import to_json
 from rsicalib.io.folders import MARK, TRUTH, Sealed
 from rsicalib.io.readings import Readings
-from rsicalib.records import to_json
+from rsicalib.poses.devices import Device, Within, draw_poses
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
 __all__ = ["Simulated", "simulate"]

@@ -16,10 +16,10 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
-from rsicalib.measures import parameters_of
 from rsicalib.plain_text import meant
+from rsicalib.planning.measures import parameters_of
 from rsicalib.report.past import Forecast, History, Jump, LeftOut, Past, Series
-from rsicalib.results import Result
+from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import MechanismArg, earlier_result, open_mechanism
 

@@ -1,0 +1,1 @@
+"""Results as a person holds them: a calibration, a trace, a certificate."""

@@ -1,0 +1,1 @@
+"""What is done with readings and results: calibrate, trace, watch, certify, export."""
