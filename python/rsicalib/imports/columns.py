@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Log
+from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
 from rsicalib.imports.times import seconds, time_column
 from rsicalib.io.tables import PARQUET, Table, is_blank, quoted, read_table
@@ -33,7 +35,7 @@ def read(source: str, asked: Asked) -> Log:
     InputError
         A channel has no column, or a cell cannot be used.
     """
-    tables = [read_table(file) for file in _files(Path(source))]
+    tables = [in_columns(_whole(read_table(file), asked)) for file in _files(Path(source))]
     parts = [_recording(table, asked) for table in tables]
     findings = list(dict.fromkeys(note for _, notes in parts for note in notes))
     made = [
@@ -56,13 +58,37 @@ def _files(path: Path) -> list[Path]:
     return found
 
 
+def _whole(table: Table, asked: Asked) -> Table:
+    """The table, refused where a row has not as many cells as the header, or without such rows."""
+    if not table.ragged:
+        return table
+    row, fault = min(table.ragged.items())
+    if not asked.skip_bad_rows:
+        raise InputError.at(
+            table.source,
+            line=int(table.lines[row]),
+            column=fault.column,
+            found=fault.found,
+            expected=fault.expected,
+            hint=f"{len(table.ragged)} such rows: leave them out by --skip-bad-rows.",
+            line_word=table.line_word,
+        )
+    keep = [k for k in range(len(table.lines)) if k not in table.ragged]
+    columns: list[Any] = [[column[k] for k in keep] for column in table.columns]
+    return replace(table, columns=columns, lines=table.lines[keep], ragged={})
+
+
 def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     """Rows of the channels, and what was found on the way."""
-    notes = []
+    notes: list[str] = []
     place = time_column(table.names)
     channels = asked.channels
     if channels is None:
-        channels = {n: n for k, n in enumerate(table.names) if k != place and _numeric(table, k)}
+        held = [k != place and _numeric(table, k) for k in range(len(table.names))]
+        channels = {n: n for n, one in zip(table.names, held, strict=True) if one}
+        bare = [n for k, n in enumerate(table.names) if k != place and not held[k]]
+        if bare:
+            notes.append(f"columns without numbers are not taken: {', '.join(bare)[:200]}")
     places = chosen(channels, table.names, table.source)
     if not places or not len(table.lines):
         said = "no rows" if places else "no column of numbers"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rsicalib.errors import InputError
+from rsicalib.imports.bags import Bag
 
 __all__ = ["Condition"]
 
@@ -76,13 +77,12 @@ class Condition:
         path = tuple(re.findall(r"[^.\[\]]+", place[len(topic) :]))
         return cls(text, topic, path, match[2], value)
 
-    def holds(self, bag: Any, messages: list[tuple[int, Any]], source: str) -> np.ndarray:
+    def holds(self, bag: Bag, messages: list[Any], source: str) -> np.ndarray:
         """Whether it holds at each message, by what was received last before it."""
         times: list[int] = []
         values: list[bool] = []
-        connections = [c for c in bag.connections if c.topic == self.topic]
-        for connection, time, raw in bag.messages(connections=connections):
-            value = self._value(bag.deserialize(raw, connection.msgtype), len(times) + 1, source)
+        for time, message in bag.messages(self.topic):
+            value = self._value(message, len(times) + 1, source)
             times.append(time)
             values.append(bool(COMPARE[self.compare](value, self.value)))
         last = np.searchsorted(times, [time for time, _ in messages], side="right")
@@ -96,7 +96,7 @@ class Condition:
         try:
             return float(here)
         except (TypeError, ValueError):
-            fields = ", ".join(getattr(message, "__dataclass_fields__", {}))
+            fields = ", ".join(_fields(message))
             raise InputError.at(
                 source,
                 line=number,
@@ -108,6 +108,11 @@ class Condition:
             ) from None
 
 
+def _fields(message: Any) -> list[str]:
+    """Names of the fields of a message, of ROS or of JSON."""
+    return list(getattr(message, "__dataclass_fields__", getattr(message, "__dict__", {})))
+
+
 def _field(here: Any, name: str) -> Any:
     if name.isdigit():
         try:
@@ -115,7 +120,7 @@ def _field(here: Any, name: str) -> Any:
         except (TypeError, IndexError):
             return None
     if not hasattr(here, name):
-        inner = [f for f in getattr(here, "__dataclass_fields__", {}) if f not in NOT_DATA]
+        inner = [f for f in _fields(here) if f not in NOT_DATA]
         here = getattr(here, inner[0]) if len(inner) == 1 else None
     return getattr(here, name, None)
 

@@ -9,10 +9,36 @@ from typing import Any
 
 from rsicalib.errors import InputError
 
-__all__ = ["EXTRAS", "needed", "read_by"]
+__all__ = ["EXTRAS", "needed", "read_by", "wrapped"]
 
-EXTRAS = {"h5py": "hdf5", "pyarrow": "parquet", "rosbags": "ros"}
+EXTRAS = {"h5py": "hdf5", "pyarrow": "parquet", "rosbags": "ros", "mcap": "ros"}
 """The extra of the package that brings a library."""
+
+
+UNPACK = "unpack it first."
+AS_CSV = "save it as CSV, a column for each channel under its name."
+STANDS_FOR = {
+    b"version https://git-lfs.": "It is a pointer of Git LFS: fetch the file with git lfs pull.",
+    b"\x1f\x8b": f"It is packed (gzip): {UNPACK}",
+    b"PK\x03\x04": f"It is packed (zip): {UNPACK} A spreadsheet or a .npz is a zip too: {AS_CSV}",
+    b"BZh": f"It is packed (bzip2): {UNPACK}",
+    b"\xfd7zXZ": f"It is packed (xz): {UNPACK}",
+    b"\x28\xb5\x2f\xfd": f"It is packed (zstd): {UNPACK}",
+    b"7z\xbc\xaf": f"It is packed (7z): {UNPACK}",
+    b"\x93NUMPY": f"It is an array of NumPy, without names: {AS_CSV}",
+    b"MATLAB": f"It is of MATLAB: {AS_CSV}",
+}
+"""What to do with files that begin so: they hold another file, or no names."""
+
+
+def wrapped(source: str) -> str:
+    """What to do with a file that only stands for another; nothing for all others."""
+    try:
+        with open(source, "rb") as file:
+            head = file.read(64)
+    except OSError:
+        return ""
+    return next((text for magic, text in STANDS_FOR.items() if head.startswith(magic)), "")
 
 
 def needed(module: str, source: str, what: str) -> Any:
@@ -45,15 +71,15 @@ def needed(module: str, source: str, what: str) -> Any:
 
 
 @contextmanager
-def read_by(library: str, source: str, expected: str) -> Iterator[None]:
+def read_by(library: str, source: str, expected: str, hint: str = "") -> Iterator[None]:
     """Refuse a file at which a library fails: of damaged bytes it may raise whatever it likes.
 
     Parameters
     ----------
     library : str
         That reads the file.
-    source, expected : str
-        The file, and what it should be, for the message.
+    source, expected, hint : str
+        The file, what it should be, and what to do, for the message.
 
     Raises
     ------
@@ -67,4 +93,5 @@ def read_by(library: str, source: str, expected: str) -> Iterator[None]:
     except Exception as error:
         lines = str(error).splitlines() or [type(error).__name__]
         found = f"what {library} cannot read ({lines[0][:200]})"
-        raise InputError.at(source, found=found, expected=expected) from error
+        hint = wrapped(source) or hint
+        raise InputError.at(source, found=found, expected=expected, hint=hint) from error

@@ -13,7 +13,7 @@ from typing import Any
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.log import Log
 
-__all__ = ["KINDS", "Kind", "format_of"]
+__all__ = ["KINDS", "Kind", "format_of", "whole_of"]
 
 HEAD = 1 << 20
 """Bytes at the head of a file that tell what it is: a log has much talk before its readings."""
@@ -37,9 +37,17 @@ class Kind:
 
 
 MASLOW = re.compile(rb"CLBM:|\{\s*[\"']?(?:tl|tr|bl|br)[\"']?\s*:")
-KLIPPER = re.compile(rb"^(?:#\*# )?\[(?:stepper_a|delta_calibrate)\]", re.M)
-PLOTTED = re.compile(rb'\A(?:\xef\xbb\xbf)?(?:"?__time"?,|[^\n]*/position)')
+KLIPPER = re.compile(rb"^(?:#\*# )?\[(?:stepper_[a-z]|delta_calibrate|printer)\]", re.M)
+ECHOED = re.compile(
+    rb"^header:\s*$(?:\r?\n.*)*?\r?\n^position:|^\{(?=.*\"name\"\s*:\s*\[).*\"position\"\s*:\s*\[",
+    re.M,
+)
+PLOTTED = re.compile(
+    rb'\A(?:\xef\xbb\xbf)?(?:"?__time"?,|[^\n]*/position|[\w ]+,receive time,header\.stamp,topic,value\s)'
+)
 PARQUET = (".parquet", ".pq")
+DEPTH = 4
+"""Folders between a data set of LeRobot and a file of it, at most: `meta/episodes/chunk-000`."""
 
 
 def _columns(path: Path, head: bytes) -> bool:
@@ -58,13 +66,25 @@ def _hdf5(path: Path, head: bytes) -> bool:
 
 
 def _ros(path: Path, head: bytes) -> bool:
-    bag = head.startswith((b"\x89MCAP0", b"SQLite format 3\0", b"#ROSBAG V2.0"))
-    return bag or (path / "metadata.yaml").is_file()
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or any(map(_is_part, path.iterdir()))
+    return head.startswith((b"\x89MCAP0", b"SQLite format 3\0", b"#ROSBAG V2.0"))
+
+
+def _is_part(file: Path) -> bool:
+    """Whether a file is a part of a bag, packed or not."""
+    return file.name.removesuffix(".zstd").endswith((".mcap", ".db3"))
 
 
 KINDS = {
     "ros": Kind(
         "bag of ROS: folder, .mcap, .db3 or .bag", _ros, "ros", "topic when hold skip_bad_rows"
+    ),
+    "echo": Kind(
+        "joint states as text: ros2 topic echo, or JSON a line",
+        lambda _, head: bool(ECHOED.search(head)),
+        "echo",
+        "hold rate skip_bad_rows",
     ),
     "lerobot": Kind("LeRobot data set", _lerobot, "lerobot", "hold episodes ranges"),
     "aloha": Kind("HDF5 of the shape of ALOHA", _hdf5, "aloha", "hold rate"),
@@ -91,6 +111,8 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
         A key of `KINDS`.
     """
     path = Path(source)
+    if whole_of(path) is not None:
+        return None
     head = b""
     if os.path.isfile(path):
         try:
@@ -103,3 +125,11 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
     elif not os.path.isdir(path):
         return None
     return next((name for name, kind in KINDS.items() if kind.looks_like(path, head)), None)
+
+
+def whole_of(source: str | os.PathLike[str]) -> Path | None:
+    """The data set of LeRobot that a file or a folder is a part of; None where it is none."""
+    path = Path(os.path.abspath(source))
+    if not path.exists():
+        return None
+    return next((p for p in [*path.parents][:DEPTH] if _lerobot(p, b"")), None)

@@ -19,6 +19,9 @@ TOWERS = ("a", "b", "c")
 AUTOSAVE = "#*#"
 """What lines of the block that `SAVE_CONFIG` writes begin with."""
 
+LOGGED, LOGGED_END = "===== Config file =====", "======================="
+"""What stands around a configuration, saved values in it, in `klippy.log`."""
+
 
 @dataclass(frozen=True)
 class Config:
@@ -79,6 +82,17 @@ def read_config(source: str) -> Config:
     return Config(source, {**saved, **body})
 
 
+def _lines(text: str) -> list[tuple[int, str]]:
+    """Lines of a configuration with their numbers; of `klippy.log` those of its last one."""
+    lines = list(enumerate(text.splitlines(), 1))
+    begins = [number for number, line in lines if line.strip() == LOGGED]
+    if not begins:
+        return lines
+    after = lines[begins[-1] :]
+    end = next((k for k, (_, line) in enumerate(after) if line.startswith(LOGGED_END)), len(after))
+    return after[:end]
+
+
 def _read_into(
     path: Path,
     body: dict[tuple[str, str], tuple[str, str, int]],
@@ -86,7 +100,7 @@ def _read_into(
     above: tuple[Path, ...],
 ) -> None:
     section = ""
-    for number, raw in enumerate(read_text(path, "a configuration of Klipper").splitlines(), 1):
+    for number, raw in _lines(read_text(path, "a configuration of Klipper")):
         automatic = raw.startswith(AUTOSAVE)
         line = re.split(r"(?:^|\s)[#;]", raw[len(AUTOSAVE) * automatic :])[0].strip()
         head = re.fullmatch(r"\[([^\]]+)\]", line)

@@ -29,6 +29,7 @@ refuses them otherwise."""
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 OBJECT = re.compile(r"\{([^{}]*)(\}?)")
+KEY = re.compile(r"""\s*["']?\w+["']?\s*:""")
 BEGINS = re.compile(r"\s*run\b", re.I)
 PAIR = re.compile(rf"""\s*["']?(\w+)["']?\s*:\s*({NUMBER})\s*""")
 POINT = rf"\(\s*({NUMBER})\s*,\s*({NUMBER})\s*\)"
@@ -78,7 +79,7 @@ def read(source: str, asked: Asked) -> Log:
 def _runs(text: str, source: str) -> tuple[list[_Run], int]:
     """Runs in their order, and how many lists were said again in a longer one."""
     runs = [_Run()]
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in _lines(text):
         again = "CLBM:" in line or BEGINS.match(line) or (runs[-1].results and "{" in line)
         if again and runs[-1].rows:
             runs.append(_Run())
@@ -89,7 +90,7 @@ def _runs(text: str, source: str) -> tuple[list[_Run], int]:
             names = (f"{left}x", f"{left}y", f"{right}x", f"{right}y")
             runs[-1].found |= dict(zip(names, map(float, result.groups()), strict=True))
             runs[-1].results += bool(runs[-1].rows)
-        for body in OBJECT.finditer(line):
+        for body in filter(_is_position, OBJECT.finditer(line)):
             lengths = _lengths(body[1], body[2], len(runs[-1].rows) + 1, number, source)
             runs[-1].rows.append(lengths)
             runs[-1].lines.append(number)
@@ -99,6 +100,25 @@ def _runs(text: str, source: str) -> tuple[list[_Run], int]:
             kept.pop()  # the firmware prints what it has so far, again and again
         kept.append(run)
     return kept, sum(bool(run.rows) for run in runs) - len(kept)
+
+
+def _lines(text: str) -> list[tuple[int, str]]:
+    """Lines with their numbers; an object with a line for each belt is one line."""
+    out: list[tuple[int, str]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        begun = out[-1][1].rpartition("{") if out else ("", "", "")
+        is_open = begun[1] and "}" not in begun[2]
+        between = begun[2].rstrip().endswith((",", ":")) or not begun[2].strip()
+        if is_open and (line.lstrip().startswith("}") or (between and KEY.match(line))):
+            out[-1] = (out[-1][0], f"{out[-1][1]} {line.strip()}")
+        else:
+            out.append((number, line))
+    return out
+
+
+def _is_position(body: re.Match[str]) -> bool:
+    """Whether an object is one; another holds a list of them."""
+    return bool(body[2]) or not body[1].rstrip().endswith("[")
 
 
 def _lengths(body: str, end: str, position: int, line: int, source: str) -> list[float]:

@@ -9,7 +9,8 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.kinds import KINDS, format_of
+from rsicalib.imports.extras import wrapped
+from rsicalib.imports.kinds import KINDS, format_of, whole_of
 from rsicalib.imports.log import Log
 from rsicalib.options import checked
 from rsicalib.plain_text import meant
@@ -78,9 +79,7 @@ def import_log(
     if format is None:
         format = format_of(name)
         if format is None:
-            found = "no such file" if not os.path.exists(name) else "no log of a known kind"
-            expected = f"one of: {', '.join(f'{k} ({f.words})' for k, f in KINDS.items())}"
-            hint = "A CSV or Parquet file with other names: --format columns."
+            found, expected, hint = _unknown(name)
             raise InputError.at(name, found=found, expected=expected, hint=hint)
     elif format not in KINDS:
         found = f"no format {format!r}{meant(format, KINDS)}"
@@ -103,6 +102,21 @@ def import_log(
         labels=dict(labels or {}),
     )
     return KINDS[format].read(name, asked)
+
+
+def _unknown(name: str) -> tuple[str, str, str]:
+    """What is wrong with a source of no known kind: found, expected, and what to do."""
+    if not os.path.exists(name):
+        return "no such file", "the log of another program", ""
+    expected = f"one of: {', '.join(f'{k} ({f.words})' for k, f in KINDS.items())}"
+    whole = whole_of(name)
+    if whole is not None:
+        return "a part of a LeRobot data set", f"its folder, {whole}", ""
+    if os.path.isfile(name) and not os.path.getsize(name):
+        return "an empty file", expected, ""
+    hint = "A CSV or Parquet file with other names: --format columns. Readings whose columns are "
+    hint += "called as the channels need no import."
+    return "no log of a known kind", expected, wrapped(name) or hint
 
 
 def _wanted(mechanism: Any, channels: Mapping[str, str] | None) -> Mapping[str, str] | None:

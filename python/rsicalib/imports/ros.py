@@ -7,24 +7,26 @@ state was measured; the time at which it was received is later, by as much as is
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rsicalib.arrays import FloatArray
+from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked, chosen
+from rsicalib.imports.bags import STATE, Bag, open_bag
 from rsicalib.imports.columns import whole_rows
 from rsicalib.imports.condition import Condition
-from rsicalib.imports.extras import needed, read_by
+from rsicalib.imports.extras import read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording, session_of
 
-__all__ = ["read"]
+__all__ = ["Message", "log_of", "read"]
 
-STATE = "sensor_msgs/msg/JointState"
+Message = tuple[int | None, Any]
+"""Time of receipt [ns], where it is known, and the message."""
 
 COMMANDS = ("command", "cmd", "target", "desired", "goal", "reference", "setpoint")
 """Parts of the names of topics that carry what was asked for, not what was measured."""
@@ -44,32 +46,40 @@ def read(source: str, asked: Asked) -> Log:
     InputError
         There is no joint state, or a message has some of the joints and not others.
     """
-    highlevel = needed("rosbags.highlevel", source, "a bag of ROS")
-    typesys = needed("rosbags.typesys", source, "a bag of ROS")
-    with read_by("rosbags", source, "a bag of ROS that is whole"):
-        types = typesys.get_typestore(typesys.Stores.LATEST)  # of bags that do not say their own
-        with highlevel.AnyReader([Path(source)], default_typestore=types) as bag:
+    with read_by("rosbags or mcap", source, "a bag of ROS that is whole", _mends(source)):
+        with ExitStack() as stack:
+            bag = open_bag(source, stack)
             topic = _topic(bag, asked.topic, source)
-            messages = list(_messages(bag, topic))
+            messages: list[Message] = list(bag.messages(topic))
             inside = None
             if asked.when is not None:
                 inside = Condition.of(asked.when, bag.topics, source).holds(bag, messages, source)
     if not messages:
         expected = "messages with joint states"
         raise InputError.at(source, column=topic, found="none", expected=expected, column_word="")
-    return _log(source, topic, messages, inside, asked)
+    lines = np.arange(1, len(messages) + 1)
+    return log_of(source, "bag of ROS", topic, messages, lines, inside, asked)
 
 
-def _topic(bag: Any, asked: str | None, source: str) -> str:
+def _mends(source: str) -> str:
+    """What makes a bag whole that its recorder did not close."""
+    path = Path(source)
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        return "It lacks metadata.yaml: ros2 bag reindex FOLDER, or give the file that is in it."
+    if path.suffix == ".mcap":
+        return "If its recorder was cut short: mcap recover IN -o OUT."
+    if path.suffix in (".bag", ".active"):
+        return "If its recorder was cut short: rosbag reindex FILE."
+    return "If its recorder was cut short: ros2 bag reindex FOLDER."
+
+
+def _topic(bag: Bag, asked: str | None, source: str) -> str:
     """The topic that is asked for; else the one with joint states that are no commands."""
-    known: list[str] = [name for name, topic in bag.topics.items() if topic.msgtype == STATE]
+    known = [name for name, kind in bag.topics.items() if kind == STATE]
     if asked is not None:
         if asked not in known:
-            found = (
-                f"messages of {bag.topics[asked].msgtype}"
-                if asked in bag.topics
-                else "no such topic"
-            )
+            has = asked in bag.topics
+            found = f"messages of {bag.topics[asked]}" if has else "no such topic"
             hint = f"Topics with joint states: {', '.join(sorted(known)) or 'none'}."
             raise InputError.at(
                 source, column=asked, found=found, expected=STATE, hint=hint, column_word="topic"
@@ -88,33 +98,53 @@ def _is_command(topic: str) -> bool:
     return any(word in topic.lower() for word in COMMANDS)
 
 
-def _messages(bag: Any, topic: str) -> Iterator[tuple[int, Any]]:
-    """Time of receipt [ns] and message."""
-    connections = [c for c in bag.connections if c.topic == topic]
-    for connection, time, raw in bag.messages(connections=connections):
-        yield time, bag.deserialize(raw, connection.msgtype)
-
-
-def _log(
+def log_of(
     source: str,
+    kind: str,
     topic: str,
-    messages: list[tuple[int, Any]],
+    messages: list[Message],
+    lines: IntArray,
     inside: np.ndarray | None,
     asked: Asked,
+    word: str = "message",
 ) -> Log:
-    names = list(dict.fromkeys(name for _, m in messages for name in m.name))
+    """The log that joint states are.
+
+    Parameters
+    ----------
+    source, kind, topic : str
+        What messages call it, what it is in words, and where the joint states are.
+    messages : list of Message
+        In order of time; a message has `name`, `position`, and a `header` where there is one.
+    lines : ndarray of int, shape (n,)
+        Where each stands, counted as `word` says.
+    inside : ndarray of bool, shape (n,), or None
+        At which there is contact, where that was asked for.
+    asked : Asked
+        Options of the import.
+    word : str
+        `message` or `line`.
+
+    Raises
+    ------
+    InputError
+        A message has some of the joints and not others, or no finite positions.
+    """
+    positions = [
+        _positions(message, int(line), source, word)
+        for (_, message), line in zip(messages, lines, strict=True)
+    ]
+    names = list(dict.fromkeys(name for at in positions for name in at))
     places = chosen(asked.channels, names, source, "joint")
     joints = [names[k] for k in places.values()]
-    lines = np.arange(1, len(messages) + 1)
     table = np.full((len(messages), len(joints)), np.nan)
     there = np.zeros(table.shape, dtype=bool)
-    for row, (_, message) in enumerate(messages):
-        at = _positions(message, row + 1, source)
+    for row, at in enumerate(positions):
         for column, joint in enumerate(joints):
             if joint in at:
                 table[row, column], there[row, column] = at[joint], True
-    keep, others = whole_rows(there, joints, lines, source, asked.skip_bad_rows, "message")
-    time, findings = _times([messages[row] for row in keep.tolist()], lines[keep], source)
+    keep, others = whole_rows(there, joints, lines, source, asked.skip_bad_rows, word)
+    time, findings = _times([messages[row] for row in keep.tolist()], lines[keep], source, word)
     values = table[keep]
     if others:
         findings.append(f"{others} messages without these joints are not used")
@@ -132,38 +162,66 @@ def _log(
         )
     recording = Recording(tuple(places), values, time, lines[keep], contact)
     session, notes = session_of(recording, asked, source)
-    digest = hashlib.sha256(values.tobytes() + time.tobytes()).hexdigest()
+    times = b"" if time is None else time.tobytes()
+    digest = hashlib.sha256(values.tobytes() + times).hexdigest()
     found = (f"joint states of {topic}", *findings, *notes)
-    return Log(source, "bag of ROS", (session,), None, found, "message", sha256=digest)
+    return Log(source, kind, (session,), None, found, word, sha256=digest)
 
 
-def _positions(message: Any, number: int, source: str) -> dict[str, float]:
+def _positions(message: Any, number: int, source: str, word: str) -> dict[str, float]:
     """Positions by joint; refused where they do not belong together."""
 
     def refuse(found: str, expected: str) -> InputError:
-        return InputError.at(
-            source, line=number, found=found, expected=expected, line_word="message"
-        )
+        return InputError.at(source, line=number, found=found, expected=expected, line_word=word)
 
-    names, positions = list(message.name), np.asarray(message.position).tolist()
+    lists = [getattr(message, field, None) for field in ("name", "position")]
+    if any(one is None or isinstance(one, str) or not hasattr(one, "__len__") for one in lists):
+        raise refuse("a message without lists of names and positions", "a joint state")
+    names, positions = list(lists[0]), np.asarray(lists[1]).tolist()
     if len(names) != len(positions):
         raise refuse(f"{len(names)} names and {len(positions)} positions", "one for each name")
+    if not all(isinstance(name, str) for name in names):
+        raise refuse(f"names {names!r}"[:80], "texts")
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise refuse(f"{twice[0]} twice", "each joint once")
-    wrong = [n for n, p in zip(names, positions, strict=True) if not np.isfinite(p)]
+    wrong = [n for n, p in zip(names, positions, strict=True) if not _finite(p)]
     if wrong:
         raise refuse(f"no finite position of {wrong[0]}", "finite positions")
     return dict(zip(names, positions, strict=True))
 
 
+def _finite(value: Any) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and bool(np.isfinite(value))
+
+
+def _stamp(message: Any) -> int:
+    """When a state was measured [ns]; 0 where its header does not say."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    for whole, fine in (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec")):
+        if hasattr(stamp, whole) and hasattr(stamp, fine):
+            return int(getattr(stamp, whole)) * 10**9 + int(getattr(stamp, fine))
+    return 0
+
+
 def _times(
-    messages: list[tuple[int, Any]], lines: np.ndarray, source: str
-) -> tuple[FloatArray, list[str]]:
+    messages: list[Message], lines: np.ndarray, source: str, word: str
+) -> tuple[FloatArray | None, list[str]]:
     """Times from the first message [s], by the header, and what there is to say of them."""
-    received = [time for time, _ in messages]
-    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for _, m in messages]
+    stamps = []
+    for (_, message), line in zip(messages, lines.tolist(), strict=True):
+        try:
+            stamps.append(_stamp(message))
+        except (TypeError, ValueError):
+            found, expected = "a stamp that is no time", "whole seconds and nanoseconds"
+            raise InputError.at(
+                source, line=line, found=found, expected=expected, line_word=word
+            ) from None
+    received = [time for time, _ in messages if time is not None]
     first = next((row for row, stamp in enumerate(stamps) if stamp), None)
+    if first is None and not received:
+        return None, ["headers have no time"]
     if first is None:
         said = "headers have no time: that of receipt is taken"
         return np.array([t - received[0] for t in received]) / 1e9, [said]
@@ -174,18 +232,21 @@ def _times(
             line=int(lines[blank]),
             found="a header without time, where others have one",
             expected="a time in each header, or in none",
-            line_word="message",
+            line_word=word,
         )
+    time = np.array([s - stamps[0] for s in stamps]) / 1e9
+    if not received:
+        return time, []
     late = np.array([r - s for r, s in zip(received, stamps, strict=True)]) / 1e9
     said = f"times are of the headers; receipt is later by {np.median(late):.2g} s, "
     said += f"by {late.min():.2g} to {late.max():.2g} s in single messages"
-    return np.array([s - stamps[0] for s in stamps]) / 1e9, [said]
+    return time, [said]
 
 
-def _looks_commanded(values: FloatArray, time: FloatArray) -> bool:
+def _looks_commanded(values: FloatArray, time: FloatArray | None) -> bool:
     """Whether nothing at all moves for as long as a pose is held, though positions know no step."""
     moving = [column for column in values.T if np.ptp(column) > 0.0]
-    if not moving or max(_common_step(column) for column in moving) > FINEST:
+    if time is None or not moving or max(_common_step(column) for column in moving) > FINEST:
         return False
     changes = np.flatnonzero(np.any(np.diff(values, axis=0) != 0.0, axis=1))
     first, last = np.r_[0, changes + 1], np.r_[changes, len(values) - 1]

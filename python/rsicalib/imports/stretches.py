@@ -81,8 +81,13 @@ def session_of(
     if time is None and asked.rate is not None:
         time = np.arange(len(recording.lines)) / asked.rate
     inside = recording.inside
+    back = [] if time is None else np.flatnonzero(np.diff(time) < 0.0)
+    notes = []
+    if len(back):
+        first = int(recording.lines[back[0] + 1])
+        notes = [f"the time goes back {len(back)} times, first at row {first} of the log"]
     if hold == 0.0:
-        return _rows(recording, time, inside, None, asked), []
+        return _rows(recording, time, inside, None, asked), notes
     if time is None:
         found, expected = "no times", "times, or how many rows there are in a second"
         hint = "Say it by --rate HZ, or take the recording as it is by --hold 0."
@@ -91,7 +96,7 @@ def session_of(
     rule = f"still for {hold:g} s or more, each channel in its own noise"
     if not stretches:
         said = f"no stretch is {rule}: taken as a recording (--hold says another time)"
-        return _rows(recording, time, inside, None, asked), [said]
+        return _rows(recording, time, inside, None, asked), [*notes, said]
     pose = np.zeros(len(time), dtype=np.int64)
     for number, (start, end) in enumerate(stretches, 1):
         pose[start:end] = number
@@ -100,7 +105,7 @@ def session_of(
     said = f"{len(stretches)} stretches are {rule}: held poses, {share:.0%} of the rows"
     moving = (pose == 0) if inside is None else (pose == 0) & inside
     motion = _rows(recording, time, moving, None, asked) if moving.any() else None
-    return Session(session.columns, session.lines, session.name, motion), [said]
+    return Session(session.columns, session.lines, session.name, motion), [*notes, said]
 
 
 def _rows(

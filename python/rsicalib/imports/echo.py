@@ -1,0 +1,41 @@
+"""Joint states as text: what `ros2 topic echo` or `rostopic echo` printed, or JSON a line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsicalib.errors import InputError
+from rsicalib.imports.asked import Asked
+from rsicalib.imports.bags import namespace
+from rsicalib.imports.log import Log
+from rsicalib.imports.ros import Message, log_of
+from rsicalib.io.messages import documents, message_of
+from rsicalib.io.sources import read_text
+
+__all__ = ["read"]
+
+
+def read(source: str, asked: Asked) -> Log:
+    """Read the messages of a topic.
+
+    Raises
+    ------
+    InputError
+        A message is not whole, or has some of the joints and not others.
+    """
+    messages: list[Message] = []
+    lines: list[int] = []
+    for line, text in documents(read_text(source, "joint states as text").splitlines()):
+        found = message_of(text)
+        if isinstance(found, str):
+            expected = "a joint state that is whole"
+            hint = "Where the command was stopped in the middle of a message, delete its lines."
+            said = found.removeprefix("found ")
+            raise InputError.at(source, line=line, found=said, expected=expected, hint=hint)
+        messages.append((None, namespace(found)))
+        lines.append(line)
+    if not messages:
+        raise InputError.at(source, found="no message", expected="joint states")
+    return log_of(
+        source, "joint states as text", "the text", messages, np.array(lines), None, asked, "line"
+    )
