@@ -302,6 +302,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--false-alarms", metavar="RATE", help=words)
     words = "keeps what the watch knows: where it is there, the watch goes on from it"
     sub.add_argument("--state", metavar="FILE", help=words)
+    words = "wait for more at the end of the file, until Ctrl-C"
+    sub.add_argument("--follow", action="store_true", help=words)
 
     sub = verb(history)
     sub.add_argument("folder", metavar="DIR", help="folder of results, with their dates")

@@ -369,9 +369,10 @@ def watch(args: Args) -> int:
         args.mechanism,
         false_alarms=args.false_alarms,
         state=args.state,
+        follow=args.follow,
     )
     # What arrives as it happens takes its time anyway.
-    line = None if args.readings == "-" else progress_of(args)
+    line = None if args.readings == "-" or args.follow else progress_of(args)
     if line is not None:
         watching.heard = line.rows
     with line or contextlib.nullcontext(), contextlib.suppress(KeyboardInterrupt):

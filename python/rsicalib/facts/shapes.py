@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
 from rsicalib.facts.estimates import Absent, Effect, Estimate, Fitness, Together
-from rsicalib.labels import Labelled
 from rsicalib.facts.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 from rsicalib.facts.warned import Warned
+from rsicalib.labels import Labelled
 
 __all__ = [
     "Against",

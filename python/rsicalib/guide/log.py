@@ -8,7 +8,6 @@ is dropped, and a pose of which rows are missing is taken again from its samples
 from __future__ import annotations
 
 import csv
-import json
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import TextIO
 
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
+from rsicalib.io.messages import message_of, positions_of
 
 __all__ = ["Columns", "Log", "Sample"]
 
@@ -79,23 +79,11 @@ class Columns:
 
 def _message(line: str) -> dict[str, str] | str:
     """Values of a message by their names: flat, or as `sensor_msgs/JointState` has them."""
-    try:
-        message = json.loads(line)
-    except ValueError as error:
-        return f"found no JSON ({error})"
-    names, positions = message.get("name"), message.get("position")
-    if isinstance(names, list) and isinstance(positions, list):
-        if len(names) != len(positions) or len({str(n) for n in names}) != len(names):
-            return f"found {len(names)} names and {len(positions)} positions, expected one of each"
-        header = message.get("header")
-        stamp = header.get("stamp") if isinstance(header, dict) else None
-        message = dict(zip(map(str, names), positions, strict=True))
-        if isinstance(stamp, dict) and "sec" in stamp:
-            try:
-                message["time_s"] = float(stamp["sec"]) + 1e-9 * float(stamp.get("nanosec", 0))
-            except (TypeError, ValueError):
-                return "found a stamp that is no time"
-    plain = {k: v for k, v in message.items() if isinstance(v, int | float | str)}
+    found = message_of(line)
+    found = positions_of(found) if isinstance(found, dict) else found
+    if isinstance(found, str):
+        return found
+    plain = {k: v for k, v in found.items() if isinstance(v, int | float | str)}
     return {k: str(v) for k, v in plain.items() if not isinstance(v, bool)}
 
 

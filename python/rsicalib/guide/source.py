@@ -1,4 +1,7 @@
-"""Where samples come from: standard input, a file that grows, or a command."""
+"""Where samples come from: standard input, a file that grows, or a command.
+
+They are lines of CSV or JSON, or the messages of `ros2 topic echo`.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from pathlib import Path
 from typing import IO
 
 from rsicalib.errors import InputError
+from rsicalib.io.messages import as_json
 from rsicalib.io.sources import LONGEST_LINE
 
 __all__ = ["Lines", "open_source", "started"]
@@ -75,7 +79,7 @@ def open_source(source: str) -> Lines:
     Returns
     -------
     Lines
-        Its lines, as they arrive.
+        Its lines, as they arrive; a message of several lines is one line of JSON.
 
     Raises
     ------
@@ -86,17 +90,17 @@ def open_source(source: str) -> Lines:
     if source == "-":
         if isinstance(sys.stdin, io.TextIOWrapper):
             sys.stdin.reconfigure(encoding="utf-8", errors="replace")
-        return Lines(_whole(sys.stdin), stop)
+        return Lines(as_json(_whole(sys.stdin)), stop)
     path = Path(source)
     if os.path.exists(path):
-        return Lines(_growing(path, stop), stop)
+        return Lines(as_json(_growing(path, stop)), stop)
     try:
         process = started(source, subprocess.DEVNULL)
     except (OSError, ValueError) as error:
         found = f"{source!r}, which is no file and cannot be run ({error})"
         raise InputError(f"--source: found {found}, expected -, a file or a command") from None
     assert process.stdout is not None
-    return Lines(_of_process(process, process.stdout, stop), stop)
+    return Lines(as_json(_of_process(process, process.stdout, stop)), stop)
 
 
 def started(command: str, stdin: int) -> subprocess.Popen[str]:

@@ -39,7 +39,8 @@ class Bag(Protocol):
         Type of the messages of each topic; joint states are `STATE`, whatever their writer said.
     """
 
-    topics: Mapping[str, str]
+    @property
+    def topics(self) -> Mapping[str, str]: ...
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """Time of receipt [ns] and message, by time."""

@@ -43,7 +43,8 @@ ECHOED = re.compile(
     re.M,
 )
 PLOTTED = re.compile(
-    rb'\A(?:\xef\xbb\xbf)?(?:"?__time"?,|[^\n]*/position|[\w ]+,receive time,header\.stamp,topic,value\s)'
+    rb'\A(?:\xef\xbb\xbf)?(?:"?__time"?,|[^\n]*/position'
+    rb"|[\w ]+,receive time,header\.stamp,topic,value\s)"
 )
 PARQUET = (".parquet", ".pq")
 DEPTH = 4

@@ -84,8 +84,8 @@ def _findings(config: Config, probes: int, used: int, height: float) -> tuple[st
         out.append(f"the nozzle is {height:g} mm above the bed at each probe: its offset")
     if used < probes:
         out.append(
-            f"{probes - used} probes at another height than {height:g} mm are not used: a mechanism "
-            "has one bed, and no reading says how far a nozzle is above it"
+            f"{probes - used} probes at another height than {height:g} mm are not used: a "
+            "mechanism has one bed, and no reading says how far a nozzle is above it"
         )
     if config.text("delta_calibrate", "distance0") is not None:
         out.append("distances of the printed object are not used: they need pairs of poses")

@@ -174,7 +174,7 @@ def _positions(message: Any, number: int, source: str, word: str) -> dict[str, f
     def refuse(found: str, expected: str) -> InputError:
         return InputError.at(source, line=number, found=found, expected=expected, line_word=word)
 
-    lists = [getattr(message, field, None) for field in ("name", "position")]
+    lists: list[Any] = [getattr(message, field, None) for field in ("name", "position")]
     if any(one is None or isinstance(one, str) or not hasattr(one, "__len__") for one in lists):
         raise refuse("a message without lists of names and positions", "a joint state")
     names, positions = list(lists[0]), np.asarray(lists[1]).tolist()

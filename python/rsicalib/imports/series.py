@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -44,7 +45,7 @@ def in_columns(table: Table) -> Table:
     if not known:
         expected = f"a time in each row ({', '.join(TIMES)})"
         raise InputError.at(table.source, found="rows without one", expected=expected)
-    cells = columns[known[0]]
+    cells: Sequence[Any] = list(columns[known[0]])
     found = seconds(cells, known[0])
     if isinstance(found, int):
         raise _refuse(table, found, known[0], quoted(cells[found]), "a time")

@@ -81,11 +81,11 @@ def session_of(
     if time is None and asked.rate is not None:
         time = np.arange(len(recording.lines)) / asked.rate
     inside = recording.inside
-    back = [] if time is None else np.flatnonzero(np.diff(time) < 0.0)
+    back = np.zeros(0) if time is None else np.flatnonzero(np.diff(time) < 0.0)
     notes = []
-    if len(back):
+    if back.size:
         first = int(recording.lines[back[0] + 1])
-        notes = [f"the time goes back {len(back)} times, first at row {first} of the log"]
+        notes = [f"the time goes back {back.size} times, first at row {first} of the log"]
     if hold == 0.0:
         return _rows(recording, time, inside, None, asked), notes
     if time is None:

@@ -12,8 +12,10 @@ from rsicalib.arrays import FloatArray
 
 __all__ = ["NAMES", "seconds", "time_column"]
 
-NAMES = ("time_s", "__time", "time", "timestamp", "stamp", "receive_time", "log_time", "%time", "t")
-NAMES += ("header.stamp", "receive time", "elapsed time")
+NAMES = (
+    *("time_s", "__time", "time", "timestamp", "stamp", "receive_time", "log_time", "%time", "t"),
+    *("header.stamp", "receive time", "elapsed time"),
+)
 """What a column of times is called, with the unit behind it or not."""
 
 UNITS = {"_ns": 9, "_us": 6, "_ms": 3, "_s": 0, "(ns)": 9, "(us)": 6, "(ms)": 3, "(s)": 0}

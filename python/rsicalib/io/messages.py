@@ -19,12 +19,13 @@ position:
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-__all__ = ["documents", "is_message", "message_of"]
+__all__ = ["as_json", "documents", "is_message", "message_of", "positions_of"]
 
 END = "---"
 TALK = re.compile(r"WARNING\b|\[WARN|A message was lost|\s*total count")
@@ -32,7 +33,9 @@ TALK = re.compile(r"WARNING\b|\[WARN|A message was lost|\s*total count")
 
 ENTRY = re.compile(r"\s*- +(.*?)\s*")
 PAIR = re.compile(r"(\s*)([A-Za-z_]\w*):(?:\s+(.*?))?\s*")
-STAMPS = ("sec", "nanosec", "secs", "nsecs")
+STAMPS = {"sec": "sec", "secs": "sec", "nanosec": "nanosec", "nsecs": "nanosec"}
+"""Fields of a stamp, of ROS 2 and ROS 1, as ROS 2 calls them."""
+
 LISTS = ("name", "position", "velocity", "effort")
 BEGINS = re.compile(r"\{|header:|---|WARNING\b|A message was lost")
 
@@ -55,7 +58,7 @@ def documents(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
     (int, str)
         Number of the line that it begins with, and its text.
     """
-    begin, block = 1, []
+    begin, block = 1, list[str]()
     for number, raw in enumerate(lines, 1):
         line = raw.rstrip("\r\n")
         if TALK.match(line):
@@ -72,6 +75,25 @@ def documents(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
             block.append(line)
     if block:
         yield begin, "\n".join(block)
+
+
+def as_json(lines: Iterable[str]) -> Iterator[str]:
+    """Lines as they are; messages of `ros2 topic echo` as JSON, an object a line.
+
+    What the first line that is not empty is, all are. A message that is not whole stays as it is:
+    whoever takes it says so.
+    """
+    lines = iter(lines)
+    for line in lines:
+        if not line.strip():
+            continue
+        rest = itertools.chain([line], lines)
+        if not is_message(line) or line.lstrip().startswith("{"):
+            yield from rest
+            return
+        for _, text in documents(rest):
+            found = message_of(text)
+            yield text if isinstance(found, str) else json.dumps(found)
 
 
 def message_of(text: str) -> dict[str, Any] | str:
@@ -96,6 +118,29 @@ def message_of(text: str) -> dict[str, Any] | str:
     return found if isinstance(found, dict) else "found no object"
 
 
+def positions_of(message: dict[str, Any]) -> dict[str, Any] | str:
+    """Position of each joint, and `time_s` where there is a stamp; else what is wrong, in words.
+
+    A message without names holds them itself: `{"q1": 0.1, "q2": 0.2}`.
+    """
+    names, positions = message.get("name"), message.get("position")
+    if not isinstance(names, list) and positions is None:
+        return message
+    if not isinstance(names, list) or not isinstance(positions, list):
+        return "found a message without lists of names and positions"
+    if len(names) != len(positions) or len({str(n) for n in names}) != len(names):
+        return f"found {len(names)} names and {len(positions)} positions, expected one of each"
+    header = message.get("header")
+    stamp = header.get("stamp") if isinstance(header, dict) else None
+    out = dict(zip(map(str, names), positions, strict=True))
+    if isinstance(stamp, dict) and "sec" in stamp:
+        try:
+            out["time_s"] = float(stamp["sec"]) + 1e-9 * float(stamp.get("nanosec", 0))
+        except (TypeError, ValueError):
+            return "found a stamp that is no time"
+    return out
+
+
 def _echoed(text: str) -> dict[str, Any] | str:
     """A block of lines."""
     fields: dict[str, Any] = {}
@@ -107,7 +152,7 @@ def _echoed(text: str) -> dict[str, Any] | str:
             if entry is not None and isinstance(fields.get(key), list):
                 fields[key].append(_scalar(key, entry[1]))
             elif pair is not None and pair[1] and pair[2] in STAMPS:
-                stamp[pair[2]] = int(pair[3] or "")
+                stamp[STAMPS[pair[2]]] = int(pair[3] or "")
             elif pair is not None and not pair[1]:
                 key = pair[2]
                 if key in fields:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import contextlib
 import csv
 import importlib
+import itertools
 import os
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -20,6 +22,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.io.messages import documents, is_message, message_of, positions_of
 from rsicalib.io.sources import LONGEST_LINE
 from rsicalib.io.tables import PARQUET
 
@@ -27,6 +30,9 @@ __all__ = ["Rows", "rows_of"]
 
 CHUNK = 1 << 16
 """Bytes that are read at a time, at most: what a pipe holds is taken as soon as it is there."""
+
+POLL_S = 0.05
+"""Between two looks at a file that grows."""
 
 BATCH = 4096
 """Rows of a Parquet file that are read at a time."""
@@ -42,15 +48,20 @@ class Rows:
     time_s: FloatArray | None
 
 
-def rows_of(source: str | os.PathLike[str], channels: Sequence[str]) -> Iterator[Rows]:
+def rows_of(
+    source: str | os.PathLike[str], channels: Sequence[str], *, follow: bool = False
+) -> Iterator[Rows]:
     """Rows of a file as they stand there, or of standard input (`-`) as they arrive.
 
     Parameters
     ----------
     source : path or "-"
-        CSV, or Parquet if it ends in `.parquet` or `.pq`.
+        CSV, joint states as text (`rsicalib.io.messages`), or Parquet if it ends in `.parquet` or
+        `.pq`. A message without any of the channels is another publisher's, and no row.
     channels : sequence of str
         Names of the columns to take.
+    follow : bool
+        Wait for more at the end of a file, for ever.
 
     Yields
     ------
@@ -64,11 +75,14 @@ def rows_of(source: str | os.PathLike[str], channels: Sequence[str]) -> Iterator
     """
     name = os.fsdecode(source)
     if PurePath(name).suffix.lower() in PARQUET:
+        if follow:
+            found, expected = "a Parquet file, which does not grow", "a file of lines"
+            raise InputError.at(name, found=found, expected=expected)
         return _parquet(name, channels)
-    return _csv(name, channels)
+    return _text(name, channels, follow)
 
 
-def _csv(name: str, channels: Sequence[str]) -> Iterator[Rows]:
+def _text(name: str, channels: Sequence[str], follow: bool) -> Iterator[Rows]:
     with contextlib.ExitStack() as stack:
         if name == "-":
             label, descriptor = "standard input", sys.stdin.fileno()
@@ -80,28 +94,65 @@ def _csv(name: str, channels: Sequence[str]) -> Iterator[Rows]:
                 found = error.strerror or str(error)
                 raise InputError.at(name, found=found, expected="a file of readings") from None
             descriptor = file.fileno()
-        yield from _lines(descriptor, label, channels)
+        parts = _parts(descriptor, label, follow and name != "-")
+        first = next(parts, None)
+        if first is None:
+            raise InputError.at(label, line=1, found="an empty file", expected=EXPECTED)
+        rest = itertools.chain([first], parts)
+        if is_message(first[0].decode("utf-8", "replace").removeprefix("\ufeff")):
+            yield from _messages(rest, channels)
+        else:
+            yield from _table(rest, label, channels)
 
 
-def _lines(descriptor: int, label: str, channels: Sequence[str]) -> Iterator[Rows]:
-    columns: list[int] | None = None
-    time: int | None = None
-    rest = b""
+def _parts(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]:
+    """Lines that are not empty, some at a time; the last one as it ends."""
+    rest, at = b"", 0
     while True:
         chunk = os.read(descriptor, CHUNK)
+        at += len(chunk)
+        if not chunk and follow:
+            if os.fstat(descriptor).st_size < at:
+                found, expected = "less than was read of it", "a file that grows"
+                raise InputError.at(label, found=found, expected=expected)
+            time.sleep(POLL_S)
+            continue
         *lines, rest = (rest + chunk).split(b"\n") if chunk else (rest, b"")
         if len(rest) > LONGEST_LINE:
             found = f"a line of more than {LONGEST_LINE:,} bytes"
             raise InputError.at(label, found=found, expected="one line per sample")
-        if columns is None and lines:
-            columns, time = _header(lines.pop(0), label, channels)
         lines = [line for line in lines if line.strip()]
-        if lines and columns is not None:
-            yield _parsed(lines, columns, time)
+        if lines:
+            yield lines
         if not chunk:
-            if columns is None:
-                raise InputError.at(label, line=1, found="an empty file", expected=EXPECTED)
             return
+
+
+def _table(parts: Iterator[list[bytes]], label: str, channels: Sequence[str]) -> Iterator[Rows]:
+    """Rows of CSV."""
+    columns: list[int] | None = None
+    when: int | None = None
+    for lines in parts:
+        if columns is None:
+            columns, when = _header(lines.pop(0), label, channels)
+        if lines:
+            yield _parsed(lines, columns, when)
+
+
+def _messages(parts: Iterator[list[bytes]], channels: Sequence[str]) -> Iterator[Rows]:
+    """Rows of joint states; NaN where a message is not whole."""
+    lines = (line.decode("utf-8", "replace") for part in parts for line in part)
+    timed: bool | None = None
+    for _, text in documents(lines):
+        found = message_of(text)
+        found = positions_of(found) if isinstance(found, dict) else found
+        at: dict[str, Any] = {} if isinstance(found, str) else found
+        if at and not any(channel in at for channel in channels):
+            continue
+        timed = "time_s" in at if timed is None and at else timed
+        values = np.array([[_number(at.get(channel)) for channel in channels]])
+        moment = np.array([_number(at.get("time_s"))])
+        yield Rows(values, moment if timed else None)
 
 
 def _header(line: bytes, label: str, channels: Sequence[str]) -> tuple[list[int], int | None]:
@@ -123,18 +174,18 @@ def _places(
         if count != 1:
             found = "no such column" if count == 0 else f"{count} such columns"
             raise InputError.at(label, line=1, column=channel, found=found, expected="one column")
-    time = names.index("time_s") if names.count("time_s") == 1 else None
-    return [names.index(channel) for channel in channels], time
+    when = names.index("time_s") if names.count("time_s") == 1 else None
+    return [names.index(channel) for channel in channels], when
 
 
-def _parsed(lines: list[bytes], columns: list[int], time: int | None) -> Rows:
-    wanted = columns if time is None else [*columns, time]
+def _parsed(lines: list[bytes], columns: list[int], when: int | None) -> Rows:
+    wanted = columns if when is None else [*columns, when]
     try:
         table = np.loadtxt(lines, delimiter=",", usecols=wanted, ndmin=2, comments=None)
     except ValueError:
         table = np.array([_cells(line, wanted) for line in lines])
     values = np.ascontiguousarray(table[:, : len(columns)])
-    return Rows(values, None if time is None else np.ascontiguousarray(table[:, -1]))
+    return Rows(values, None if when is None else np.ascontiguousarray(table[:, -1]))
 
 
 def _cells(line: bytes, wanted: list[int]) -> list[float]:
@@ -161,12 +212,12 @@ def _parquet(name: str, channels: Sequence[str]) -> Iterator[Rows]:
         found, expected = str(error).splitlines()[0], "a Parquet file of readings"
         raise InputError.at(name, found=found, expected=expected) from None
     names = list(file.schema_arrow.names)
-    _, time = _places(names, name, channels)
-    wanted = [*channels] if time is None else [*channels, "time_s"]
+    _, when = _places(names, name, channels)
+    wanted = [*channels] if when is None else [*channels, "time_s"]
     for batch in file.iter_batches(batch_size=BATCH, columns=wanted):
         columns = [_floats(batch.column(batch.schema.get_field_index(c))) for c in wanted]
         values = np.column_stack(columns[: len(channels)])
-        yield Rows(np.ascontiguousarray(values), None if time is None else columns[-1])
+        yield Rows(np.ascontiguousarray(values), None if when is None else columns[-1])
 
 
 def _floats(column: Any) -> FloatArray:

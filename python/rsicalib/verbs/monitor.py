@@ -20,7 +20,7 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record, to_json
 from rsicalib.facts.shapes import Rms
-from rsicalib.imports.kinds import format_of
+from rsicalib.imports.kinds import KINDS, format_of
 from rsicalib.imports.opening import import_log
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_of
@@ -409,14 +409,16 @@ def watch(
     *,
     false_alarms: float | str | None = None,
     state: PathLike | None = None,
+    follow: bool = False,
 ) -> Watching:
     """Watch a device at work: alarms while its readings arrive.
 
     Parameters
     ----------
     readings : path, "-" or Readings
-        CSV or Parquet with a column per channel, `time_s` optional; `-` is standard input. A log
-        of another program is taken as `import_log` reads it.
+        CSV or Parquet with a column per channel, `time_s` optional; `-` is standard input. Joint
+        states as `ros2 topic echo` prints them are taken as they come, and a log of another
+        program as `import_log` reads it.
         Memory does not grow with the number of rows.
     calibration : path, Calibration or Trace
         A result of the device.
@@ -428,6 +430,8 @@ def watch(
     state : path, optional
         File that keeps all that the watch knows: written while it runs, and where there is one,
         gone on from, behind the rows of the same file that it has seen.
+    follow : bool
+        Wait for more at the end of a file of lines, until the program is ended.
 
     Returns
     -------
@@ -442,15 +446,25 @@ def watch(
     result, opened = earlier_result(calibration, open_mechanism(mechanism))
     if isinstance(readings, Readings):
         rows: Iterator[Rows] = iter([Rows(readings.values, readings.time_s)])
-    elif format_of(readings) is not None:
-        log = import_log(readings, mechanism=opened, hold=0.0)
-        rows = (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
     else:
-        rows = rows_of(readings, [channel.name for channel in opened.channels])
+        rows = _rows(readings, opened, follow)
     rate, rows = _rate(false_alarms, rows)
     source = None if isinstance(readings, Readings) or readings == "-" else os.fspath(readings)
     source = None if source is None else os.path.abspath(source)
     return Watching(Monitor(result, opened, false_alarms=rate), rows, state, source)
+
+
+def _rows(readings: PathLike, mechanism: Mechanism, follow: bool) -> Iterator[Rows]:
+    """Rows of a file of lines as they stand there, or of the log of another program."""
+    kind = format_of(readings)
+    if kind is None or kind == "echo" or follow:
+        if kind not in (None, "echo"):
+            found = f"a {KINDS[kind].words}, which is read when it is whole"
+            expected = "lines that grow, such as ros2 topic echo /joint_states > FILE"
+            raise InputError.at(os.fspath(readings), found=found, expected=expected)
+        return rows_of(readings, [channel.name for channel in mechanism.channels], follow=follow)
+    log = import_log(readings, mechanism=mechanism, hold=0.0)
+    return (Rows(one.values, one.time_s) for one in log.readings(Bare(mechanism)))
 
 
 class Watching:

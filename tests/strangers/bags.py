@@ -1,0 +1,126 @@
+"""Bags of ROS, MCAP of other programs, and topics as text."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.strangers import Made, text
+from tests.test_imports_ros import mcap, moves, ros1, rosbag2, states
+
+STREAM = states(moves(1))
+KIND = "sensor_msgs/msg/JointState"
+
+
+def channels(
+    encoding: str,
+    schema: str = "jsonschema",
+    name: str = "sensor_msgs/JointState",
+    change: Any = None,
+) -> Callable[[Path], Path]:
+    """A maker of an MCAP file by the library `mcap`, as programs that are not ROS write it."""
+
+    def make(folder: Path) -> Path:
+        writer = pytest.importorskip("mcap.writer", reason="mcap is not installed")
+        path = folder / "run.mcap"
+        with path.open("wb") as file:
+            made = writer.Writer(file)
+            made.start(profile="", library="foreign")
+            definition = b"{}" if encoding == "json" else DEFINITION.encode()
+            own = made.register_schema(name, schema, definition)
+            channel = made.register_channel("/joint_states", encoding, own)
+            for number, (_, _, time, message) in enumerate(STREAM):
+                if change is not None:
+                    message = change(number, json.loads(json.dumps(message)))
+                data = coded(message) if encoding == "ros1" else json.dumps(message).encode()
+                made.add_message(channel, time, data, time)
+            made.finish()
+        return path
+
+    return make
+
+
+DEFINITION = (
+    "Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+)
+
+
+def coded(message: dict[str, Any]) -> bytes:
+    """A message of ROS 1, by rosbags."""
+    typesys = pytest.importorskip("rosbags.typesys", reason="the extra ros is not installed")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    types = store.types
+    stamp = types["builtin_interfaces/msg/Time"](**message["header"]["stamp"])
+    head = types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="")
+    arrays = [np.array(message[key], float) for key in ("position", "velocity", "effort")]
+    return bytes(store.serialize_ros1(types[KIND](head, message["name"], *arrays), KIND))
+
+
+def part(number: int, message: dict[str, Any]) -> dict[str, Any]:
+    """A message that has lost a position."""
+    if number == 6:
+        message["position"][1] = None
+    return message
+
+
+def folder_of_a_killed_recorder(folder: Path) -> Path:
+    (rosbag2(folder / "run", STREAM) / "metadata.yaml").unlink()
+    return folder / "run"
+
+
+def cut(folder: Path) -> Path:
+    path = mcap(folder / "run.mcap", STREAM)
+    path.write_bytes(path.read_bytes()[:5000])
+    return path
+
+
+def echoed(old: bool = False) -> str:
+    """What `ros2 topic echo` prints, or `rostopic echo`."""
+    out = "WARNING: topic [/joint_states] does not appear to be published yet\n"
+    for _, _, _, message in STREAM:
+        stamp, names, values = message["header"]["stamp"], message["name"], message["position"]
+        if old:
+            out += f"header: \n  seq: 1\n  stamp: \n    secs: {stamp['sec']}\n"
+            out += f"    nsecs: {stamp['nanosec']}\n  frame_id: ''\n"
+            out += f"name: [{', '.join(names)}]\nposition: [{', '.join(map(repr, values))}]\n"
+        else:
+            out += f"header:\n  stamp:\n    sec: {stamp['sec']}\n    nanosec: {stamp['nanosec']}\n"
+            out += "  frame_id: ''\nname:\n" + "".join(f"- {name}\n" for name in names)
+            out += "position:\n" + "".join(f"- {value!r}\n" for value in values)
+        out += "velocity: []\neffort: []\n---\n"
+    return out
+
+
+LINES = "\n".join(json.dumps(message) for *_, message in STREAM)
+CUT_TEXT = echoed().rsplit("velocity", 1)[0].rsplit("- ", 1)[0]
+
+FILES: dict[str, Made] = {
+    "MCAP with JSON": (channels("json"), {"hold": 0}, (100, "elbow")),
+    "MCAP with messages of ROS 1": (
+        channels("ros1", "ros1msg"),
+        {"hold": 0},
+        (100, "wrist"),
+    ),
+    "MCAP with protobuf": (
+        channels("protobuf", "protobuf", "robot.JointState"),
+        {},
+        "topic /joint_states: found messages in 'protobuf', expected one of cdr, ros1, json",
+    ),
+    "MCAP with JSON that lacks a position": (
+        channels("json", change=part),
+        {},
+        "message 7: found no finite position of ",
+    ),
+    "MCAP cut short": (cut, {}, "mcap recover IN -o OUT"),
+    "a bag of ROS 1": (lambda f: ros1(f / "run.bag", STREAM), {"hold": 0}, (100, "elbow")),
+    "a folder without metadata": (folder_of_a_killed_recorder, {}, "ros2 bag reindex FOLDER"),
+    "ros2 topic echo": (text("echo.txt", echoed()), {"hold": 0}, (100, "shoulder")),
+    "rostopic echo": (text("echo.txt", echoed(old=True)), {"hold": 0}, (100, "shoulder")),
+    "ros2 topic echo, stopped in a message": (text("echo.txt", CUT_TEXT), {}, "3 names and 2 pos"),
+    "JSON, an object a line": (text("states.jsonl", LINES), {"hold": 0}, (100, "wrist")),
+}
