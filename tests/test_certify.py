@@ -324,6 +324,9 @@ def test_the_sheet_says_what_is_signed(traced: rsicalib.Trace) -> None:
     ):
         assert words in page
     assert "Undecided" in text and "rsicalib plan" in text
+    # Words, no specs; the limit and U on one scale; room to sign.
+    assert "@" not in text and "@" not in page.split("<main>")[1]
+    assert 'id="decision"' in page and "limit 0.018 in" in page and "Signature" in page
     assert "<script>" not in found.report().split("<main>")[1].split("</main>")[0]
 
 

@@ -480,7 +480,7 @@ def _not_covered(result: Result, mechanism: Mechanism) -> tuple[str, ...]:
     out = [f"Not determined by these readings: {text}." for text in result.unobservable]
     out.append("Errors of the length that gives the scale, beyond what the session shows of them.")
     out.append("Temperatures, loads and speeds that the session did not have.")
-    out.append("Damage and wear since the session: `rsicalib watch` looks for them.")
+    out.append("Damage and wear since the session: rsicalib watch looks for them.")
     if not _checked(result):
         out.append("The place of the whole in any other frame than the mechanism's own.")
     return tuple(out)
