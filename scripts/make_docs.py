@@ -11,7 +11,8 @@ The blocks of a page run in their order, in one empty folder and in one Python s
     csv      with a title is written to that file
     json     must be JSON
 
-Blocks of other languages are for reading. A test runs this and compares.
+Blocks of other languages are for reading. A picture of a page, `sessions/NAME.svg`, is the file
+NAME.svg that its code has written. A test runs this and compares.
 """
 
 from __future__ import annotations
@@ -47,6 +48,9 @@ ELSEWHERE = "# not run here"
 NOT_RUN = ("CONTRIBUTING.md", "docs/releasing.md")
 """Pages for those who work on rsicalib itself: what they run is `check` and the workflows."""
 
+PICTURE = re.compile(r"!\[[^\]]*\]\((sessions/([\w-]+\.svg))\)")
+"""A picture that the code of the page draws into its folder."""
+
 BLOCK = re.compile(r"^( *)```(\w*)([^\n`]*)\n(.*?)^\1```$", re.M | re.S)
 
 NEXT = re.compile(r"\s*\Z")
@@ -77,6 +81,14 @@ class Page:
             end = match.end()
         return "".join([*out, source[end:]])
 
+    def pictures(self) -> dict[Path, str]:
+        """Pictures that the page shows of what its code has drawn, by their files."""
+        found = PICTURE.findall(self.path.read_text(encoding="utf-8"))
+        return {
+            self.path.parent / place: (self.folder / name).read_text(encoding="utf-8")
+            for place, name in found
+        }
+
     def run(self, language: str, title: str, code: str) -> str | None:
         """Run one block; what it prints, or None where it is none that prints."""
         named = re.search(r'title="([^"]+)"', title)
@@ -91,7 +103,7 @@ class Page:
         if language == "toml":
             document = tomllib.loads(code)
             if "closure" in document and "length_unit" in document:
-                rsicalib.Mechanism(code)
+                rsicalib.load_mechanism(self.folder / named[1] if named else code)
         if language == "json":
             json.loads(code)
         if language not in ("python", "sh", "toml", "csv", "json", "text") and (
@@ -164,6 +176,8 @@ def main(names: list[str]) -> None:
     for path in [Path(name).resolve() for name in names] or pages():
         with page(path) as one:
             write_text(path, one.text())
+            for place, picture in one.pictures().items():
+                write_text(place, picture)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rsicalib
@@ -21,6 +22,7 @@ from scripts import (
 )
 
 ROOT = Path(__file__).parents[1]
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 
 
@@ -48,7 +50,14 @@ def test_every_number_that_is_claimed_stands_on_the_page_that_it_names() -> None
 def test_the_code_of_a_page_runs_and_prints_what_stands_below_it(path: Path) -> None:
     with make_docs.page(path) as page:
         text = page.text()
+        pictures = page.pictures()
     assert path.read_text(encoding="utf-8") == text, "run python -m scripts.make_docs"
+    for place, made in pictures.items():
+        there = place.read_text(encoding="utf-8")
+        assert NUMBER.sub("", there) == NUMBER.sub("", made), f"{place.name}: another drawing"
+        old, new = (np.array(NUMBER.findall(drawn), dtype=float) for drawn in (there, made))
+        # Products of other lengths of vectors differ by rounding, which may turn a last digit.
+        assert np.allclose(old, new, rtol=1e-3, atol=1.0), f"{place.name}: run scripts.make_docs"
 
 
 @pytest.mark.parametrize("path", make_formats.files(), ids=lambda p: p.name)

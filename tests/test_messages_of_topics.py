@@ -14,7 +14,8 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
-from rsicalib.guide.log import Columns
+from rsicalib.guide.log import Columns, Sample
+from rsicalib.guide.run import guide
 from rsicalib.guide.source import open_source
 from rsicalib.io.messages import as_json, documents, message_of
 from rsicalib.io.stream import rows_of
@@ -80,6 +81,25 @@ def test_the_guide_takes_what_the_command_prints(tmp_path: Path) -> None:
     assert [getattr(one, "values", one) for one in found] == [
         tuple(row) for row in VALUES[:3].tolist()
     ]
+
+
+def test_messages_call_channels_by_their_joints_and_labels_fill_columns(tmp_path: Path) -> None:
+    joints = {"q2": "elbow", "q1": "shoulder"}
+    text = echo(VALUES).replace("- q1", "- shoulder").replace("- q2", "- elbow")
+    path = tmp_path / "echo.txt"
+    path.write_text(text)
+    values = np.vstack([r.values for r in rows_of(path, joints)])
+    assert np.array_equal(values, VALUES[:, ::-1])
+    columns = Columns(joints, ("at",), {"at": "cone"})
+    first = columns.sample(next(as_json(text.splitlines())), 0.0)
+    assert getattr(first, "values", first) == tuple(VALUES[0, ::-1])
+    assert getattr(first, "keys", first) == ("cone",)
+    rows = Columns(("q1", "q2"), ("at",), {"at": "cone"})
+    assert rows.sample("q2,q1", 0.0) is None
+    assert rows.sample("2,1", 0.0) == Sample(0.0, None, (1.0, 2.0), ("cone",))
+    (tmp_path / "arms.toml").write_text(ARMS)
+    with pytest.raises(InputError, match="labels: found 'at', expected none"):
+        guide(tmp_path / "s", tmp_path / "arms.toml", target=1.0, labels={"at": "x"}, port=None)
 
 
 @pytest.mark.parametrize(

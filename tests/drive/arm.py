@@ -15,6 +15,8 @@ from tests.oracle import Array
 
 NOISE, PLAY = 5e-5, 0.02
 """Of an encoder [rad], and of a ball that sits in a socket or stands on a table [mm]."""
+BALL_KG = 0.05
+"""Mass of the ball, which its maker knows [kg]."""
 KINDS = ("stiffness", "backlash", "eccentric", "bent")
 APART = 150.0
 """Between two cones, at the least, and between two places of a table [mm]."""
@@ -103,6 +105,16 @@ class Arm:
             out += row["mass"] * place(frame, row["com"])[:, 2]
         return out
 
+    def _last(self) -> dict[str, Any]:
+        """The last link with the ball on it: their mass, and where its centre is."""
+        row = dict(self.body.rows[-1])
+        turned = {"theta": 0.0, "alpha": row.get("alpha", 0.0)}
+        carried = {**turned, "a": row.get("a", 0.0), "d": row.get("d", 0.0)}
+        ball = place(frames([carried], {}, 1), self.body.tool)[0]
+        mass = row["mass"] + BALL_KG
+        centre = (row["mass"] * np.array(row["com"]) + BALL_KG * ball) / mass
+        return {**row, "mass": mass, "com": [float(x) for x in centre]}
+
     def mechanism(self) -> str:
         """The mechanism file of the maker: the arm as drawn."""
         channels = [
@@ -116,7 +128,7 @@ class Arm:
             "length_unit": "mm",
             "gravity": [0.0, 0.0, -1.0],
             "channel": channels,
-            "chain": [{"name": "arm", "dh": self.body.rows}],
+            "chain": [{"name": "arm", "dh": [*self.body.rows[:-1], self._last()]}],
             "point": [tip],
         }
         if self.touch == "cones":
@@ -136,9 +148,9 @@ def _posture(rng: np.random.Generator) -> Array:
     return np.asarray(NEAR + 0.3 * SPREAD * rng.uniform(-1, 1, 6))[None]
 
 
-def led(arm: Arm, spot: Array) -> Array:
+def led(arm: Arm, spot: Array, near: Array = NEAR) -> Array:
     """Readings with the ball of the drawn arm at a spot: where a hand would lead it (6,)."""
-    q = NEAR.copy()
+    q = near.copy()
     steps = 1e-6 * np.eye(6)
     for _ in range(100):
         off = arm.body.tip(q[None], {})[0] - spot

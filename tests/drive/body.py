@@ -10,7 +10,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from tests.drive.arm import NOISE, PLAY, Arm
+from tests.drive.arm import BALL_KG, NOISE, PLAY, Arm
 from tests.machines.arm import LIMITS
 from tests.oracle import Array
 
@@ -29,6 +29,8 @@ LESS, REST = 3.0, 0.5
 """Force while the drives give way, and in the end [N]."""
 FAR = 0.5
 """A joint that must turn more to lift the ball is near a posture that the arm keeps away from."""
+SLIDES = 0.15
+"""A joint that is pushed farther from where it should be slides over the table [rad]."""
 STEP_S = 5e-4
 GIVES = 0.02
 """Share of the way to where they are pushed that drives go in a turn of their control."""
@@ -39,7 +41,7 @@ FIRM = 300.0
 def document(arm: Arm) -> str:
     """The model of MuJoCo [m, kg]."""
     inner = f'<site name="tip" pos="{_text(arm.body.tool * MM)}"/>'
-    inner += f'<body name="ball" pos="{_text(arm.body.tool * MM)}">' + _mass(0.05, np.zeros(3))
+    inner += f'<body name="ball" pos="{_text(arm.body.tool * MM)}">' + _mass(BALL_KG, np.zeros(3))
     inner += f'<geom type="sphere" size="{BALL}" contype="1" conaffinity="1"/></body>'
     last = len(arm.body.rows) - 1
     for k in range(last, -1, -1):
@@ -162,13 +164,13 @@ class Body:
             self.beyond += self._beyond(np.linspace(self.stands, goal, 100))
         self.data.ctrl[:] = goal
         self._place(lifted)
-        self._run(0.9, PRESS[self.arm.touch])
+        held = self._run(0.9, PRESS[self.arm.touch], goal)
         self.data.ctrl[:] = self.data.qpos[self.at]  # the cone knows better where the ball is
-        self._run(0.4, LESS, gives=True)
-        self._run(0.4, REST, gives=True)
+        held = held and self._run(0.4, LESS, goal, gives=True)
+        held = held and self._run(0.4, REST, goal, gives=True)
         mujoco.mj_forward(self.model, self.data)
         self.stands = np.array(self.data.qpos[self.at])
-        return bool(self.data.ncon == (3 if self.arm.touch == "cones" else 1))
+        return held and bool(self.data.ncon == (3 if self.arm.touch == "cones" else 1))
 
     def _play(self) -> None:
         """Where the ball sits this time."""
@@ -201,6 +203,8 @@ class Body:
                 return lifted, goal
             for _ in range(int(2 * height / DOWN)):
                 before = np.array(self.data.qpos[self.at])
+                if self._beyond(before[None]) or np.abs(before - goal).max() > FAR:
+                    break
                 self._place(before - np.linalg.pinv(self.slopes(), 1e-3)[:, 2] * DOWN)
                 if self.data.ncon:
                     return before, before
@@ -214,10 +218,11 @@ class Body:
             self._place(self.data.qpos[self.at] + np.linalg.pinv(self.slopes(), 1e-3) @ off)
         return np.array(self.data.qpos[self.at])
 
-    def _run(self, seconds: float, press: float, gives: bool = False) -> None:
+    def _run(self, seconds: float, press: float, goal: Array, gives: bool = False) -> bool:
         """Let time pass: drives hold against the weights, the tool is pressed down.
 
-        Drives that give follow where the tool is pushed.
+        Drives that give follow where the tool is pushed; where that is away from the goal, the
+        robot stops. Whether it went on to the end.
         """
         chunk = 8
         for _ in range(int(seconds / STEP_S / chunk)):
@@ -227,6 +232,9 @@ class Body:
             self.data.xfrc_applied[self.ball] = [0.0, 0.0, -press, 0.0, 0.0, 0.0]
             mujoco.mj_step(self.model, self.data, chunk)
             self.beyond += self._beyond(self.data.qpos[self.at][None])
+            if np.abs(self.data.qpos[self.at] - goal).max() > SLIDES:
+                return False
+        return True
 
     def _beyond(self, motors: Array) -> int:
         """How many of so many angles of motors, (n, 6), are beyond what the encoders may read."""

@@ -16,8 +16,11 @@ import numpy as np
 
 from tests.drive.arm import Arm, led
 from tests.drive.body import Body
-from tests.machines.arm import JOINTS
+from tests.machines.arm import JOINTS, NEAR
 from tests.oracle import Array
+
+TRIES, TURNS = 10, 0.3
+"""Postures in which a hand tries a place, and by how much each joint is turned for it [rad]."""
 
 
 def main() -> None:
@@ -42,7 +45,9 @@ def shown(arm: Arm, body: Body, asked: dict[str, Any]) -> dict[str, Any]:
     """Poses to which a hand has led the arm."""
     rows: list[dict[str, Any]] = []
     for label, (name, spot) in enumerate(arm.spots, start=1):
-        if not body.touch(led(arm, spot)):
+        rng = np.random.default_rng(label)
+        others = (NEAR + TURNS * rng.uniform(-1, 1, 6) for _ in range(TRIES))
+        if not any(body.touch(led(arm, spot, near)) for near in (NEAR, *others)):
             raise RuntimeError(f"the ball does not sit in {name}")
         read = body.read(asked["samples"])
         rows += [{"pose": label, **row} for row in _rows(read, _key(arm), name)]

@@ -282,6 +282,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--source", metavar="-|FILE|COMMAND", default="-", help=words)
     words = "moves a robot: is told each pose as a line of JSON, answers with its readings"
     sub.add_argument("--drive", metavar="COMMAND", help=words)
+    words = "columns with one text in every sample, where the source has none: at=cone"
+    sub.add_argument("--labels", metavar="COLUMN=TEXT,…", type=_pairs, help=words)
     sub.add_argument("--resume", action="store_true", help="go on with the session in --out")
     words = "of the page; a free one where not given"
     sub.add_argument("--port", type=parsed("port"), default=0, help=words)

@@ -244,6 +244,7 @@ def guide(args: Args) -> int:
         target=args.target,
         source=args.source,
         drive=args.drive,
+        labels=args.labels,
         resume=args.resume,
         port=args.port,
         host=args.host,

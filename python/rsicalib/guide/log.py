@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -35,8 +35,16 @@ class Sample:
 class Columns:
     """Lines as samples: CSV, the header first and columns in any order, or one JSON object each."""
 
-    def __init__(self, channels: Sequence[str], keys: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        channels: Sequence[str] | Mapping[str, str],
+        keys: Sequence[str] = (),
+        labels: Mapping[str, str] | None = None,
+    ) -> None:
+        """`channels` may map to joints, as messages may call them; `labels` are of every line."""
+        self._labels = dict(labels or {})
         self.channels = tuple(channels)
+        self._joints = dict(channels) if isinstance(channels, Mapping) else {}
         self.keys = tuple(keys)
         self._header: list[str] | None = None
 
@@ -45,6 +53,8 @@ class Columns:
         row = _message(line) if line.lstrip().startswith("{") else self._row(line)
         if not isinstance(row, dict):
             return row
+        row |= {c: row[joint] for c, joint in self._joints.items() if joint in row}
+        row |= self._labels
         missing = [c for c in (*self.channels, *self.keys) if c not in row]
         if missing:
             return f"found no {missing[0]}"
@@ -66,11 +76,12 @@ class Columns:
         cells = [cell.strip() for cell in line.strip().split(",")]
         if cells == [""]:
             return None
-        if {*self.channels, *self.keys} <= set(cells):
+        needed = [c for c in (*self.channels, *self.keys) if c not in self._labels]
+        if {*needed} <= set(cells):
             self._header = cells
             return None
         if self._header is None:
-            missing = ", ".join(c for c in (*self.channels, *self.keys) if c not in cells)
+            missing = ", ".join(c for c in needed if c not in cells)
             return f"found no header with the channels ({missing} missing)"
         if len(cells) != len(self._header):
             return f"found {len(cells)} columns, expected {len(self._header)}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from rsicalib.errors import InputError
@@ -17,6 +17,7 @@ from rsicalib.guide.server import HOST, Page
 from rsicalib.guide.session import Session, Settings
 from rsicalib.guide.source import Lines, open_source
 from rsicalib.guide.terminal import Screen
+from rsicalib.imports.opening import joints_of
 from rsicalib.options import checked
 from rsicalib.poses.devices import workspace
 from rsicalib.results.result import Trace
@@ -41,6 +42,7 @@ def guide(
     target: float | None = None,
     source: str = "-",
     drive: str | None = None,
+    labels: Mapping[str, str] | None = None,
     resume: bool = False,
     port: int | None = 0,
     host: str = HOST,
@@ -66,10 +68,12 @@ def guide(
         Standard deviation of the platform to reach [length unit]; 1 % of the travel by default.
     source : str
         Where samples come from, as lines of CSV with a header: `-` for standard input, a file that
-        grows, or a command.
+        grows, or a command; or as lines of JSON, or messages that `ros2 topic echo` prints.
     drive : str, optional
         A command that moves the robot. It is told each pose as a line of JSON, and answers with a
         line of JSON that has its readings; see `docs/guide.md`.
+    labels : mapping of str to str, optional
+        Columns with one text in every sample, where the source has none: `{"at": "cone"}`.
     resume : bool
         Go on with the session in `out`.
     port : int or None
@@ -111,6 +115,10 @@ def guide(
     at_rest = None if rest is None else load(rest, Bare(opened), False)
     names = [c.name for c in opened.channels]
     keys = opened.key_columns
+    unknown = [name for name in labels or {} if name not in keys]
+    if unknown:
+        expected = f"one of {', '.join(keys)}" if keys else "none: the mechanism needs no texts"
+        raise InputError(f"labels: found {unknown[0]!r}, expected {expected}")
     if drive is not None and source != "-":
         raise InputError(f"--drive: found --source {source} beside it, expected one of the two")
     log = Log(Path(os.fspath(out)), names, resume, keys)
@@ -131,7 +139,7 @@ def guide(
             take_by(session, robot, screen.show)
         elif lines is not None:
             skip = len(log.samples) if resume and os.path.exists(source) else 0
-            _measure(session, lines, Columns(names, keys), screen, skip)
+            _measure(session, lines, Columns(joints_of(mechanism), keys, labels), screen, skip)
         result = session.finish()
         if page is not None:
             time.sleep(HEARD_S)  # the page hears of the end

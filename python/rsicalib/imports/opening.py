@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rsicalib._core import Mechanism
@@ -15,7 +15,7 @@ from rsicalib.imports.log import Log
 from rsicalib.options import checked
 from rsicalib.plain_text import meant
 
-__all__ = ["import_log"]
+__all__ = ["import_log", "joints_of"]
 
 
 @checked
@@ -119,26 +119,37 @@ def _unknown(name: str) -> tuple[str, str, str]:
     return "no log of a known kind", expected, wrapped(name) or hint
 
 
+def joints_of(mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism) -> dict[str, str]:
+    """Name in a log of each channel: that of its joint where its chain is given as URDF.
+
+    Parameters
+    ----------
+    mechanism : str, path, mapping or Mechanism
+        As it was given: a Mechanism no longer knows the names of joints.
+
+    Returns
+    -------
+    dict of str to str
+        By channel, in their order.
+    """
+    from rsicalib.io.mechanisms import load_mechanism, mechanism_document  # few need it
+
+    if isinstance(mechanism, Mechanism):
+        return {channel.name: channel.name for channel in mechanism.channels}
+    loaded = load_mechanism(mechanism)
+    chains = mechanism_document(mechanism)[1].get("chain", [])
+    tables = [c["channels"] for c in chains if isinstance(c, dict) and "urdf" in c]
+    joints = {channel: joint for table in tables for joint, channel in table.items()}
+    return {channel.name: joints.get(channel.name, channel.name) for channel in loaded.channels}
+
+
 def _wanted(mechanism: Any, channels: Mapping[str, str] | None) -> Mapping[str, str] | None:
     """Name in the log of each channel that is asked for."""
     if mechanism is None:
         return channels
-    from rsicalib.io.mechanisms import load_mechanism, mechanism_document  # few need it
-
-    known = isinstance(mechanism, Mechanism)
-    loaded = mechanism if known else load_mechanism(mechanism)
-    given = dict(channels or {})
-    names = [channel.name for channel in loaded.channels]
-    unknown = [name for name in given if name not in names]
+    joints, given = joints_of(mechanism), dict(channels or {})
+    unknown = [name for name in given if name not in joints]
     if unknown:
-        expected = f"one of {', '.join(names)}"
+        expected = f"one of {', '.join(joints)}"
         raise InputError(f"channels: found no channel {unknown[0]!r}, expected {expected}")
-    document = {} if known else mechanism_document(mechanism)[1]
-    joints = _joints(document.get("chain", []))
-    return {name: given.get(name, joints.get(name, name)) for name in names}
-
-
-def _joints(chains: Iterable[Any]) -> dict[str, str]:
-    """Joint of each channel in chains that are given as URDF."""
-    tables = [c["channels"] for c in chains if isinstance(c, dict) and "urdf" in c]
-    return {channel: joint for table in tables for joint, channel in table.items()}
+    return joints | given

@@ -13,7 +13,7 @@ import itertools
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
@@ -49,7 +49,10 @@ class Rows:
 
 
 def rows_of(
-    source: str | os.PathLike[str], channels: Sequence[str], *, follow: bool = False
+    source: str | os.PathLike[str],
+    channels: Sequence[str] | Mapping[str, str],
+    *,
+    follow: bool = False,
 ) -> Iterator[Rows]:
     """Rows of a file as they stand there, or of standard input (`-`) as they arrive.
 
@@ -58,8 +61,8 @@ def rows_of(
     source : path or "-"
         CSV, joint states as text (`rsicalib.io.messages`), or Parquet if it ends in `.parquet` or
         `.pq`. A message without any of the channels is another publisher's, and no row.
-    channels : sequence of str
-        Names of the columns to take.
+    channels : sequence of str, or mapping of str to str
+        Names of the columns to take; a mapping has the joint of each, which messages may call it.
     follow : bool
         Wait for more at the end of a file, for ever.
 
@@ -78,11 +81,12 @@ def rows_of(
         if follow:
             found, expected = "a Parquet file, which does not grow", "a file of lines"
             raise InputError.at(name, found=found, expected=expected)
-        return _parquet(name, channels)
-    return _text(name, channels, follow)
+        return _parquet(name, list(channels))
+    joints = dict(channels) if isinstance(channels, Mapping) else {c: c for c in channels}
+    return _text(name, joints, follow)
 
 
-def _text(name: str, channels: Sequence[str], follow: bool) -> Iterator[Rows]:
+def _text(name: str, joints: dict[str, str], follow: bool) -> Iterator[Rows]:
     with contextlib.ExitStack() as stack:
         if name == "-":
             label, descriptor = "standard input", sys.stdin.fileno()
@@ -100,9 +104,9 @@ def _text(name: str, channels: Sequence[str], follow: bool) -> Iterator[Rows]:
             raise InputError.at(label, line=1, found="an empty file", expected=EXPECTED)
         rest = itertools.chain([first], parts)
         if is_message(first[0].decode("utf-8", "replace").removeprefix("\ufeff")):
-            yield from _messages(rest, channels)
+            yield from _messages(rest, joints)
         else:
-            yield from _table(rest, label, channels)
+            yield from _table(rest, label, list(joints))
 
 
 def _parts(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]:
@@ -139,7 +143,7 @@ def _table(parts: Iterator[list[bytes]], label: str, channels: Sequence[str]) ->
             yield _parsed(lines, columns, when)
 
 
-def _messages(parts: Iterator[list[bytes]], channels: Sequence[str]) -> Iterator[Rows]:
+def _messages(parts: Iterator[list[bytes]], joints: dict[str, str]) -> Iterator[Rows]:
     """Rows of joint states; NaN where a message is not whole."""
     lines = (line.decode("utf-8", "replace") for part in parts for line in part)
     timed: bool | None = None
@@ -147,10 +151,11 @@ def _messages(parts: Iterator[list[bytes]], channels: Sequence[str]) -> Iterator
         found = message_of(text)
         found = positions_of(found) if isinstance(found, dict) else found
         at: dict[str, Any] = {} if isinstance(found, str) else found
-        if at and not any(channel in at for channel in channels):
+        cells = [at.get(joint, at.get(channel)) for channel, joint in joints.items()]
+        if at and all(cell is None for cell in cells):
             continue
         timed = "time_s" in at if timed is None and at else timed
-        values = np.array([[_number(at.get(channel)) for channel in channels]])
+        values = np.array([[_number(cell) for cell in cells]])
         moment = np.array([_number(at.get("time_s"))])
         yield Rows(values, moment if timed else None)
 

@@ -21,7 +21,7 @@ from rsicalib.errors import InputError
 from rsicalib.facts.records import Record, to_json
 from rsicalib.facts.shapes import Rms
 from rsicalib.imports.kinds import KINDS, format_of
-from rsicalib.imports.opening import import_log
+from rsicalib.imports.opening import import_log, joints_of
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_of
 from rsicalib.results.result import Calibration, Result, Trace
@@ -447,14 +447,16 @@ def watch(
     if isinstance(readings, Readings):
         rows: Iterator[Rows] = iter([Rows(readings.values, readings.time_s)])
     else:
-        rows = _rows(readings, opened, follow)
+        rows = _rows(readings, mechanism, opened, follow)
     rate, rows = _rate(false_alarms, rows)
     source = None if isinstance(readings, Readings) or readings == "-" else os.fspath(readings)
     source = None if source is None else os.path.abspath(source)
     return Watching(Monitor(result, opened, false_alarms=rate), rows, state, source)
 
 
-def _rows(readings: PathLike, mechanism: Mechanism, follow: bool) -> Iterator[Rows]:
+def _rows(
+    readings: PathLike, given: MechanismArg, opened: Mechanism, follow: bool
+) -> Iterator[Rows]:
     """Rows of a file of lines as they stand there, or of the log of another program."""
     kind = format_of(readings)
     if kind is None or kind == "echo" or follow:
@@ -462,9 +464,9 @@ def _rows(readings: PathLike, mechanism: Mechanism, follow: bool) -> Iterator[Ro
             found = f"a {KINDS[kind].words}, which is read when it is whole"
             expected = "lines that grow, such as ros2 topic echo /joint_states > FILE"
             raise InputError.at(os.fspath(readings), found=found, expected=expected)
-        return rows_of(readings, [channel.name for channel in mechanism.channels], follow=follow)
-    log = import_log(readings, mechanism=mechanism, hold=0.0)
-    return (Rows(one.values, one.time_s) for one in log.readings(Bare(mechanism)))
+        return rows_of(readings, joints_of(given), follow=follow)
+    log = import_log(readings, mechanism=given, hold=0.0)
+    return (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
 
 
 class Watching:
