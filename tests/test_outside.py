@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests import outside
 from tests.blind import effects, trials
 from tests.blind.effects import CHANNELS, Effect
 from tests.blind.effects.outside import Strange
@@ -167,3 +168,22 @@ def test_a_pot_that_wanders_is_drawn_over_time() -> None:
     time, correction, sd = drawn_over_time(examined(7, Swell("a22", 0.004)), "wander")
     assert agrees(correction, 0.004 * np.sin(2 * np.pi * time), sd)
     assert not agrees(correction, np.zeros_like(time), sd)
+
+
+# ------------------------------------------------------------------ on what it depends
+
+
+def test_a_law_that_no_term_has_is_named_or_told_beside_what_was_found() -> None:
+    """`python -m tests.outside` has figures of more: half were explained without a word of it."""
+    families = [f for f in outside.PLACES if f not in ("rsi", "sockets")]
+    told = [
+        outside.run(("outside", family, number), 35) for family in families for number in (0, 1)
+    ]
+    assert sum(one.wrong for one in told) <= 0.25 * len(told)
+    assert sum(one.variables for one in told) >= 0.5 * len(told)
+
+
+def test_one_effect_of_the_catalogue_leaves_no_room_for_an_unknown_law() -> None:
+    told = [outside.run(("single", "fivebar", number), 35) for number in range(8)]
+    assert not [one for one in told if outside.LAW in one.ties]
+    assert sum(one.named for one in told) >= len(told) - 1

@@ -27,6 +27,7 @@ __all__ = [
     "Check",
     "CurveLaw",
     "Data",
+    "DependsOn",
     "Drawing",
     "EffectEvidence",
     "Evidence",
@@ -653,6 +654,18 @@ class Rival(Together, Record):
 
 
 @dataclass(frozen=True)
+class DependsOn(Record):
+    """A variable on which errors depend."""
+
+    variable: str
+    """The variable: `theta[q1]`, `direction[q1]`, `travelled[q1]`, `torque[q1]`, `time`, …."""
+    share: float
+    """Share of what the law explains that is lost without the variable, of all of its variables."""
+    also: tuple[str, ...] = field(default=(), metadata=OMIT)
+    """Variables that these data cannot tell from it."""
+
+
+@dataclass(frozen=True)
 class Unexplained(Record):
     """What is left when nothing scores any more."""
 
@@ -664,6 +677,9 @@ class Unexplained(Record):
     """What is left, in words."""
     kind: str | None = None
     """What it is; null in results of earlier versions."""
+    depends_on: tuple[DependsOn, ...] = field(default=(), metadata=OMIT)
+    """What the likeliest law that no term has depends on, where it ties with what was found, or
+    something is left."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ use crate::diagnosis::location::{Location, location};
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::Traced;
+use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
@@ -24,6 +25,8 @@ pub enum Residual {
     Unjudged,
     /// No more than noise, but the effects found may stand for another.
     Doubtful(Doubted),
+    /// No more than noise, but a law that no term has explains it better than the effects found.
+    UnknownLaw(UnknownLaw),
     /// One channel, closure or chain is at fault alone, by a law that no term has.
     Isolated {
         /// What is at fault.
@@ -87,6 +90,9 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
     if let Some(doubted) = doubt(&traced.small.mechanism, &found, rises) {
         return Residual::Doubtful(doubted);
+    }
+    if let Some(law) = traced.unknown.as_ref().filter(|law| law.better()) {
+        return Residual::UnknownLaw(law.clone());
     }
     match p_value {
         Some(_) => Residual::Noise { nearest: nearest(traced) },

@@ -18,4 +18,5 @@ pub(crate) mod score;
 pub(crate) mod stepwise;
 pub(crate) mod stretches;
 pub mod trace;
+pub(crate) mod unknown_law;
 pub mod verdict;

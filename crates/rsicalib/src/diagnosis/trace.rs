@@ -21,6 +21,7 @@ use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
 use crate::diagnosis::stretches::Stretches;
+use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::diagnosis::verdict::Determined;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
@@ -91,6 +92,8 @@ pub struct Traced {
     pub rivals: Vec<Explanation>,
     /// What is at fault isolated, where the catalogue does not explain it all.
     pub isolated: Option<Isolated>,
+    /// A law that no term has, where it is about as likely as what was found, or something is left.
+    pub unknown: Option<UnknownLaw>,
     /// How scores were judged.
     pub judge: Judge,
     /// Probability of the residual by chance; none where only the fit gives the noise.
@@ -185,6 +188,12 @@ fn explain(
         }
     };
     let judge = stepwise.judge(&current);
+    let effects: Vec<Scored> = steps.iter().map(|step| step.scored).collect();
+    let left_over = after.p_value.is_some_and(|p| p <= LEVEL);
+    let unknown = match effects.is_empty() && !left_over {
+        true => None,
+        false => stepwise.unknown_law(&current, &effects)?,
+    };
     let Stepwise { small, stretches, .. } = stepwise;
     let of_all = |step: &FoundEffect| match &stretches {
         Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),
@@ -206,6 +215,7 @@ fn explain(
         scores,
         rivals,
         isolated,
+        unknown,
         judge,
         p_value,
     })

@@ -52,6 +52,30 @@ impl Model {
         Ok(Some(Drives::new(torques, chains)))
     }
 
+    /// The torque of the weights about every joint, block by block: of the masses, or of the tips where
+    /// there are none; zero without gravity. Joints without a drive are taken as if they had one.
+    ///
+    /// # Errors
+    ///
+    /// Those of compiling the mechanism without any term.
+    pub(crate) fn torques(
+        mechanism: &Mechanism,
+        readings: &Readings,
+    ) -> Result<Vec<Vec<Lanes>>, Error> {
+        let drawn = Self::with_null_equations(mechanism, readings, Vec::new())?;
+        let (beta, mut ws) = (drawn.nominal(), Workspace::default());
+        let want = Want { x: false, a: true };
+        let blocks = readings.blocks().iter().enumerate().map(|(block, _)| {
+            drawn.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
+            let links = drawn.pulls(&ws.postures, Weight::Links);
+            match links.iter().any(|pull| pull.0.iter().any(|v| *v != 0.0)) {
+                true => links,
+                false => drawn.pulls(&ws.postures, Weight::Tip),
+            }
+        });
+        Ok(blocks.collect())
+    }
+
     /// Eq. (46) in the samples that were evaluated.
     fn felt(&self, ws: &Workspace, whose: Weight, live: usize) -> Vec<Lanes> {
         let pulls = self.pulls(&ws.postures, whose);

@@ -12,6 +12,7 @@ use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::stepwise::rivals;
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
+use crate::diagnosis::unknown_law::{DependsOn, UNKNOWN_LAW, UnknownLaw};
 use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Reason, Verdict};
 use crate::estimate::directions::{directions, place, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
@@ -166,6 +167,10 @@ pub struct Unexplained {
     /// What it is; null in results of earlier versions.
     #[cfg_attr(feature = "serde", serde(default))]
     pub kind: Option<Left>,
+    /// What the likeliest law that no term has depends on, where it ties with what was found, or
+    /// something is left.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub depends_on: Vec<DependsOn>,
 }
 
 /// What is left after a trace.
@@ -197,7 +202,7 @@ impl Left {
         match residual {
             Residual::Noise { .. } => Self::Noise,
             Residual::Unjudged => Self::Unjudged,
-            Residual::Doubtful(_) => Self::Doubtful,
+            Residual::Doubtful(_) | Residual::UnknownLaw(_) => Self::Doubtful,
             Residual::Isolated { .. } => Self::OneTarget,
             Residual::Louder { .. } => Self::DeclaredNoise,
             Residual::Structure(_) => Self::Structure,
@@ -326,7 +331,7 @@ pub fn traced(
         p_value,
         chi2_per_dof: after.chi2_per_dof(),
         found: !traced.found.is_empty(),
-        doubtful: matches!(residual, Residual::Doubtful(_)),
+        doubtful: matches!(residual, Residual::Doubtful(_) | Residual::UnknownLaw(_)),
         held_out: after.held_out,
         held_out_before: held_out_before(&traced, &before, &after),
         check: after.checked(),
@@ -352,6 +357,11 @@ pub fn traced(
         }
         None => text,
     };
+    let unknown = traced.unknown.as_ref().filter(|law| law.ties());
+    let text = match unknown {
+        Some(law) => format!("{text}; {}", words::unknown_law(&traced.small.mechanism, law)),
+        None => text,
+    };
     progress.enter(Stage::Detectability);
     let hidden = could_hide(&traced, search)?;
     let report = TraceReport {
@@ -363,11 +373,17 @@ pub fn traced(
         with_excluded,
         before,
         steps,
-        rivals: traced.rivals.iter().map(|e| rival(&traced.small, e)).collect(),
+        rivals: rivals_of(&traced),
         after,
         nominal,
         groups,
-        unexplained: Unexplained { p_value, target, text, kind: Some(Left::of(&residual)) },
+        unexplained: Unexplained {
+            p_value,
+            target,
+            text,
+            kind: Some(Left::of(&residual)),
+            depends_on: unknown.map(|law| law.depends_on.clone()).unwrap_or_default(),
+        },
         could_hide: hidden,
         estimates,
         before_residuals: match &traced.stretches {
@@ -416,6 +432,35 @@ fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport 
     }
 }
 
+/// The explanations that are nearly as good as the best, a law that no term has among them.
+fn rivals_of(traced: &Traced) -> Vec<RivalReport> {
+    let mut all: Vec<RivalReport> = traced.rivals.iter().map(|e| rival(&traced.small, e)).collect();
+    if let Some(law) = traced.unknown.as_ref().filter(|_| !all.is_empty()) {
+        let kept = traced.found.iter().map(|found| found.instance);
+        let kept = kept.filter(|i| !law.replaces.contains(i));
+        let terms = kept.map(|i| Place::of(&traced.small, &i));
+        let terms = terms.chain([no_term(traced, law)]).collect();
+        all.push(RivalReport { terms, chi2_penalised: law.price, probability: 0.0 });
+        all.sort_by(|a, b| a.chi2_penalised.total_cmp(&b.chi2_penalised));
+        let least = all[0].chi2_penalised;
+        let likely = |one: &RivalReport| (0.5 * (least - one.chi2_penalised)).exp();
+        let sum: f64 = all.iter().map(likely).sum();
+        all.iter_mut().for_each(|one| one.probability = likely(one) / sum);
+    }
+    all
+}
+
+/// A law that no term has, as an effect.
+fn no_term(traced: &Traced, law: &UnknownLaw) -> Place {
+    Place {
+        term: UNKNOWN_LAW.into(),
+        class: Class::Sensor,
+        target: law.target.name(&traced.small.mechanism),
+        place: None,
+        label: law.target.label(&traced.small.mechanism),
+    }
+}
+
 fn step(
     traced: &Traced,
     small_before: &Fit,
@@ -437,6 +482,9 @@ fn step(
         StepParameter { name: p.name.into(), value, sd, unit, note }
     });
     let curve = curve(after, &found.instance, first);
+    let unknown = traced.unknown.iter().filter(|law| law.ties());
+    let unknown = unknown.filter(|law| law.replaces.contains(&found.instance));
+    let unknown = unknown.map(|law| no_term(traced, law));
     // What it does to the platform: the search's fit with it against the one without.
     let platform_rms = platform_difference(&traced.small, &found.without, &traced.last);
     // Held out with this effect and those found before it.
@@ -456,7 +504,7 @@ fn step(
         p_value: found.p_value.min(1.0),
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),
-        also_fits: found.also.iter().map(|i| Place::of(&traced.small, i)).collect(),
+        also_fits: found.also.iter().map(|i| Place::of(&traced.small, i)).chain(unknown).collect(),
         platform_rms,
         held_out: left_out(traced, &fitted, after),
         curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),

@@ -6,6 +6,7 @@ use crate::diagnosis::location::Location;
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::stepwise::rivals::Explanation;
+use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Directions, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
@@ -366,6 +367,11 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             let (target, text) = self::doubted(mechanism, doubted);
             (Some(target), format!("nothing left above the noise, but {text}"))
         }
+        Residual::UnknownLaw(law) => {
+            let text = "nothing left above the noise, but what was found may stand for a law that \
+                        no term has";
+            (Some(law.target.name(mechanism)), text.into())
+        }
         Residual::Isolated { target, location: at, p_value } => {
             let name = target.name(mechanism);
             let next = match target {
@@ -451,6 +457,26 @@ pub fn another(mechanism: &Mechanism, rival: &Explanation, apart: f64, predicted
         names.join(" with ")
     )
 }
+
+/// A law that no term has, and what it depends on.
+#[must_use]
+pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
+    let one = |on: &DependsOn| -> String {
+        let names = std::iter::once(&on.variable).chain(on.also.iter().take(TOLD_APART));
+        names.map(String::as_str).collect::<Vec<_>>().join(" or ")
+    };
+    let on: Vec<String> = law.depends_on.iter().map(one).collect();
+    let name = law.target.name(mechanism);
+    let how = match () {
+        () if law.replaces.is_empty() => "may explain it",
+        () if law.better() => "explains it better than what was found",
+        () => "explains it as well as what was found",
+    };
+    format!("a law that no term has, of {name}, that depends on {}, {how}", on.join(" and on "))
+}
+
+/// Variables that are named beside the likeliest one; all stand in the JSON.
+const TOLD_APART: usize = 2;
 
 fn range_sentence(name: &str) -> String {
     format!(

@@ -100,7 +100,7 @@ pub struct Stepwise<'a> {
     /// Its noise is declared, and nothing bears it out.
     unverified: bool,
     /// What readings say of an explanation.
-    data: Data,
+    pub(crate) data: Data,
     /// Fits of the search: the same are asked for again and again.
     known: RefCell<KnownFits>,
     scans: RefCell<KnownScans>,

@@ -1,0 +1,191 @@
+//! The marginal likelihood of a smooth law of one or two variables, (115).
+//!
+//! The error of a channel in sample `p` is `Σ_j φ_j(p) b_j`, with polynomials `φ_j` of degree `d_j`
+//! of its variables, and `b_j ~ N(0, (τ d_j^-s)²)`. With (71) for the columns `Z = A Φ`, in units of
+//! the prior, `M` has eigenvalues `m_k`, and `u` the components `u_k`:
+//!
+//! ```text
+//! -2 ln L(τ, s) = data(χ² - Σ τ² u_k² / (1 + τ² m_k)) - data(χ²) + Σ ln(1 + τ² m_k)     (115)
+//! ```
+//!
+//! `L` is averaged over amplitudes `τ` and smoothness `s`: so a law is charged for what data must tell
+//! of it, and for nothing else.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::diagnosis::price::Data;
+use crate::estimate::at_fit::{AtFit, add_scaled};
+use crate::numerics::symmetric::dot;
+
+/// Degree of a law of one variable, and of one of two: of both together.
+const DEGREES: [usize; 2] = [8, 4];
+
+/// Powers of the degree by which the amplitudes fall: a law that bends, and one that is smooth.
+const SMOOTH: [f64; 2] = [1.0, 2.0];
+
+/// Amplitudes: doublings of a quarter of what one sample tells.
+const AMPLITUDES: i32 = 10;
+
+/// What the equations of a session tell of the errors of one channel, sample by sample.
+pub struct Errors {
+    /// `Σ a²` of each sample.
+    square: Vec<f64>,
+    /// `Aᵀ r - (Aᵀ Q) p`
+    gradient: Vec<f64>,
+    /// `Qᵀ a` of each sample.
+    absorbed: Vec<Vec<f64>>,
+}
+
+impl Errors {
+    /// Of a channel in samples at a fit.
+    pub fn of(at: &AtFit, rows: &[usize], channel: usize) -> Self {
+        let (mut square, mut gradient, mut absorbed) = (Vec::new(), Vec::new(), Vec::new());
+        for &row in rows {
+            let (mut aa, mut ar, mut aq) = (0.0, 0.0, vec![0.0; at.rank()]);
+            for e in at.equations(row) {
+                let a = at.by_reading(e, channel);
+                aa += a * a;
+                ar += a * at.residuals.whitened[e];
+                add_scaled(&mut aq, a, at.q(e));
+            }
+            square.push(aa);
+            gradient.push(ar - dot(&aq, &at.pull));
+            absorbed.push(aq);
+        }
+        Self { square, gradient, absorbed }
+    }
+
+    /// True where they show in some equation.
+    pub fn show(&self) -> bool {
+        self.square.iter().any(|aa| *aa > 0.0)
+    }
+
+    /// How likely a law of these variables is, beside a fit of which χ² is `chi2`.
+    pub fn evidence(&self, variables: &[&[f64]], data: &Data, chi2: f64) -> Evidence {
+        let basis = Basis::of(variables, self.square.len());
+        let m = basis.degrees.len();
+        let mut square = DMatrix::<f64>::zeros(m, m);
+        let mut gradient = DVector::<f64>::zeros(m);
+        let rank = self.absorbed.first().map_or(0, Vec::len);
+        let mut taken = DMatrix::<f64>::zeros(rank, m);
+        for (p, values) in basis.values.chunks_exact(m).enumerate() {
+            for j in 0..m {
+                gradient[j] += values[j] * self.gradient[p];
+                let weight = values[j] * self.square[p];
+                for i in 0..=j {
+                    square[(i, j)] += weight * values[i];
+                }
+                add_scaled(
+                    &mut taken.as_mut_slice()[j * rank..][..rank],
+                    values[j],
+                    &self.absorbed[p],
+                );
+            }
+        }
+        for j in 0..m {
+            for i in 0..=j {
+                square[(i, j)] -= taken.column(i).dot(&taken.column(j));
+                square[(j, i)] = square[(i, j)];
+            }
+        }
+        let usual = self.square.iter().sum::<f64>() / self.square.len().max(1) as f64;
+        let mut found = Vec::with_capacity(SMOOTH.len() * AMPLITUDES as usize);
+        for smooth in SMOOTH {
+            let scale = |j: usize| basis.degrees[j].powf(-smooth);
+            let of = DMatrix::from_fn(m, m, |i, j| square[(i, j)] * scale(i) * scale(j));
+            let eigen = of.symmetric_eigen();
+            let along =
+                eigen.eigenvectors.transpose() * DVector::from_fn(m, |j, _| gradient[j] * scale(j));
+            for k in 0..AMPLITUDES {
+                let tau2 = 4.0_f64.powi(k) / (16.0 * usual);
+                let (mut fall, mut spread) = (0.0, 0.0);
+                for (value, u) in eigen.eigenvalues.iter().zip(&along) {
+                    let more = tau2 * value.max(0.0);
+                    fall += tau2 * u * u / (1.0 + more);
+                    spread += more.ln_1p();
+                }
+                let price = data.of((chi2 - fall).max(0.0)) - data.of(chi2) + spread;
+                found.push(Evidence { price, fall });
+            }
+        }
+        let price = mean(found.iter().map(|e| (e.price, 1.0)));
+        let best = found.into_iter().min_by(|a, b| a.price.total_cmp(&b.price));
+        Evidence { price, fall: best.map_or(0.0, |e| e.fall) }
+    }
+}
+
+/// How likely a law is.
+#[derive(Debug, Clone, Copy)]
+pub struct Evidence {
+    /// `-2 ln L`, over that of no law.
+    pub price: f64,
+    /// By how much χ² falls with the likeliest amplitude.
+    pub fall: f64,
+}
+
+/// `-2 ln` of the mean of `exp(-price/2)`, each with its weight.
+pub fn mean(prices: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    let least = prices.clone().map(|(price, _)| price).fold(f64::INFINITY, f64::min);
+    let (mut sum, mut all) = (0.0, 0.0);
+    for (price, weight) in prices {
+        sum += weight * (0.5 * (least - price)).exp();
+        all += weight;
+    }
+    least - 2.0 * (sum / all).ln()
+}
+
+/// Polynomials of one or two variables, the constant left out.
+struct Basis {
+    /// Their degrees.
+    degrees: Vec<f64>,
+    /// Their values, sample by sample.
+    values: Vec<f64>,
+}
+
+impl Basis {
+    fn of(variables: &[&[f64]], samples: usize) -> Self {
+        let most = DEGREES[variables.len() - 1];
+        let pairs: Vec<(usize, usize)> = match variables.len() {
+            1 => (1..=most).map(|a| (a, 0)).collect(),
+            _ => (1..=most).flat_map(|d| (0..=d).map(move |a| (a, d - a))).collect(),
+        };
+        let mut values = Vec::with_capacity(samples * pairs.len());
+        for p in 0..samples {
+            let [first, second] =
+                [0, 1].map(|v| legendre(variables.get(v).map_or(0.0, |v| v[p]), most));
+            values.extend(pairs.iter().map(|&(a, b)| first[a] * second[b]));
+        }
+        Self { degrees: pairs.iter().map(|&(a, b)| (a + b) as f64).collect(), values }
+    }
+}
+
+/// Legendre's polynomials up to a degree, each with a mean square of 1 over -1 to 1.
+fn legendre(x: f64, most: usize) -> Vec<f64> {
+    let mut p = vec![1.0, x];
+    for n in 1..most {
+        let k = n as f64;
+        p.push(((2.0 * k + 1.0) * x * p[n] - k * p[n - 1]) / (k + 1.0));
+    }
+    p.truncate(most + 1);
+    p.iter().enumerate().map(|(n, p)| p * (2.0 * n as f64 + 1.0).sqrt()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::legendre;
+
+    #[test]
+    fn polynomials_are_orthonormal() {
+        let n = 20_000;
+        let points = (0..n).map(|k| (f64::from(k) + 0.5) * 2.0 / f64::from(n) - 1.0);
+        let rows: Vec<Vec<f64>> = points.map(|x| legendre(x, 8)).collect();
+        for i in 0..=8 {
+            for j in 0..=i {
+                let mean = rows.iter().map(|p| p[i] * p[j]).sum::<f64>() / f64::from(n);
+                let wanted = if i == j { 1.0 } else { 0.0 };
+                // The midpoint rule errs by the second power of its step.
+                assert!((mean - wanted).abs() < 1e-5, "{mean} of {i} and {j}");
+            }
+        }
+    }
+}

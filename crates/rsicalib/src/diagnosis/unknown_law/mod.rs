@@ -1,0 +1,207 @@
+//! A law that no term has, at one channel: on what it depends, and its price beside what was found.
+//!
+//! The price (113) of such a law is that of a smooth function of one or two variables of the session,
+//! averaged over these and over amplitudes, (115). It stands in place of one effect that was found, or of
+//! all of them. A curve over the channel's own reading, and one over time, are terms.
+
+mod evidence;
+mod variables;
+
+use crate::Error;
+use crate::diagnosis::price::{Data, Family, prior};
+use crate::diagnosis::score::scored::{self, Scored};
+use crate::diagnosis::stepwise::moves::{Stepwise, cost};
+use crate::diagnosis::unknown_law::evidence::{Errors, Evidence, mean};
+use crate::diagnosis::unknown_law::variables::{Quantity, Variable, variables};
+use crate::estimate::at_fit::AtFit;
+use crate::estimate::{Fit, Observations};
+use crate::mechanism::Target;
+use crate::model::Instance;
+use crate::numerics::credible_set::{AS_WELL, RIVAL};
+use crate::numerics::workers;
+
+/// Id of a law that no term has.
+pub const UNKNOWN_LAW: &str = "unknown_law";
+
+/// Longer sessions are not asked: a limit of time.
+const MOST_SAMPLES: usize = 4000;
+
+/// A law that no term has.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnknownLaw {
+    /// Whose errors follow it.
+    pub target: Target,
+    /// The effects in whose place it stands.
+    pub replaces: Vec<Instance>,
+    /// Its price with what stays beside it, (113).
+    pub price: f64,
+    /// That less the price of what was found.
+    pub behind: f64,
+    /// What it depends on.
+    pub depends_on: Vec<DependsOn>,
+}
+
+/// A variable on which errors depend.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct DependsOn {
+    /// The variable: `theta[q1]`, `direction[q1]`, `travelled[q1]`, `torque[q1]`, `time`, ….
+    pub variable: String,
+    /// Share of what the law explains that is lost without the variable, of all of its variables.
+    pub share: f64,
+    /// Variables that these data cannot tell from it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub also: Vec<String>,
+}
+
+impl UnknownLaw {
+    /// True where it fits as well as what was found, or better.
+    #[must_use]
+    pub fn ties(&self) -> bool {
+        self.behind <= AS_WELL
+    }
+
+    /// True where it fits better than what was found.
+    #[must_use]
+    pub fn better(&self) -> bool {
+        self.behind < -AS_WELL
+    }
+}
+
+/// Laws of one channel, each of its variables.
+struct Scan {
+    channel: usize,
+    sets: Vec<(Vec<usize>, Evidence)>,
+    price: f64,
+}
+
+impl Stepwise<'_> {
+    /// The likeliest law that no term has, beside or in place of what was found; none where it is less
+    /// likely than what was found by more than [`RIVAL`], and something was found.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::estimate::fit`].
+    pub fn unknown_law(
+        &self,
+        current: &Fit,
+        found: &[Scored],
+    ) -> Result<Option<UnknownLaw>, Error> {
+        let weights = &self.small.weights;
+        let rows: Vec<usize> = (0..weights.len()).filter(|&row| weights[row] > 0.0).collect();
+        if rows.len() > MOST_SAMPLES || rows.is_empty() {
+            return Ok(None);
+        }
+        let variables = variables(&self.small, &rows)?;
+        let effects: Vec<Scored> =
+            found.iter().copied().filter(|s| !scored::is_data(&s.instance)).collect();
+        let mut replaced: Vec<Vec<Scored>> = vec![effects.clone()];
+        if effects.len() > 1 {
+            replaced.extend(effects.iter().map(|s| vec![*s]));
+        }
+        let mut best: Option<UnknownLaw> = None;
+        for gone in replaced {
+            let instances: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
+            let without = self.without(current, &instances)?;
+            let at = AtFit::new(&self.small, &without);
+            let Some(scan) = likeliest(&at, &rows, &variables, &self.data, cost(&without)) else {
+                continue;
+            };
+            let paid = |of: &[Scored]| of.iter().map(Scored::paid).sum::<f64>();
+            let kept = paid(found) - paid(&gone);
+            let price = self.said_of(&without) + scan.price + kept;
+            if best.as_ref().is_none_or(|b| price < b.price) {
+                best = Some(UnknownLaw {
+                    target: Target::Channel(scan.channel),
+                    replaces: instances,
+                    price,
+                    behind: price - self.said_of(current) - paid(found),
+                    depends_on: depends_on(&self.small, &scan, &variables),
+                });
+            }
+        }
+        Ok(best.filter(|law| effects.is_empty() || law.behind <= RIVAL))
+    }
+}
+
+/// The channel of the likeliest law at a fit of which χ² is `chi2`, with its price.
+fn likeliest(
+    at: &AtFit,
+    rows: &[usize],
+    variables: &[Variable],
+    data: &Data,
+    chi2: f64,
+) -> Option<Scan> {
+    let channels = at.observations.readings.channels;
+    let scans = workers::map(0..channels, |channel| {
+        let errors = Errors::of(at, rows, channel);
+        if !errors.show() {
+            return None;
+        }
+        let sets = sets(at.observations, variables, channel);
+        let each = sets.into_iter().map(|set| {
+            let values: Vec<&[f64]> = set.iter().map(|&v| &variables[v].values[..]).collect();
+            let evidence = errors.evidence(&values, data, chi2);
+            (set, evidence)
+        });
+        let sets: Vec<(Vec<usize>, Evidence)> = each.collect();
+        // One variable is as likely beforehand as two.
+        let of = |width: usize| sets.iter().filter(|(set, _)| set.len() == width).count() as f64;
+        let many = [of(1), of(2)];
+        let price = mean(sets.iter().map(|(set, e)| (e.price, 1.0 / many[set.len() - 1])));
+        Some(Scan { channel, sets, price })
+    });
+    let scans: Vec<Scan> = scans.into_iter().flatten().filter(|s| !s.sets.is_empty()).collect();
+    let places = scans.len() as f64 / prior(Family::Free);
+    let best = scans.into_iter().min_by(|a, b| a.price.total_cmp(&b.price))?;
+    Some(Scan { price: best.price + 2.0 * places.ln(), ..best })
+}
+
+/// The sets of variables that a law of a channel may have: any one that no term has as a free curve,
+/// its own reading with any other, and two of its chain.
+fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> Vec<Vec<usize>> {
+    let chain = |c: usize| observations.mechanism.chain_of(c);
+    let near = |v: usize| {
+        let its = variables[v].quantity.channel();
+        its.is_none_or(|c| chain(c).is_some() && chain(c) == chain(channel))
+    };
+    let own = |v: usize| variables[v].quantity == Quantity::Theta(channel);
+    let term = |v: usize| own(v) || variables[v].quantity == Quantity::Time;
+    let all = 0..variables.len();
+    let singles = all.clone().filter(|&v| !term(v)).map(|v| vec![v]);
+    let pairs = all.clone().flat_map(|v| (0..v).map(move |w| (w, v)));
+    let pairs = pairs.filter(|&(w, v)| own(v) || own(w) || (near(v) && near(w)));
+    singles.chain(pairs.map(|(w, v)| vec![w, v])).collect()
+}
+
+/// What the likeliest law of a channel depends on, and what cannot be told from it.
+fn depends_on(observations: &Observations, scan: &Scan, variables: &[Variable]) -> Vec<DependsOn> {
+    let likeliest = scan.sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
+    let Some((set, best)) = likeliest else { return Vec::new() };
+    let name = |v: usize| variables[v].quantity.name(observations);
+    // What the law explains without a variable; where a term has that, it was offered to the search.
+    let without = |v: usize| {
+        let rest: Vec<usize> = set.iter().copied().filter(|&w| w != v).collect();
+        scan.sets.iter().find(|(s, _)| *s == rest).map_or(0.0, |(_, e)| e.fall)
+    };
+    let lost: Vec<f64> = set.iter().map(|&v| (best.fall - without(v)).max(0.0)).collect();
+    let all = lost.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let instead = |v: usize| {
+        let swapped = scan.sets.iter().filter(|(s, e)| {
+            let same = set.iter().filter(|&&w| w != v).all(|w| s.contains(w));
+            same && s.len() == set.len() && !s.contains(&v) && e.price < best.price + AS_WELL
+        });
+        let mut others: Vec<(f64, usize)> = swapped
+            .filter_map(|(s, e)| Some((e.price, *s.iter().find(|w| !set.contains(w))?)))
+            .collect();
+        others.sort_by(|a, b| a.0.total_cmp(&b.0));
+        others.into_iter().map(|(_, w)| name(w)).collect()
+    };
+    let each = set.iter().zip(&lost);
+    let mut out: Vec<DependsOn> = each
+        .map(|(&v, lost)| DependsOn { variable: name(v), share: lost / all, also: instead(v) })
+        .collect();
+    out.sort_by(|a, b| b.share.total_cmp(&a.share));
+    out
+}

@@ -1,0 +1,320 @@
+"""Laws that no catalogue has, on machines of several families: what is said of them.
+
+`python -m tests.outside --devices 20 --seed 7` draws so many devices with such a law, as many with
+one effect of the catalogue and as many clean ones, and prints one table. Laws are products of few
+factors, each a function of one variable: a joint, a torque, a path travelled, time. The
+search under test knows nothing of this grammar, and the arithmetic is the simulator's own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from rsicalib import Mechanism, calibrate, trace
+from rsicalib.errors import InputError, OpenLoopsWarning
+from tests.families import linkage, trials
+from tests.families.device import Device, Effect, Scene, observe, stage
+from tests.families.draw import FAMILIES, Rng
+from tests.families.effects import middle, unit
+from tests.families.grade import targets as blamed
+from tests.families.power import Linear
+from tests.families.tables import cell
+from tests.laws.trials import built, taken
+from tests.oracle import Array
+
+PLACES = ("rsi", *FAMILIES)
+"""Families, the hand controller first."""
+STRENGTH = (30.0, 300.0)
+"""Noncentrality, drawn evenly in its logarithm."""
+GREW = 1.1
+"""An error that is larger by this factor has grown."""
+LAW = "unknown_law"
+"""What a law that no term has is called in `also_fits`."""
+KINDS = ("outside", "single", "clean")
+
+Law = Callable[[Array, Scene], Array]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A function of one variable of the session."""
+
+    variables: frozenset[str]
+    law: Law
+
+
+def of_joint(device: Device, rng: Rng, name: str, *, bent: bool = False) -> Factor:
+    """A power, a wave or a threshold of one joint; a line as well, unless it must be `bent`."""
+    i = device.names.index(name)
+    mid, half = middle(device)
+    kind, at = int(rng.integers(1 if bent else 0, 4)), rng.uniform(-0.4, 0.4)
+    pace, phase = rng.uniform(1.5, 4.0), rng.uniform(0, 2 * np.pi)
+    shapes: list[Callable[[Array], Array]] = [
+        lambda u: u,
+        lambda u: np.asarray(u**2),
+        lambda u: np.asarray(np.sin(pace * u + phase)),
+        lambda u: np.maximum(u - at, 0.0),
+    ]
+    return Factor(
+        frozenset({f"theta[{name}]"}), lambda q, _: shapes[kind]((q[:, i] - mid[i]) / half[i])
+    )
+
+
+def of_path(device: Device, rng: Rng, name: str) -> Factor:
+    """Creep with the path that a joint has travelled: to a limit, or without."""
+    i, pace = device.names.index(name), rng.uniform(0.0, 4.0)
+
+    def law(q: Array, scene: Scene) -> Array:
+        first = np.flatnonzero(np.diff(scene.label, prepend=0))
+        steps = np.abs(np.diff(q[first, i], prepend=q[first[0], i]))
+        way = np.cumsum(steps)[scene.label - 1] / max(float(steps.sum()), 1e-12)
+        return way if pace < 1 else np.asarray(-np.expm1(-pace * way))
+
+    return Factor(frozenset({f"travelled[{name}]", "time"}), law)
+
+
+def of_torque(device: Device, rng: Rng, name: str) -> Factor:
+    """The torque of the weights about a joint, its square, or beyond a threshold."""
+    i, kind = device.names.index(name), int(rng.integers(3))
+
+    def law(q: Array, scene: Scene) -> Array:
+        torque = linkage.torques(device.build, q, of_tips="mass" not in str(device.drawing))[:, i]
+        u = torque / max(float(np.abs(torque).max()), 1e-12)
+        return [u, u * np.abs(u), np.maximum(np.abs(u) - 0.5, 0.0)][kind]
+
+    return Factor(frozenset({f"torque[{name}]"}), law)
+
+
+def of_turn(device: Device, rng: Rng, name: str) -> Factor:
+    """Play of a joint that remembers its last turn: of two widths, one in the other."""
+    i, share = device.names.index(name), rng.uniform(0.05, 0.3)
+    _, half = middle(device)
+
+    def law(q: Array, scene: Scene) -> Array:
+        first = np.flatnonzero(np.diff(scene.label, prepend=0))
+        out = np.zeros(len(first))
+        for width in (share * half[i], 3 * share * half[i]):
+            at = q[first[0], i]
+            for pose, row in enumerate(first):
+                at = min(max(at, q[row, i] - width), q[row, i] + width)
+                out[pose] += (q[row, i] - at) / width
+        return np.asarray(out[scene.label - 1])
+
+    return Factor(frozenset({f"direction[{name}]", f"theta[{name}]"}), law)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What was said of one device."""
+
+    family: str
+    kind: str
+    truth: str
+    strength: float
+    verdict: str
+    said: tuple[str, ...]
+    ties: tuple[str, ...]
+    blamed: bool
+    variables: bool
+    named: bool
+    before: float
+    after: float
+    seconds: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it is explained by what the catalogue has, and no tie told."""
+        return self.verdict == "explained" and LAW not in self.ties
+
+    @property
+    def worse(self) -> bool:
+        """Whether the error grew."""
+        return self.after > GREW * self.before
+
+
+def law_of(device: Device, rng: Rng) -> tuple[Effect, frozenset[str]]:
+    """A product of one or two factors at one channel, and the variables that it has.
+
+    One factor alone is no function of the joint's own reading: that the catalogue has, as a curve.
+    """
+    names = device.names
+    name = str(rng.choice(names))
+    chain = linkage.chain_of(device.drawing.mechanism, name)
+    near = [n for n in names if linkage.chain_of(device.drawing.mechanism, n) == chain]
+    others = [n for n in (near if len(near) > 1 and rng.random() < 0.7 else names) if n != name]
+    other = str(rng.choice(others or names))
+    makers = [of_joint, of_joint, of_path, of_turn]
+    if "gravity" in device.drawing.mechanism:
+        makers.append(of_torque)
+    first = makers[int(rng.integers(len(makers)))]
+    both = first is of_joint and (rng.random() < 0.7 or other == name)
+    if first is of_joint:
+        # A line of another joint alone is crosstalk, which the catalogue has.
+        factors = [of_joint(device, rng, other, bent=not both)]
+    else:
+        factors = [first(device, rng, name if first is of_turn else other)]
+    if both or (first in (of_path, of_torque) and rng.random() < 0.4):
+        factors.append(of_joint(device, rng, name))
+    i = names.index(name)
+
+    def bends(size: float, q: Array, scene: Scene) -> Array:
+        out = np.zeros(q.shape)
+        out[:, i] = size * np.prod([f.law(q, scene) for f in factors], axis=0)
+        return out
+
+    variables = frozenset().union(*(f.variables for f in factors))
+    what = "*".join(sorted(variables))
+    typical = 0.01 * unit(device, name)
+    effect = Effect(what, "sensor", name, typical, bends=bends, outside=True)
+    return effect, variables
+
+
+def outside(family: str, number: int, seed: int) -> tuple[trials.Case, frozenset[str]]:
+    """A device with a law of its own."""
+    for attempt in range(40):
+        place = [seed, PLACES.index(family), number, attempt]
+        rng = np.random.default_rng(np.random.SeedSequence(place))
+        try:
+            hand = family == "rsi"
+            device = built(rng) if hand else Device.random(family, rng)
+            scene = taken(device, rng, 48, 8) if hand else stage(device, rng)
+            check = stage(device, rng, trials.CHECKS if not device.drawing.sockets else 5, 1)
+            effect, variables = law_of(device, rng)
+            linear = Linear(device, scene)
+            strength = float(np.exp(rng.uniform(*np.log(STRENGTH))))
+            effect = linear.scaled(effect, strength)
+            if linear.is_of_few_poses(effect) or linear.twins(effect):
+                continue
+            session = observe(device, scene, rng, (effect,))
+        except ValueError:
+            continue
+        text = trials.toml(device)
+        case = trials.Case(family, "outside", number, device, (effect,), (), session, check, text)
+        return case, variables
+    raise RuntimeError(f"{family} {number}: no such device in forty drawings")
+
+
+def names_of(entry: dict[str, Any]) -> set[str]:
+    """The variables that an entry of `depends_on` names, with those that it cannot tell apart."""
+    return {entry["variable"]} | set(entry.get("also") or ())
+
+
+def run(asked: tuple[str, str, int], seed: int) -> Told:
+    """One device."""
+    kind, family, number = asked
+    variables: frozenset[str] = frozenset()
+    if kind == "outside":
+        case, variables = outside(family, number, seed)
+    else:
+        case = trials.make(family, kind, number, seed)
+    mechanism = Mechanism.from_toml(case.text)
+    readings = trials.readings_of(mechanism, case.session)
+    begin = perf_counter()
+    found = trace(readings, mechanism)
+    seconds = perf_counter() - begin
+    result = found.to_dict()
+    errors = []
+    for fit in (calibrate(readings, mechanism), found):
+        try:
+            with warnings.catch_warnings():
+                # Under what is wrong, the loops of the check poses do not close.
+                warnings.simplefilter("ignore", OpenLoopsWarning)
+                errors.append(trials.scored(case, mechanism, fit) or 0.0)
+        except (InputError, ValueError):
+            errors.append(0.0)
+    steps = result["steps"]
+    ties = tuple(n["term"] for s in steps for n in s["also_fits"])
+    right = {name for truth in case.truths for name in truth.names}
+    own = [right & {(s["class"], s["target"])} for s in steps]
+    depends = [names_of(e) for e in result["unexplained"].get("depends_on") or []]
+    return Told(
+        family=family,
+        kind=kind,
+        truth="; ".join(f"{e.term}@{e.target}" for e in case.effects),
+        strength=sum(
+            Linear(case.device, case.session.scene).noncentrality(e) for e in case.effects
+        ),
+        verdict=str(result["verdict"]),
+        said=tuple(f"{s['term']}@{s['target']}" for s in steps),
+        ties=ties,
+        blamed=any(e.target in blamed(result) for e in case.effects),
+        variables=bool(depends) and any(variables & one for one in depends),
+        named=bool(own) and all(own) and result["verdict"] == "explained",
+        before=errors[0],
+        after=errors[1],
+        seconds=seconds,
+    )
+
+
+def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
+    """What is counted, and how often."""
+    own = {kind: [r for r in rows if r.kind == kind] for kind in KINDS}
+    law = own["outside"]
+    out = [
+        ("place right", cell([r.blamed for r in law])),
+        ("variables right, or a tie that holds the right one", cell([r.variables for r in law])),
+        ("explained by what the catalogue has, no tie told", cell([r.wrong for r in law])),
+        ("platform error after above that before", cell([r.worse for r in law])),
+        ("catalogue singles named and explained", cell([r.named for r in own["single"]])),
+        ("catalogue singles: the unknown law ties", cell([LAW in r.ties for r in own["single"]])),
+        ("clean devices given a law", cell([bool(r.said) for r in own["clean"]])),
+        ("seconds of a trace with a law", f"{np.mean([r.seconds for r in law] or [0.0]):.2f}"),
+    ]
+    verdicts = Counter(r.verdict for r in law)
+    return [*out, ("verdicts", ", ".join(f"{v} {n}" for v, n in verdicts.most_common()))]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m tests.outside", description=__doc__)
+    parser.add_argument("--devices", type=int, default=5, help="of each kind and family")
+    parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--kind", choices=[*KINDS, "all"], default="all")
+    parser.add_argument("--family", choices=[*PLACES, "all"], default="all")
+    parser.add_argument("--seed", type=int, help="drawn where it is not given")
+    parser.add_argument("--minutes", type=float, help="begin no other device after so long")
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args(arguments)
+    drawn = int(np.random.default_rng().integers(10**6))
+    seed = drawn if options.seed is None else options.seed
+    kinds = KINDS if options.kind == "all" else (options.kind,)
+    families = PLACES if options.family == "all" else (options.family,)
+    numbers = range(options.first, options.first + options.devices)
+    asked = [
+        (kind, family, number)
+        for number in numbers
+        for family in families
+        for kind in kinds
+        if kind == "outside" or family != "rsi"
+    ]
+    print(f"seed {seed}", flush=True)
+    rows: list[Told] = []
+    start = perf_counter()
+    with get_context("spawn").Pool(options.jobs) as pool:
+        for told in pool.imap(partial(run, seed=seed), asked):
+            rows.append(told)
+            print(
+                f"  {told.kind} {told.family} {told.truth} {told.strength:.0f}: {told.verdict} "
+                f"{', '.join(told.said)} | {' '.join(dict.fromkeys(told.ties))} "
+                f"{'wrong' if told.wrong else ''} {told.seconds:.2f}",
+                flush=True,
+            )
+            if options.minutes is not None and perf_counter() - start > 60 * options.minutes:
+                pool.terminate()
+                break
+    for name, value in table(rows):
+        print(f"| {name} | {value} |")
+
+
+if __name__ == "__main__":
+    main()
