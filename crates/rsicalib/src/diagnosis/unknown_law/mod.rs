@@ -19,6 +19,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::numerics::workers;
+use crate::terms::term::Class;
 
 /// Id of a law that no term has.
 pub const UNKNOWN_LAW: &str = "unknown_law";
@@ -100,6 +101,9 @@ impl Stepwise<'_> {
         if effects.len() > 1 {
             replaced.extend(effects.iter().map(|s| vec![*s]));
         }
+        // A law over torque would hold what a load does: in place of loads it is not weighed.
+        let is_load = |s: &Scored| s.instance.term.info().class == Class::Load;
+        replaced.retain(|gone| !gone.iter().any(is_load));
         let mut best: Option<UnknownLaw> = None;
         for gone in replaced {
             let instances: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
