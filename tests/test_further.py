@@ -43,8 +43,8 @@ def tie() -> planning.Tie:
 
 
 def terms_of(tie: planning.Tie) -> list[Any]:
-    """Terms of the explanations, one each."""
-    return [t for r in tie.result.rivals for t in r.terms]
+    """Terms of the explanations by terms, one each."""
+    return [t for terms, _, _ in explanations(tie.result) for t in terms]
 
 
 SHAPES = {
@@ -155,7 +155,7 @@ def test_lambda_is_that_of_numpy(tie: planning.Tie) -> None:
         for terms, chi2, probability in explanations(tie.result)
     ]
     found = _core.further(sessions.session, specs, poses=6, criterion="decide")
-    shapes = [tie.result.rivals[k].terms[0].term for k in found["kept"]]
+    shapes = [explanations(tie.result)[k][0][0].term for k in found["kept"]]
     assert len(shapes) > 1
     witness = Numpy(tie)
     every = [
@@ -178,7 +178,7 @@ def test_the_forecast_is_what_simulated_readings_bring(tie: planning.Tie) -> Non
     for poses in (3, 6, 12):
         found = _core.further(sessions.session, specs, poses=poses, criterion="decide")
         kept = found["kept"]
-        shapes = [tie.result.rivals[k].terms[0].term for k in kept]
+        shapes = [known[k][0][0].term for k in kept]
         chi2, prior = (np.array([known[k][column] for k in kept]) for column in (1, 2))
         assert len(kept) == len(known)  # merged explanations share their probability
         expected = Numpy(tie).decides(found["readings"], shapes, chi2, prior)
@@ -192,7 +192,7 @@ def test_planned_poses_are_worth_many_random_ones(tie: planning.Tie) -> None:
     found = planned(tie, poses=6)
     assert found.forecast is not None and found.forecast.least_lambda is not None
     witness = Numpy(tie)
-    shapes = [r.terms[0].term for r in tie.result.rivals]
+    shapes = [terms[0].term for terms, _, _ in explanations(tie.result)]
     poses, _, _ = planning.further_poses(tie, "random", 24, 5)
     counts = (oracle.rsi_inverse(poses).reshape(-1, 9) - tie.device.offsets) / tie.device.gains
     random = [witness.lambdas(counts, a, b) for a in shapes for b in shapes if a != b]

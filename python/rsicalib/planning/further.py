@@ -26,6 +26,8 @@ from rsicalib.work.outcome import described
 __all__ = ["Choice", "Sessions", "explanations", "plan_further", "plan_until"]
 
 UNKNOWN_POINT = "unknown_point"
+UNKNOWN_LAW = "unknown_law"
+"""A law that no term has: nothing can be predicted by it."""
 Explained = tuple[list[str], float, float]
 """Effects, penalised χ², probability."""
 
@@ -114,11 +116,12 @@ def base_terms(result: Result) -> list[str]:
 
 
 def explanations(result: Result) -> list[tuple[tuple[Name, ...], float, float]]:
-    """Effects, penalised χ² and probability of each explanation, the best first."""
+    """Effects, penalised χ² and probability of each explanation by terms, the best first."""
     if not isinstance(result, Trace):
         return []
-    if result.rivals:
-        return [(r.terms, r.chi2_penalised, r.probability) for r in result.rivals]
+    rivals = [r for r in result.rivals if all(t.term != UNKNOWN_LAW for t in r.terms)]
+    if rivals:
+        return [(r.terms, r.chi2_penalised, r.probability) for r in rivals]
     steps = tuple(
         Name(term=s.term, klass=s.klass, target=s.target, place=s.place) for s in result.steps
     )

@@ -16,6 +16,7 @@ use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
 use crate::model::{Want, Workspace};
+use crate::numerics::lanes::Lanes;
 use crate::numerics::symmetric::{dot, inverse_root};
 
 /// A session at a fit.
@@ -29,6 +30,8 @@ pub struct AtFit<'a> {
     q: Mat<f64>,
     /// `p`
     pub pull: Vec<f64>,
+    /// `â`, block by block: [`AtFit::settled`].
+    adjusted: Vec<Lanes>,
 }
 
 impl<'a> AtFit<'a> {
@@ -60,7 +63,15 @@ impl<'a> AtFit<'a> {
             // Of a long recording they are gigabytes, and only what touches unknown points needs them.
             residuals.by_parameter = Vec::new();
         }
-        Self { observations, fit, residuals, inverse, q, pull }
+        let adjusted = problem.into_adjusted();
+        Self { observations, fit, residuals, inverse, q, pull, adjusted }
+    }
+
+    /// Readings of a block as the fit settles them, `â`. The columns of terms are those of `â`: what
+    /// is to be compared with them must be of `â` as well, since `a - â` follows the residual.
+    pub fn settled(&self, block: usize) -> &[Lanes] {
+        let channels = self.observations.readings.channels;
+        &self.adjusted[block * self.fit.model.stride()..][..channels]
     }
 
     /// Length of a row of `Q`.

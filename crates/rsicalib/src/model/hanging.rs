@@ -52,21 +52,23 @@ impl Model {
         Ok(Some(Drives::new(torques, chains)))
     }
 
-    /// The torque of the weights about every joint, block by block: of the masses, or of the tips where
-    /// there are none; zero without gravity. Joints without a drive are taken as if they had one.
+    /// The torque of the weights about every joint, block by block, at some `settled` readings of each:
+    /// of the masses, or of the tips where there are none; zero without gravity. Joints without a drive
+    /// are taken as if they had one.
     ///
     /// # Errors
     ///
     /// Those of compiling the mechanism without any term.
-    pub(crate) fn torques(
+    pub(crate) fn torques<'a>(
         mechanism: &Mechanism,
         readings: &Readings,
+        settled: impl Fn(usize) -> &'a [Lanes],
     ) -> Result<Vec<Vec<Lanes>>, Error> {
         let drawn = Self::with_null_equations(mechanism, readings, Vec::new())?;
         let (beta, mut ws) = (drawn.nominal(), Workspace::default());
         let want = Want { x: false, a: true };
         let blocks = readings.blocks().iter().enumerate().map(|(block, _)| {
-            drawn.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
+            drawn.evaluate(readings, block, settled(block), &beta, want, &mut ws);
             let links = drawn.pulls(&ws.postures, Weight::Links);
             match links.iter().any(|pull| pull.0.iter().any(|v| *v != 0.0)) {
                 true => links,

@@ -14,6 +14,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::price::Data;
+use crate::diagnosis::unknown_law::variables::SAME;
 use crate::estimate::at_fit::{AtFit, add_scaled};
 use crate::numerics::symmetric::dot;
 
@@ -145,10 +146,12 @@ struct Basis {
 impl Basis {
     fn of(variables: &[&[f64]], samples: usize) -> Self {
         let most = DEGREES[variables.len() - 1];
-        let pairs: Vec<(usize, usize)> = match variables.len() {
-            1 => (1..=most).map(|a| (a, 0)).collect(),
-            _ => (1..=most).flat_map(|d| (0..=d).map(move |a| (a, d - a))).collect(),
-        };
+        let up_to = [0, 1].map(|v| variables.get(v).map_or(0, |v| different(v, most)));
+        let of_degree = |d: usize| (0..=d).map(move |a| (a, d - a));
+        let pairs: Vec<(usize, usize)> = (1..=most)
+            .flat_map(of_degree)
+            .filter(|&(a, b)| a <= up_to[0] && b <= up_to[1])
+            .collect();
         let mut values = Vec::with_capacity(samples * pairs.len());
         for p in 0..samples {
             let [first, second] =
@@ -157,6 +160,21 @@ impl Basis {
         }
         Self { degrees: pairs.iter().map(|&(a, b)| (a + b) as f64).collect(), values }
     }
+}
+
+/// How many different values a variable has beside its first, up to `most`: so many polynomials of
+/// it are different.
+fn different(values: &[f64], most: usize) -> usize {
+    let mut known: Vec<f64> = Vec::with_capacity(most + 1);
+    for &value in values {
+        if known.len() > most {
+            break;
+        }
+        if known.iter().all(|other| (value - other).abs() > SAME) {
+            known.push(value);
+        }
+    }
+    known.len().saturating_sub(1).min(most)
 }
 
 /// Legendre's polynomials up to a degree, each with a mean square of 1 over -1 to 1.
@@ -172,7 +190,60 @@ fn legendre(x: f64, most: usize) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::legendre;
+    use nalgebra::{DMatrix, DVector};
+
+    use super::{AMPLITUDES, Basis, Errors, SMOOTH, legendre};
+    use crate::diagnosis::price::{Data, Scale};
+
+    /// Weight of what is fitted: its variance is without bound.
+    const FITTED: f64 = 1e8;
+
+    /// `-2 ln N(r; 0, C)`, but for a constant.
+    fn gaussian(r: &DVector<f64>, cover: &DMatrix<f64>) -> f64 {
+        let Some(root) = cover.clone().cholesky() else { return f64::NAN };
+        let log: f64 = root.l().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+        r.dot(&root.solve(r)) + log
+    }
+
+    #[test]
+    fn it_is_the_density_of_the_residuals_with_their_whole_covariance() {
+        let n = 12;
+        let at = |p: usize, pace: f64| (pace * p as f64 + 0.3).sin();
+        let x: Vec<f64> = (0..n).map(|p| at(p, 0.9)).collect();
+        let y: Vec<f64> = (0..n).map(|p| at(p, 2.3)).collect();
+        let a = DVector::from_fn(n, |p, _| 1.5 + at(p, 1.7));
+        let q = DVector::from_fn(n, |p, _| 1.0 + 0.5 * at(p, 0.4)).normalize();
+        let r = DVector::from_fn(n, |p, _| 3.0 * at(p, 5.1));
+        let r = &r - &q * q.dot(&r);
+        let errors = Errors {
+            square: a.iter().map(|a| a * a).collect(),
+            gradient: a.iter().zip(&r).map(|(a, r)| a * r).collect(),
+            absorbed: a.iter().zip(&q).map(|(a, q)| vec![a * q]).collect(),
+        };
+        let data = Data { scale: Scale::Known(f64::INFINITY), dof: n as f64 };
+        for variables in [vec![&x[..]], vec![&x[..], &y[..]]] {
+            let got = errors.evidence(&variables, &data, r.norm_squared()).price;
+            let basis = Basis::of(&variables, n);
+            let m = basis.degrees.len();
+            let z = DMatrix::from_fn(n, m, |p, j| a[p] * basis.values[p * m + j]);
+            let plain = DMatrix::identity(n, n) + &q * q.transpose() * FITTED;
+            let usual = a.norm_squared() / n as f64;
+            let mut sum = 0.0;
+            for s in SMOOTH {
+                for k in 0..AMPLITUDES {
+                    let tau = 0.25 * 2.0_f64.powi(k) / usual.sqrt();
+                    let sd = |j: usize| tau * basis.degrees[j].powf(-s);
+                    let prior =
+                        DMatrix::from_fn(m, m, |i, j| if i == j { sd(i).powi(2) } else { 0.0 });
+                    let cover = &plain + &z * prior * z.transpose();
+                    sum += (-0.5 * (gaussian(&r, &cover) - gaussian(&r, &plain))).exp();
+                }
+            }
+            let wanted = -2.0 * (sum / (SMOOTH.len() as f64 * f64::from(AMPLITUDES))).ln();
+            // The fitted direction has a variance of 1e8 there, and no bound here.
+            assert!((got - wanted).abs() < 1e-4, "{got} for {wanted}");
+        }
+    }
 
     #[test]
     fn polynomials_are_orthonormal() {

@@ -94,7 +94,6 @@ impl Stepwise<'_> {
         if rows.len() > MOST_SAMPLES || rows.is_empty() {
             return Ok(None);
         }
-        let variables = variables(&self.small, &rows)?;
         let effects: Vec<Scored> =
             found.iter().copied().filter(|s| !scored::is_data(&s.instance)).collect();
         let mut replaced: Vec<Vec<Scored>> = vec![effects.clone()];
@@ -109,6 +108,7 @@ impl Stepwise<'_> {
             let instances: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
             let without = self.without(current, &instances)?;
             let at = AtFit::new(&self.small, &without);
+            let variables = variables(&at, &rows)?;
             let Some(scan) = likeliest(&at, &rows, &variables, &self.data, cost(&without)) else {
                 continue;
             };

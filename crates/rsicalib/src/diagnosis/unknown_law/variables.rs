@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::estimate::Observations;
+use crate::estimate::at_fit::AtFit;
 use crate::model::Model;
 
 /// What an error may depend on.
@@ -59,18 +60,21 @@ pub struct Variable {
     pub values: Vec<f64>,
 }
 
-/// Variables whose values are the same to so much of their range are one.
-const SAME: f64 = 1e-6;
+/// Values that are the same to so much of their range, from -1 to 1, are one.
+pub const SAME: f64 = 1e-6;
 
-/// Those that a session has, in the samples `rows`; what does not change is none.
+/// Those that a session has at a fit, in the samples `rows`; what does not change is none. Readings
+/// and torques are of readings as the fit settles them.
 ///
 /// # Errors
 ///
 /// Those of compiling the mechanism without any term.
-pub fn variables(observations: &Observations, rows: &[usize]) -> Result<Vec<Variable>, Error> {
+pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
+    let observations = at.observations;
     let readings = &observations.readings;
     let lanes = readings.lane_of_rows();
-    let torques = Model::torques(&observations.mechanism, readings)?;
+    let settled = |block: usize| at.settled(block);
+    let torques = Model::torques(&observations.mechanism, readings, settled)?;
     let torque = |block: usize, lane: usize, c: usize| torques[block][c].0[lane];
     let in_lane = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         rows.iter().map(|&row| of(lanes[row].0, lanes[row].1)).collect()
@@ -88,7 +92,7 @@ pub fn variables(observations: &Observations, rows: &[usize]) -> Result<Vec<Vari
         }
     };
     for c in 0..readings.channels {
-        add(Quantity::Theta(c), rows.iter().map(|&row| readings.row(row)[c]).collect());
+        add(Quantity::Theta(c), in_lane(&|block, lane| settled(block)[c].0[lane]));
     }
     add(Quantity::Time, in_lane(&|block, lane| readings.blocks()[block].time.0[lane]));
     if readings.tempered {
