@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
+from scipy import optimize
 
 import rsicalib
 
@@ -90,3 +92,44 @@ def test_readings_without_an_error_have_places_as_drawn() -> None:
     as_drawn = np.linalg.norm(sled[:, None] - DRAWN, axis=2)
     found = rsicalib.forward(readings(drawn, as_drawn), drawn)
     np.testing.assert_allclose(found, sled, rtol=0, atol=1e-6)
+
+
+def test_the_drawing_has_the_sled_its_anchors_and_what_they_leave_open() -> None:
+    """Places, anchors and the worst direction, beside least squares and differences of its own."""
+    rng = np.random.default_rng(4)
+    drawn, lengths, sled = machine(14, rng)
+    noisy = lengths + rng.normal(0, NOISE, lengths.shape)
+    found = rsicalib.trace(readings(drawn, noisy), mechanism=drawn)
+    assert found.evidence is not None and found.evidence.drawing is not None
+    drawing = found.evidence.drawing
+    names = [node.name for node in drawing.nodes]
+    assert sorted(names) == sorted(["sled", *(f"b{n}" for n in NAMES)])
+    ends = {tuple(sorted(names[k] for k in edge)) for edge in drawing.edges}
+    assert ends == {(f"b{n}", "sled") for n in NAMES}
+    values = [p.value for p in found.parameters if p.value is not None]
+
+    def anchors(free: Array) -> Array:
+        at = DRAWN.copy()
+        for row, column, value in zip((0, 0, 1, 1, 3), (0, 1, 0, 1, 0), free, strict=True):
+            at[row, column] = value
+        return at
+
+    def placed(free: Array, pose: int) -> Array:
+        def off(place: Array) -> Array:
+            return np.linalg.norm(anchors(free) - [*place, 0.0], axis=1) - noisy[pose]
+
+        return np.asarray(optimize.least_squares(off, sled[pose, :2], xtol=1e-14).x)
+
+    assert len(values) == 5
+    free = np.array(values)
+    at = np.array(drawing.at).reshape(len(sled), -1, 3)
+    order = [names.index(f"b{n}") for n in NAMES]
+    np.testing.assert_allclose(at[:, order], np.broadcast_to(anchors(free), (14, 4, 3)), atol=1e-9)
+    covariance = np.array(found.covariance)
+    for pose in (0, 6, 13):
+        np.testing.assert_allclose(drawing.places[pose][:2], placed(free, pose), atol=1e-4)
+        steps = 0.01 * np.eye(5)
+        moves = [(placed(free + s, pose) - placed(free - s, pose)) / 0.02 for s in steps]
+        left = np.array(moves).T @ covariance @ np.array(moves)
+        worst = np.sqrt(np.linalg.eigvalsh(left)[-1])
+        assert np.linalg.norm(drawing.weakest[pose]) == pytest.approx(worst, rel=0.02)

@@ -823,14 +823,14 @@ class Reliability(Record):
 
 @dataclass(frozen=True)
 class Node(Record):
-    """A joint, or a point that a chain carries."""
+    """A joint, a point that a chain carries, or an end of closures that no chain carries."""
 
     name: str
-    """Channel of the joint, or name of the point."""
+    """Channel of the joint, or of the length to a point that stands; name of another point."""
     chain: str
-    """The chain."""
+    """The chain; of a point that stands its name, and empty for a point that moves."""
     joint: bool
-    """True for a joint."""
+    """True for a joint, and for the far end of a length that a channel measures."""
 
 
 @dataclass(frozen=True)

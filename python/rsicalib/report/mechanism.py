@@ -26,8 +26,14 @@ __all__ = ["Scene", "mechanism_figure", "scene_of"]
 GHOSTS = 40
 """Most poses whose whole mechanism is drawn."""
 
-AZIMUTH, ELEVATION = math.radians(35.0), math.radians(20.0)
-"""Where it is seen from at first."""
+VIEW = math.radians(35.0), math.radians(20.0)
+"""Azimuth and elevation from which it is seen at first."""
+
+ABOVE = -math.pi / 2, math.pi / 2
+"""From above, x to the right and y up: the first view of what lies in a plane."""
+
+FLAT = 0.1
+"""Height of what lies in a plane at most, of its width."""
 
 LONGEST = 0.3
 """Length of the longest arrow at most, of the width of the mechanism."""
@@ -96,6 +102,12 @@ class Scene:
         return float(np.ptp(self.nodes.reshape(-1, 3), axis=0).max()) or 1.0
 
     @cached_property
+    def view(self) -> tuple[float, float]:
+        """Azimuth and elevation from which it is seen at first."""
+        flat = float(np.ptp(self.nodes[..., 2])) < FLAT * self.span
+        return ABOVE if flat else VIEW
+
+    @cached_property
     def longest(self) -> float:
         """The longest error."""
         rows = [self.before, self.sd, *self.known[:, 1:].transpose(1, 0, 2)]
@@ -119,7 +131,8 @@ class Scene:
         nodes = self.drawing.nodes
 
         def own(edge: Iterable[int]) -> bool:
-            chains = {nodes[k].chain for k in edge}
+            # A point that moves between closures is of no chain.
+            chains = {nodes[k].chain for k in edge} - {""}
             return len(chains) == 1 and chains <= self.chains
 
         return [edge for edge in self.drawing.edges if own(edge) == culprit]
@@ -134,8 +147,8 @@ class Scene:
 
         stride = -(-len(self.nodes) // GHOSTS)
         return {
-            "azimuth": AZIMUTH,
-            "elevation": ELEVATION,
+            "azimuth": self.view[0],
+            "elevation": self.view[1],
             "centre": rows(self.centre),
             "ghosts": rows(self.nodes[::stride]),
             "usual": rows(self.nodes[self.usual]),
@@ -177,7 +190,7 @@ def _round(value: float) -> float:
     return float(max(s for s in (1.0, 2.0, 5.0) if s * power <= value * (1.0 + 1e-9)) * power)
 
 
-def seen(points: FloatArray, azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> FloatArray:
+def seen(points: FloatArray, azimuth: float, elevation: float) -> FloatArray:
     """Coordinates to the right and up, seen from far away."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     right = -math.sin(azimuth) * x + math.cos(azimuth) * y
@@ -193,9 +206,10 @@ def _culprits(result: ResultShape, drawing: Drawing) -> tuple[set[str], set[str]
         found |= {subject(step): step.target for step in result.steps}
     joints = {node.name for node in drawing.nodes if node.joint}
     chains = {node.chain for node in drawing.nodes}
-    part = {words: at.partition("/")[0] for words, at in found.items()}
-    words = [words for words, at in part.items() if at in joints | chains]
-    return joints & set(part.values()), chains & set(part.values()), ", ".join(words)
+    parts = {words: set(at.partition("/")[0].split("+")) for words, at in found.items()}
+    words = [words for words, at in parts.items() if at & (joints | chains)]
+    wrong: set[str] = set().union(*parts.values())
+    return joints & wrong, chains & wrong, ", ".join(words)
 
 
 def scene_of(result: ResultShape, evidence: Evidence) -> Scene | None:
@@ -228,11 +242,11 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
 
 def _turning(scene: Scene) -> str:
     """The data of the script, and the buttons, which it shows."""
-    views = (("from the side", AZIMUTH, ELEVATION), ("from above", 0.0, math.pi / 2))
+    views = {"from the side": VIEW, "from above": ABOVE}
     buttons = "".join(
         f'<button type="button" data-azimuth="{a:.4f}" data-elevation="{e:.4f}">'
         f"{escape(name)}</button>"
-        for name, a, e in views
+        for name, (a, e) in views.items()
     )
     return (
         f'<div class="views" hidden>{buttons}<span class="faint">Drag, or use the arrow keys, '
@@ -247,7 +261,7 @@ def _draw(scene: Scene, labels: list[str], width: float, unit: str) -> str:
     middle = (width / 2, (height - FOOT) / 2)
 
     def flat(points: FloatArray) -> FloatArray:
-        at = scale * seen(points - scene.centre)
+        at = scale * seen(points - scene.centre, *scene.view)
         return np.stack([middle[0] + at[..., 0], middle[1] - at[..., 1]], axis=-1)
 
     canvas.parts.append(

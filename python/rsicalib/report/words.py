@@ -410,8 +410,9 @@ def advice(result: ResultShape) -> list[str]:
     if isinstance(result, TraceShape) and result.verdict != "implausible":
         out += _next_measurement(result)
     if fit.check is None and result.verdict != "implausible":
+        said = f": {predicted}" if (predicted := predicted_words(result)) else ". "
         out.append(
-            f"Closure is not accuracy: {predicted_words(result)}Give poses known from elsewhere "
+            f"Closure is not accuracy{said}Give poses known from elsewhere "
             "with --check to see the error."
         )
     if result.verdict in ("adequate", "explained") and fit.check is not None:
@@ -498,13 +499,15 @@ def _next_measurement(result: TraceShape) -> list[str]:
         others = [
             subject(n) if n.target != step.target else name_of(n.term) for n in step.also_fits
         ]
+        sensors = step.target.split("+")
         how = {
-            "sensor": "move {target} over more of its range",
+            "sensor": f"move {listed_words(sensors)} over more of "
+            + ("its range" if len(sensors) == 1 else "their ranges"),
             "electronics": "visit the same poses again later, and in another order",
-        }.get(step.klass, "visit poses that differ more at {target}")
+        }.get(step.klass, f"visit poses that differ more at {step.target}")
         out.append(
-            f"To tell {name_of(step.term)} of {step.target} from {listed_words(others[:3])}: "
-            f"{how.format(target=step.target)}."
+            f"To tell {name_of(step.term)} of {listed_words(sensors)} from "
+            f"{listed_words(others[:3])}: {how}."
         )
     if result.verdict in ("unexplained", "partly_explained") and result.unexplained is not None:
         out.append(f"What is left: {result.unexplained.text}")

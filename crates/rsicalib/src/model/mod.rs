@@ -1,6 +1,7 @@
 //! The model: a mechanism with terms, which gives the misclosure of readings.
 
 pub mod assembly;
+mod between;
 mod compiled;
 pub(crate) mod configurations;
 mod drives;

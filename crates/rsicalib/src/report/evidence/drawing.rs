@@ -14,7 +14,7 @@ use crate::report::result::Known;
 /// Poses that are drawn.
 const MOST_POSES: usize = 200;
 
-/// The mechanism in its poses; none where no chain carries a point.
+/// The mechanism in its poses; none where nothing is carried, and nothing moves between closures.
 ///
 /// `before` is the fit without what was found; without one it is the mechanism as it is declared.
 ///
@@ -109,9 +109,22 @@ fn skeleton(model: &Model) -> (Vec<Node>, Vec<[usize; 2]>) {
             nodes.push(Node { name, chain: chain.name.clone(), joint: false });
         }
     }
+    let first = nodes.len();
+    let ends = model.between_closures();
+    nodes.extend(ends.iter().map(|end| {
+        let (name, chain) = (end.name.clone(), end.name.clone());
+        Node { name, chain: if end.measured { chain } else { String::new() }, joint: end.measured }
+    }));
+    let of =
+        |closure: usize| (first..).zip(&ends).filter(move |(_, e)| e.closures.contains(&closure));
     let point = |name: &String| nodes.iter().position(|n| !n.joint && n.name == *name);
-    let closures = mechanism.closures.iter();
-    let joined = closures.filter_map(|c| Some([point(&c.between[0])?, point(&c.between[1])?]));
-    edges.extend(joined.collect::<Vec<_>>());
+    for (number, closure) in mechanism.closures.iter().enumerate() {
+        match of(number).map(|(node, _)| node).collect::<Vec<_>>()[..] {
+            [one, other] => edges.push([one, other]),
+            _ => edges.extend(
+                point(&closure.between[0]).zip(point(&closure.between[1])).map(|(a, b)| [a, b]),
+            ),
+        }
+    }
     (nodes, edges)
 }

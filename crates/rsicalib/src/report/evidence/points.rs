@@ -24,8 +24,8 @@ pub fn has_platform(model: &Model) -> bool {
 }
 
 /// Nodes in every `stride`-th block: for each chain its joints, base first, then the points that
-/// it carries. Under a platform readings are first moved onto the closures, as far as their noise
-/// allows.
+/// it carries; then the points between closures. Under a platform, and where points are somewhere
+/// else in each pose, readings are first moved onto the closures, as far as their noise allows.
 pub fn points(
     model: &Model,
     readings: &Readings,
@@ -35,10 +35,11 @@ pub fn points(
 ) -> Vec<Row> {
     let part = Part { model, readings, weights: None };
     let mechanism = &model.mechanism;
+    let between = model.between_closures();
     let mut rows = Vec::new();
     let mut ws = Workspace::default();
     for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
-        let on_closures = match has_platform(model) {
+        let on_closures = match has_platform(model) || !model.posed.is_empty() {
             true => settled(&part, noise, block, beta),
             false => readings.raw(block).to_vec(),
         };
@@ -51,6 +52,11 @@ pub fn points(
             nodes.extend(read.map(|lever| lever.origin));
             nodes.extend(of_chain(model, chain).filter_map(|p| carried[p]));
         }
+        let between =
+            between.iter().map(|b| (b, model.end_point(&b.end, meta.group, &[], beta, &ws)));
+        let between: Vec<_> = between.collect();
+        let moving = between.iter().find(|(b, _)| b.moves()).map(|(_, at)| *at);
+        nodes.extend(between.iter().map(|(_, at)| *at));
         for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
             let at = |v: &Vec3| v.map(|coordinate| coordinate.0[lane]);
             let on_platform = mechanism.points.iter().zip(&carried).filter_map(|(point, v)| {
@@ -58,9 +64,10 @@ pub fn points(
                 Some((Vector3::from(*own), Vector3::from(at(v.as_ref()?))))
             });
             let (own, there): (Vec<_>, Vec<_>) = on_platform.unzip();
-            let place = match own.is_empty() {
-                false => rigid_fit(&own, &there)[..3].try_into().unwrap_or([f64::NAN; 3]),
-                true => {
+            let place = match (own.is_empty(), moving) {
+                (false, _) => rigid_fit(&own, &there)[..3].try_into().unwrap_or([f64::NAN; 3]),
+                (true, Some(moving)) => at(&moving),
+                (true, None) => {
                     let first = (0..mechanism.chains.len()).flat_map(|c| of_chain(model, c)).next();
                     first.and_then(|p| carried[p]).map_or([f64::NAN; 3], |v| at(&v))
                 }

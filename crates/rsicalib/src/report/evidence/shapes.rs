@@ -194,14 +194,14 @@ pub enum HypothesisKind {
     AnyCurve,
 }
 
-/// A joint, or a point that a chain carries.
+/// A joint, a point that a chain carries, or an end of closures that no chain carries.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Node {
-    /// Channel of the joint, or name of the point.
+    /// Channel of the joint, or of the length to a point that stands; name of another point.
     pub name: String,
-    /// The chain.
+    /// The chain; of a point that stands its name, and empty for a point that moves.
     pub chain: String,
-    /// True for a joint.
+    /// True for a joint, and for the far end of a length that a channel measures.
     pub joint: bool,
 }
 

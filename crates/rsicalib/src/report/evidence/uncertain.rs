@@ -27,7 +27,8 @@ pub struct Uncertain {
 impl Uncertain {
     /// Of the places that `at` gives for parameters of a fit.
     pub fn of(fit: &Fit, at: impl Fn(&[f64]) -> Vec<Vector3<f64>> + Sync) -> Self {
-        let n = fit.model.term_parameters;
+        // What is unknown beside the terms places what is somewhere else in each pose.
+        let n = fit.covariance.nrows();
         let sd: Vec<f64> = (0..n).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
         let moved = |i: usize| -> Vec<Vector3<f64>> {
             let there = |sign: f64| {
