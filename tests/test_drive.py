@@ -77,7 +77,18 @@ def test_a_pose_beyond_a_limit_is_told_from_one_within() -> None:
     assert "q2" in str(passed(mechanism, [0.4, 0.1, *within[2:]]))
 
 
-@pytest.mark.skipif(not __import__("importlib.util").util.find_spec("mujoco"), reason="no MuJoCo")
+NO_PHYSICS = not __import__("importlib.util").util.find_spec("mujoco")
+
+
+@pytest.mark.skipif(NO_PHYSICS, reason="no MuJoCo")
+def test_a_robot_goes_on_while_its_answer_is_of_no_use(tmp_path: Path) -> None:
+    from tests.drive.__main__ import run
+
+    one = run(5019, tmp_path, "bent", "cones")  # unexplained, six poses after the target
+    assert one.named and one.verdict == "explained"
+
+
+@pytest.mark.skipif(NO_PHYSICS, reason="no MuJoCo")
 def test_a_soft_joint_in_a_physical_model_is_named(tmp_path: Path) -> None:
     from tests.drive.__main__ import run
 

@@ -73,8 +73,8 @@ def test_an_object_a_line_in_any_order_with_repeats_and_results_is_read(tmp_path
         (100, 25, "run 2"),
     ]
     points = {p["name"]: p["at"] for p in tomllib.loads(log.mechanism or "")["point"]}
-    assert points["top right"] == [3023.2, 2145.3, 56.0]
-    assert points["bottom right"] == [3030.5, 0.0, 78.0]
+    assert points["top right"] == [3023.24, 2145.31, 56.0]
+    assert points["bottom right"] == [3030.48, 0.0, 78.0]
 
 
 def test_a_list_that_the_firmware_prints_again_when_it_has_more_counts_once(tmp_path: Path) -> None:

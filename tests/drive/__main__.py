@@ -10,7 +10,9 @@ import argparse
 import shlex
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,7 +22,7 @@ import numpy as np
 import rsicalib
 from rsicalib import InputError
 from rsicalib.guide.run import guide
-from tests.drive.arm import Arm
+from tests.drive.arm import KINDS, Arm
 from tests.families.grade import TIE
 from tests.machines.arm import JOINTS
 
@@ -120,7 +122,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0, help="of the first arm")
-    parser.add_argument("--touch", choices=("cones", "plane"), default="cones")
+    parser.add_argument("--touch", choices=("cones", "plane"), help="by turns where not given")
     args = parser.parse_args()
     runs: list[Run] = []
     for seed in range(args.seed, args.seed + args.runs):
@@ -140,19 +142,39 @@ def main() -> int:
 
 
 def told(runs: list[Run]) -> None:
-    """The figures of all runs."""
-    named = sum(r.named for r in runs)
-    print(f"named: {named} of {len(runs)}; and nothing else: {sum(r.alone for r in runs)}")
-    for kind in TERMS:
-        own = [r for r in runs if r.arm.kind == kind]
-        print(f"  {kind}: {sum(r.named for r in own)} of {len(own)}")
-    # Parameters of a run are correlated: the standard error is that of means of runs.
-    means = np.array([np.mean(r.squares) for r in runs if r.squares])
-    if len(means):
-        error = means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.nan
-        print(f"mean square of error over told sd: {means.mean():.2f} ± {error:.2f}")
-    print(f"poses fitted: median {np.median([r.poses for r in runs]):.0f}")
-    print(f"limits passed: {sum(r.beyond for r in runs)}")
+    """The figures of all runs, as a table."""
+    touches = [t for t in ("cones", "plane") if any(r.arm.touch == t for r in runs)]
+    groups = {t: [r for r in runs if r.arm.touch == t] for t in touches}
+    groups |= {"all": runs} if len(touches) > 1 else {}
+    print(f"| | {' | '.join(groups)} |\n|---|{'---|' * len(groups)}")
+    lines: dict[str, Callable[[list[Run]], str]]
+    lines = {"defect named": _named, "nothing else beside it": _alone}
+    for kind in KINDS:
+        lines[kind] = partial(_named_of, kind)
+    lines |= {"mean square of error over told sd": _square}
+    lines |= {"poses fitted, median": lambda own: f"{np.median([r.poses for r in own]):.0f}"}
+    lines |= {"limits passed": lambda own: str(sum(r.beyond for r in own))}
+    for words, figure in lines.items():
+        print(f"| {words} | {' | '.join(figure(own) for own in groups.values())} |")
+
+
+def _named(own: list[Run]) -> str:
+    return f"{sum(r.named for r in own)} of {len(own)}"
+
+
+def _named_of(kind: str, own: list[Run]) -> str:
+    return _named([r for r in own if r.arm.kind == kind])
+
+
+def _alone(own: list[Run]) -> str:
+    return f"{sum(r.named and r.alone for r in own)} of {len(own)}"
+
+
+def _square(own: list[Run]) -> str:
+    """Parameters of a run are correlated: the standard error is that of means of runs."""
+    means = np.array([np.mean(r.squares) for r in own if r.squares])
+    error = means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.nan
+    return f"{means.mean():.2f} ± {error:.2f}" if len(means) else "–"
 
 
 if __name__ == "__main__":

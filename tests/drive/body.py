@@ -27,6 +27,10 @@ PRESS = {"cones": 25.0, "plane": 3.0}
 """Force on the tool while it looks for its seat: a cone is found from its side [N]."""
 LESS, REST = 3.0, 0.5
 """Force while the drives give way, and in the end [N]."""
+SEATED = {"cones": 3, "plane": 1}
+"""Contacts of a ball that sits."""
+LOOKS = 10
+"""Times that it is looked whether the ball sits, while the drives give way."""
 FAR = 0.5
 """A joint that must turn more to lift the ball is near a posture that the arm keeps away from."""
 SLIDES = 0.15
@@ -164,13 +168,17 @@ class Body:
             self.beyond += self._beyond(np.linspace(self.stands, goal, 100))
         self.data.ctrl[:] = goal
         self._place(lifted)
-        held = self._run(0.9, PRESS[self.arm.touch], goal)
+        way = (goal, SLIDES + float(np.abs(lifted - goal).max()))
+        held = self._run(0.9, PRESS[self.arm.touch], way)
         self.data.ctrl[:] = self.data.qpos[self.at]  # the cone knows better where the ball is
-        held = held and self._run(0.4, LESS, goal, gives=True)
-        held = held and self._run(0.4, REST, goal, gives=True)
+        for _ in range(LOOKS):
+            held = held and self._run(0.4, LESS, way, gives=True)
+            if not held or self.data.ncon == SEATED[self.arm.touch]:
+                break
+        held = held and self._run(0.4, REST, way, gives=True)
         mujoco.mj_forward(self.model, self.data)
         self.stands = np.array(self.data.qpos[self.at])
-        return held and bool(self.data.ncon == (3 if self.arm.touch == "cones" else 1))
+        return held and bool(self.data.ncon == SEATED[self.arm.touch])
 
     def _play(self) -> None:
         """Where the ball sits this time."""
@@ -218,12 +226,15 @@ class Body:
             self._place(self.data.qpos[self.at] + np.linalg.pinv(self.slopes(), 1e-3) @ off)
         return np.array(self.data.qpos[self.at])
 
-    def _run(self, seconds: float, press: float, goal: Array, gives: bool = False) -> bool:
+    def _run(
+        self, seconds: float, press: float, way: tuple[Array, float], gives: bool = False
+    ) -> bool:
         """Let time pass: drives hold against the weights, the tool is pressed down.
 
-        Drives that give follow where the tool is pushed; where that is away from the goal, the
-        robot stops. Whether it went on to the end.
+        Drives that give follow where the tool is pushed. The way is a goal, and how far from it a
+        joint may be: where it is farther, the robot stops. Whether it went on to the end.
         """
+        goal, far = way
         chunk = 8
         for _ in range(int(seconds / STEP_S / chunk)):
             if gives:
@@ -232,7 +243,7 @@ class Body:
             self.data.xfrc_applied[self.ball] = [0.0, 0.0, -press, 0.0, 0.0, 0.0]
             mujoco.mj_step(self.model, self.data, chunk)
             self.beyond += self._beyond(self.data.qpos[self.at][None])
-            if np.abs(self.data.qpos[self.at] - goal).max() > SLIDES:
+            if np.abs(self.data.qpos[self.at] - goal).max() > far:
                 return False
         return True
 

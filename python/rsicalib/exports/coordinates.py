@@ -62,9 +62,12 @@ def coordinates(
 
 
 def without_place(mechanism: Mechanism, result: Result) -> list[str]:
-    """Effects that are not of sensors: what a correction of readings leaves out."""
+    """Effects that are not of sensors: what a correction of readings leaves out.
+
+    Where the things stand that a session touched is no effect.
+    """
     kinds = {term["id"]: term["class"] for term in _core.terms(mechanism)}
-    left = [p.spec for p in result.parameters if kinds.get(p.term) not in SENSORS]
+    left = [p.spec for p in result.parameters if kinds.get(p.term, SENSORS[0]) not in SENSORS]
     return list(dict.fromkeys(left))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from rsicalib.exports.ask import Ask
-from rsicalib.exports.coordinates import unit_of
+from rsicalib.exports.coordinates import unit_of, without_place
 
 __all__ = ["write"]
 
@@ -15,7 +15,8 @@ def write(ask: Ask) -> dict[str, str]:
     units = unit_of(ask.mechanism)
     found = ask.calibrated
     lines = ["# coordinate = gain * reading + offset\n"]
-    lines += [f"# not in here: {note}\n" for note in found.notes]
+    left = [*without_place(ask.mechanism, ask.result), *found.notes]
+    lines += [f"# not in here: {note}\n" for note in dict.fromkeys(left)]
     lines += ["/**:\n  ros__parameters:\n    calibration:\n"]
     about = {"mechanism": found.mechanism.name, "length_unit": found.mechanism.length_unit}
     about |= {"verdict": ask.result.verdict, "valid_from": ask.result.valid_from or ""}

@@ -125,7 +125,10 @@ def guide(
     lines = open_source(source) if drive is None else None
     robot = None if drive is None else Robot(drive, opened, samples)
     session = Session(
-        opened, Adviser(opened, at_rest, seed), log, Settings(target, samples, seconds)
+        opened,
+        Adviser(opened, at_rest, seed),
+        log,
+        Settings(target, samples, seconds, alone=drive is not None),
     )
     page = None if port is None else Page(session.state, session.strike_off, port, host)
     try:

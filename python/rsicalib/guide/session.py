@@ -62,6 +62,8 @@ class Settings:
     """For which a pose is held."""
     most: int = 60
     """Poses, at the most."""
+    alone: bool = False
+    """Whether a robot takes the poses: it goes on where the answer is of no use yet, to `most`."""
 
 
 @dataclass
@@ -269,7 +271,8 @@ class Session:
             self.done = beyond >= DECIDING or hopeless or now.criterion != "decide"
         else:
             sound = not _doubtful(now.result) and not self._unmended()
-            self.done = beyond >= AFTER or sound
+            on = self.settings.alone and now.result.exit_code != 0
+            self.done = sound or (beyond >= AFTER and not on)
         self.done = self.done or count >= self.settings.most
 
     def _repeat(self) -> int | None:

@@ -204,7 +204,7 @@ def mechanism(lengths: np.ndarray, found: dict[str, float]) -> str:
         'free = ["x", "y"]\n',
     ]
     for belt in BELTS:
-        place = ", ".join(f"{value:.1f}" for value in at[belt])
+        place = ", ".join(repr(round(float(value), 6)) for value in at[belt])  # a nanometre
         out.append(f'\n[[point]]\nname = "{words[belt]}"\nat = [{place}]\n')
         if belt in free:
             out.append(f"unknown = []\nfree = {free[belt]}\n")
