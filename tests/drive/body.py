@@ -29,7 +29,7 @@ LESS, REST = 3.0, 0.5
 """Force while the drives give way, and in the end [N]."""
 SEATED = {"cones": 3, "plane": 1}
 """Contacts of a ball that sits."""
-LOOKS = 10
+LOOKS = 30
 """Times that it is looked whether the ball sits, while the drives give way."""
 FAR = 0.5
 """A joint that must turn more to lift the ball is near a posture that the arm keeps away from."""
