@@ -167,9 +167,15 @@ def in_words(found: rsicalib.Trace) -> str:
         notes = "; ".join(dict.fromkeys(p.note for p in step.parameters if p.note))
         parts.append(
             f"{step.term}@{step.target} ({size}{p_value})"
+            + ("" if step.applied else ", not applied")
             + (f", as well {', '.join(also)}" if also else "")
             + (f", {notes}" if notes else "")
         )
+    if found.elsewhere is not None:
+        e = found.elsewhere
+        left_out = ", ".join(f"{MM * v:.3f}" for v in (e.without, e.applied, e.again) if v)
+        again = "" if e.again is None else ", found again"
+        parts.append(f"{e.blocks} {e.kind} left out: {left_out} mm without effects, used{again}")
     if found.excluded:
         count = sum(e.samples or 0 for e in found.excluded)
         parts.append(f"{count} samples left out")
@@ -202,8 +208,9 @@ that repeats sockets it has not seen is the better one; how far it is off in the
 
 *Control* is `+ compliance` with gravity along y: the same number of parameters, with no physics. A
 gain that it has too is not from weight. *Traced* is `rsicalib.trace(…)` from the geometry, of the
-fitted groups; nobody tells it of compliance. The last columns are its verdict, and how many samples
-it left out, on the fitted groups and on all of them.
+fitted groups; nobody tells it of compliance. What it finds is applied where it helps on blocks that
+were left out of the fitted groups, the search made again without them. The last columns are its
+verdict, and how many samples it left out, on the fitted groups and on all of them.
 """
 
 

@@ -167,8 +167,9 @@ def _fields(
         arguments = []
         if "default" in value or key not in written:
             default = value.get("default")
-            text = isinstance(default, str)
-            arguments.append(f"default={json.dumps(default)}" if text else empty)
+            plain = json.dumps(default) if isinstance(default, str) else repr(default)
+            own = isinstance(default, str | bool)
+            arguments.append(f"default={plain}" if own else empty)
         omit = "OMIT" if empty != "default=None" else "IF_KNOWN"
         if metadata:
             arguments.append(f"metadata={{{', '.join(metadata)}}}")

@@ -273,6 +273,7 @@ class Session:
         without: Sequence[str] | None = None,
         alpha: float | None = None,
         off: Sequence[str] | None = None,
+        apply_all: Any = False,
     ) -> dict[str, Any]:
         """Closes the loop."""
 

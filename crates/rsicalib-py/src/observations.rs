@@ -257,7 +257,7 @@ impl PyObservations {
     }
 
     /// Closes the loop.
-    #[pyo3(signature = (beside=None, without=None, alpha=None, off=None))]
+    #[pyo3(signature = (beside=None, without=None, alpha=None, off=None, apply_all=false))]
     fn trace<'py>(
         &self,
         py: Python<'py>,
@@ -265,6 +265,7 @@ impl PyObservations {
         without: Option<Vec<String>>,
         alpha: Option<f64>,
         off: Option<Vec<String>>,
+        apply_all: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let beside = beside.map(Beside::from);
         let off: Result<Vec<Rule>, _> =
@@ -273,6 +274,7 @@ impl PyObservations {
         let default = SearchOptions::default();
         let search = SearchOptions {
             alpha: alpha.unwrap_or(default.alpha),
+            apply_all,
             without: without.unwrap_or_default(),
             off,
             ..default

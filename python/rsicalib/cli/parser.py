@@ -170,6 +170,8 @@ def make_parser() -> argparse.ArgumentParser:
             sub.add_argument(
                 "--without", metavar="TERM,…", type=_names, help="terms that are no candidates"
             )
+            words = "apply effects, too, that do not help where nothing was recorded"
+            sub.add_argument("--apply-all", action="store_true", help=words)
         sub.add_argument(
             "--noise",
             metavar="COUNTS|a11=1.2,…",

@@ -71,6 +71,7 @@ def trace(args: Args) -> int:
     prepare(args)
     _with_logs(args)
     options = {**_session(args), "without": args.without, "seed": args.seed}
+    options["apply_all"] = args.apply_all
     return show(args, _heard(args, lambda line: api.trace(args.readings, **options, **line)))
 
 

@@ -30,6 +30,7 @@ __all__ = [
     "DependsOn",
     "Drawing",
     "EffectEvidence",
+    "Elsewhere",
     "Evidence",
     "Excluded",
     "Expected",
@@ -613,6 +614,8 @@ class Step(Effect, Record):
     """What the term belongs to."""
     p_value: float | None
     """Probability by chance, corrected for the places looked at."""
+    applied: bool = True
+    """False where the effect is named, and no part of `parameters`: it does not help elsewhere."""
     chi2_rise: float | None = field(default=None, metadata=IF_KNOWN)
     """By how much χ² would rise without the term."""
     parameters: tuple[StepParameter, ...] = ()
@@ -639,6 +642,29 @@ class Step(Effect, Record):
     """The closed form behind a free curve, for the readings or times that occur."""
     held_out: HeldOut | None = None
     """Error on poses left out, with this effect and those before."""
+
+
+@dataclass(frozen=True)
+class Elsewhere(Record):
+    """Errors of closures on blocks that were left out in turn, root mean square in `unit`.
+
+    Blocks are placements or sessions, or, of a single one, parts of the workspace.
+    """
+
+    kind: str
+    """What was left out."""
+    blocks: int
+    """How many blocks."""
+    without: float
+    """Without any of the effects."""
+    again: float | None
+    """With what a search finds again without the block; null for parts of the workspace."""
+    applied: float
+    """With the effects that are applied."""
+    without_each: tuple[float, ...]
+    """Without each of `steps`, the others refitted."""
+    unit: str
+    """Unit of all of them."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -1128,6 +1154,9 @@ class TraceShape(ResultShape):
     """How well the model fits that the search began with."""
     steps: tuple[Step, ...] = ()
     """Effects that were found, in their order."""
+    elsewhere: Elsewhere | None = field(default=None, metadata=IF_KNOWN)
+    """What the effects do to predictions elsewhere; null where nothing was found, or where the
+    session has nothing to leave out."""
     rivals: tuple[Rival, ...] = field(default=(), metadata=OMIT)
     """Explanations within 12 of the best in penalised χ², itself included; the best first, 8 at
     most."""

@@ -17,9 +17,11 @@ from rsicalib.report.plain import certainty_html, plain_words
 from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_figure
 from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
+    NO_HELP,
     advice,
     between_words,
     comparison,
+    elsewhere_words,
     excluded_words,
     labelled,
     law_words,
@@ -314,7 +316,10 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
         own = evidence.effects[k] if evidence and k < len(evidence.effects) else None
         parts.append(f"<h3>{escape(subject(step))}: {escape(size_words(step))}</h3>")
         parts.append(f"<p>{escape(_cost(step, result.length_unit))}</p>")
+        parts += [] if step.applied else [f"<p>Not applied: {NO_HELP}.</p>"]
         parts.append(pictures(effect_figures(step, own, f"effect{k + 1}")))
+    if words := elsewhere_words(result):
+        parts.append(f"<p>{escape(_capital(words))}.</p>")
     if result.unexplained is not None:
         left = result.unexplained
         p = "" if left.p_value is None else f" ({p_is(left.p_value)})"

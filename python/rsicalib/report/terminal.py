@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 from rsicalib.facts.shapes import Parameter, ResultShape, TraceShape
 from rsicalib.report.words import (
+    NO_HELP,
     advice,
     between_words,
     comparison,
+    elsewhere_words,
     excluded_words,
     labelled,
     law_words,
@@ -188,6 +190,8 @@ def _found(result: TraceShape, look: Look) -> list[str]:
             extra = f"; platform {cost}, {number(rms.orientation, 2)} rad"
             line += extra if look.whole or len(line) + len(extra) <= look.width else ""
         lines += _cut(line, look)
+        if not step.applied:
+            lines += _cut(f"            not applied: {NO_HELP}", look)
         if step.also_fits:
             names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
             shown = names if look.whole else names[:3]
@@ -195,6 +199,8 @@ def _found(result: TraceShape, look: Look) -> list[str]:
             lines += _cut(f"            fits as well: {', '.join(shown)}{more}", look)
         if step.curve_law is not None:
             lines += _cut(f"            {law_words(step.curve_law)}", look)
+    if words := elsewhere_words(result):
+        lines += _most(_entry("elsewhere", words, look), 3, look)
     return lines if not lines or result.excluded else [*lines, ""]
 
 

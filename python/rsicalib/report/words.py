@@ -20,9 +20,11 @@ from rsicalib.facts.shapes import (
 from rsicalib.units import in_thousandths, with_unit
 
 __all__ = [
+    "NO_HELP",
     "advice",
     "between_words",
     "comparison",
+    "elsewhere_words",
     "excluded_words",
     "labelled",
     "law_words",
@@ -39,6 +41,9 @@ __all__ = [
     "subject",
     "target_words",
 ]
+
+NO_HELP = "predictions on what was left out are no better with it"
+"""Why an effect is named, and no part of the parameters."""
 
 WORDS = {
     "sensor": "sensor {target}",
@@ -301,6 +306,23 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, st
         rows.append((f"orientation, {poses} [rad]", turn[0], turn[1]))
     rows += _touched(result)
     return heads, [row for row in rows if row[1:] != ("–", "–")]
+
+
+def elsewhere_words(result: TraceShape) -> str:
+    """What the effects do to predictions on what was left out."""
+    found = result.elsewhere
+    if found is None:
+        return ""
+    groups = found.kind == "groups"
+    what = "halves of the placements or sessions" if groups else "parts of the workspace"
+    again = ""
+    if found.again is not None:
+        again = f", {number(found.again, 3)} with what is found again without them"
+    return (
+        f"closures of {found.blocks} {what} that were left out in turn err by "
+        f"{number(found.applied, 3)} {found.unit} with what is applied, "
+        f"{number(found.without, 3)} without any effect{again}"
+    )
 
 
 def between_words(result: ResultShape) -> str:

@@ -380,7 +380,7 @@ def _known(
     sizes = []
     for step in result.steps if isinstance(result, TraceShape) else ():
         of_its_session = _core.spec(step.term, step.target, step.place) in bound
-        if step.platform_rms is not None and (of_its_session or not getattr(step, "applied", True)):
+        if step.platform_rms is not None and (of_its_session or not step.applied):
             # Of three coordinates; and a drift is √3 times its root mean square at its end.
             times = 3.0 if of_its_session else math.sqrt(3.0)
             sizes.append(times * (getattr(step.platform_rms, quantity) or 0.0))

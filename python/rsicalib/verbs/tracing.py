@@ -43,6 +43,7 @@ def trace(
     note: str | None = None,
     date: DateArg | None = None,
     alpha: float | None = None,
+    apply_all: bool = False,
     seed: int | None = None,
     starts: int | None = None,
     max_iterations: int | None = None,
@@ -68,6 +69,10 @@ def trace(
         As in `calibrate`.
     alpha : float, optional
         Probability of naming anything where nothing is missing.
+    apply_all : bool
+        Apply every effect that is found. Else one that does not help on placements, sessions or
+        parts of the workspace that are left out is named, `step.applied` is False, and `parameters`
+        are without it.
     seed : int, optional
         Nothing is drawn at random here: the same readings give the same result.
     starts, max_iterations, xtol, progress : optional
@@ -105,7 +110,9 @@ def trace(
     session = job.session(rest, job.terms(terms), options)
     beside = job.beside(job.known(check), align)
     try:
-        report = session.trace(beside, without=names("without", without), alpha=alpha)
+        report = session.trace(
+            beside, without=names("without", without), alpha=alpha, apply_all=apply_all
+        )
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.from_dict(job.too_few(Trace, error, session) | nothing)

@@ -16,7 +16,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stretches::Stretches;
-use crate::estimate::{Fit, Implicit, Misfit, Noise, Observations, Part, fit};
+use crate::estimate::{Fit, Implicit, Misfit, Noise, Observations, Part, fit, place_untouched};
 use crate::numerics::workers;
 
 /// Folds of the cross-validation.
@@ -79,12 +79,7 @@ fn errors(
         let mut trained = fit(&training, full.model.instances.clone(), Some(full)).ok()?;
         let left = chi2(observations, &trained, &noise, &training.weights);
         // A point that was left out whole is where the others' terms touch it.
-        let mut placed = trained.beta.clone();
-        trained.model.place_unknowns(readings, &mut placed);
-        let untouched = trained.model.untouched(readings, &training.weights);
-        for &k in &untouched {
-            trained.beta[k] = placed[k];
-        }
+        let untouched = place_untouched(observations, &mut trained, &training.weights, &noise);
         let live = |weights: &[f64]| weights.iter().filter(|w| **w > 0.0).count();
         let rows = live(&observations.weights) - live(&training.weights);
         let width = (rows * full.residuals.equations) as f64 - untouched.len() as f64;

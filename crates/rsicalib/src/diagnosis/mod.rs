@@ -5,6 +5,7 @@ pub(crate) mod curve;
 pub(crate) mod curve_law;
 pub(crate) mod detectability;
 pub(crate) mod doubt;
+pub mod elsewhere;
 pub mod held_out;
 pub(crate) mod isolation;
 pub(crate) mod left_open;

@@ -13,13 +13,22 @@ pub struct SearchOptions {
     pub most: usize,
     /// Candidates to refit in each step.
     pub refits: usize,
+    /// Apply every effect that is found, whether or not it helps elsewhere.
+    pub apply_all: bool,
     /// Rules that are switched off, to see what each is worth.
     pub off: Vec<Rule>,
 }
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { alpha: OVERSTATED * LEVEL, without: Vec::new(), most: 8, refits: 8, off: Vec::new() }
+        Self {
+            alpha: OVERSTATED * LEVEL,
+            without: Vec::new(),
+            most: 8,
+            refits: 8,
+            apply_all: false,
+            off: Vec::new(),
+        }
     }
 }
 

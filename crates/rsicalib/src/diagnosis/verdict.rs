@@ -126,7 +126,7 @@ impl Compared {
 
 /// What is left on poses that a fit has not seen may be so many times what was left before, by
 /// chance: the same noise is in both, and an effect that is there takes more away.
-const WORSE: f64 = 1.05;
+pub const WORSE: f64 = 1.05;
 
 /// What a verdict rests on.
 #[derive(Debug, Clone, Copy, Default)]

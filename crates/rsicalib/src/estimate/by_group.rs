@@ -44,7 +44,7 @@ pub fn with_groups(fit: Fit, observations: &Observations) -> Fit {
 
 /// Of a fit; none where there are no groups, or where nothing that may change is estimated.
 fn between(observations: &Observations, fit: &Fit) -> Option<Between> {
-    let (grouping, of_row, names) = groups(observations, &fit.model)?;
+    let (grouping, of_row, names) = numbered_groups(observations, &fit.model)?;
     let sums = Sums::of(observations, fit, &of_row, names.len());
     let changing = changing(observations, &fit.model, &sums);
     let all: Vec<usize> = (0..names.len()).collect();
@@ -57,7 +57,8 @@ fn between(observations: &Observations, fit: &Fit) -> Option<Between> {
 }
 
 /// Group of each row, and the names of the groups; none where there are not two.
-fn groups(
+#[must_use]
+pub fn numbered_groups(
     observations: &Observations,
     model: &Model,
 ) -> Option<(Grouping, Vec<usize>, Vec<String>)> {

@@ -285,6 +285,9 @@ impl Problem for Implicit<'_> {
                         let mut sums = NormalEquations::new(model.term_parameters, model.width());
                         for (i, a_hat) in chunk.chunks_exact_mut(channels).enumerate() {
                             let block = first + i;
+                            if part.leaves_out(block) {
+                                continue;
+                            }
                             room.seat(seatings.of_block(readings, block));
                             room.settle(part, block, x, a_hat, true);
                             room.weigh(part.weight(block));

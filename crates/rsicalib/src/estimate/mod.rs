@@ -32,10 +32,11 @@ mod sparse;
 pub mod start;
 pub mod suspicion;
 pub mod tried;
+mod untouched;
 mod wiring;
 
 pub use algebraic::Algebraic;
-pub use by_group::with_groups;
+pub use by_group::{numbered_groups, with_groups};
 pub use expected::{Expectation, Expected};
 pub(crate) use fit::widening;
 pub use fit::{carry_over, fit, free_parameters};
@@ -46,3 +47,4 @@ pub use objective::{Noise, Part};
 pub use observations::{Anchor, AnchorKind, LONG, Observations};
 pub use options::{FitOptions, Method};
 pub use residuals::Residuals;
+pub use untouched::place_untouched;

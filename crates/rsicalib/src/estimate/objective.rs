@@ -67,6 +67,12 @@ impl Part<'_> {
         }))
     }
 
+    /// True for a block of which no sample counts.
+    pub(crate) fn leaves_out(&self, block: usize) -> bool {
+        let meta = &self.readings.blocks()[block];
+        self.weights.is_some_and(|w| meta.rows[..meta.live].iter().all(|row| w[*row] == 0.0))
+    }
+
     /// Mean square of the misclosure of each equation by the readings as they are and the parameters
     /// `beta`, in its own unit, over the samples that count.
     #[must_use]

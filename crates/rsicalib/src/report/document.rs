@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::apply::accuracy::Predicted;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::detectability::Detectability;
+use crate::diagnosis::elsewhere::Elsewhere;
 use crate::diagnosis::verdict::{Reason, Verdict};
 use crate::estimate::between::Grouping;
 use crate::estimate::directions::ParameterReport;
@@ -206,6 +207,10 @@ result! {
         /// Effects that were found, in their order.
         #[serde(default)]
         steps: Vec<StepReport>,
+        /// What the effects do to predictions elsewhere; null where nothing was found, or where the
+        /// session has nothing to leave out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        elsewhere: Option<Elsewhere>,
         /// Explanations within 12 of the best in penalised χ², itself included; the best first, 8
         /// at most.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -5,6 +5,7 @@ use crate::apply::change::{PlatformRms, platform_difference};
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::curve_law::{CurveLaw, curve_law};
 use crate::diagnosis::detectability::{Detectability, could_hide};
+use crate::diagnosis::elsewhere::{Elsewhere, elsewhere};
 use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
@@ -16,7 +17,7 @@ use crate::diagnosis::unknown_law::{DependsOn, UNKNOWN_LAW, UnknownLaw};
 use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Reason, Verdict};
 use crate::estimate::directions::{directions, place, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
-use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit};
+use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit, with_groups};
 use crate::model::Instance;
 #[cfg(feature = "serde")]
 use crate::numerics::nullable;
@@ -82,6 +83,12 @@ pub struct StepParameter {
     pub note: Option<String>,
 }
 
+/// Effects of results of earlier versions are all applied.
+#[cfg(feature = "serde")]
+fn yes() -> bool {
+    true
+}
+
 /// A missing term that was found.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename = "Step"))]
@@ -97,6 +104,9 @@ pub struct StepReport {
     #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
     #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub p_value: f64,
+    /// False where the effect is named, and no part of `parameters`: it does not help elsewhere.
+    #[cfg_attr(feature = "serde", serde(default = "yes"))]
+    pub applied: bool,
     /// By how much χ² would rise without the term.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub chi2_rise: Option<f64>,
@@ -232,6 +242,9 @@ pub struct TraceReport {
     pub before: FitReport,
     /// Effects found.
     pub steps: Vec<StepReport>,
+    /// What the effects do to predictions elsewhere.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub elsewhere: Option<Elsewhere>,
     /// Explanations that are nearly as good as the best, itself included; the best first.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub rivals: Vec<RivalReport>,
@@ -287,18 +300,22 @@ pub fn traced(
     progress.enter(Stage::HeldOut);
     let small_before =
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
+    let (elsewhere, applies) = elsewhere(&traced, search).unzip();
+    let applies = applies.filter(|_| !search.apply_all);
+    let applies = applies.unwrap_or_else(|| vec![true; traced.found.len()]);
+    let applied = applied(&traced, &applies)?;
     let mut before = FitReport::of(&traced.before);
     let mut after = FitReport::of(&traced.after);
     if let Some(known) = beside.and_then(|beside| beside.known.as_ref()) {
         known.judge(observations, &traced.before, &mut before)?;
-        known.judge(&traced.observations, &traced.after, &mut after)?;
+        known.judge(&traced.observations, &applied, &mut after)?;
     }
     before.held_out = left_out(&traced, &small_before, &traced.before);
     let steps = traced
         .found
         .iter()
         .enumerate()
-        .map(|(k, found)| step(&traced, &small_before, k, found))
+        .map(|(k, found)| step(&traced, &small_before, k, found, applies[k]))
         .collect::<Result<Vec<_>, _>>()?;
     after.held_out = match steps.last() {
         Some(last) => last.held_out,
@@ -315,11 +332,15 @@ pub fn traced(
     let groups = beside
         .map(|beside| {
             let all = (observations, &traced.before);
-            beside.groups((&traced.observations, &traced.after), Some(all))
+            beside.groups((&traced.observations, &applied), Some(all))
         })
         .transpose()?
         .flatten();
-    let estimates = estimates(&traced.observations, &traced.after, &directions);
+    let own = match applies.iter().all(|applies| *applies) {
+        true => None,
+        false => Some(self::directions(&traced.observations, &applied)),
+    };
+    let estimates = estimates(&traced.observations, &applied, own.as_ref().unwrap_or(&directions));
     let sd = estimates.predicted.as_ref().map(|predicted| predicted.position_sd);
     let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
     let determined = directions.beside(&traced.observations, &found);
@@ -373,6 +394,7 @@ pub fn traced(
         with_excluded,
         before,
         steps,
+        elsewhere,
         rivals: rivals_of(&traced),
         after,
         nominal,
@@ -397,6 +419,20 @@ pub fn traced(
         session.options.progress = Progress::default();
     }
     Ok((report, traced))
+}
+
+/// The fit with the effects that are applied.
+fn applied(traced: &Traced, applies: &[bool]) -> Result<Fit, Error> {
+    if applies.iter().all(|applies| *applies) {
+        return Ok(traced.after.clone());
+    }
+    let not: Vec<Instance> = (traced.found.iter().zip(applies))
+        .filter(|(_, applies)| !**applies)
+        .map(|(found, _)| traced.in_all(&found.instance))
+        .collect();
+    let left = traced.after.model.instances.iter().copied().filter(|i| !not.contains(i));
+    let fitted = fit(&traced.observations, left.collect(), Some(&traced.after))?;
+    Ok(with_groups(fitted, &traced.observations))
 }
 
 /// Error on poses left out in turn, by a fit of the search, with the noise of a fit of the session.
@@ -466,6 +502,7 @@ fn step(
     small_before: &Fit,
     index: usize,
     found: &Found,
+    applied: bool,
 ) -> Result<StepReport, Error> {
     let observations = &traced.observations;
     let after = &traced.after;
@@ -501,6 +538,7 @@ fn step(
         target,
         place,
         label,
+        applied,
         p_value: found.p_value.min(1.0),
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),

@@ -8,8 +8,9 @@ term! {
     /// A smooth error of a sensor, of any shape.
     ///
     /// Adds `Σ_k c_k cos(k π s)` to the joint angle, where `s` runs from 0 to 1
-    /// over the readings that occur. Each coefficient is held by its typical size,
-    /// which falls as `k⁻²`: the cosine form of a cubic smoothing spline.
+    /// over the readings that occur; beyond them the curve stays as it is at their
+    /// edge. Each coefficient is held by its typical size, which falls as `k⁻²`: the
+    /// cosine form of a cubic smoothing spline.
     FreeCurve("free_curve", Sensor, per Channel, needs Nothing, penalised) {
         c1: "rad" ~ 0.02,
         c2: "rad" ~ 0.02,
@@ -46,9 +47,10 @@ impl Sensor for FreeCurve {
     }
 }
 
-/// `s`
+/// `s`, within 0 to 1: the waves are level at both ends.
 fn along(site: &Site) -> Lanes {
-    (site.reading() - Lanes::splat(site.scale().span[0])) * per_reading(site)
+    let along = (site.reading() - Lanes::splat(site.scale().span[0])) * per_reading(site);
+    along.map(|s| s.clamp(0.0, 1.0))
 }
 
 fn per_reading(site: &Site) -> f64 {

@@ -1,0 +1,211 @@
+//! What effects that were found do to predictions where nothing was recorded.
+//!
+//! To name an effect and to use it are two questions. Placements or sessions are left out in two
+//! halves; of a single placement, parts of the workspace are. The closures of what is left out, with
+//! the places of what is touched in it alone, say how well a fit of the rest predicts. An effect is
+//! used where that is better with it than without, beside the others. Without each half the search is
+//! made again: where what it finds there makes the other half worse, only effects that both find are
+//! used. Parts of the workspace of a single placement cannot tell that a free shape is there at
+//! another: it is named alone.
+
+use crate::diagnosis::options::{Rule, SearchOptions};
+use crate::diagnosis::score::scored;
+use crate::diagnosis::trace::{Traced, trace};
+use crate::diagnosis::verdict::WORSE;
+use crate::estimate::progress::Progress;
+use crate::estimate::{
+    Fit, Implicit, Misfit, Noise, Observations, Part, fit, numbered_groups, place_untouched,
+};
+use crate::model::Instance;
+use crate::numerics::symmetric::eigenvalues;
+use crate::numerics::workers;
+
+/// Placements or sessions are left out half by half: each search has half of the readings, and both
+/// take about as long as the one of all.
+const HALVES: usize = 2;
+
+/// Parts of the workspace of a single placement. Effects are refitted without each: what a search
+/// would find again there says nothing of another placement.
+const PARTS: usize = 4;
+
+/// Blocks that are left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Blocks {
+    /// Halves of the placements or sessions.
+    Groups,
+    /// Parts of the workspace: readings that are like each other.
+    Workspace,
+}
+
+/// Errors of closures on blocks that were left out in turn, root mean square in `unit`.
+///
+/// Blocks are placements or sessions, or, of a single one, parts of the workspace.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Elsewhere {
+    /// What was left out.
+    pub kind: Blocks,
+    /// How many blocks.
+    pub blocks: usize,
+    /// Without any of the effects.
+    pub without: f64,
+    /// With what a search finds again without the block; null for parts of the workspace.
+    pub again: Option<f64>,
+    /// With the effects that are applied.
+    pub applied: f64,
+    /// Without each of `steps`, the others refitted.
+    pub without_each: Vec<f64>,
+    /// Unit of all of them.
+    pub unit: String,
+}
+
+/// Errors on blocks left out of a session that was traced; none where nothing was found, or where
+/// nothing that is touched is unknown and there is one session.
+#[must_use]
+pub fn elsewhere(traced: &Traced, search: &SearchOptions) -> Option<(Elsewhere, Vec<bool>)> {
+    let Traced { observations, before, after, found, stretches, .. } = traced;
+    // Where every pose has a place of its own, poses left out say it.
+    let placed = !after.model.unknowns.is_empty() && after.model.pose_unknowns() == 0;
+    let grouped = placed || observations.readings.sessions > 1;
+    if found.is_empty() || !grouped || stretches.is_some() {
+        return None;
+    }
+    let (kind, blocks) = blocks(observations, after);
+    let bad: Vec<Instance> =
+        after.model.instances.iter().copied().filter(scored::is_data).collect();
+    let base = [&before.model.instances[..], &bad].concat();
+    let effects: Vec<Instance> = found.iter().map(|f| traced.in_all(&f.instance)).collect();
+    let left = Left { observations, noise: before.assumed(), blocks };
+    let with = |some: &[bool]| {
+        let chosen = effects.iter().zip(some).filter(|(_, some)| **some).map(|(i, _)| *i);
+        let instances: Vec<Instance> = base.iter().copied().chain(chosen).collect();
+        Some(left.error(|training| fit(training, instances.clone(), Some(after)).ok())?.0)
+    };
+    let none = vec![false; effects.len()];
+    let without = with(&none)?;
+    let again = match kind {
+        Blocks::Groups => Some(left.error(|training| searched(training, search, effects.len()))?),
+        Blocks::Workspace => None,
+    };
+    let may = |effect: &Instance| match &again {
+        Some((again, found)) => {
+            let finds = |fit: &Fit| fit.model.instances.contains(effect);
+            *again <= WORSE * without || found.iter().all(finds)
+        }
+        // A shape without a law, seen at one placement: nothing says that another has it.
+        None => !effect.term.info().penalised,
+    };
+    let mut applies: Vec<bool> = effects.iter().map(may).collect();
+    let mut applied = with(&applies)?;
+    let all = vec![true; effects.len()];
+    let without_one = |some: &[bool], k: usize| {
+        let mut fewer = some.to_vec();
+        fewer[k] = false;
+        Some((with(&fewer)?, fewer))
+    };
+    let each: Option<Vec<f64>> =
+        (0..effects.len()).map(|k| Some(without_one(&all, k)?.0)).collect();
+    let each = each?;
+    // The effect without which most is gained goes first.
+    let mut order: Vec<usize> = (0..effects.len()).filter(|k| applies[*k]).collect();
+    order.sort_by(|a, b| each[*a].total_cmp(&each[*b]));
+    for k in order {
+        let (error, fewer) = without_one(&applies, k)?;
+        if error <= applied {
+            (applied, applies) = (error, fewer);
+        }
+    }
+    if applied >= without {
+        (applies, applied) = (none, without);
+    }
+    let (blocks, unit) = (left.blocks.len(), observations.mechanism.length_unit.clone());
+    let (again, without_each) = (again.map(|(again, _)| again), each);
+    Some((Elsewhere { kind, blocks, without, again, applied, without_each, unit }, applies))
+}
+
+/// What a search finds without a block, where the session has so many effects: readings that are
+/// wrong have been judged, and of more effects than one beside them nothing is asked.
+fn searched(training: &Observations, search: &SearchOptions, effects: usize) -> Option<Fit> {
+    let mut again = search.clone();
+    again.most = again.most.min(effects + 1);
+    again.off.push(Rule::JudgeAgain);
+    Some(trace(&Observations { judged: false, ..training.clone() }, &again).ok()?.after)
+}
+
+/// A session that is fitted without each of some blocks.
+struct Left<'a> {
+    observations: &'a Observations,
+    noise: Noise,
+    /// Rows of each block.
+    blocks: Vec<Vec<usize>>,
+}
+
+impl Left<'_> {
+    /// Error of the closures of the blocks, by what `chosen` gives without each; and that.
+    fn error(
+        &self,
+        chosen: impl Fn(&Observations) -> Option<Fit> + Sync,
+    ) -> Option<(f64, Vec<Fit>)> {
+        let Observations { readings, weights, .. } = self.observations;
+        let without = |block: &Vec<usize>| {
+            let mut training = self.observations.clone();
+            block.iter().for_each(|row| training.weights[*row] = 0.0);
+            training.options.progress = Progress::default();
+            training.judged = true;
+            let mut trained = chosen(&training)?;
+            place_untouched(self.observations, &mut trained, &training.weights, &self.noise);
+            let part = Part { model: &trained.model, readings, weights: Some(weights) };
+            let problem = Implicit::of(part, self.noise.clone());
+            let mut own = vec![false; readings.samples];
+            block.iter().for_each(|row| own[*row] = weights[*row] > 0.0);
+            Some((problem.misfit(&trained.beta, |row| own[row]), trained))
+        };
+        let left: Option<Vec<_>> = workers::map(&self.blocks, without).into_iter().collect();
+        let (parts, trained): (Vec<Misfit>, Vec<Fit>) = left?.into_iter().unzip();
+        let sum = |of: fn(&Misfit) -> f64| parts.iter().map(of).sum::<f64>();
+        let error = (sum(|part| part.square) / sum(|part| part.misclosures)).sqrt();
+        error.is_finite().then_some((error, trained))
+    }
+}
+
+/// Rows of the blocks.
+fn blocks(observations: &Observations, fitted: &Fit) -> (Blocks, Vec<Vec<usize>>) {
+    let rows = 0..observations.readings.samples;
+    let (kind, of_row, count) = match numbered_groups(observations, &fitted.model) {
+        Some((_, of_row, _)) => (Blocks::Groups, of_row, HALVES),
+        None => (Blocks::Workspace, along_readings(observations), PARTS),
+    };
+    let block = |k: usize| rows.clone().filter(|row| of_row[*row] % count == k).collect();
+    (kind, (0..count).map(block).collect())
+}
+
+/// Block of each row along the direction in which readings vary most, in parts of what each channel
+/// reads; rows of a pose stay together.
+fn along_readings(observations: &Observations) -> Vec<usize> {
+    let readings = &observations.readings;
+    let (n, poses) = (readings.channels, readings.rows_of_poses());
+    let part = |row: usize, c: usize| {
+        let [low, high] = readings.span[c];
+        let off = readings.table.values[row * n + c] - readings.mean[c];
+        if high > low { off / (high - low) } else { 0.0 }
+    };
+    let firsts: Vec<usize> = poses.iter().map(|rows| rows[0]).collect();
+    let square = faer::Mat::from_fn(n, n, |i, j| {
+        firsts.iter().map(|row| part(*row, i) * part(*row, j)).sum::<f64>()
+    });
+    let Some((_, vectors)) = eigenvalues(square.as_ref()) else { return vec![0; readings.samples] };
+    let along =
+        |pose: usize| -> f64 { (0..n).map(|c| vectors[(c, n - 1)] * part(firsts[pose], c)).sum() };
+    let mut order: Vec<usize> = (0..poses.len()).collect();
+    order.sort_by(|a, b| along(*a).total_cmp(&along(*b)));
+    let mut block = vec![0; poses.len()];
+    for (place, pose) in order.iter().enumerate() {
+        block[*pose] = place * PARTS / poses.len();
+    }
+    readings.pose.iter().map(|pose| block[*pose]).collect()
+}
