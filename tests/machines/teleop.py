@@ -19,11 +19,14 @@ from pathlib import Path
 
 import numpy as np
 
+import rsicalib
 from tests.oracle import Array
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 CLAMP = 99.9
 """Percents beyond are stops of the range, and say nothing."""
+TICK = 0.05
+"""Of an encoder: 200 percent are some 4000 steps."""
 LAGS = np.arange(0.0, 9.01, 0.1)
 """Delays that are tried [rows]."""
 BLOCK_S = 1.0
@@ -132,11 +135,32 @@ def table(folder: Path) -> Iterator[str]:
             )
 
 
+def traced(folder: Path) -> Iterator[str]:
+    """Lines of a table: what a trace says of the rows without clamped values."""
+    yield "| episode | noise [percent] | verdict | named | lags [s] | misclosure before, after |"
+    for file in sorted(folder.glob("teleop_*.csv")):
+        for noise in (None, TICK):
+            rows = np.genfromtxt(file, delimiter=",", names=True)
+            channels = [n for n in rows.dtype.names or () if n.startswith(("leader", "follower"))]
+            keep = np.all([np.abs(rows[n]) < 100.0 for n in channels], axis=0)
+            readings = {n: rows[n][keep] for n in ("time_s", *channels)}
+            found = rsicalib.trace(readings, folder / "teleop.toml", noise=noise)
+            sigma = found.noise.sigma.values() if found.noise is not None else [np.nan]
+            named = ", ".join(f"{step.term} of {step.target}" for step in found.steps)
+            lags = [f"{p.target} {p.value:.2f}" for p in found.parameters if p.term == "lag"]
+            yield (
+                f"| {file.stem[-1]} | {min(sigma):.2f} to {max(sigma):.2f} | {found.verdict} | "
+                f"{named} | {', '.join(lags)} | {found.before.rms_misclosure:.2f}, "
+                f"{found.after.rms_misclosure:.2f} |"
+            )
+
+
 def main() -> None:
-    """Print the table."""
+    """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
-    for line in table(parser.parse_args().data / "so101"):
+    folder = parser.parse_args().data / "so101"
+    for line in (*table(folder), "", *traced(folder)):
         print(line, flush=True)
 
 
