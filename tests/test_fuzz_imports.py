@@ -18,6 +18,7 @@ from rsicalib.io.mjcf import mechanism_of_mjcf
 from tests.test_fuzz import CASES, damaged, many
 from tests.test_imports import PRINTER, clbm, probes, sled
 from tests.test_imports_robots import FORMS, dataset
+from tests.test_messages_of_topics import echo
 from tests.test_mjcf import CLOSED, model
 
 FEW = settings(many, max_examples=max(CASES // 20, 50))
@@ -28,6 +29,9 @@ TEXTS = {
     "klipper": PRINTER + probes(4),
     "columns": "__time,/a/q1/position,/a/q2/position\n"
     + "".join(f"{1.7e9 + k / 8},{k}.5,{-k}.25\n" for k in range(9)),
+    "columns of Foxglove": "elapsed time,receive time,header.stamp,topic,value\n"
+    + "".join(f"{k / 8},{1.7e9 + k / 8},,/a.{j},{k}.5\n" for j in range(2) for k in range(9)),
+    "echo": echo(np.arange(8.0).reshape(4, 2) / 4),
 }
 
 
@@ -46,7 +50,7 @@ def test_a_damaged_text_is_refused_with_its_name_or_held_what_is_read(
     path = scratch / f"{kind}.txt"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     try:
-        log = rsicalib.import_log(path, format=kind)
+        log = rsicalib.import_log(path, format=kind.split()[0], hold=0)
     except InputError as error:
         assert str(path) in str(error)
         return
@@ -101,12 +105,15 @@ def bytes_of(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, b
     """Files of each binary kind that a library is there for."""
     from tests import test_imports_robots as robots
     from tests import test_imports_ros as ros
+    from tests.strangers import bags
 
     folder = tmp_path_factory.mktemp("whole")
     out = {}
     path = folder / "episode_0.hdf5"
     robots.episode(path)
     out["episode_0.hdf5"] = ("aloha", path.read_bytes())
+    other = bags.FILES["MCAP with JSON"][0](folder)
+    out["json.mcap"] = ("ros", other.read_bytes())
     out["run.mcap"] = ("ros", ros.mcap(folder / "run.mcap", ros.states(ros.moves(1))).read_bytes())
     bag = ros.rosbag2(folder / "run", ros.states(ros.moves(1)))
     out["run.db3"] = ("ros", next(bag.glob("*.db3")).read_bytes())
@@ -118,7 +125,9 @@ def bytes_of(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, b
     return out
 
 
-@pytest.mark.parametrize("name", ["episode_0.hdf5", "run.mcap", "run.db3", "rows.parquet"])
+@pytest.mark.parametrize(
+    "name", ["episode_0.hdf5", "run.mcap", "json.mcap", "run.db3", "rows.parquet"]
+)
 def test_a_damaged_file_of_bytes_is_refused_with_its_name_or_read(
     scratch: Path, bytes_of: dict[str, tuple[str, bytes]], name: str
 ) -> None:

@@ -61,3 +61,28 @@ def test_mcap_of_other_encodings_has_the_readings_of_the_bag(tmp_path: Path) -> 
         found = rsicalib.import_log(bags.FILES[name][0](tmp_path / "other"), hold=0).sessions[0]
         for column in ("time_s", "elbow", "shoulder", "wrist"):
             assert list(found.columns[column]) == list(whole.columns[column]), name
+
+
+MACHINES = {
+    "robot.urdf": (
+        b'<?xml version="1.0"?>\n<robot name="r"><link name="b"/></robot>',
+        "a [[chain]]",
+    ),
+    "robot.urdf.xacro": (b'<robot name="r" xmlns:xacro="x"/>', "xacro "),
+    "world.sdf": (b'<?xml version="1.0"?><sdf version="1.7"/>', "Export it from its program"),
+    "robot.usda": (b'#usda 1.0\ndef Xform "robot" {}\n', "Export it from its program"),
+    "robot.usd": (b"PXR-USDC\x00\x00\x08", "Export it from its program"),
+    "model.mjb": (b"\x01\x02\x00\x03", "mujoco.mj_saveLastXML"),
+    "result.json": (b'{"format": "rsicalib.trace/1"}', "no mechanisms"),
+}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_a_machine_in_the_words_of_others_is_refused_with_what_to_do(
+    name: str, tmp_path: Path
+) -> None:
+    data, words = MACHINES[name]
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError) as refused:
+        rsicalib.load_mechanism(tmp_path / name)
+    assert words in str(refused.value) and name in str(refused.value)

@@ -14,6 +14,7 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, Where
 from rsicalib.io.builtin import BUILTIN
+from rsicalib.io.foreign import refuse_foreign
 from rsicalib.io.mjcf import is_mjcf, mechanism_of_mjcf
 from rsicalib.io.sources import read_text
 from rsicalib.io.urdf import (
@@ -202,6 +203,7 @@ def _read(file: str) -> str:
     if not os.path.isfile(file):
         expected = f"a mechanism file, or a built-in mechanism: {listed(BUILTIN)}"
         refuse(file, "mechanism", found=f"no such file{meant(file, BUILTIN)}", expected=expected)
+    refuse_foreign(file)
     return read_text(file, "a mechanism file")
 
 
