@@ -201,6 +201,11 @@ BROKEN = {
     "two towers": (PRINTER + "#*# height0 = 0.0\n#*# height0_pos = 1.0,2.0\n", "line 31.*three"),
     "cartesian": (PRINTER.replace(": delta ", ": cartesian "), "kinematics: found 'cartesian'"),
     "no arm": (PRINTER.replace("arm_length", "arm") + probes(9), "arm_length: found no such"),
+    "no steps": (
+        PRINTER.replace("microsteps: 16", "microsteps: 0") + probes(9),
+        "number above zero",
+    ),
+    "no teeth": (PRINTER.replace("2:1", "0:1") + probes(9), "teeth such as 80:20"),
     "a short arm": (PRINTER.replace("340.0", "100") + probes(9), "more than the radius, 172"),
 }
 

@@ -23,6 +23,9 @@ ANGLES = {"a": 210.0, "b": 330.0, "c": 90.0}
 """Angles of the towers [°] where the file has none: Klipper's own."""
 
 FULL_STEPS = 200.0
+TEETH = 1e6
+"""More than a gear has."""
+
 UNKNOWNS = 9
 """Endstops and radius, two angles, three arms."""
 
@@ -150,17 +153,22 @@ def _step(config: Config, section: str) -> float:
     """What one step moves the carriage [mm]; an older file has it as it is."""
     old = config.text(section, "step_distance")
     if old is not None and config.text(section, "rotation_distance") is None:
-        return config.number(section, "step_distance")
+        return config.above_zero(section, "step_distance")
     names = {"rotation_distance": None, "microsteps": None, "full_steps_per_rotation": FULL_STEPS}
     # the towers b and c may leave out what they share with a
     sections = {n: section if config.text(section, n) is not None else "stepper_a" for n in names}
-    rotation, micro, full = (config.number(sections[n], n, d) for n, d in names.items())
+    rotation, micro, full = (config.above_zero(sections[n], n, d) for n, d in names.items())
     gears = 1.0
     text = config.text(section, "gear_ratio") or config.text("stepper_a", "gear_ratio") or "1:1"
     for pair in text.split(","):
         try:
             driven, driving = map(float, pair.split(":"))
-            gears *= driven / driving
-        except (ValueError, ZeroDivisionError):
-            raise config.refuse(section, "gear_ratio", "teeth such as 80:20, 3:1") from None
-    return rotation / (full * micro * gears)
+        except ValueError:
+            driven, driving = 0.0, 0.0
+        if not (0.0 < driven < TEETH and 0.0 < driving < TEETH):
+            raise config.refuse(section, "gear_ratio", "teeth such as 80:20, 3:1")
+        gears *= driven / driving
+    step = rotation / full / micro / gears
+    if not 0.0 < step < math.inf:
+        raise config.refuse(section, "rotation_distance", "a step that is a length")
+    return step

@@ -57,6 +57,13 @@ class Config:
             raise self.refuse(section, option, "a number")
         return value
 
+    def above_zero(self, section: str, option: str, default: float | None = None) -> float:
+        """An option as a number above zero."""
+        value = self.number(section, option, default)
+        if value <= 0.0:
+            raise self.refuse(section, option, "a number above zero")
+        return value
+
     def steps(self, option: str) -> list[float]:
         """Steps of the three towers."""
         text = self.text("delta_calibrate", option) or ""
