@@ -50,7 +50,7 @@ def test_a_damaged_text_is_refused_with_its_name_or_held_what_is_read(
     path = scratch / f"{kind}.txt"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     try:
-        log = rsicalib.import_log(path, format=kind.split()[0], hold=0)
+        log = rsicalib.import_log(path, format=kind.split()[0])
     except InputError as error:
         assert str(path) in str(error)
         return

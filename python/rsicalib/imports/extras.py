@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rsicalib.errors import InputError
+from rsicalib.io.sources import largest_file
 
 __all__ = ["EXTRAS", "needed", "read_by", "wrapped"]
 
@@ -88,8 +90,14 @@ def read_by(library: str, source: str, expected: str, hint: str = "") -> Iterato
     """
     try:
         yield
-    except (InputError, MemoryError):
+    except InputError:
         raise
+    except MemoryError:
+        # A damaged length asks for more than there is; a file that is too large does, too.
+        if not os.path.isfile(source) or os.path.getsize(source) > largest_file():
+            raise
+        found = f"a length that no memory holds, where {library} expects one of the file"
+        raise InputError.at(source, found=found, expected=expected, hint=hint) from None
     except Exception as error:
         lines = str(error).splitlines() or [type(error).__name__]
         found = f"what {library} cannot read ({lines[0][:200]})"

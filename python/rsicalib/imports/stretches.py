@@ -13,6 +13,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from rsicalib._core import LARGEST
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked
@@ -77,6 +78,19 @@ def session_of(
         Held poses with what is between them in `motion`, or the recording; and the rule in words.
     """
     hold = hold if asked.hold is None else asked.hold
+    beyond = np.argwhere(~(np.abs(recording.values) <= LARGEST))
+    if beyond.size:
+        row, column = beyond[0].tolist()
+        found = f"{recording.values[row, column]:g}"
+        expected = f"a finite number, of {LARGEST:g} at the most"
+        raise InputError.at(
+            source,
+            line=int(recording.lines[row]),
+            column=recording.names[column],
+            found=found,
+            expected=expected,
+            line_word="row",
+        )
     time = recording.time_s
     if time is None and asked.rate is not None:
         time = np.arange(len(recording.lines)) / asked.rate

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsicalib._core import LARGEST
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
@@ -114,7 +115,7 @@ class Teleop:
 
     def _check(self, part: Recording) -> None:
         """Refuse what is no number."""
-        bad = np.argwhere(~np.isfinite(part.values))
+        bad = np.argwhere(~(np.abs(part.values) <= LARGEST))
         if bad.size:
             row, column = bad[0].tolist()
             source = f"{self.source}, {part.name}" if part.name else self.source
@@ -123,7 +124,7 @@ class Teleop:
                 line=int(part.lines[row]),
                 column=part.names[column],
                 found=str(part.values[row, column]),
-                expected="a finite number",
+                expected=f"a finite number, of {LARGEST:g} at the most",
                 line_word="row",
             )
 

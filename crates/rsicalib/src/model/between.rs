@@ -2,7 +2,7 @@
 
 use crate::closures::kind::Part;
 use crate::mechanism::Closure;
-use crate::model::Model;
+use crate::model::compiled::Model;
 use crate::model::ends::{End, ends};
 
 /// A point that is somewhere else in each pose, or one that a closure holds such a point to.
