@@ -8,6 +8,8 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ import rsicalib
 from rsicalib import Mechanism
 from tests.families.device import Device, Session, observe, stage
 from tests.families.trials import readings_of, toml
+from tests.machines import files
+from tests.machines.trials import make
 
 DEGREES = ("noise", "offset", "limits", "range")
 Values = dict[str, Any]
@@ -159,3 +163,16 @@ def test_readings_in_the_other_unit_are_named(unit: str, factor: float) -> None:
     values = changed(in_degrees if unit == "deg" else lambda _: None)
     text = warned(values, factor)
     assert "degrees" in text or "radians" in text, text
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_an_arm_that_does_not_fit_its_plane_is_not_called_in_degrees(number: int) -> None:
+    """Readings times .017 stand nearly still: there is a plane through any such points."""
+    case = make("plane", "effect", number, 31)
+    rng = np.random.default_rng(number)
+    read = case.machine.observe(rng, case.effect, 12.0 * case.size)
+    with TemporaryDirectory() as folder:
+        csv, mechanism = files.write(case.machine, read, Path(folder))
+        found = rsicalib.calibrate(csv, mechanism)
+        assert found.quality.chi2 > 20 * found.quality.dof
+        assert "degrees" not in {w.kind for w in found.warnings}

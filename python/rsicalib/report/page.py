@@ -472,6 +472,7 @@ def _hidden(result: TraceShape) -> str:
         rms = h.platform_rms
         cost = ("–", "–") if rms is None else (number(rms.position, 2), number(rms.orientation, 2))
         size = with_unit(number(h.detectable, 2), h.unit)
+        size = "not seen at any size" if h.detectable is None else size
         target = labelled(h.target, h.label)
         target = target if h.place is None else f"{target} at {h.place}"
         rows.append((name_of(h.term), target, size, *cost[: 2 * placed]))

@@ -221,9 +221,11 @@ def _left(result: TraceShape, look: Look) -> list[str]:
             if rms is None
             else f", {number(rms.position, 2)} {result.length_unit} at the platform"
         )
-        size = with_unit(number(hidden.detectable, 2), hidden.unit)
+        size = f" up to {with_unit(number(hidden.detectable, 2), hidden.unit)}"
+        if hidden.detectable is None:
+            size = ", of any size: these poses do not show it"
         name = f"{name_of(hidden.term)} of {labelled(hidden.target, hidden.label)}"
-        lines += _cut(f"  may hide  {name} up to {size}{cost}", look)
+        lines += _cut(f"  may hide  {name}{size}{cost}", look)
     return ["", *lines] if lines else []
 
 

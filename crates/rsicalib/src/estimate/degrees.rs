@@ -144,14 +144,20 @@ pub(crate) fn in_other_unit(
     if observations.is_long() || left.is_nan() || left < DECISIVE {
         return None;
     }
-    let with = |times: f64| {
-        let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
-        let Rewired { readings, observations: of } = other;
+    let left_of = |Rewired { readings, observations: of }: Rewired| {
         let (table, rest) = (readings.table, of.rest.clone());
         let there = Observations::new(&of.mechanism, table, rest, of.options.clone()).ok()?;
-        let with = refit(&Observations { weights: of.weights, judged: true, ..there }).ok()?;
+        refit(&Observations { weights: of.weights, judged: true, ..there }).ok()
+    };
+    let with = |times: f64| {
+        let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
+        let by_chance = other.of_other_poses().ok();
+        let with = left_of(other)?;
+        if with * DECISIVE >= left || with * DECISIVE >= left_of(by_chance?)? {
+            return None;
+        }
         let of = InDegrees::Loop { times, closes: Closes { with, declared: left } };
-        (with * DECISIVE < left).then_some((with, Suspicion::Degrees { channels, of }))
+        Some((with, Suspicion::Degrees { channels, of }))
     };
     let found = OTHER_UNIT.into_iter().filter_map(with);
     found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)

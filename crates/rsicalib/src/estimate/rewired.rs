@@ -80,6 +80,24 @@ impl Rewired {
     }
 }
 
+impl Rewired {
+    /// The same with the readings of each channel from other poses. Where these close as well,
+    /// closing is no evidence: angles times .017 hardly move, and there is a plane through any points
+    /// that stand nearly still.
+    pub(crate) fn of_other_poses(&self) -> Result<Self, Error> {
+        let (rows, channels) = (self.readings.samples, self.readings.channels);
+        let mut table = self.readings.table.clone();
+        for (cell, value) in table.values.iter_mut().enumerate() {
+            let (row, channel) = (cell / channels, cell % channels);
+            let other = (row + (channel + 1) * rows / (channels + 1)) % rows;
+            *value = self.readings.table.values[other * channels + channel];
+        }
+        let observations = self.observations.clone();
+        let readings = Readings::beside(&observations.mechanism, table, &self.readings)?;
+        Ok(Self { readings, observations })
+    }
+}
+
 /// What readings in the other unit are multiplied by.
 pub(crate) const OTHER_UNIT: [f64; 2] = [180.0 / PI, PI / 180.0];
 
@@ -124,27 +142,31 @@ impl<'a> Poses<'a> {
         scores.fold(f64::INFINITY, f64::min)
     }
 
-    /// Every mistake with the χ² per equation that is left without it, the best first.
-    fn mistakes(&self, declared: f64) -> Vec<(f64, Suspicion)> {
+    /// Every mistake with the readings and the χ² per equation that are left without it, the best
+    /// first.
+    fn mistakes(&self, declared: f64) -> Vec<(f64, Suspicion, Rewired)> {
         let (observations, readings) = (self.search.observations, &self.readings);
         let channels = readings.channels;
         let pairs = (0..channels).flat_map(|a| (a + 1..channels).map(move |b| [a, b]));
         let exchanged = pairs.filter_map(|channels| {
-            let with = self.without(&Rewired::exchanged(observations, readings, channels)?);
-            Some((with, Suspicion::Exchanged { channels, closes: Closes { with, declared } }))
+            let rewired = Rewired::exchanged(observations, readings, channels)?;
+            let with = self.without(&rewired);
+            let closes = Closes { with, declared };
+            Some((with, Suspicion::Exchanged { channels, closes }, rewired))
         });
         let reversed = (0..channels).filter_map(|c| {
-            let with = self.without(&Rewired::mirrored(observations, readings, c)?);
+            let rewired = Rewired::mirrored(observations, readings, c)?;
+            let with = self.without(&rewired);
             let closes = Closes { with, declared };
-            Some((with, Suspicion::Reversed { channels: vec![c], closes }))
+            Some((with, Suspicion::Reversed { channels: vec![c], closes }, rewired))
         });
         let scaled = OTHER_UNIT.into_iter().filter_map(|times| {
-            let (other, channels) = Rewired::scaled(observations, readings, times)?;
-            let with = self.without(&other);
+            let (rewired, channels) = Rewired::scaled(observations, readings, times)?;
+            let with = self.without(&rewired);
             let of = InDegrees::Loop { times, closes: Closes { with, declared } };
-            Some((with, Suspicion::Degrees { channels, of }))
+            Some((with, Suspicion::Degrees { channels, of }, rewired))
         });
-        let mut found: Vec<(f64, Suspicion)> = exchanged.chain(reversed).chain(scaled).collect();
+        let mut found: Vec<_> = exchanged.chain(reversed).chain(scaled).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         found
     }
@@ -160,8 +182,9 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: Option<&End>) -> Option<Su
         return None;
     }
     let mut found = poses.mistakes(declared).into_iter();
-    let (score, suspicion) = found.next()?;
-    let next = found.next().map_or(f64::INFINITY, |(score, _)| score);
-    let limit = search.observations.options.good_start.min(declared.min(next) / DECISIVE);
-    (score.max(1.0) <= limit).then_some(suspicion)
+    let (score, suspicion, rewired) = found.next()?;
+    let next = found.next().map_or(f64::INFINITY, |(score, ..)| score);
+    let by_chance = poses.without(&rewired.of_other_poses().ok()?);
+    let limit = declared.min(next).min(by_chance) / DECISIVE;
+    (score.max(1.0) <= limit.min(search.observations.options.good_start)).then_some(suspicion)
 }

@@ -372,17 +372,11 @@ pub fn traced(
         }
         _ => target,
     };
-    let text = match another {
-        Some(((rival, apart), sd)) => {
-            format!("{}; {text}", words::another(&traced.small.mechanism, rival, apart, sd))
-        }
-        None => text,
-    };
+    let other = |((rival, apart), sd)| words::another(&traced.small.mechanism, rival, apart, sd);
     let unknown = traced.unknown.as_ref().filter(|law| law.ties());
-    let text = match unknown {
-        Some(law) => format!("{text}; {}", words::unknown_law(&traced.small.mechanism, law)),
-        None => text,
-    };
+    let law = unknown.map(|law| words::unknown_law(&traced.small.mechanism, law));
+    let said: Vec<String> = another.map(other).into_iter().chain([text]).chain(law).collect();
+    let text = words::sentences(&said);
     progress.enter(Stage::Detectability);
     let hidden = could_hide(&traced, search)?;
     let report = TraceReport {

@@ -344,15 +344,15 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
     match residual {
         Residual::Noise { nearest: None } => (None, "nothing left above the noise".into()),
         Residual::Noise { nearest: Some((instance, p)) } => {
-            let (id, target) = (instance.term.info().id, instance.target.name(mechanism));
+            let nearest = of(mechanism, instance);
             let text = match *p <= LEVEL {
                 true => format!(
                     "no more left than the noise that is declared, but a part of it is no chance: \
-                     nearest to it is {id} of {target} (p = {p:.1e}). Record poses again at other \
+                     nearest to it is {nearest} (p = {p:.1e}). Record poses again at other \
                      times, which shows what of it is noise"
                 ),
                 false => format!(
-                    "nothing left above the noise; nearest to it is {id} of {target}, as chance \
+                    "nothing left above the noise; nearest to it is {nearest}, as chance \
                      makes one with p = {p:.2}"
                 ),
             };
@@ -447,15 +447,40 @@ fn likely(mechanism: &Mechanism, likely: &[(usize, f64)]) -> (String, String) {
 /// An explanation that fits as well and puts the platform elsewhere: how far, and what is predicted.
 #[must_use]
 pub fn another(mechanism: &Mechanism, rival: &Explanation, apart: f64, predicted: f64) -> String {
-    let name = |i: &Instance| format!("{}@{}", i.term.info().id, i.target.name(mechanism));
-    let names: Vec<String> = rival.effects.iter().map(name).collect();
+    let names: Vec<String> = rival.effects.iter().map(|i| of(mechanism, i)).collect();
+    let names = match names.split_last() {
+        Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        _ => names.concat(),
+    };
     let what = if mechanism.platform.is_empty() { "carried points" } else { "the platform" };
     let unit = &mechanism.length_unit;
     format!(
-        "{} would fit as well and put {what} {apart:.2e} {unit} elsewhere, more than the \
-         {predicted:.2e} {unit} that are predicted",
-        names.join(" with ")
+        "{names} would fit as well and put {what} {apart:.2e} {unit} elsewhere, more than the \
+         {predicted:.2e} {unit} that are predicted"
     )
+}
+
+/// An effect as people read it: `base tilt of tower a`.
+fn of(mechanism: &Mechanism, instance: &Instance) -> String {
+    format!("{} of {}", spoken(instance.term.info().id), instance.target.name(mechanism))
+}
+
+/// The id of a term as people read it.
+fn spoken(id: &str) -> String {
+    id.replace('_', " ")
+}
+
+/// Several statements, a sentence each; one alone stays as it is.
+#[must_use]
+pub fn sentences(statements: &[String]) -> String {
+    let one = |text: &String| {
+        let (first, rest) = text.split_at(text.chars().next().map_or(0, char::len_utf8));
+        format!("{}{}.", first.to_uppercase(), rest.trim_end_matches('.'))
+    };
+    match statements {
+        [alone] => alone.clone(),
+        several => several.iter().map(one).collect::<Vec<_>>().join(" "),
+    }
 }
 
 /// A law that no term has, and what it depends on.
@@ -513,7 +538,7 @@ pub fn location(mechanism: &Mechanism, at: &Location) -> String {
 
 /// What is doubtful of the effects found: a target, and why.
 fn doubted(mechanism: &Mechanism, doubted: &Doubted) -> (String, String) {
-    let id = doubted.instance.term.info().id;
+    let id = spoken(doubted.instance.term.info().id);
     let (target, what) = match doubted.doubt {
         Doubt::Faint { rise } => {
             let target = doubted.instance.target.name(mechanism);
@@ -529,7 +554,7 @@ fn doubted(mechanism: &Mechanism, doubted: &Doubted) -> (String, String) {
         Doubt::InChains(count) => ("all".to_owned(), format!("{id} is named in {count} chains")),
         Doubt::TwoLaws(other) => {
             let target = doubted.instance.target.name(mechanism);
-            let other = other.term.info().id;
+            let other = spoken(other.term.info().id);
             let what = format!("{target} has errors of two laws, {other} and {id}");
             (target, what)
         }
