@@ -22,6 +22,7 @@ import numpy as np
 
 from rsicalib import Mechanism, calibrate, trace
 from rsicalib.errors import InputError, OpenLoopsWarning
+from rsicalib.io.files import write_text
 from tests.families import linkage, trials
 from tests.families.device import Device, Effect, Scene, observe, stage
 from tests.families.draw import FAMILIES, Rng
@@ -40,7 +41,29 @@ GREW = 1.1
 """An error that is larger by this factor has grown."""
 LAW = "unknown_law"
 """What a law that no term has is called in `also_fits`."""
-KINDS = ("outside", "single", "clean")
+SAME = {"drift": "time", "hysteresis": "direction"}
+"""Terms of the catalogue, and what they depend on."""
+KINDS = ("outside", "single", "clean", "left_out")
+"""Of a law outside the catalogue; of one of it; of none; of one of it whose term is taken out."""
+
+HEAD = """# Laws that no term has
+
+Written by `{command} --report docs/unknown.md`. It draws machines of
+{families} families, {devices} in all. The error of one channel is a product of one or two factors:
+powers, waves and thresholds of joints, torques, paths travelled, play that remembers its last
+turns;
+noncentrality 30 to 300. The search does not know that grammar, and the arithmetic is the
+simulator's own. [The search](search.md) says how such a law is weighed beside what was found.
+
+- *place right*: the channel is named, or blamed, or what is left is said to be there.
+- *variables*: `unexplained.depends_on` names one of the law's variables, or says that it cannot be
+  told from one that it names. There are none where the verdict is *explained* and no tie is told.
+- *error after above that before*: points at check poses are {grew} times worse than those of a
+  calibration without what was found.
+- *left out*: the catalogue's own effects, the term that describes them taken out of the search.
+  Another class or place is wrong; the same sensor by another name is not.
+- A rate has its binomial standard error.
+"""
 
 Law = Callable[[Array, Scene], Array]
 
@@ -127,6 +150,7 @@ class Told:
     blamed: bool
     variables: bool
     named: bool
+    place: bool
     before: float
     after: float
     seconds: float
@@ -134,7 +158,15 @@ class Told:
     @property
     def wrong(self) -> bool:
         """Whether it is explained by what the catalogue has, and no tie told."""
-        return self.verdict == "explained" and LAW not in self.ties
+        said = self.verdict == "explained" and LAW not in self.ties
+        return said and (self.kind == "outside" or (self.kind == "left_out" and not self.place))
+
+    @property
+    def over_the_same(self) -> bool:
+        """Whether a drift stands for a path travelled, or a hysteresis for play with a memory."""
+        terms = {one.partition("@")[0] for one in self.said}
+        over = {SAME[term] for term in terms & set(SAME)}
+        return any(one.startswith(tuple(over)) for one in self.truth.split("*")) if over else False
 
     @property
     def worse(self) -> bool:
@@ -216,11 +248,12 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
     if kind == "outside":
         case, variables = outside(family, number, seed)
     else:
-        case = trials.make(family, kind, number, seed)
+        case = trials.make(family, "single" if kind == "left_out" else kind, number, seed)
+    without = [e.term for e in case.effects] if kind == "left_out" else None
     mechanism = Mechanism.from_toml(case.text)
     readings = trials.readings_of(mechanism, case.session)
     begin = perf_counter()
-    found = trace(readings, mechanism)
+    found = trace(readings, mechanism, without=without)
     seconds = perf_counter() - begin
     result = found.to_dict()
     errors = []
@@ -250,6 +283,7 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
         blamed=any(e.target in blamed(result) for e in case.effects),
         variables=bool(depends) and any(variables & one for one in depends),
         named=bool(own) and all(own) and result["verdict"] == "explained",
+        place=bool(own) and all(own),
         before=errors[0],
         after=errors[1],
         seconds=seconds,
@@ -259,19 +293,56 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
 def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
     """What is counted, and how often."""
     own = {kind: [r for r in rows if r.kind == kind] for kind in KINDS}
-    law = own["outside"]
+    law, out_of = own["outside"], own["left_out"]
     out = [
         ("place right", cell([r.blamed for r in law])),
         ("variables right, or a tie that holds the right one", cell([r.variables for r in law])),
         ("explained by what the catalogue has, no tie told", cell([r.wrong for r in law])),
+        (
+            "the same, and no drift for a path travelled, nor hysteresis for play",
+            cell([r.wrong and not r.over_the_same for r in law]),
+        ),
         ("platform error after above that before", cell([r.worse for r in law])),
         ("catalogue singles named and explained", cell([r.named for r in own["single"]])),
         ("catalogue singles: the unknown law ties", cell([LAW in r.ties for r in own["single"]])),
+        (
+            "catalogue singles: error after above that before",
+            cell([r.worse for r in own["single"]]),
+        ),
+        (
+            "left out: explained by another class or place, no tie told",
+            cell([r.wrong for r in out_of]),
+        ),
+        ("left out: error after above that before", cell([r.worse for r in out_of])),
         ("clean devices given a law", cell([bool(r.said) for r in own["clean"]])),
         ("seconds of a trace with a law", f"{np.mean([r.seconds for r in law] or [0.0]):.2f}"),
     ]
     verdicts = Counter(r.verdict for r in law)
     return [*out, ("verdicts", ", ".join(f"{v} {n}" for v, n in verdicts.most_common()))]
+
+
+def page(rows: Sequence[Told], command: str) -> str:
+    """The page of the docs."""
+    lines = [
+        HEAD.format(command=command, families=len(PLACES), grew=GREW, devices=len(rows)),
+        "| | |",
+        "|---|---|",
+    ]
+    lines += [f"| {name} | {value} |" for name, value in table(rows)]
+    lines += ["", "By family, of the laws outside the catalogue:", ""]
+    lines += [
+        "| family | place | variables | explained, no tie | error grew |",
+        "|---|---|---|---|---|",
+    ]
+    for family in PLACES:
+        law = [r for r in rows if r.kind == "outside" and r.family == family]
+        counts = [sum(getattr(r, what) for r in law) for what in COLUMNS]
+        lines.append(f"| {family} | {' | '.join(f'{n} of {len(law)}' for n in counts)} |")
+    return "\n".join([*lines, ""])
+
+
+COLUMNS = ("blamed", "variables", "wrong", "worse")
+"""What is counted of each family."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -284,6 +355,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, help="drawn where it is not given")
     parser.add_argument("--minutes", type=float, help="begin no other device after so long")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--report", help="write the page of the docs there")
     options = parser.parse_args(arguments)
     drawn = int(np.random.default_rng().integers(10**6))
     seed = drawn if options.seed is None else options.seed
@@ -306,7 +378,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(
                 f"  {told.kind} {told.family} {told.truth} {told.strength:.0f}: {told.verdict} "
                 f"{', '.join(told.said)} | {' '.join(dict.fromkeys(told.ties))} "
-                f"{'wrong' if told.wrong else ''} {told.seconds:.2f}",
+                f"{'wrong' if told.wrong else ''} error {told.before:.3g} {told.after:.3g} "
+                f"{told.seconds:.2f} s",
                 flush=True,
             )
             if options.minutes is not None and perf_counter() - start > 60 * options.minutes:
@@ -314,6 +387,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 break
     for name, value in table(rows):
         print(f"| {name} | {value} |")
+    if options.report:
+        command = f"python -m tests.outside --devices {options.devices} --seed {seed}"
+        command += "" if options.minutes is None else f" --minutes {options.minutes:g}"
+        write_text(options.report, page(rows, command))
 
 
 if __name__ == "__main__":

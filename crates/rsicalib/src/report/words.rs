@@ -6,6 +6,7 @@ use crate::diagnosis::location::Location;
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::stepwise::rivals::Explanation;
+use crate::diagnosis::unknown_law::variables::Quantity;
 use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Directions, Moves};
@@ -492,12 +493,38 @@ pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
     };
     let on: Vec<String> = law.depends_on.iter().map(one).collect();
     let name = law.target.name(mechanism);
+    let next: Vec<String> =
+        law.variables.iter().map(|v| tells(mechanism, *v, law.target)).collect();
     let how = match () {
         () if law.replaces.is_empty() => "may explain it",
         () if law.better() => "explains it better than what was found",
         () => "explains it as well as what was found",
     };
-    format!("a law that no term has, of {name}, that depends on {}, {how}", on.join(" and on "))
+    format!(
+        "a law that no term has, of {name}, that depends on {}, {how}: an error of {:.1e} {} root \
+         mean square. What would tell: {}",
+        on.join(" and on "),
+        law.size,
+        mechanism.coordinate_unit(law.target),
+        next.join("; ")
+    )
+}
+
+/// What to record to see whether errors of a target depend on a variable.
+fn tells(mechanism: &Mechanism, variable: Quantity, target: Target) -> String {
+    let name = |c: usize| mechanism.channels[c].name.as_str();
+    let own = target.name(mechanism);
+    match variable {
+        Quantity::Theta(c) if target == Target::Channel(c) => {
+            format!("more poses that move {own} through its range, all else held")
+        }
+        Quantity::Theta(c) => format!("poses that move {} through its range, {own} held", name(c)),
+        Quantity::Direction(c) => format!("the same poses, {} come from its other side", name(c)),
+        Quantity::Travelled(_) | Quantity::Time => "the first poses once more at the end".into(),
+        Quantity::Torque(c) => format!("the same poses with another weight on {}", name(c)),
+        Quantity::Column(_) => "the same poses with another value of that column".into(),
+        Quantity::Temperature => "the same poses, warmer or colder".into(),
+    }
 }
 
 /// Variables that are named beside the likeliest one; all stand in the JSON.

@@ -65,6 +65,54 @@ impl Errors {
     pub fn evidence(&self, variables: &[&[f64]], data: &Data, chi2: f64) -> Evidence {
         let basis = Basis::of(variables, self.square.len());
         let m = basis.degrees.len();
+        let (square, gradient) = self.normal(&basis);
+        let usual = self.square.iter().sum::<f64>() / self.square.len().max(1) as f64;
+        let mut found = Vec::with_capacity(SMOOTH.len() * AMPLITUDES as usize);
+        for smooth in SMOOTH {
+            let scale = |j: usize| basis.degrees[j].powf(-smooth);
+            let of = DMatrix::from_fn(m, m, |i, j| square[(i, j)] * scale(i) * scale(j));
+            let eigen = of.symmetric_eigen();
+            let along =
+                eigen.eigenvectors.transpose() * DVector::from_fn(m, |j, _| gradient[j] * scale(j));
+            for k in 0..AMPLITUDES {
+                let tau2 = 4.0_f64.powi(k) / (16.0 * usual);
+                let (mut fall, mut spread) = (0.0, 0.0);
+                for (value, u) in eigen.eigenvalues.iter().zip(&along) {
+                    let more = tau2 * value.max(0.0);
+                    fall += tau2 * u * u / (1.0 + more);
+                    spread += more.ln_1p();
+                }
+                let price = data.of((chi2 - fall).max(0.0)) - data.of(chi2) + spread;
+                found.push((price, fall, smooth, tau2));
+            }
+        }
+        let price = mean(found.iter().map(|one| (one.0, 1.0)));
+        let best = found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let (_, fall, smooth, tau2) = best.unwrap_or((0.0, 0.0, 1.0, 0.0));
+        Evidence { price, fall, smooth, tau2 }
+    }
+
+    /// Root mean square over the samples of the likeliest errors by a law of these variables, of which
+    /// `evidence` is known, in the unit of readings: those of the posterior mean of `b`.
+    pub fn size(&self, variables: &[&[f64]], evidence: &Evidence) -> f64 {
+        let basis = Basis::of(variables, self.square.len());
+        let (square, gradient) = self.normal(&basis);
+        let m = basis.degrees.len();
+        let sd = |j: usize| evidence.tau2.sqrt() * basis.degrees[j].powf(-evidence.smooth);
+        let whole = DMatrix::from_fn(m, m, |i, j| {
+            sd(i) * square[(i, j)] * sd(j) + if i == j { 1.0 } else { 0.0 }
+        });
+        let right = DVector::from_fn(m, |j, _| sd(j) * gradient[j]);
+        let Some(b) = whole.cholesky().map(|root| root.solve(&right)) else { return f64::NAN };
+        let errors = basis.values.chunks_exact(m).map(|values| -> f64 {
+            values.iter().enumerate().map(|(j, value)| value * sd(j) * b[j]).sum()
+        });
+        (errors.map(|e| e * e).sum::<f64>() / self.square.len().max(1) as f64).sqrt()
+    }
+
+    /// `M` and `u` of (71) for the columns of a basis.
+    fn normal(&self, basis: &Basis) -> (DMatrix<f64>, DVector<f64>) {
+        let m = basis.degrees.len();
         let mut square = DMatrix::<f64>::zeros(m, m);
         let mut gradient = DVector::<f64>::zeros(m);
         let rank = self.absorbed.first().map_or(0, Vec::len);
@@ -89,29 +137,7 @@ impl Errors {
                 square[(j, i)] = square[(i, j)];
             }
         }
-        let usual = self.square.iter().sum::<f64>() / self.square.len().max(1) as f64;
-        let mut found = Vec::with_capacity(SMOOTH.len() * AMPLITUDES as usize);
-        for smooth in SMOOTH {
-            let scale = |j: usize| basis.degrees[j].powf(-smooth);
-            let of = DMatrix::from_fn(m, m, |i, j| square[(i, j)] * scale(i) * scale(j));
-            let eigen = of.symmetric_eigen();
-            let along =
-                eigen.eigenvectors.transpose() * DVector::from_fn(m, |j, _| gradient[j] * scale(j));
-            for k in 0..AMPLITUDES {
-                let tau2 = 4.0_f64.powi(k) / (16.0 * usual);
-                let (mut fall, mut spread) = (0.0, 0.0);
-                for (value, u) in eigen.eigenvalues.iter().zip(&along) {
-                    let more = tau2 * value.max(0.0);
-                    fall += tau2 * u * u / (1.0 + more);
-                    spread += more.ln_1p();
-                }
-                let price = data.of((chi2 - fall).max(0.0)) - data.of(chi2) + spread;
-                found.push(Evidence { price, fall });
-            }
-        }
-        let price = mean(found.iter().map(|e| (e.price, 1.0)));
-        let best = found.into_iter().min_by(|a, b| a.price.total_cmp(&b.price));
-        Evidence { price, fall: best.map_or(0.0, |e| e.fall) }
+        (square, gradient)
     }
 }
 
@@ -122,6 +148,10 @@ pub struct Evidence {
     pub price: f64,
     /// By how much χ² falls with the likeliest amplitude.
     pub fall: f64,
+    /// The likeliest smoothness `s`.
+    pub smooth: f64,
+    /// The square of the likeliest amplitude.
+    pub tau2: f64,
 }
 
 /// `-2 ln` of the mean of `exp(-price/2)`, each with its weight.

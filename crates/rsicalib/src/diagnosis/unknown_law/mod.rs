@@ -2,10 +2,12 @@
 //!
 //! The price (113) of such a law is that of a smooth function of one or two variables of the session,
 //! averaged over these and over amplitudes, (115). It stands in place of one effect that was found, or of
-//! all of them. A curve over the channel's own reading, and one over time, are terms.
+//! all of them. A curve over the channel's own reading, and one over time, are terms. A law over torque
+//! holds what a load does, one over a direction what hysteresis does: in place of such effects it has their
+//! price, and that of what it adds.
 
 mod evidence;
-mod variables;
+pub mod variables;
 
 use crate::Error;
 use crate::diagnosis::price::{Data, Family, prior};
@@ -19,7 +21,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::numerics::workers;
-use crate::terms::term::Class;
+use crate::terms::term::Needs;
 
 /// Id of a law that no term has.
 pub const UNKNOWN_LAW: &str = "unknown_law";
@@ -38,8 +40,12 @@ pub struct UnknownLaw {
     pub price: f64,
     /// That less the price of what was found.
     pub behind: f64,
+    /// Root mean square of its likeliest errors over the poses, in the unit of the joint.
+    pub size: f64,
     /// What it depends on.
     pub depends_on: Vec<DependsOn>,
+    /// The same variables.
+    pub(crate) variables: Vec<Quantity>,
 }
 
 /// A variable on which errors depend.
@@ -75,6 +81,18 @@ struct Scan {
     channel: usize,
     sets: Vec<(Vec<usize>, Evidence)>,
     price: f64,
+    /// Of its likeliest errors, in the unit of readings.
+    size: f64,
+}
+
+/// A fit beside which laws are weighed.
+struct Beside<'a> {
+    at: AtFit<'a>,
+    chi2: f64,
+    /// Its price, all that it keeps included.
+    price: f64,
+    /// Whether laws are weighed here that hold what it keeps, or all others; none where all are.
+    holding: Option<bool>,
 }
 
 impl Stepwise<'_> {
@@ -100,28 +118,43 @@ impl Stepwise<'_> {
         if effects.len() > 1 {
             replaced.extend(effects.iter().map(|s| vec![*s]));
         }
-        // A law over torque would hold what a load does: in place of loads it is not weighed.
-        let is_load = |s: &Scored| s.instance.term.info().class == Class::Load;
-        replaced.retain(|gone| !gone.iter().any(is_load));
+        let of_found = self.said_of(current) + paid(found);
         let mut best: Option<UnknownLaw> = None;
         for gone in replaced {
-            let instances: Vec<Instance> = gone.iter().map(|s| s.instance).collect();
-            let without = self.without(current, &instances)?;
-            let at = AtFit::new(&self.small, &without);
-            let variables = variables(&at, &rows)?;
-            let Some(scan) = likeliest(&at, &rows, &variables, &self.data, cost(&without)) else {
-                continue;
-            };
-            let paid = |of: &[Scored]| of.iter().map(Scored::paid).sum::<f64>();
-            let kept = paid(found) - paid(&gone);
-            let price = self.said_of(&without) + scan.price + kept;
-            if best.as_ref().is_none_or(|b| price < b.price) {
+            // A law over torque holds what a load does: it is priced as that load, and what is beyond.
+            let over = |q: Quantity| gone.iter().any(|s| is_over(&s.instance, q));
+            let (held, others): (Vec<Scored>, Vec<Scored>) =
+                gone.iter().partition(|s| s.instance.term.info().needs != Needs::Nothing);
+            let mut fits = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
+            if !held.is_empty() {
+                fits.push((others, Some(true)));
+            }
+            let mut beside = Vec::with_capacity(fits.len());
+            for (without, holding) in fits {
+                let fit = self.without(current, &instances(&without))?;
+                let price = self.said_of(&fit) + paid(found) - paid(&without);
+                beside.push((fit, price, holding));
+            }
+            let beside: Vec<Beside> = beside
+                .iter()
+                .map(|(fit, price, holding)| {
+                    let at = AtFit::new(&self.small, fit);
+                    Beside { at, chi2: cost(fit), price: *price, holding: *holding }
+                })
+                .collect();
+            let variables = variables(&beside[0].at, &rows)?;
+            let scan = likeliest(&beside, &rows, &variables, &over, &self.data);
+            let Some(scan) = scan else { continue };
+            if best.as_ref().is_none_or(|b| scan.price < b.price) {
+                let on = depends_on(&self.small, &scan, &variables);
                 best = Some(UnknownLaw {
                     target: Target::Channel(scan.channel),
-                    replaces: instances,
-                    price,
-                    behind: price - self.said_of(current) - paid(found),
-                    depends_on: depends_on(&self.small, &scan, &variables),
+                    replaces: instances(&gone),
+                    price: scan.price,
+                    behind: scan.price - of_found,
+                    size: scan.size * self.small.mechanism.channels[scan.channel].gain.abs(),
+                    variables: on.iter().map(|one| one.0).collect(),
+                    depends_on: on.into_iter().map(|one| one.1).collect(),
                 });
             }
         }
@@ -129,32 +162,61 @@ impl Stepwise<'_> {
     }
 }
 
-/// The channel of the likeliest law at a fit of which χ² is `chi2`, with its price.
+fn instances(of: &[Scored]) -> Vec<Instance> {
+    of.iter().map(|s| s.instance).collect()
+}
+
+fn paid(of: &[Scored]) -> f64 {
+    of.iter().map(Scored::paid).sum()
+}
+
+/// True where an effect is a function of a quantity: a law over it holds what the effect does.
+fn is_over(instance: &Instance, quantity: Quantity) -> bool {
+    match instance.term.info().needs {
+        Needs::Nothing | Needs::Motion => false,
+        Needs::Order => quantity == Quantity::Time,
+        Needs::Temperature => quantity == Quantity::Temperature,
+        Needs::Approach => matches!(quantity, Quantity::Direction(_)),
+        Needs::Gravity | Needs::Masses => matches!(quantity, Quantity::Torque(_)),
+    }
+}
+
+/// The channel of the likeliest law, with its price; all fits leave the same errors to it but for what
+/// they keep.
 fn likeliest(
-    at: &AtFit,
+    beside: &[Beside],
     rows: &[usize],
     variables: &[Variable],
+    over: &(dyn Fn(Quantity) -> bool + Sync),
     data: &Data,
-    chi2: f64,
 ) -> Option<Scan> {
-    let channels = at.observations.readings.channels;
-    let scans = workers::map(0..channels, |channel| {
-        let errors = Errors::of(at, rows, channel);
-        if !errors.show() {
+    let observations = beside[0].at.observations;
+    let scans = workers::map(0..observations.readings.channels, |channel| {
+        let errors: Vec<Errors> =
+            beside.iter().map(|one| Errors::of(&one.at, rows, channel)).collect();
+        if !errors[0].show() {
             return None;
         }
-        let sets = sets(at.observations, variables, channel);
-        let each = sets.into_iter().map(|set| {
+        let each = sets(observations, variables, channel).into_iter().filter_map(|set| {
+            let holds = set.iter().any(|&v| over(variables[v].quantity));
+            let here = |one: &Beside| one.holding.is_none_or(|holding| holding == holds);
+            let (one, errors) = beside.iter().zip(&errors).find(|(one, _)| here(one))?;
             let values: Vec<&[f64]> = set.iter().map(|&v| &variables[v].values[..]).collect();
-            let evidence = errors.evidence(&values, data, chi2);
-            (set, evidence)
+            let evidence = errors.evidence(&values, data, one.chi2);
+            let fall = evidence.fall + beside[0].chi2 - one.chi2;
+            Some((set, Evidence { price: one.price + evidence.price, fall, ..evidence }))
         });
         let sets: Vec<(Vec<usize>, Evidence)> = each.collect();
         // One variable is as likely beforehand as two.
         let of = |width: usize| sets.iter().filter(|(set, _)| set.len() == width).count() as f64;
         let many = [of(1), of(2)];
         let price = mean(sets.iter().map(|(set, e)| (e.price, 1.0 / many[set.len() - 1])));
-        Some(Scan { channel, sets, price })
+        let best = sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
+        let size = best.map_or(f64::NAN, |(set, evidence)| {
+            let values: Vec<&[f64]> = set.iter().map(|&v| &variables[v].values[..]).collect();
+            errors[0].size(&values, evidence)
+        });
+        Some(Scan { channel, sets, price, size })
     });
     let scans: Vec<Scan> = scans.into_iter().flatten().filter(|s| !s.sets.is_empty()).collect();
     let places = scans.len() as f64 / prior(Family::Free);
@@ -180,7 +242,11 @@ fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> 
 }
 
 /// What the likeliest law of a channel depends on, and what cannot be told from it.
-fn depends_on(observations: &Observations, scan: &Scan, variables: &[Variable]) -> Vec<DependsOn> {
+fn depends_on(
+    observations: &Observations,
+    scan: &Scan,
+    variables: &[Variable],
+) -> Vec<(Quantity, DependsOn)> {
     let likeliest = scan.sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
     let Some((set, best)) = likeliest else { return Vec::new() };
     let name = |v: usize| variables[v].quantity.name(observations);
@@ -203,9 +269,12 @@ fn depends_on(observations: &Observations, scan: &Scan, variables: &[Variable]) 
         others.into_iter().map(|(_, w)| name(w)).collect()
     };
     let each = set.iter().zip(&lost);
-    let mut out: Vec<DependsOn> = each
-        .map(|(&v, lost)| DependsOn { variable: name(v), share: lost / all, also: instead(v) })
+    let mut out: Vec<(Quantity, DependsOn)> = each
+        .map(|(&v, lost)| {
+            let on = DependsOn { variable: name(v), share: lost / all, also: instead(v) };
+            (variables[v].quantity, on)
+        })
         .collect();
-    out.sort_by(|a, b| b.share.total_cmp(&a.share));
+    out.sort_by(|a, b| b.1.share.total_cmp(&a.1.share));
     out
 }
