@@ -5,11 +5,15 @@ The simulator is products of plain matrices; the full form is `python -m tests.b
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy import stats
 
 import rsicalib
 from tests import between
+from tests.machines import arm, files
 from tests.test_examples import sockets
 
 ARMS = 12
@@ -60,3 +64,31 @@ def test_sessions_are_groups_where_nothing_was_placed() -> None:
     found = rsicalib.calibrate(halves, rest=REST)
     assert found.between is not None and found.between.kind == "session"
     assert found.between.groups == ("1", "2")
+
+
+def test_one_zero_that_differs_from_surface_to_surface_has_students_interval(
+    tmp_path: Path,
+) -> None:
+    """Four surfaces on four days: the zero of each day is well known, that of another is not."""
+    rng = np.random.default_rng(3)
+    body = arm.Body.random(rng)
+    zeros, tables = rng.normal(0, 4e-3, 4), []
+    for day, zero in enumerate(zeros):
+        job = arm.Job(body, rng, 40)
+        job.values |= {f"offset@{j}": 0.0 for j in arm.JOINTS} | {"offset@q3": float(zero)}
+        job.plane(f"table{day}")
+        read = job.machine("arm").observe(rng)
+        readings, mechanism = files.write(job.machine("arm"), read, tmp_path / str(day))
+        tables.append(readings)
+    alone = [rsicalib.calibrate(one, mechanism, terms=["offset@q3"]) for one in tables]
+    each = [p for found in alone for p in found.parameters if p.term == "offset"]
+    for one, zero in zip(each, zeros, strict=True):
+        assert one.value is not None and one.sd is not None
+        assert abs(one.value - zero) < 4 * one.sd
+    found = rsicalib.calibrate(tables, mechanism, terms=["offset@q3"])
+    (pooled,) = (p for p in found.parameters if p.term == "offset")
+    assert found.between is not None and pooled.sd_between is not None
+    # Three contrasts, and one degree less: any standard deviation between is as likely beforehand.
+    spread = np.std([p.value for p in each], ddof=1) / 2 * np.sqrt(3 / 2)
+    student = stats.t.ppf(0.975, 2) / stats.norm.ppf(0.975) * spread
+    assert pooled.sd_between == pytest.approx(student, rel=0.3)  # surfaces tell it unequally well

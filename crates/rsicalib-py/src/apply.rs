@@ -16,7 +16,7 @@ use rsicalib::model::Spec;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::observations::{PyTable, poses_of};
+use crate::observations::{PyKnown, PyTable, known_of, poses_of};
 use crate::threads::work;
 
 /// Term, target and place.
@@ -195,17 +195,16 @@ pub fn compared(
 
 /// Error of a result on known poses, root mean square over components.
 #[pyfunction]
-#[pyo3(signature = (mechanism, applied, table, poses, align=false))]
+#[pyo3(signature = (mechanism, applied, known, align=false))]
 pub fn check<'py>(
     py: Python<'py>,
     mechanism: &PyMechanism,
     applied: PyApplied,
-    table: PyTable<'_>,
-    poses: PyReadonlyArray2<'_, f64>,
+    known: PyKnown<'_>,
     align: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (applied, table, poses) = (applied.into(), table.table(), poses_of(&poses));
-    let found = work(py, || earlier::check(&mechanism.0, &applied, &table, &poses, align))?
+    let (applied, known) = (applied.into(), known_of(known, align));
+    let found = work(py, || earlier::check(&mechanism.0, &applied, &known, align))?
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
 }

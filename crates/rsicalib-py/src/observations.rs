@@ -124,8 +124,13 @@ pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
 /// A calibration in the shape of the JSON, the fit, and the fit with what was left out.
 type Calibration<'py> = (Bound<'py, PyAny>, PyFit, Option<PyFit>);
 
-/// Known poses as Python gives them: a table and the poses, row by row.
-pub type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>);
+/// Known poses as Python gives them: a table, the poses, row by row, and the point whose places they are.
+pub type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>, Option<String>);
+
+/// The same, owned by Rust.
+pub fn known_of((table, poses, point): PyKnown<'_>, align: bool) -> Known {
+    Known { table: table.table(), poses: poses_of(&poses), point, align }
+}
 
 /// What is known beside the readings, as Python gives it: see [`Beside`].
 #[derive(FromPyObject)]
@@ -153,11 +158,7 @@ pub struct PyBeside<'py> {
 impl From<PyBeside<'_>> for Beside {
     fn from(given: PyBeside<'_>) -> Self {
         let PyBeside { align, groups, keep, leave, own, .. } = given;
-        let known = |(table, poses)| Known {
-            table: PyTable::table(&table),
-            poses: poses_of(&poses),
-            align,
-        };
+        let known = |known| known_of(known, align);
         let touched = |whole| Touched { table: PyTable::table(&whole), groups, keep, leave, own };
         Self {
             mechanism: Mechanism::clone(&given.mechanism.0),
@@ -456,17 +457,16 @@ impl PyFit {
     }
 
     /// Error on known poses: `(poses, position rms, orientation rms)`.
-    #[pyo3(signature = (table, poses, align=false))]
+    #[pyo3(signature = (known, align=false))]
     fn check<'py>(
         &self,
         py: Python<'py>,
-        table: PyTable<'_>,
-        poses: PyReadonlyArray2<'_, f64>,
+        known: PyKnown<'_>,
         align: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (table, poses) = (table.table(), poses_of(&poses));
+        let known = known_of(known, align);
         let check = work(py, || {
-            rsicalib::apply::check::check(&self.observations, &self.fit, &table, &poses, align)
+            rsicalib::apply::check::check(&self.observations, &self.fit, &known, align)
         })?
         .map_err(PyError::from)?;
         Ok(pythonize(py, &check)?)

@@ -419,6 +419,8 @@ def _add_mechanism(sub: argparse.ArgumentParser) -> None:
 
 def _add_check(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--check", metavar="READINGS", help="known poses, never used in a fit")
+    words = "the point whose places they are, where chains carry several"
+    sub.add_argument("--check-point", metavar="NAME", help=words)
     words = "error on the check poses also after a rigid motion of the instrument"
     sub.add_argument("--align", action="store_true", help=words)
 

@@ -169,8 +169,9 @@ class Largest(Record):
 
     position: float
     """Length of the error of the position, length units."""
-    orientation: float
-    """Length of the errors of roll, pitch and yaw together, rad."""
+    orientation: float | None
+    """Length of the errors of roll, pitch and yaw together, rad; null where places alone are
+    known."""
     position_noise: float | None = None
     """Standard deviation of a coordinate of the position by the noise of the readings alone."""
     orientation_noise: float | None = None
@@ -202,8 +203,8 @@ class Check(Record):
     """Poses compared."""
     position_rms: float
     """Of the position, length units."""
-    orientation_rms: float
-    """Of roll, pitch and yaw, rad."""
+    orientation_rms: float | None
+    """Of roll, pitch and yaw, rad; null where places alone are known."""
     largest: Largest | None = field(default=None, metadata=IF_KNOWN)
     """Where it is largest."""
     predicted: Expected | None = field(default=None, metadata=IF_KNOWN)

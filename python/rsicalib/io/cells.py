@@ -138,13 +138,14 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
             raise refuse(name, "no such column", expected, _header_hint(name, table.names, used))
     poses = [name for name in POSE if name in index and name not in needed]
     missing = [name for name in POSE if name not in index]
-    if poses == ["x", "y", "z"] and len(missing) == len("xyz"):
-        poses = []  # places without orientation: no pose of the platform
-    if poses and missing and not set(POSE) & set(needed):
+    places = poses == [*"xyz"] and len(missing) == len("xyz")  # without an orientation
+    if poses and missing and not places and not set(POSE) & set(needed):
         found = f"'{poses[0]}' without '{missing[0]}'"
         expected = f"all six columns {' '.join(POSE)}, or none"
         raise refuse(missing[0], found, expected)
-    if len(poses) < len(POSE):  # the mechanism uses one of these names for something else
+    if (
+        len(poses) < len(POSE) and not places
+    ):  # the mechanism uses one of these names for something else
         used = {name: None for name in used if name in needed or name not in POSE}
     extra = [name or "(no name)" for name in table.names if name not in used]
     listed = ", ".join(dict.fromkeys(extra))
@@ -198,12 +199,12 @@ def read_cells(
                 bad &= ~_unknown(raw, table)
         for i in np.flatnonzero(bad).tolist():
             faults.setdefault(i, Fault(name, quoted(raw[i]), expected))
-    if len(poses) == len(POSE):
-        known = np.column_stack([np.isfinite(cells[name]) for name in POSE])
+    if poses in ([*POSE], [*POSE[:3]]):
+        known = np.column_stack([np.isfinite(cells[name]) for name in poses])
         for i in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)).tolist():
-            name = POSE[int(np.argmin(known[i]))]
+            name = poses[int(np.argmin(known[i]))]
             found = quoted(table.columns[index[name]][i])
-            expected = f"a finite number, or all six of {' '.join(POSE)} empty"
+            expected = f"a finite number, or all of {' '.join(poses)} empty"
             faults.setdefault(i, Fault(name, found, expected))
     return cells, faults
 

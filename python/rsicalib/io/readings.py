@@ -69,7 +69,8 @@ class Readings(Samples, Tabular):
     time_s, temperature_c : ndarray, shape (n,), or None
         Time [s] and temperature [°C].
     poses : ndarray, shape (n, 6), or None
-        Known poses `x y z` [length unit] `rx ry rz` [rad]; NaN where unknown.
+        Known poses `x y z` [length unit] `rx ry rz` [rad]; NaN where unknown. Known places of a
+        point have no `rx ry rz`.
     keys : dict of str to tuple of str
         Text columns (`group`, `at`, …), n entries each.
     columns : dict of str to ndarray, shape (n,)
@@ -295,6 +296,15 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
             columns[:, k] = cells[name][keep]
         return frozen(columns)
 
+    def poses() -> Any:
+        """Known poses; places have no orientation."""
+        whole = free.issuperset(POSE)
+        return (
+            beside(POSE)
+            if whole
+            else frozen(np.pad(beside(POSE[:3]), ((0, 0), (0, 3)), constant_values=np.nan))
+        )
+
     def optional(name: str) -> Any:
         return column(name) if name in free else None
 
@@ -304,7 +314,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
     names = tuple(channel.name for channel in mechanism.channels)
     rows = np.arange(1, len(keep) + 1, dtype=np.int64)
     held = "pose" in free
-    known = free.issuperset(POSE)
+    known = free.issuperset("xyz")
     readings = Readings(
         channels=names,
         values=beside(names),
@@ -313,7 +323,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
         sample=whole("sample"),
         time_s=optional("time_s"),
         temperature_c=optional("temperature_c"),
-        poses=beside(POSE) if known else None,
+        poses=poses() if known else None,
         keys={
             name: picked(map(text, table.columns[index[name]]), keep)
             for name in index

@@ -29,6 +29,7 @@ def calibrate(
     *,
     rest: ReadingsArg | None = None,
     check: ReadingsArg | None = None,
+    check_point: str | None = None,
     terms: Sequence[str] | None = None,
     closures: Sequence[str] | None = None,
     method: str | None = None,
@@ -63,7 +64,10 @@ def calibrate(
     rest : path or Readings, optional
         A reading of the rest pose: where the search starts.
     check : path or Readings, optional
-        Known poses, never used in the fit: for the error of the platform.
+        Known poses, never used in the fit: for the error of the platform; `x y z` alone are places
+        of a point that a chain carries.
+    check_point : str, optional
+        Which point, where chains carry several.
     terms : sequence of str, optional
         `offset` is a term at every target, `curvature@a22` at one; as the
         mechanism says where not given.
@@ -139,7 +143,7 @@ def calibrate(
         "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
-    beside = job.beside(job.known(check), align)
+    beside = job.beside(job.known(check, check_point), align)
     try:
         report, fit, _ = session.calibrate(beside)
     except UndeterminedError as error:

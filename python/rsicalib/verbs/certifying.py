@@ -373,7 +373,7 @@ def _known(
         largest = check.largest
         error = largest.position if quantity == "position" else largest.orientation
         sd = largest.position_noise if quantity == "position" else largest.orientation_noise
-        if sd is not None:
+        if error is not None and sd is not None:
             seen = (error, sd, check.poses, noise)
             _, own = _core.decide(1.0, math.inf, 0.0, confidence, seen)
             known.append(Known("check points", error, own, check.poses))

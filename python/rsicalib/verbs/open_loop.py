@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rsicalib import _core
-from rsicalib.errors import UndeterminedError
+from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.shapes import Parameter
 from rsicalib.results.result import Calibration
 from rsicalib.work.applying import posed
@@ -57,7 +57,10 @@ def fixture(
     """
     job = Work(mechanism, skip_bad_rows, None, about(device, note, date))
     job.take(readings, None, None, known_poses=True)
-    table, poses = posed(job.readings[0], job.mechanism)
+    table, poses, _ = posed(job.readings[0], job.mechanism)
+    if not np.isfinite(poses).all(axis=1).any():
+        found, expected = "places without orientation", "known poses: x y z and rx ry rz [rad]"
+        raise InputError.at(job.readings[0].source, found=found, expected=expected)
     try:
         lines, count = _core.fixture(job.mechanism, table, poses)
     except UndeterminedError as error:

@@ -29,6 +29,7 @@ def trace(
     *,
     rest: ReadingsArg | None = None,
     check: ReadingsArg | None = None,
+    check_point: str | None = None,
     terms: Sequence[str] | None = None,
     without: Sequence[str] | None = None,
     closures: Sequence[str] | None = None,
@@ -61,7 +62,7 @@ def trace(
         As in `calibrate`; so are all options that are not described here.
     mechanism : str, path or Mechanism
         What is read.
-    rest, check, terms, closures, noise, calibration : optional
+    rest, check, check_point, terms, closures, noise, calibration : optional
         As in `calibrate`; `terms` are those to begin with.
     without : sequence of str, optional
         Terms that are not candidates.
@@ -108,7 +109,7 @@ def trace(
         "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
-    beside = job.beside(job.known(check), align)
+    beside = job.beside(job.known(check, check_point), align)
     try:
         report = session.trace(
             beside, without=names("without", without), alpha=alpha, apply_all=apply_all

@@ -16,8 +16,9 @@ from rsicalib.units import is_count
 
 __all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed"]
 
-Known: TypeAlias = tuple[dict[str, Any], FloatArray]
-"""Table of readings and the poses they were taken in, shape (n, 6)."""
+Known: TypeAlias = tuple[dict[str, Any], FloatArray, str | None]
+"""Table of readings, the poses they were taken in, shape (n, 6), and the point whose places they
+are; a place has no orientation."""
 
 
 def as_table(
@@ -51,13 +52,24 @@ def as_table(
     }
 
 
-def posed(readings: Readings, mechanism: Mechanism) -> Known:
-    """Readings with known poses, as the core takes them."""
+def _of_open_chains(readings: Readings, mechanism: Mechanism) -> dict[str, Any]:
+    """Readings of which only the channels count: what closures touch and measure is nothing."""
+    n = len(readings)
+    keys = [[""] * n for _ in mechanism.key_columns]
+    columns = [[1.0] * n for _ in mechanism.value_columns]
+    return as_table([readings], mechanism, bare=True) | {"keys": keys, "columns": columns}
+
+
+def posed(readings: Readings, mechanism: Mechanism, point: str | None = None) -> Known:
+    """Readings with known poses, or with known places of a point, as the core takes them."""
     if readings.poses is None or not np.isfinite(readings.poses).any():
         found = "no known pose" if readings.poses is not None else "no columns x y z rx ry rz"
         expected = "known poses: x y z [length unit] and rx ry rz [rad]"
         raise InputError.at(readings.source, found=found, expected=expected)
-    return as_table([readings], mechanism), np.ascontiguousarray(readings.poses)
+    needed = {*readings.keys} >= {*mechanism.key_columns}
+    whole = needed and {*readings.columns} >= {*mechanism.value_columns}
+    table = as_table([readings], mechanism) if whole else _of_open_chains(readings, mechanism)
+    return table, np.ascontiguousarray(readings.poses), point
 
 
 def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False) -> dict[str, Any]:

@@ -152,14 +152,15 @@ class Work:
             options = {**options, "expected": expected_of(self.population)}
         return _core.Session(mechanism, table, rest=values, terms=terms, **options)
 
-    def known(self, check: ReadingsArg | None) -> Known | None:
-        """Check poses, as the core takes them."""
+    def known(self, check: ReadingsArg | None, point: str | None = None) -> Known | None:
+        """Check poses, or check places of a point, as the core takes them."""
         if check is None:
             return None
-        loaded = load(check, self.mechanism, self.skip)
+        open_chains = point is not None or not self.mechanism.to_dict().get("platform")
+        loaded = load(check, Bare(self.mechanism) if open_chains else self.mechanism, self.skip)
         self.warnings += loaded.warnings
         self.checked = loaded
-        return posed(loaded, self.mechanism)
+        return posed(loaded, self.mechanism, point)
 
     def beside(self, known: Known | None, align: bool) -> dict[str, Any]:
         """What the core judges a calibration by, beside the readings that are fitted."""
@@ -185,7 +186,7 @@ class Work:
     def error(self, known: Known, result: Result | None, align: bool) -> dict[str, Any]:
         """Error of a result on check poses."""
         applied = as_applied(result, self.mechanism)
-        error: dict[str, Any] = _core.check(self.mechanism, applied, *known, align=align)
+        error: dict[str, Any] = _core.check(self.mechanism, applied, known, align=align)
         return error
 
     def nominal_error(self, known: Known, *, align: bool) -> dict[str, Any]:

@@ -8,7 +8,8 @@
 //! E |e|² = tr(C JᵀJ),    var |e|² = 2 tr((C JᵀJ)²)                        (97)
 //! ```
 //!
-//! to which noise of the readings adds where known poses are compared with. There position and
+//! to which noise of the readings adds where known poses are compared with. Where these are known up to a
+//! rigid motion of an instrument, what moves all of them rigidly is taken out of `J`. There position and
 //! orientation are each divided by their predicted deviation, and their squares `q` together are
 //! judged by
 //!
@@ -20,6 +21,7 @@
 //! variance in `C`: it is named among the unobservable directions, and is not in the figure.
 
 use faer::Mat;
+use nalgebra::{DMatrix, Vector3};
 
 use crate::Error;
 use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
@@ -28,6 +30,9 @@ use crate::model::Model;
 use crate::numerics::distributions;
 use crate::numerics::symmetric::dot;
 use crate::readings::{Readings, Table, average, runs_of_poses};
+
+/// Rigid motions that move places by less than this fraction of the most are none: rounding.
+const RANK: f64 = 1e-9;
 
 /// Poses of a session at which errors are predicted, at the most.
 pub(crate) const PREDICTED: usize = 16;
@@ -71,21 +76,21 @@ impl Predicted {
     /// (110) of errors of the positions and the orientations, root mean squares; `noise` are the
     /// degrees of freedom of the noise.
     #[must_use]
-    pub fn judge(&self, position_rms: f64, orientation_rms: f64, noise: f64) -> Expected {
+    pub fn judge(&self, position_rms: f64, orientation_rms: Option<f64>, noise: f64) -> Expected {
         let Self { position_sd, orientation_sd, dof, .. } = *self;
         let times = |rms: f64, sd: f64| (rms / sd.max(f64::MIN_POSITIVE)).powi(2);
         let position = times(position_rms, position_sd);
-        let turned = orientation_sd.map(|sd| times(orientation_rms, sd));
+        let turned = orientation_rms.zip(orientation_sd).map(|(rms, sd)| times(rms, sd));
         let mean = turned.map_or(position, |turned| 0.5 * (position + turned));
         let p_value = distributions::f_tail(mean, dof, noise);
         Expected { position_sd, orientation_sd, chi2: mean * dof, dof, p_value }
     }
 }
 
-/// The predicted error of a fit at the poses of a table, at most `most` of them, evenly spread.
+/// The predicted error of a fit at the poses of a table, at most `most` of them, evenly spread, by the
+/// errors of the parameters.
 ///
 /// Positions are those of the platform, or, without a platform, of the points that chains carry.
-/// With `noisy`, the error of the readings is in it, samples of one pose averaged.
 ///
 /// # Errors
 ///
@@ -95,46 +100,124 @@ pub fn predicted(
     fit: &Fit,
     table: &Table,
     most: usize,
-    noisy: bool,
 ) -> Result<Predicted, Error> {
-    let channels = observations.mechanism.channels.len();
-    let table_rows = table.values.len() / channels;
-    let poses = runs_of_poses(table, channels);
     let slopes = slopes_of_some(observations, fit, table, most)?;
-    let count = poses.len().min(most.max(1));
-    let terms = fit.model.term_parameters;
-    let covariance = fit.elsewhere();
-    let sd: Vec<f64> = (0..terms).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
-    let free: Vec<usize> = (0..terms).filter(|&i| sd[i] > 0.0).collect();
-    let correlation = Mat::from_fn(free.len(), free.len(), |i, j| {
-        covariance[(free[i], free[j])] / (sd[free[i]] * sd[free[j]])
-    });
-
-    let samples = table_rows as f64 / poses.len().max(1) as f64;
-    let sigma: Vec<f64> = fit.noise.sigma.iter().map(|s| s / samples.sqrt()).collect();
-    let of = |coordinates: std::ops::Range<usize>, unit: &dyn Fn(usize) -> f64| {
-        let size = slopes.len() * coordinates.len();
-        let each = |of: &dyn Fn(&Slopes, usize) -> f64| -> Vec<f64> {
-            let own = |s| coordinates.clone().map(move |i| (s, i));
-            slopes.iter().flat_map(own).map(|(s, i)| of(s, i) / unit(i)).collect()
-        };
-        let parameter = |&p: &usize| each(&|s, i| s.by_parameter[(i, p)] * sd[p]);
-        let reading = |c: usize| each(&|s, i| s.by_reading[(i, c)] * sigma[c]);
-        let by_parameter: Vec<Vec<f64>> = free.iter().map(parameter).collect();
-        let by_reading = if noisy { (0..channels).map(reading).collect() } else { Vec::new() };
-        (size > 0).then(|| Square::of(&by_parameter, &correlation, &by_reading, size))
-    };
     let coordinates = slopes.first().map_or(0, |s| s.by_parameter.nrows());
     let placed = is_placed(observations, fit);
     let positions = if placed { 3 } else { coordinates };
-    // Nothing is predicted where no chain carries a point.
-    let position_sd = of(0..positions, &|_| 1.0).map_or(f64::NAN, |square| square.mean.sqrt());
-    let orientation_sd =
-        of(positions..coordinates, &|_| 1.0).map(|square: Square| square.mean.sqrt());
-    let own = |i: usize| if i < positions { Some(position_sd) } else { orientation_sd };
-    let unit = |i: usize| own(i).unwrap_or(1.0).max(f64::MIN_POSITIVE);
-    let dof = of(0..coordinates, &unit).unwrap_or_default().dof;
-    Ok(Predicted { poses: count, position_sd, orientation_sd, dof })
+    let wanted = Wanted {
+        placed,
+        positions: 0..positions,
+        turns: positions..coordinates,
+        samples: None,
+        moved: &[],
+    };
+    Ok(wanted.of(fit, &slopes))
+}
+
+/// What of the derivatives an error is predicted of.
+pub(crate) struct Wanted<'a> {
+    /// True: of the pose of the platform; else of the points that chains carry.
+    pub placed: bool,
+    /// Coordinates of positions.
+    pub positions: std::ops::Range<usize>,
+    /// Those of an orientation.
+    pub turns: std::ops::Range<usize>,
+    /// Samples whose mean a reading is, where its noise counts.
+    pub samples: Option<f64>,
+    /// Where the positions are, from which a rigid motion of an instrument is taken out; none: it is not.
+    pub moved: &'a [Vector3<f64>],
+}
+
+impl Wanted<'_> {
+    /// The predicted error at the rows of a table.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub fn at(
+        &self,
+        observations: &Observations,
+        fit: &Fit,
+        table: &Table,
+    ) -> Result<Predicted, Error> {
+        Ok(self.of(fit, &slopes_at(observations, fit, table, self.placed)?))
+    }
+
+    fn of(&self, fit: &Fit, slopes: &[Slopes]) -> Predicted {
+        let terms = fit.model.term_parameters;
+        let covariance = fit.elsewhere();
+        let sd: Vec<f64> = (0..terms).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
+        let free: Vec<usize> = (0..terms).filter(|&i| sd[i] > 0.0).collect();
+        let correlation = Mat::from_fn(free.len(), free.len(), |i, j| {
+            covariance[(free[i], free[j])] / (sd[free[i]] * sd[free[j]])
+        });
+        let motions = rigid_motions(self.moved);
+        let square = |coordinates: &[std::ops::Range<usize>], unit: [f64; 2]| {
+            let channels = self.samples.map_or(0, |_| fit.noise.sigma.len());
+            let by_root = self.samples.unwrap_or(1.0).sqrt();
+            let each = |of: &dyn Fn(&Slopes, usize) -> f64| -> Vec<f64> {
+                let part = |(k, own): (usize, &std::ops::Range<usize>)| {
+                    let entries = slopes.iter().flat_map(|s| own.clone().map(move |i| (s, i)));
+                    let mut part = entries.map(|(s, i)| of(s, i) / unit[k]).collect::<Vec<f64>>();
+                    if k == 0 {
+                        take_out(&motions, &mut part);
+                    }
+                    part
+                };
+                coordinates.iter().enumerate().flat_map(part).collect()
+            };
+            let parameter = |&p: &usize| each(&|s, i| s.by_parameter[(i, p)] * sd[p]);
+            let by_parameter: Vec<Vec<f64>> = free.iter().map(parameter).collect();
+            let noise = |c: usize| fit.noise.sigma[c] / by_root;
+            let reading = |c: usize| each(&|s, i| s.by_reading[(i, c)] * noise(c));
+            let by_reading: Vec<Vec<f64>> = (0..channels).map(reading).collect();
+            let size = slopes.len() * coordinates.iter().map(ExactSizeIterator::len).sum::<usize>();
+            (size > 0).then(|| Square::of(&by_parameter, &correlation, &by_reading, size))
+        };
+        // Nothing is predicted where no chain carries a point.
+        let sd_of = |at: &std::ops::Range<usize>, k: usize| {
+            let both = if k == 0 { [at.clone(), 0..0] } else { [0..0, at.clone()] };
+            square(&both, [1.0; 2]).map(|square| square.mean.sqrt())
+        };
+        let position_sd = sd_of(&self.positions, 0).unwrap_or(f64::NAN);
+        let orientation_sd = sd_of(&self.turns, 1);
+        let unit = [position_sd, orientation_sd.unwrap_or(1.0)].map(|u| u.max(f64::MIN_POSITIVE));
+        let both = [self.positions.clone(), self.turns.clone()];
+        let dof = square(&both, unit).unwrap_or_default().dof;
+        Predicted { poses: slopes.len(), position_sd, orientation_sd, dof }
+    }
+}
+
+/// Orthonormal rigid motions of some places to first order, coordinate by coordinate: six, or fewer
+/// where the places lie on a line; none of no places.
+fn rigid_motions(places: &[Vector3<f64>]) -> DMatrix<f64> {
+    if places.is_empty() {
+        return DMatrix::zeros(0, 0);
+    }
+    let mean = places.iter().sum::<Vector3<f64>>() / places.len() as f64;
+    let size = places.iter().map(|p| (p - mean).norm()).fold(f64::MIN_POSITIVE, f64::max);
+    let motions = DMatrix::from_fn(3 * places.len(), 6, |i, k| match k {
+        0..3 => f64::from(u8::from(i % 3 == k)),
+        _ => Vector3::ith(k - 3, 1.0).cross(&((places[i / 3] - mean) / size))[i % 3],
+    });
+    let parts = motions.svd(true, false);
+    let most = parts.singular_values.iter().copied().fold(0.0, f64::max);
+    let kept: Vec<usize> = (0..parts.singular_values.len())
+        .filter(|&k| parts.singular_values[k] > RANK * most)
+        .collect();
+    parts.u.map_or_else(|| DMatrix::zeros(0, 0), |u| u.select_columns(&kept))
+}
+
+/// Takes the span of orthonormal columns out of a vector; none of no columns.
+fn take_out(columns: &DMatrix<f64>, part: &mut [f64]) {
+    if part.is_empty() || columns.nrows() != part.len() {
+        return;
+    }
+    for column in columns.column_iter() {
+        let along: f64 = column.iter().zip(part.iter()).map(|(a, b)| a * b).sum();
+        part.iter_mut().zip(&column).for_each(|(value, unit)| *value -= along * unit);
+    }
 }
 
 /// Root mean square over the coordinates of positions, at the most `most` poses of a table, by a step
@@ -179,16 +262,21 @@ fn slopes_of_some(
     let poses = runs_of_poses(table, channels);
     let count = poses.len().min(most.max(1));
     let some: Vec<_> = (0..count).map(|k| poses[k * poses.len() / count].clone()).collect();
-    slopes_at(observations, fit, &average(table, channels, &some))
+    slopes_at(observations, fit, &average(table, channels, &some), is_placed(observations, fit))
 }
 
 /// True where a pose of the platform follows from the readings.
-fn is_placed(observations: &Observations, fit: &Fit) -> bool {
+pub(crate) fn is_placed(observations: &Observations, fit: &Fit) -> bool {
     !observations.mechanism.platform.is_empty() && fit.model.unknowns.is_empty()
 }
 
 /// Derivatives of the platform's pose, or of where chains carry points, at the rows of a table.
-fn slopes_at(observations: &Observations, fit: &Fit, table: &Table) -> Result<Vec<Slopes>, Error> {
+fn slopes_at(
+    observations: &Observations,
+    fit: &Fit,
+    table: &Table,
+    placed: bool,
+) -> Result<Vec<Slopes>, Error> {
     let mechanism = &observations.mechanism;
     let readings = Readings::beside(mechanism, table.clone(), &observations.readings)?;
     let model = Model::like(&fit.model, mechanism, &readings)?;
@@ -196,7 +284,7 @@ fn slopes_at(observations: &Observations, fit: &Fit, table: &Table) -> Result<Ve
     let mut own = model.nominal();
     let terms = model.term_parameters;
     own[..terms].copy_from_slice(&fit.beta[..terms]);
-    match is_placed(observations, fit) {
+    match placed {
         true => platform_slopes(&model, &readings, &own, &fit.assumed(), 1),
         false => carried_slopes(&model, &readings, &own),
     }

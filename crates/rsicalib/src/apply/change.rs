@@ -119,5 +119,5 @@ pub fn difference(
     let pairs: Vec<_> =
         a.iter().zip(b).filter(|(a, _)| counts(a.0)).map(|(a, b)| (a.1, b.1)).collect();
     let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
-    PlatformRms { position: position_rms, orientation: orientation_rms }
+    PlatformRms { position: position_rms, orientation: orientation_rms.unwrap_or(f64::NAN) }
 }

@@ -3,11 +3,12 @@
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
-use crate::apply::accuracy::{Expected, predicted};
-use crate::apply::known::rows_of_known;
-use crate::apply::poses::platform_poses;
+use crate::apply::accuracy::{Expected, Wanted, is_placed};
+use crate::apply::known::{Known, rows_of_known};
+use crate::apply::poses::{carried_points, platform_poses, short_way};
 use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
+use crate::mechanism::Mechanism;
 use crate::readings::{Table, average};
 
 /// Error of the platform pose: root mean square over components, as in Table VI.
@@ -19,8 +20,8 @@ pub struct Check {
     pub poses: usize,
     /// Of the position, length units.
     pub position_rms: f64,
-    /// Of roll, pitch and yaw, rad.
-    pub orientation_rms: f64,
+    /// Of roll, pitch and yaw, rad; null where places alone are known.
+    pub orientation_rms: Option<f64>,
     /// Where it is largest.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub largest: Option<Largest>,
@@ -36,8 +37,8 @@ pub struct Check {
 pub struct Largest {
     /// Length of the error of the position, length units.
     pub position: f64,
-    /// Length of the errors of roll, pitch and yaw together, rad.
-    pub orientation: f64,
+    /// Length of the errors of roll, pitch and yaw together, rad; null where places alone are known.
+    pub orientation: Option<f64>,
     /// Standard deviation of a coordinate of the position by the noise of the readings alone.
     #[cfg_attr(feature = "serde", serde(default))]
     pub position_noise: Option<f64>,
@@ -51,23 +52,37 @@ pub struct Largest {
 ///
 /// # Errors
 ///
-/// As [`platform_poses`]; [`Error::Shape`] unless there is a pose for each row.
+/// As [`platform_poses`] and [`carried_points`]; [`Error::Shape`] unless there is a pose for each row.
 pub fn check(
     observations: &Observations,
     fit: &Fit,
-    table: &Table,
-    known: &[[f64; 6]],
+    known: &Known,
     align: bool,
 ) -> Result<Check, Error> {
-    let channels = observations.mechanism.channels.len();
-    let found = compare(channels, table, known, align, |t| {
-        platform_poses(observations, fit, &fit.beta, t)
-    })?;
-    let error = predicted(observations, fit, table, known.len(), true)?;
+    let mechanism = &observations.mechanism;
+    let (found, pairs) = compare(mechanism, known, align, |t| found(observations, fit, known, t))?;
+    let channels = mechanism.channels.len();
+    let parts = rows_of_known(&known.table, channels, &known.poses).concat();
+    let samples =
+        parts.iter().map(|rows| rows.len() as f64).sum::<f64>() / parts.len().max(1) as f64;
+    let carried = known.carried(mechanism)?;
+    let placed = carried.is_none() && is_placed(observations, fit);
+    let points = mechanism.points.iter().filter(|p| p.chain.is_some()).count();
+    let positions = match carried {
+        Some(point) => 3 * point..3 * point + 3,
+        None => 0..3 * if placed { 1 } else { points },
+    };
+    let moved: Vec<_> = pairs.iter().filter(|_| align).map(|(_, found)| at(found)).collect();
+    let (seen, turns) = (average(&known.table, channels, &parts), found.orientation_rms);
+    let expected = |samples| {
+        let turns = turns.filter(|_| placed).map_or(0..0, |_| 3..6);
+        let wanted = Wanted { placed, positions: positions.clone(), turns, samples, moved: &moved };
+        wanted.at(observations, fit, &seen)
+    };
+    let (error, quiet) = (expected(Some(samples))?, expected(None)?);
     let (position, orientation) = (found.position_rms, found.orientation_rms);
     let judged = error.judge(position, orientation, fit.noise.dof);
     let finite = judged.chi2.is_finite() && judged.position_sd > 0.0 && found.poses > 0;
-    let quiet = predicted(observations, fit, table, known.len(), false)?;
     let noise = |all: f64, parameters: f64| {
         let square = all * all - parameters * parameters;
         square.is_finite().then(|| square.max(0.0).sqrt())
@@ -83,19 +98,45 @@ pub fn check(
     Ok(Check { predicted: finite.then_some(judged), largest, ..found })
 }
 
+/// Where a fit puts what is known, row by row of a table: places have no orientation.
+///
+/// # Errors
+///
+/// As [`platform_poses`] and [`carried_points`].
+pub(crate) fn found(
+    observations: &Observations,
+    fit: &Fit,
+    known: &Known,
+    table: Table,
+) -> Result<Vec<[f64; 6]>, Error> {
+    match known.carried(&observations.mechanism)? {
+        None => platform_poses(observations, fit, &fit.beta, table),
+        Some(point) => {
+            let mut points = carried_points(observations, fit, table)?;
+            Ok(points.swap_remove(point).into_iter().map(unturned).collect())
+        }
+    }
+}
+
+/// A place as a pose without an orientation.
+pub(crate) fn unturned([x, y, z]: [f64; 3]) -> [f64; 6] {
+    [x, y, z, f64::NAN, f64::NAN, f64::NAN]
+}
+
 /// Error of the poses that `found` gives for the mean readings of each known pose; where the known
 /// pose differs from sample to sample, each sample is compared with its own.
 ///
 /// # Errors
 ///
 /// Those of `found`; [`Error::Shape`] unless there is a pose for each row.
-pub fn compare(
-    channels: usize,
-    table: &Table,
-    known: &[[f64; 6]],
+pub(crate) fn compare(
+    mechanism: &Mechanism,
+    known: &Known,
     align: bool,
     found: impl Fn(Table) -> Result<Vec<[f64; 6]>, Error>,
-) -> Result<Check, Error> {
+) -> Result<(Check, Vec<Pair>), Error> {
+    let Known { table, poses: known, .. } = known;
+    let channels = mechanism.channels.len();
     let rows = table.values.len() / channels;
     if known.len() != rows {
         return Err(Error::Shape { what: "poses".into(), found: known.len(), expected: rows });
@@ -103,13 +144,16 @@ pub fn compare(
     let runs = rows_of_known(table, channels, known);
     let parts = runs.concat();
     if parts.is_empty() {
-        return Ok(error_of(&[], align));
+        return Ok((error_of(&[], align), Vec::new()));
     }
     let poses = found(average(table, channels, &parts))?;
     let pairs: Vec<_> =
         parts.iter().zip(poses).map(|(rows, pose)| (known[rows.start], pose)).collect();
-    Ok(Check { poses: runs.len(), ..error_of(&pairs, align) })
+    Ok((Check { poses: runs.len(), ..error_of(&pairs, align) }, pairs))
 }
+
+/// A known pose, and where it was found.
+pub(crate) type Pair = ([f64; 6], [f64; 6]);
 
 fn at(p: &[f64; 6]) -> Vector3<f64> {
     Vector3::new(p[0], p[1], p[2])
@@ -121,10 +165,7 @@ fn turn(p: &[f64; 6]) -> Rotation3<f64> {
 
 /// The rigid motion that brings found positions nearest to known ones, pairs of known and found;
 /// none at all unless one is asked for and three pairs determine it.
-pub(crate) fn motion_of(
-    pairs: &[([f64; 6], [f64; 6])],
-    align: bool,
-) -> (Rotation3<f64>, Vector3<f64>) {
+pub(crate) fn motion_of(pairs: &[Pair], align: bool) -> (Rotation3<f64>, Vector3<f64>) {
     if !align || pairs.len() < 3 {
         return (Rotation3::identity(), Vector3::zeros());
     }
@@ -133,30 +174,36 @@ pub(crate) fn motion_of(
     (turn(&pose), at(&pose))
 }
 
-/// Root mean square difference of pairs of poses, known first.
+/// Root mean square difference of pairs of poses, known first; of orientations where all are known.
 #[must_use]
-pub fn error_of(pairs: &[([f64; 6], [f64; 6])], align: bool) -> Check {
+pub fn error_of(pairs: &[Pair], align: bool) -> Check {
     let motion = motion_of(pairs, align);
     let (mut position, mut orientation) = (0.0, 0.0);
-    let mut largest = Largest::default();
+    let (mut farthest, mut most_turned) = (0.0_f64, 0.0_f64);
+    let whole = |pose: &[f64; 6]| pose[3..].iter().all(|v| v.is_finite());
+    let posed = pairs.iter().all(|(known, found)| whole(known) && whole(found));
     for (known, found) in pairs {
         let square = (motion.0 * at(found) + motion.1 - at(known)).norm_squared();
         position += square;
-        largest.position = largest.position.max(square.sqrt());
+        farthest = farthest.max(square.sqrt());
         let mut turned = 0.0;
         let (rx, ry, rz) = (motion.0 * turn(found)).euler_angles();
         for (angle, known) in [rx, ry, rz].into_iter().zip(&known[3..]) {
-            let off = (angle - known + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI);
-            turned += (off - std::f64::consts::PI).powi(2);
+            turned += short_way(angle - known).powi(2);
         }
         orientation += turned;
-        largest.orientation = largest.orientation.max(turned.sqrt());
+        most_turned = most_turned.max(turned.sqrt());
     }
     let components = 3.0 * pairs.len().max(1) as f64;
+    let largest = Largest {
+        position: farthest,
+        orientation: posed.then_some(most_turned),
+        ..Largest::default()
+    };
     Check {
         poses: pairs.len(),
         position_rms: (position / components).sqrt(),
-        orientation_rms: (orientation / components).sqrt(),
+        orientation_rms: posed.then(|| (orientation / components).sqrt()),
         largest: (!pairs.is_empty()).then_some(largest),
         predicted: None,
     }

@@ -3,7 +3,8 @@
 //! Of what was found in a session not all holds in another one, see [`Outlasts`]: a drift
 //! is left out, and a slip has happened before the first row.
 
-use crate::apply::check::{Check, compare};
+use crate::apply::check::{Check, compare, unturned};
+use crate::apply::known::Known;
 use crate::apply::poses::poses_of;
 use crate::estimate::Noise;
 use crate::estimate::Part;
@@ -114,16 +115,22 @@ pub fn lasting<'a>(
 ///
 /// # Errors
 ///
-/// As [`platform_poses`].
+/// As [`platform_poses`] and [`points`].
 pub fn check(
     mechanism: &Mechanism,
     applied: &Applied,
-    table: &Table,
-    known: &[[f64; 6]],
+    known: &Known,
     align: bool,
 ) -> Result<Check, Error> {
-    let channels = mechanism.channels.len();
-    compare(channels, table, known, align, |t| platform_poses(mechanism, applied, t))
+    let carried = known.carried(mechanism)?;
+    let found = |table| match carried {
+        None => platform_poses(mechanism, applied, table),
+        Some(point) => {
+            let mut points = points(mechanism, applied, table)?;
+            Ok(points.swap_remove(point).into_iter().map(unturned).collect())
+        }
+    };
+    compare(mechanism, known, align, found).map(|(check, _)| check)
 }
 
 /// Platform pose of every row of a table under a result.
@@ -173,7 +180,7 @@ pub fn points(
 /// [`Error::Missing`] where no chain carries a point.
 pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     let mut points: Vec<Point> =
-        mechanism.points.iter().filter(|p| !p.is_unknown()).cloned().collect();
+        mechanism.points.iter().filter(|p| p.chain.is_some()).cloned().collect();
     let Some(carried) = points.iter().find(|p| p.chain.is_some()).map(|p| p.name.clone()) else {
         return Err(Error::Missing {
             mechanism: mechanism.name.clone(),
@@ -187,8 +194,16 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     }
     points.push(Point { name: anchor.clone(), at: Some([0.0; 3]), ..Point::default() });
     let closure = Closure::touch(anchor.clone(), [carried, anchor]);
-    let platform = std::collections::BTreeMap::new();
-    Ok(Mechanism { points, closures: vec![closure], platform, rest: None, ..mechanism.clone() })
+    Ok(Mechanism {
+        points,
+        closures: vec![closure],
+        planes: Vec::new(),
+        lines: Vec::new(),
+        frames: Vec::new(),
+        platform: std::collections::BTreeMap::new(),
+        rest: None,
+        ..mechanism.clone()
+    })
 }
 
 /// A model of readings, and which of its parameters are those of a result.

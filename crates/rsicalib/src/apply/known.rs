@@ -2,7 +2,55 @@
 
 use std::ops::Range;
 
+use crate::Error;
+use crate::mechanism::Mechanism;
 use crate::readings::{Table, runs_of_poses};
+use crate::text::listed;
+
+/// Known poses, or known places of a point that a chain carries, for the error of a calibration.
+#[derive(Debug, Clone)]
+pub struct Known {
+    /// Readings in them.
+    pub table: Table,
+    /// `x y z rx ry rz` [length unit, rad], row by row: NaN where nothing is known. Without an
+    /// orientation it is a place.
+    pub poses: Vec<[f64; 6]>,
+    /// Which point the places are of, where chains carry several.
+    pub point: Option<String>,
+    /// True where they are known up to a rigid motion of the instrument.
+    pub align: bool,
+}
+
+impl Known {
+    /// What is known: the platform, or the number of a point among those that chains carry.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Missing`] where there is neither, or where orientations are known of a point;
+    /// [`Error::Unknown`] where chains carry several points, and none of them is named.
+    pub(crate) fn carried(&self, mechanism: &Mechanism) -> Result<Option<usize>, Error> {
+        let missing =
+            |needs, why| Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why });
+        if self.point.is_none() && !mechanism.platform.is_empty() {
+            return Ok(None);
+        }
+        if self.poses.iter().flat_map(|pose| &pose[3..]).any(|v| v.is_finite()) {
+            return missing("platform", "poses need the points that carry it");
+        }
+        let carried = mechanism.points.iter().filter(|p| p.chain.is_some());
+        let names: Vec<String> = carried.map(|p| p.name.clone()).collect();
+        match (&self.point, names.len()) {
+            (_, 0) => missing("point on a chain", "there is nothing whose place could be told"),
+            (None, 1) => Ok(Some(0)),
+            (point, _) => {
+                let found = point.clone().unwrap_or_default();
+                let at = names.iter().position(|name| *name == found);
+                let kind = "point for the known places";
+                at.map(Some).ok_or_else(|| Error::Unknown { kind, found, known: listed(&names) })
+            }
+        }
+    }
+}
 
 /// The rows that have one known pose, run by run of held poses: the samples that have the same one
 /// together, and each sample by itself where an instrument has followed a pose that trembled.
@@ -17,9 +65,11 @@ pub(crate) fn rows_of_known(
     let mut found = Vec::new();
     for run in runs_of_poses(table, channels) {
         let mut parts: Vec<Range<usize>> = Vec::new();
-        for row in run.filter(|&row| known[row].iter().all(|v| v.is_finite())) {
+        for row in run.filter(|&row| is_known(&known[row])) {
             match parts.last_mut() {
-                Some(part) if part.end == row && known[part.start] == known[row] => part.end += 1,
+                Some(part) if part.end == row && same(&known[part.start], &known[row]) => {
+                    part.end += 1
+                }
                 _ => parts.push(row..row + 1),
             }
         }
@@ -28,6 +78,17 @@ pub(crate) fn rows_of_known(
         }
     }
     found
+}
+
+/// True where a place is known, with or without an orientation.
+fn is_known(pose: &[f64; 6]) -> bool {
+    let turned = pose[3..].iter().filter(|v| v.is_finite()).count();
+    pose[..3].iter().all(|v| v.is_finite()) && (turned == 0 || turned == 3)
+}
+
+/// True where two poses are the same, orientations that are not known included.
+fn same(a: &[f64; 6], b: &[f64; 6]) -> bool {
+    a.iter().zip(b).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! From the residual to the effect that the model lacks.
 
+pub(crate) mod as_drawn;
 pub mod calibrate;
 pub(crate) mod curve;
 pub(crate) mod curve_law;

@@ -108,6 +108,10 @@ rules! {
     Misclosure = "misclosure",
     /// A declared noise of which less is left than chance allows is a bound.
     Bound = "bound",
+    /// Joints as they are drawn, where errors of a surface explain as much.
+    AsDrawn = "as_drawn",
+    /// Errors of a surface beside small errors of everything drawn.
+    Tolerances = "tolerances",
     /// No standing point has moved where places of such points are estimated.
     PointsStand = "points_stand",
 }

@@ -12,6 +12,7 @@
 use std::sync::Arc;
 
 use crate::Error;
+use crate::diagnosis::as_drawn::{likelier, without_offsets};
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
@@ -94,6 +95,8 @@ pub struct Traced {
     pub isolated: Option<Isolated>,
     /// A law that no term has, where it is about as likely as what was found, or something is left.
     pub unknown: Option<UnknownLaw>,
+    /// Offsets that were asked for and stay as drawn: an error of a surface explains as much.
+    pub offsets: Vec<Instance>,
     /// How scores were judged.
     pub judge: Judge,
     /// Probability of the residual by chance; none where only the fit gives the noise.
@@ -153,6 +156,22 @@ fn explain(
         let Some(again) = judge_again(all, &observations, &base, &searched)? else { break };
         (observations, clean, excluded) = again;
         searched = search_once(&observations, &clean, &base, search, wanted)?;
+    }
+    let drawn_too =
+        wanted && search.uses(Rule::AsDrawn) && clean.p_value.is_some_and(|p| p <= LEVEL);
+    let drawn = drawn_too.then(|| without_offsets(&observations.mechanism, &base)).flatten();
+    let mut offsets = Vec::new();
+    if let Some(kept) = drawn.filter(|_| searched.stepwise.stretches.is_none()) {
+        let plain = fit(&observations, kept.clone(), None)?;
+        let other = search_once(&observations, &plain, &kept, search, true)?;
+        offsets = base.iter().copied().filter(|i| !kept.contains(i)).collect();
+        let (likelier, chosen) = likelier((searched, &clean), (other, &plain), &offsets)?;
+        searched = likelier;
+        if chosen {
+            clean = plain;
+        } else {
+            offsets.clear();
+        }
     }
     progress.enter(Stage::Refit);
     let Search { stepwise, searched: pursued, isolated, all: of_all } = searched;
@@ -216,6 +235,7 @@ fn explain(
         rivals,
         isolated,
         unknown,
+        offsets,
         judge,
         p_value,
     })

@@ -33,6 +33,9 @@ use crate::numerics::symmetric::invert;
 use crate::terms::term::{Placed, Role, Spot};
 use crate::terms::{PointPosition, targets};
 
+/// Contrasts of a half of the groups of which no component of its own is told.
+const FEW: usize = 3;
+
 /// A fit with what changes from group to group of its session; of a long recording that is not looked
 /// for.
 #[must_use]
@@ -240,7 +243,9 @@ impl Told<'_> {
         let halves = [0, 1].map(|first| (first..count).step_by(2).collect::<Vec<_>>());
         let n = self.fit.model.parameters;
         let inverses = halves.each_ref().map(|half| invert(&self.normal(half)).0);
-        let own = [0, 1].map(|h| self.component(&inverses[h], &halves[h]));
+        // Few contrasts tell a component by its limits more than by themselves.
+        let told = |h: usize| self.changing.len() * halves[h].len().saturating_sub(1) > FEW;
+        let own = [0, 1].map(|h| self.component(&inverses[h], &halves[h]).filter(|_| told(h)));
         let steps = [0, 1].map(|h| self.step(&inverses[h], &halves[h]));
         let of = |h: usize| {
             let component = own[h].unwrap_or(*all);

@@ -60,7 +60,7 @@ impl Seen {
         let poses = |beta: &[f64]| poses_of(model, &readings, beta, noise);
         let pairs: Vec<_> = poses(before).into_iter().zip(poses(after)).collect();
         let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
-        Some(PlatformRms { position: position_rms, orientation: orientation_rms })
+        Some(PlatformRms { position: position_rms, orientation: orientation_rms? })
     }
 }
 

@@ -23,8 +23,9 @@ pub struct Component {
     pub interval: [f64; 2],
     /// Probability by chance of so much, were there none.
     pub p_value: f64,
-    /// Expected variance, any `sd` below 1 being as likely beforehand: few groups do not show that
-    /// there is none.
+    /// Variance of the normal distribution that has the 95 % interval of one more effect, any `sd` below
+    /// 1 being as likely beforehand: few groups do not show that there is none. Of `k` equal contrasts
+    /// that is Student's interval by `k - 1` degrees of freedom.
     pub variance: f64,
     /// Variance of the noise beside it.
     pub noise: f64,
@@ -73,18 +74,39 @@ impl Contrasts {
         [self.dof * noise.ln() + left / noise + volume, noise]
     }
 
-    /// The component; none where even effects of their typical sizes would not be seen.
-    pub(crate) fn component(&self) -> Option<Component> {
+    /// `χ² - R` beside effects of a ratio `λ` to the noise.
+    pub(crate) fn left(&self, lambda: f64) -> f64 {
+        let taken = self.pairs.iter().map(|[c, square]| lambda * square / (1.0 + lambda * c));
+        self.chi2 - taken.sum::<f64>()
+    }
+
+    /// The likeliest ratio `λ`, of effects no larger than their typical sizes.
+    pub(crate) fn likeliest(&self) -> f64 {
+        let tried = self.ratios().unwrap_or_default().into_iter().map(|[ratio, _]| ratio * ratio);
+        let costs = tried.map(|lambda| (lambda, self.at(lambda)[0]));
+        costs.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |(lambda, _)| lambda)
+    }
+
+    /// Ratios of standard deviations that are tried, each with the width that it stands for; none where
+    /// even effects of their typical sizes would not be seen.
+    fn ratios(&self) -> Option<Vec<[f64; 2]>> {
         let largest = self.pairs.iter().fold(0.0, |m: f64, [c, _]| m.max(*c));
         let first = 1e-3 / largest.sqrt();
-        if !(self.pairs.len() > 3 && first < 1e-2) {
+        if self.pairs.is_empty() || !(first < 1e-2) {
             return None;
         }
         let step = (1.0 / first).ln() / (TRIED - 1) as f64;
         let ratios = (0..TRIED).map(|k| first * (step * k as f64).exp());
+        let all = ratios.map(|ratio| [ratio, ratio * step]);
+        Some(std::iter::once([0.0, 0.5 * first]).chain(all).collect())
+    }
+
+    /// The component; none where even effects of their typical sizes would not be seen.
+    pub(crate) fn component(&self) -> Option<Component> {
         // Ratio, its `-2 ln L` and `φ`, and the width of standard deviations that it stands for.
-        let tried: Vec<[f64; 4]> = std::iter::once([0.0, 0.5 * first])
-            .chain(ratios.map(|ratio| [ratio, ratio * step]))
+        let tried: Vec<[f64; 4]> = self
+            .ratios()?
+            .into_iter()
             .map(|[ratio, width]| {
                 let [cost, noise] = self.at(ratio * ratio);
                 [ratio * noise.sqrt(), cost, noise, width * noise.sqrt()]
@@ -103,10 +125,28 @@ impl Contrasts {
             sd: best[0],
             interval,
             p_value: if fall > 0.0 { 0.5 * chi2_tail(fall, 1.0) } else { 1.0 },
-            variance: mean(&|t| t[0] * t[0]),
+            variance: (within(|size| mean(&|t| beyond(size, t[0]))) / WITHIN.sqrt()).powi(2),
             noise: mean(&|t| t[2]),
         })
     }
+}
+
+/// Probability that an effect of a standard deviation is larger than a size.
+fn beyond(size: f64, sd: f64) -> f64 {
+    if sd > 0.0 { chi2_tail((size / sd).powi(2), 1.0) } else { 0.0 }
+}
+
+/// The size that is exceeded with 5 %, of effects of at most a few times their typical size.
+fn within(exceeded: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    while exceeded(high) > 0.05 && high < 1e3 {
+        high *= 2.0;
+    }
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if exceeded(middle) > 0.05 { low = middle } else { high = middle }
+    }
+    high
 }
 
 #[cfg(test)]
@@ -162,5 +202,20 @@ mod tests {
         let [low, high] = component.interval;
         assert!(low <= component.sd && component.sd <= high);
         assert!(component.variance > component.sd * component.sd);
+    }
+
+    #[test]
+    fn one_more_effect_has_students_interval() {
+        // Equal contrasts, exact but for little noise: the root mean square of effects is s.
+        let s: f64 = 1e-3;
+        for (k, student) in [(3, 4.302_65), (4, 3.182_45), (8, 2.364_62), (20, 2.093_02)] {
+            let pairs = vec![[1e12, (1e12 * s).powi(2)]; k];
+            let chi2 = 1e6 + k as f64 * 1e12 * s * s;
+            let told = Contrasts { pairs, chi2, dof: 1e6, least: 1.0 };
+            let found = told.component().expect("seen");
+            let sd = s * (k as f64 / (k - 1) as f64).sqrt();
+            let interval = found.variance.sqrt() * WITHIN.sqrt();
+            assert!((interval / (student * sd) - 1.0).abs() < 0.03, "{k}: {interval}");
+        }
     }
 }

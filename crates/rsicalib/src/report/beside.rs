@@ -82,9 +82,9 @@ impl Beside {
     ///
     /// As [`earlier::check`].
     pub fn nominal(&self) -> Result<Option<FitReport>, Error> {
-        let Some(Known { table, poses, align }) = &self.known else { return Ok(None) };
-        let of = |align| earlier::check(&self.mechanism, &self.declared, table, poses, align);
-        let aligned = align.then(|| of(true)).transpose()?;
+        let Some(known) = &self.known else { return Ok(None) };
+        let of = |align| earlier::check(&self.mechanism, &self.declared, known, align);
+        let aligned = known.align.then(|| of(true)).transpose()?;
         Ok(Some(FitReport { check: Some(of(false)?), aligned, ..FitReport::default() }))
     }
 

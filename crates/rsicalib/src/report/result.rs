@@ -4,6 +4,7 @@ use crate::Error;
 use crate::apply::accuracy::{PREDICTED, Predicted, predicted};
 use crate::apply::check::{Check, check};
 use crate::apply::earlier::{Applied, Reference, Reported};
+pub use crate::apply::known::Known;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::verdict::Compared;
@@ -12,7 +13,7 @@ use crate::estimate::directions::{
 };
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations, Part};
-use crate::readings::{Readings, Table};
+use crate::readings::Readings;
 use crate::report::between::{self, BetweenReport};
 use crate::report::named::Named;
 use crate::report::warned::{self, Warned};
@@ -278,9 +279,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
         between: fit.between.as_ref().map(|between| between::report(observations, fit, between)),
         predicted: (fit.termination.converged() && fit.plausible)
-            .then(|| {
-                predicted(observations, fit, &observations.readings.table, PREDICTED, false).ok()
-            })
+            .then(|| predicted(observations, fit, &observations.readings.table, PREDICTED).ok())
             .flatten()
             .filter(|error| error.position_sd.is_finite()),
         unobservable: words::directions(directions),
@@ -302,17 +301,6 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         converged: fit.termination.converged() && fit.plausible,
         iterations: fit.iterations,
     }
-}
-
-/// Known poses, for the error before and after.
-#[derive(Debug, Clone)]
-pub struct Known {
-    /// Readings in them.
-    pub table: Table,
-    /// The poses, row by row.
-    pub poses: Vec<[f64; 6]>,
-    /// True where they are known up to a rigid motion of the instrument.
-    pub align: bool,
 }
 
 /// A reading that was found to be bad; null: all of them.
@@ -390,9 +378,9 @@ impl Known {
         fit: &Fit,
         report: &mut FitReport,
     ) -> Result<(), Error> {
-        report.check = Some(check(observations, fit, &self.table, &self.poses, false)?);
+        report.check = Some(check(observations, fit, self, false)?);
         if self.align {
-            report.aligned = Some(check(observations, fit, &self.table, &self.poses, true)?);
+            report.aligned = Some(check(observations, fit, self, true)?);
         }
         Ok(())
     }

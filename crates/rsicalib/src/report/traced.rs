@@ -383,7 +383,10 @@ pub fn traced(
         verdict,
         reasons,
         implausible: result::implausible(&traced.observations, &absurd),
-        warnings: warned::warnings(observations, &traced.before, &traced.after),
+        warnings: warned::warnings(observations, &traced.before, &traced.after)
+            .into_iter()
+            .chain(warned::as_drawn(&traced))
+            .collect(),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
         with_excluded,
         before,
@@ -519,7 +522,8 @@ fn step(
     // What it does to the platform: the search's fit with it against the one without.
     let platform_rms = platform_difference(&traced.small, &found.without, &traced.last);
     // Held out with this effect and those found before it.
-    let base = small_before.model.instances.iter().copied();
+    let asked = small_before.model.instances.iter().copied();
+    let base = asked.filter(|i| !traced.offsets.contains(i));
     let bad = traced.last.model.instances.iter().copied().filter(scored::is_data);
     let up_to = traced.found[..=index].iter().map(|f| f.instance);
     let instances: Vec<Instance> = base.chain(bad).chain(up_to).collect();

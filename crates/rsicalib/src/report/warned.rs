@@ -1,5 +1,6 @@
 //! [`Warned`]: what is suspicious, for programs and for people.
 
+use crate::diagnosis::trace::Traced;
 use crate::estimate::directions::ParameterReport;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::{Fit, Note, Observations};
@@ -113,6 +114,8 @@ pub enum Kind {
     Imported,
     /// The loops of check readings do not close as those of the session.
     OpenLoops,
+    /// Offsets that were asked for stay as drawn.
+    AsDrawn,
     /// A kind of a later version.
     #[cfg_attr(feature = "serde", serde(other))]
     Other,
@@ -124,6 +127,16 @@ pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<W
     let wiring = before.warnings.iter().filter(|s| s.of_wiring());
     let rest = after.warnings.iter().filter(|s| !s.of_wiring());
     wiring.chain(rest).map(|s| of_suspicion(observations, s)).collect()
+}
+
+/// That offsets stay as drawn; none where they do not.
+#[must_use]
+pub fn as_drawn(traced: &Traced) -> Option<Warned> {
+    let mechanism = &traced.observations.mechanism;
+    let names: Vec<String> = traced.offsets.iter().map(|i| i.target.name(mechanism)).collect();
+    let text = words::as_drawn(&names, [&traced.before, &traced.after]);
+    let target = Some(names.join("+"));
+    (!names.is_empty()).then_some(Warned { kind: Kind::AsDrawn, target, text })
 }
 
 /// Which wires are exchanged; none where nothing says so.

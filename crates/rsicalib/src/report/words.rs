@@ -13,7 +13,7 @@ use crate::estimate::directions::{Direction, Directions, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
 use crate::estimate::suspicion::{Closes, InDegrees, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
-use crate::estimate::{AnchorKind, Observations};
+use crate::estimate::{AnchorKind, Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
 use crate::numerics::lm::Termination;
@@ -82,6 +82,19 @@ pub fn origin(origin: Origin) -> String {
             format!("{}, offsets tied, gains scattered #{n}", anchor(kind))
         }
     }
+}
+
+/// Offsets that stay as drawn, by the fit with them and the one with what was found.
+#[must_use]
+pub fn as_drawn(names: &[String], fits: [&Fit; 2]) -> String {
+    let [free, drawn] =
+        fits.map(|f| format!("χ² {:.4} for {:.0} degrees of freedom", f.chi2, f.dof));
+    format!(
+        "offsets of {} stay as drawn: what was found explains the readings as well without them \
+         ({drawn}) as they do ({free}), and offsets that take up an error of a surface put the arm \
+         elsewhere. Known points decide (--check), or a surface that is known to be flat",
+        names.join(", "),
+    )
 }
 
 /// What looks wrong with the wiring, and what to do.

@@ -53,6 +53,7 @@ impl Stepwise<'_> {
         let room = RIVAL + room(mine.score);
         let others: Vec<Instance> =
             found.iter().map(|s| s.instance).filter(|other| *other != own).collect();
+        let all = scored.clone();
         scored.retain(|s| {
             s.instance != own
                 && same_kind(&s.instance, &own)
@@ -99,7 +100,12 @@ impl Stepwise<'_> {
             .filter(|(value, s)| *value > best - RIVAL && s.instance != named)
             .map(|(_, s)| s)
             .collect();
-        let also: Vec<Instance> = also.iter().filter(as_well).map(|(_, i)| *i).collect();
+        let mut also: Vec<Instance> = also.iter().filter(as_well).map(|(_, i)| *i).collect();
+        for beside in self.beside_tolerances(current, found, index, &all)? {
+            if !also.contains(&beside.instance) {
+                also.push(beside.instance);
+            }
+        }
         let beside = |(_, s, _): &(f64, Scored, Fit)| {
             s.instance.target == named.target && also.contains(&s.instance)
         };

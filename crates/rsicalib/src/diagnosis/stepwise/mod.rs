@@ -9,3 +9,4 @@ mod prune;
 pub mod rivals;
 pub mod search;
 mod sharing;
+mod tolerances;

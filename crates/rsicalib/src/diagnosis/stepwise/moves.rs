@@ -470,6 +470,11 @@ impl<'a> Stepwise<'a> {
         self.data.of(cost(before)) - self.data.of(cost(after))
     }
 
+    /// What readings say of an explanation with this χ².
+    pub(crate) fn data_of(&self, chi2: f64) -> f64 {
+        self.data.of(chi2)
+    }
+
     /// What readings say of a fit.
     pub(crate) fn said_of(&self, fit: &Fit) -> f64 {
         self.data.of(cost(fit))

@@ -79,7 +79,7 @@ impl Stepwise<'_> {
 }
 
 /// Those within [`RIVAL`] of the best, the best first, with their probabilities.
-fn nearest<T>(mut all: Vec<(Explanation, T)>) -> Vec<(Explanation, T)> {
+pub(crate) fn nearest<T>(mut all: Vec<(Explanation, T)>) -> Vec<(Explanation, T)> {
     all.sort_by(|(a, _), (b, _)| a.chi2.total_cmp(&b.chi2));
     let best = all.first().map_or(0.0, |(e, _)| e.chi2);
     all.retain(|(e, _)| e.chi2 <= best + RIVAL);

@@ -73,7 +73,7 @@ impl Searched {
     }
 
     /// What is left, with what is paid for what was found.
-    fn price(&self, stepwise: &Stepwise) -> f64 {
+    pub(crate) fn price(&self, stepwise: &Stepwise) -> f64 {
         let wrong = self.poses.iter().chain(self.wrong.iter().map(|(scored, _)| scored));
         let found = self.found.iter().map(|step| &step.scored);
         stepwise.said_of(&self.current) + found.chain(wrong).map(Scored::paid).sum::<f64>()

@@ -85,7 +85,7 @@ fn of_fit(traced: &Traced, one: &Fit, known: Option<&Known>) -> Result<Hypothesi
     let sd = |c: usize| (!one.unknowable[c]).then(|| covariance[(c, c)].max(0.0).sqrt());
     let names = parameter_names(small, one).into_iter().take(terms);
     let there = known.map(|known| positions(small, one, &one.beta, known)).transpose()?.flatten();
-    let checked = known.map(|k| check(small, one, &k.table, &k.poses, k.align)).transpose()?;
+    let checked = known.map(|k| check(small, one, k, k.align)).transpose()?;
     Ok(Hypothesis {
         effects: Vec::new(),
         probability: None,

@@ -3,9 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::Error;
-use crate::apply::check::motion_of;
+use crate::apply::check::{found, motion_of};
 use crate::apply::known::rows_of_known;
-use crate::apply::poses::platform_poses;
 use crate::estimate::{Fit, Observations};
 use crate::readings::average;
 use crate::report::evidence::points::has_platform;
@@ -23,14 +22,15 @@ pub struct Positions {
 ///
 /// # Errors
 ///
-/// As [`platform_poses`].
+/// As [`crate::apply::check::check`].
 pub fn positions(
     session: &Observations,
     fit: &Fit,
     beta: &[f64],
     known: &Known,
 ) -> Result<Option<Positions>, Error> {
-    if !has_platform(&fit.model) {
+    if known.point.is_none() && !has_platform(&fit.model) && !session.mechanism.platform.is_empty()
+    {
         return Ok(None);
     }
     let channels = session.mechanism.channels.len();
@@ -38,7 +38,8 @@ pub fn positions(
     if parts.is_empty() {
         return Ok(None);
     }
-    let found = platform_poses(session, fit, beta, average(&known.table, channels, &parts))?;
+    let fit = &Fit { beta: beta.to_vec(), ..fit.clone() };
+    let found = found(session, fit, known, average(&known.table, channels, &parts))?;
     let at: Vec<[f64; 6]> = parts.iter().map(|rows| known.poses[rows.start]).collect();
     let pairs: Vec<_> = at.iter().copied().zip(found.iter().copied()).collect();
     let (turn, shift) = motion_of(&pairs, known.align);

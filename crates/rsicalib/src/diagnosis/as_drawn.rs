@@ -1,0 +1,82 @@
+//! A session explained with its joints as they are drawn.
+//!
+//! Where joints may start anywhere, an error of a surface is taken up by them: a bent table is flattened
+//! by offsets of four joints, and the arm is farther from where it is than before. So where the model that
+//! was asked for leaves something, a session on a surface is searched once more without offsets of joints,
+//! and both explanations have their price (113), offsets that are determined included. Where both are as
+//! likely, joints stay as they are drawn: what is not known to be wrong is not changed.
+
+use crate::Error;
+use crate::apply::change::apart;
+use crate::diagnosis::long::Search;
+use crate::diagnosis::plausibility::absurdities;
+use crate::diagnosis::price::CHARGE;
+use crate::diagnosis::score::scored::is_data;
+use crate::diagnosis::stepwise::rivals::{Explanation, nearest};
+use crate::estimate::Fit;
+use crate::mechanism::Mechanism;
+use crate::model::Instance;
+use crate::numerics::credible_set::AS_WELL;
+use crate::terms::term::Role;
+
+/// What was asked for, without offsets; none where there are none, or no surface.
+#[must_use]
+pub(crate) fn without_offsets(mechanism: &Mechanism, base: &[Instance]) -> Option<Vec<Instance>> {
+    let on_surface = (0..mechanism.closures.len()).any(|k| mechanism.is_on_plane(k));
+    let kept: Vec<_> = base.iter().copied().filter(|i| i.term.role() != Role::Offset).collect();
+    (on_surface && kept.len() < base.len()).then_some(kept)
+}
+
+/// Which of two searches explains a session: the one of the model that was asked for, or `drawn`, with
+/// joints as they are drawn. The other is listed among the rivals of the one that is kept.
+///
+/// # Errors
+///
+/// As [`crate::estimate::fit`].
+pub(crate) fn likelier<'a>(
+    asked: (Search<'a>, &Fit),
+    drawn: (Search<'a>, &Fit),
+    offsets: &[Instance],
+) -> Result<(Search<'a>, bool), Error> {
+    let ((mut asked, whole), (mut drawn, plain)) = (asked, drawn);
+    // Offsets that readings do not determine cost nothing: they explain nothing.
+    let paid = CHARGE * (plain.dof - whole.dof).max(0.0);
+    let own = asked.searched.price(&asked.stepwise) + paid;
+    let other = drawn.searched.price(&asked.stepwise);
+    let found = drawn.searched.found.iter().any(|step| !is_data(&step.scored.instance));
+    let effects_of = |search: &Search| -> Vec<Instance> {
+        search.searched.found.iter().map(|step| step.scored.instance).collect()
+    };
+    let small = &drawn.stepwise.small;
+    let sound = absurdities(small, &drawn.searched.current, &effects_of(&drawn)).is_empty();
+    let chosen = found && sound && other <= own + AS_WELL;
+    let effects = |search: &Search, more: &[Instance]| -> Vec<Instance> {
+        more.iter().copied().chain(effects_of(search).into_iter().filter(|i| !is_data(i))).collect()
+    };
+    let of_both = [effects(&asked, offsets), effects(&drawn, &[])];
+    let far = apart(&asked.stepwise.small, &asked.searched.current, &drawn.searched.current);
+    let (kept, [mine, others], all) = match chosen {
+        true => (&mut drawn, [other, own], &of_both[0]),
+        false => (&mut asked, [own - paid, other - paid], &of_both[1]),
+    };
+    let listed_too = found && sound && !all.is_empty();
+    let here = std::mem::take(&mut kept.searched.rivals);
+    let here = match here.is_empty() && listed_too {
+        true => vec![Explanation {
+            effects: Vec::new(),
+            chi2: mine,
+            probability: 1.0,
+            apart: Some(0.0),
+        }],
+        false => here,
+    };
+    let listed = Explanation { effects: all.clone(), chi2: others, probability: 1.0, apart: far };
+    let both = here.into_iter().chain(listed_too.then_some(listed));
+    let near = nearest(both.map(|explanation| (explanation, ())).collect());
+    kept.searched.rivals = near.into_iter().map(|(explanation, ())| explanation).collect();
+    // One explanation is no choice.
+    if kept.searched.rivals.iter().all(|rival| rival.effects.is_empty()) {
+        kept.searched.rivals.clear();
+    }
+    Ok((if chosen { drawn } else { asked }, chosen))
+}

@@ -1,0 +1,134 @@
+"""Known places of a point, without orientation, beside plain matrix products."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib.errors import InputError
+from tests import oracle
+from tests.machines import files, plain
+from tests.machines.arm import JOINTS, Body, Job
+from tests.machines.surfaces import known
+from tests.oracle import Array
+
+
+@pytest.fixture(scope="module")
+def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path, Job, Array]:
+    """An arm on a table and a wall, and a tracker's points in a frame of its own."""
+    rng = np.random.default_rng(8)
+    job = Job(Body.random(rng), rng, 30)
+    first = (np.arange(30) % 2 == 0).astype(float)
+    job.plane("table", first)
+    job.plane("wall", 1 - first)
+    read = job.machine("arm").observe(rng)
+    folder = tmp_path_factory.mktemp("touched")
+    readings, mechanism = files.write(job.machine("arm"), read, folder)
+    known(job, read, rng, folder / "seen.csv")
+    return readings, mechanism, folder / "seen.csv", job, read
+
+
+def tip(job: Job, read: Array, offsets: dict[str, float]) -> Array:
+    """Where a calibration puts the tool, by Denavit and Hartenberg's matrices."""
+    q = {name: read[:, k] + offsets.get(name, 0.0) for k, name in enumerate(JOINTS)}
+    return plain.place(plain.frames(job.body.rows, q, len(read)), job.body.tool)
+
+
+def rms(gap: Array) -> float:
+    """Root mean square over components."""
+    return float(np.sqrt(np.mean(gap**2)))
+
+
+def test_places_are_compared_after_a_rigid_motion(
+    touched: tuple[Path, Path, Path, Job, Array],
+) -> None:
+    readings, mechanism, seen, job, read = touched
+    found = rsicalib.calibrate(readings, mechanism, check=seen, align=True)
+    places = np.genfromtxt(seen, delimiter=",", skip_header=1)[:, 7:10]
+    offsets = {p.target: p.value for p in found.parameters if p.term == "offset" and p.value}
+    for quality, own in ((found.fit, offsets), (found.nominal, {})):
+        assert quality is not None and quality.aligned is not None and quality.check is not None
+        witness = tip(job, read, own)
+        assert quality.aligned.position_rms == pytest.approx(
+            rms(plain.rigid_gap(witness, places)), rel=1e-4
+        )
+        assert quality.check.position_rms == pytest.approx(rms(witness - places), rel=1e-4)
+        assert quality.aligned.orientation_rms is None
+        assert quality.aligned.poses == len(read)
+    # The error is of the size that is predicted.
+    aligned = found.fit.aligned
+    assert aligned is not None and aligned.predicted is not None
+    assert 1e-3 < aligned.predicted.p_value
+
+
+def test_the_predicted_error_is_that_of_many_sessions(tmp_path: Path) -> None:
+    """The mean square of errors by the parameters, after the motion of the instrument."""
+    squares, predicted = [], []
+    for seed in range(12):
+        rng = np.random.default_rng([4, seed])
+        job = Job(Body.random(np.random.default_rng(3)), rng, 60)
+        job.plane("table")  # of two surfaces, what changes from one to the other would be in it
+        read = job.machine("arm").observe(rng)
+        readings, mechanism = files.write(job.machine("arm"), read, tmp_path)
+        true = job.body.tip(read, job.values)
+        with (tmp_path / "true.csv").open("w", encoding="utf-8") as file:
+            file.write(",".join([*JOINTS, "x", "y", "z"]) + "\n")
+            for q, place in zip(read, true, strict=True):
+                file.write(",".join(f"{x:.9g}" for x in [*q, *place]) + "\n")
+        found = rsicalib.calibrate(readings, mechanism, check=tmp_path / "true.csv", align=True)
+        aligned = found.fit.aligned
+        assert aligned is not None and aligned.predicted is not None
+        squares.append(aligned.position_rms**2)
+        predicted.append(aligned.predicted.position_sd**2)
+    ratio = np.mean(np.array(squares) / np.array(predicted))
+    assert 0.4 < ratio < 1.9  # 12 sessions of a few degrees of freedom each
+
+
+def test_a_point_is_named_where_chains_carry_several(
+    touched: tuple[Path, Path, Path, Job, Array], tmp_path: Path
+) -> None:
+    readings, mechanism, seen, job, _read = touched
+    document = job.machine("arm").mechanism
+    spare = {"name": "spare", "chain": "arm", "at": [0.0, 0.0, 0.0]}
+    two = tmp_path / "two.toml"
+    two.write_text(files.toml(document | {"point": [*document["point"], spare]}), encoding="utf-8")
+    with pytest.raises(InputError, match="tool"):
+        rsicalib.calibrate(readings, two, check=seen)
+    one = rsicalib.calibrate(readings, two, check=seen, check_point="tool", align=True)
+    same = rsicalib.calibrate(readings, mechanism, check=seen, align=True)
+    assert one.fit.aligned is not None and same.fit.aligned is not None
+    assert one.fit.aligned.position_rms == pytest.approx(same.fit.aligned.position_rms, rel=1e-9)
+
+
+def test_places_are_no_poses(touched: tuple[Path, Path, Path, Job, Array], tmp_path: Path) -> None:
+    readings, mechanism, seen, _, _read = touched
+    with pytest.raises(InputError, match="'x' without 'ry'"):
+        table = seen.read_text(encoding="utf-8").replace("x,y,z", "x,y,z,rx", 1)
+        lines = table.splitlines()
+        (tmp_path / "half.csv").write_text(
+            "\n".join([lines[0], *(line + ",0" for line in lines[1:])]), encoding="utf-8"
+        )
+        rsicalib.calibrate(readings, mechanism, check=tmp_path / "half.csv")
+    with pytest.raises(InputError, match="orientation"):
+        rng = np.random.default_rng(1)
+        poses = "\n".join(
+            ",".join(map(str, [1 + k, *rng.integers(1000, 3000, 9), *oracle.REST[:3]]))
+            for k in range(4)
+        )
+        header = ",".join(["pose", *(f"a{i}{j}" for i in "123" for j in "123"), "x", "y", "z"])
+        (tmp_path / "fixture.csv").write_text(f"{header}\n{poses}\n", encoding="utf-8")
+        rsicalib.fixture(tmp_path / "fixture.csv")
+
+
+def test_an_arm_on_planes_says_where_it_is(
+    touched: tuple[Path, Path, Path, Job, Array],
+) -> None:
+    readings, mechanism, seen, job, read = touched
+    found = rsicalib.calibrate(readings, mechanism)
+    offsets = {p.target: p.value for p in found.parameters if p.term == "offset" and p.value}
+    for table in (readings, seen):  # what is touched has no part in it
+        where = rsicalib.forward(table, mechanism, calibration=found)
+        assert where == pytest.approx(tip(job, read, offsets), abs=2e-4)  # as written
