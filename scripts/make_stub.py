@@ -26,6 +26,7 @@ PARAMETERS = {
     "confidence": "float",
     "expanded": "float",
     "known": "float",
+    "known_poses": "tuple[Mapping[str, Any], Array, str | None]",
     "limit": "float",
     "seen": "tuple[float, float, int, float] | None",
     "draws": "int",

@@ -90,7 +90,9 @@ class Fit:
         whether that is worth an update where the loops close to `rms`, poses left out in turn.
         """
 
-    def check(self, known: float, align: bool = False) -> dict[str, Any]:
+    def check(
+        self, known_poses: tuple[Mapping[str, Any], Array, str | None], align: bool = False
+    ) -> dict[str, Any]:
         """Error on known poses: `(poses, position rms, orientation rms)`."""
 
     def forward(self, table: Mapping[str, Any]) -> Array:
@@ -367,7 +369,10 @@ def centre_of_population(mechanism: Mechanism) -> list[float]:
     """Readings from which offsets of a population are counted, one per channel."""
 
 def check(
-    mechanism: Mechanism, applied: Mapping[str, Any], known: float, align: bool = False
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    known_poses: tuple[Mapping[str, Any], Array, str | None],
+    align: bool = False,
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
 

@@ -99,7 +99,7 @@ def said(rng: Rng, kind: str, sure: bool, folder: Path) -> Said:
     if kind == "tool and bent":
         wanted = TERMS["bent"]
     ties = {t["term"] for s in steps for t in s["also_fits"] or []}
-    ties |= {t["term"] for rival in answer["rivals"] for t in rival["terms"]}
+    ties |= {t["term"] for rival in answer.get("rivals") or [] for t in rival["terms"]}
     names = {s["term"] for s in steps}
     return Said(kind, answer["verdict"], bool(names & wanted), bool(ties & wanted), *error)
 

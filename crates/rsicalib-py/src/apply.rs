@@ -195,15 +195,15 @@ pub fn compared(
 
 /// Error of a result on known poses, root mean square over components.
 #[pyfunction]
-#[pyo3(signature = (mechanism, applied, known, align=false))]
+#[pyo3(signature = (mechanism, applied, known_poses, align=false))]
 pub fn check<'py>(
     py: Python<'py>,
     mechanism: &PyMechanism,
     applied: PyApplied,
-    known: PyKnown<'_>,
+    known_poses: PyKnown<'_>,
     align: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (applied, known) = (applied.into(), known_of(known, align));
+    let (applied, known) = (applied.into(), known_of(known_poses, align));
     let found = work(py, || earlier::check(&mechanism.0, &applied, &known, align))?
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)

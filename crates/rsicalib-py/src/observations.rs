@@ -457,14 +457,14 @@ impl PyFit {
     }
 
     /// Error on known poses: `(poses, position rms, orientation rms)`.
-    #[pyo3(signature = (known, align=false))]
+    #[pyo3(signature = (known_poses, align=false))]
     fn check<'py>(
         &self,
         py: Python<'py>,
-        known: PyKnown<'_>,
+        known_poses: PyKnown<'_>,
         align: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let known = known_of(known, align);
+        let known = known_of(known_poses, align);
         let check = work(py, || {
             rsicalib::apply::check::check(&self.observations, &self.fit, &known, align)
         })?

@@ -229,6 +229,10 @@ def _left(result: TraceShape, look: Look) -> list[str]:
     return ["", *lines] if lines else []
 
 
+WIDER = 2.0
+"""An interval from group to group that is so much wider than within them is shown beside it."""
+
+
 def _parameters(result: ResultShape, room: int | None, look: Look) -> list[str]:
     """Offsets and gains side by side, by channel; then the others."""
     sensors: dict[str, dict[str, Parameter]] = {}
@@ -271,4 +275,8 @@ def _estimate(parameter: Parameter) -> str:
     scale = 1e3 if parameter.unit == "rad/count" else 1.0
     value = None if parameter.value is None else scale * parameter.value
     half = None if parameter.sd is None else 1.96 * scale * parameter.sd
-    return " ± ".join(plus_minus(value, half))
+    found = " ± ".join(plus_minus(value, half))
+    wide = parameter.sd_between
+    if wide is None or parameter.sd is None or wide < WIDER * parameter.sd:
+        return found
+    return f"{found} (± {plus_minus(value, 1.96 * scale * wide)[1]} elsewhere)"

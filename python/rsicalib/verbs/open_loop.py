@@ -59,8 +59,11 @@ def fixture(
     job.take(readings, None, None, known_poses=True)
     table, poses, _ = posed(job.readings[0], job.mechanism)
     if not np.isfinite(poses).all(axis=1).any():
-        found, expected = "places without orientation", "known poses: x y z and rx ry rz [rad]"
-        raise InputError.at(job.readings[0].source, found=found, expected=expected)
+        raise InputError.at(
+            job.readings[0].source,
+            found="places without orientation",
+            expected="known poses: x y z [length unit] and rx ry rz [rad]",
+        )
     try:
         lines, count = _core.fixture(job.mechanism, table, poses)
     except UndeterminedError as error:

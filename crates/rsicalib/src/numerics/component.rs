@@ -80,10 +80,14 @@ impl Contrasts {
         self.chi2 - taken.sum::<f64>()
     }
 
-    /// The likeliest ratio `λ`, of effects no larger than their typical sizes.
+    /// The likeliest `τ²` beside noise of the variance that is known of it, of effects no larger than
+    /// their typical sizes: what is left is theirs, and not larger noise.
     pub(crate) fn likeliest(&self) -> f64 {
         let tried = self.ratios().unwrap_or_default().into_iter().map(|[ratio, _]| ratio * ratio);
-        let costs = tried.map(|lambda| (lambda, self.at(lambda)[0]));
+        let volume =
+            |lambda: f64| self.pairs.iter().map(|[c, _]| (lambda * c).ln_1p()).sum::<f64>();
+        let cost = |lambda: f64| self.left(lambda) / self.least + volume(lambda);
+        let costs = tried.map(|lambda| (lambda, cost(lambda)));
         costs.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |(lambda, _)| lambda)
     }
 
@@ -92,7 +96,7 @@ impl Contrasts {
     fn ratios(&self) -> Option<Vec<[f64; 2]>> {
         let largest = self.pairs.iter().fold(0.0, |m: f64, [c, _]| m.max(*c));
         let first = 1e-3 / largest.sqrt();
-        if self.pairs.is_empty() || !(first < 1e-2) {
+        if self.pairs.is_empty() || first.is_nan() || first >= 1e-2 {
             return None;
         }
         let step = (1.0 / first).ln() / (TRIED - 1) as f64;

@@ -133,7 +133,8 @@ pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<W
 #[must_use]
 pub fn as_drawn(traced: &Traced) -> Option<Warned> {
     let mechanism = &traced.observations.mechanism;
-    let names: Vec<String> = traced.offsets.iter().map(|i| i.target.name(mechanism)).collect();
+    let drawn = traced.offsets.iter().filter(|i| !traced.after.model.instances.contains(i));
+    let names: Vec<String> = drawn.map(|i| i.target.name(mechanism)).collect();
     let text = words::as_drawn(&names, [&traced.before, &traced.after]);
     let target = Some(names.join("+"));
     (!names.is_empty()).then_some(Warned { kind: Kind::AsDrawn, target, text })
