@@ -78,7 +78,8 @@ pub fn elsewhere(traced: &Traced, search: &SearchOptions) -> Option<(Elsewhere, 
     let (kind, blocks) = blocks(observations, after);
     let bad: Vec<Instance> =
         after.model.instances.iter().copied().filter(scored::is_data).collect();
-    let base = [&before.model.instances[..], &bad].concat();
+    let asked = before.model.instances.iter().copied().filter(|i| !traced.offsets.contains(i));
+    let base: Vec<Instance> = asked.chain(bad).collect();
     let effects: Vec<Instance> = found.iter().map(|f| traced.in_all(&f.instance)).collect();
     let left = Left { observations, noise: before.assumed(), blocks };
     let with = |some: &[bool]| {
