@@ -28,7 +28,8 @@ BY_HAND = {
         "version": "Version of the program.",
         "mechanism": "Name of the mechanism.",
         "length_unit": "Unit of every length.",
-        "columns": "`pose`, and `sample` and `time_s` where the readings have them; `x y z` "
+        "columns": "`pose`, and `sample` and `time_s` where the readings have them; `beyond`, 1 "
+        "where a free curve is held, beyond the readings at which it was seen, else 0; `x y z` "
         "[length unit] and `rx ry rz` [rad], or `ball.x ball.y ball.z` for each point that a chain "
         "carries; under a calibration their standard deviations `sd_…`. One list each.",
     },

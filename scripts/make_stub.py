@@ -201,7 +201,7 @@ RETURNS = {
     "misclosure": "Array",
     "compared": "list[tuple[int, float, float, float, bool]]",
     "observability": "dict[str, Any]",
-    "places": "tuple[list[str], Array, Array | None]",
+    "places": "tuple[list[str], Array, Array | None, list[bool]]",
     "steps": "list[float]",
     "plain_numbers": "list[Array] | None",
     "angles_at": "Array",

@@ -6,8 +6,10 @@ The arms are simulated in products of plain matrices, `tests/between.py`.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import rsicalib
+from rsicalib.poses.places import places, readings_for
 from tests import between
 from tests.oracle import Array
 
@@ -66,23 +68,61 @@ def test_what_does_not_help_elsewhere_is_named_and_no_part_of_the_parameters() -
     }
 
 
-def test_a_free_curve_stays_at_its_edge() -> None:
+@pytest.mark.parametrize("seed", [1, 2])
+def test_of_a_single_placement_a_shape_without_a_law_is_named_alone(seed: int) -> None:
+    whole, _ = session(seed, 0.0, only_first=False)
+    table = {name: column[: between.POSES] for name, column in whole.items()}  # type: ignore[index]
+    q3 = np.array(table["q3"])
+    table["q3"] = q3 + 0.004 * np.abs(np.sin(5 * q3))
+    found = rsicalib.trace(table, between.mechanism())
+    assert [(s.term, s.target, s.applied) for s in found.steps] == [("free_curve", "q3", False)]
+    assert "free_curve" not in {p.term for p in found.parameters}
+    assert found.elsewhere is not None and found.elsewhere.again is None
+
+
+def test_a_free_curve_stays_at_its_edge_and_is_known_less_the_further_it_is() -> None:
     table, _ = session(1, 0.004, only_first=False)
     terms = [*cone_terms(), "free_curve@q3"]
     found = rsicalib.calibrate(table, between.mechanism(), terms=terms)
-    q = np.tile([0.4, -1.4, 0.0, -1.5, 1.5, 0.0], (3, 1))
+    q = np.tile([0.4, -1.4, 0.0, -1.5, 1.5, 0.0], (4, 1))
     q3 = np.array(table["q3"], dtype=float)
-    q[:, 2] = q3.max() + np.array([0.0, 0.2, 0.4])
-    places = np.asarray(
-        rsicalib.forward(dict(zip(CHANNELS, q.T, strict=True)), between.mechanism(), found)
-    )
-    values = {p.target: p.value for p in found.parameters if p.term == "offset"}
-    ball = between.BALL + [p.value for p in found.parameters if p.term == "point_position"]
-    curve = sum(
-        p.value * (-1) ** int(p.name[1:]) for p in found.parameters if p.term == "free_curve"
-    )
-    q += [0.0, values["q2"], values["q3"] + curve, values["q4"], values["q5"], 0.0]
-    np.testing.assert_allclose(places.reshape(-1, 3), between.tips(q, ball), atol=1e-6)
+    beyond = np.array([-0.1, 0.0, 0.2, 0.4])
+    q[:, 2] = q3.max() + beyond
+    rows = dict(zip(CHANNELS, q.T, strict=True))
+    opened = rsicalib.load_mechanism(between.mechanism())
+    readings = readings_for(rows, opened, False)
+    found_at = places(readings, opened, found)
+    names = [(p.term, p.target if p.term == "offset" else p.name) for p in found.parameters]
+    value = np.array([p.value for p in found.parameters], dtype=float)
+
+    def tips(value: Array, s: Array) -> Array:
+        """Places of the ball where the parameters have these values, the curve read at `s`."""
+        turned, ball = q.copy(), between.BALL.copy()
+        for (term, name), x in zip(names, value, strict=True):
+            if term == "offset":
+                turned[:, CHANNELS.index(name)] += x
+            elif term == "point_position":
+                ball["xyz".index(name[-1])] += x
+            elif term == "free_curve":
+                turned[:, 2] += x * np.cos(int(name[1:]) * np.pi * s)
+        return between.tips(turned, ball)
+
+    along = 1.0 + beyond / (q3.max() - q3.min())
+    edge = np.minimum(along, 1.0)
+    held, on = tips(value, edge), tips(value, along)
+    np.testing.assert_allclose(found_at.values, held, atol=1e-6)
+    assert found_at.beyond == (False, False, True, True)
+    # What is not known: the parameters, and what the curve would change by going on.
+    step = 1e-6
+    slopes = np.stack(
+        [(tips(value + step * e, edge) - tips(value - step * e, edge)) for e in np.eye(len(value))],
+        axis=-1,
+    ) / (2 * step)
+    covariance = np.array(found.covariance, dtype=float)
+    variance = np.einsum("nik,kl,nil->ni", slopes, covariance, slopes) + (on - held) ** 2
+    assert found_at.sd is not None
+    # Both are differences: theirs of a hundredth of a standard deviation.
+    np.testing.assert_allclose(found_at.sd, np.sqrt(variance), rtol=1e-4)
 
 
 CHANNELS = [f"q{k + 1}" for k in range(6)]

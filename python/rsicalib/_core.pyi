@@ -548,11 +548,12 @@ def places(
     applied: Mapping[str, Any],
     table: Mapping[str, Any],
     covariance: Array | None = None,
-) -> tuple[list[str], Array, Array | None]:
+) -> tuple[list[str], Array, Array | None, list[bool]]:
     """Platform poses under a result, or the points that the chains carry, row by row of a table.
 
     Names of the columns, values of shape (n, k), and with the covariance of the parameters their
-    standard deviations; None where nothing is known of those.
+    standard deviations; None where nothing is known of those. Last, whether a shape is held in each
+    row, beyond the readings at which it was seen.
     """
 
 def plain_numbers(data: bytes, first: int, columns: int) -> list[Array] | None:

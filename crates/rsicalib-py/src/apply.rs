@@ -66,13 +66,15 @@ impl From<PyApplied> for Applied {
     }
 }
 
-/// Names, values and standard deviations: shapes (k), (n, k) and (n, k).
-type PyPlaces<'py> = (Vec<String>, Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>);
+/// Names, values, standard deviations and held rows: shapes (k), (n, k), (n, k) and (n).
+type PyPlaces<'py> =
+    (Vec<String>, Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>, Vec<bool>);
 
 /// Platform poses under a result, or the points that the chains carry, row by row of a table.
 ///
 /// Names of the columns, values of shape (n, k), and with the covariance of the parameters their
-/// standard deviations; None where nothing is known of those.
+/// standard deviations; None where nothing is known of those. Last, whether a shape is held in each
+/// row, beyond the readings at which it was seen.
 #[pyfunction]
 #[pyo3(signature = (mechanism, applied, table, covariance=None))]
 pub fn places<'py>(
@@ -93,7 +95,7 @@ pub fn places<'py>(
         let rows = values.len() / columns.max(1);
         PyArray1::from_vec(py, values).reshape([rows, columns])
     };
-    Ok((found.names, matrix(found.values)?, found.sd.map(matrix).transpose()?))
+    Ok((found.names, matrix(found.values)?, found.sd.map(matrix).transpose()?, found.beyond))
 }
 
 /// A mechanism under a result, which tells its place reading by reading.

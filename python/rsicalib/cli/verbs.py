@@ -159,6 +159,10 @@ def forward(args: Args) -> int:
     if readings.time_s is not None:
         labels["time_s"] = readings.time_s.tolist()
     names, values = list(found.names), found.values
+    if any(found.beyond):
+        labels["beyond"] = [int(beyond) for beyond in found.beyond]
+        rows = f"{sum(found.beyond)} of {len(found.beyond)} rows"
+        warn(args, [f"{rows}: beyond the readings at which a curve was seen; it stays at its edge"])
     if found.sd is not None:
         names += [f"sd_{name}" for name in found.names]
         values = np.hstack([values, found.sd])

@@ -56,7 +56,7 @@ def coordinates(
     applied = as_applied(result, mechanism, own=own)
     kinds = {term["id"]: term["class"] for term in _core.terms(mechanism)}
     applied["parameters"] = [p for p in applied["parameters"] if kinds.get(p[0][0]) in SENSORS]
-    _, values, _ = _core.places(bare, applied, as_table([readings], bare, bare=True), None)
+    _, values, _, _ = _core.places(bare, applied, as_table([readings], bare, bare=True), None)
     found: FloatArray = np.ascontiguousarray(values.reshape(len(readings), -1, 3)[:, :, 2])
     return found
 

@@ -282,7 +282,7 @@ def closure_errors(mechanism: Mechanism, result: Trace, readings: Readings) -> F
     drawing.pop("rest", None)
     bare = _core.Mechanism.from_dict(plain(drawing))
     table = as_table([readings], bare, bare=True)
-    names, values, _ = _core.places(bare, as_applied(result, bare), table, None)
+    names, values, _, _ = _core.places(bare, as_applied(result, bare), table, None)
     at = {name: np.asarray(values)[:, k] for k, name in enumerate(names)}
     errors = []
     for closure in known:

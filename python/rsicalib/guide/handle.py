@@ -86,7 +86,7 @@ class Handle:
         mechanism, applied = self._known
         row = np.asarray(readings, dtype=np.float64)[None]
         try:
-            _, values, _ = _core.places(mechanism, applied, {**ALONE, "values": row}, None)
+            _, values, _, _ = _core.places(mechanism, applied, {**ALONE, "values": row}, None)
         except RsicalibError:
             return None
         found: FloatArray = np.asarray(values)[0]

@@ -32,11 +32,14 @@ class Places:
     sd : ndarray, shape (n, k), or None
         What the uncertainty of the calibration leaves open, noise of the reading not counted;
         None where nothing is known of it.
+    beyond : tuple of bool
+        Rows in which a shape of the result is held: beyond the readings at which it was seen.
     """
 
     names: tuple[str, ...]
     values: FloatArray
     sd: FloatArray | None
+    beyond: tuple[bool, ...]
 
 
 def readings_for(readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: bool) -> Readings:
@@ -75,5 +78,5 @@ def places(
     table = as_table([readings], mechanism, bare=_by_chains(mechanism))
     covariance = covariance_of(result) if result is not None and sd else None
     found = _core.places(mechanism, as_applied(result, mechanism), table, covariance)
-    names, values, deviations = found
-    return Places(tuple(names), values, deviations)
+    names, values, deviations, beyond = found
+    return Places(tuple(names), values, deviations, tuple(beyond))

@@ -42,7 +42,7 @@ __all__ = [
     "target_words",
 ]
 
-NO_HELP = "predictions on what was left out are no better with it"
+NO_HELP = "nothing shows that it holds at other places"
 """Why an effect is named, and no part of the parameters."""
 
 WORDS = {

@@ -299,7 +299,7 @@ def _slopes(mechanism: Mechanism, result: Result) -> FloatArray | None:
     applied = as_applied(result, mechanism)
 
     def position(parameters: list[Any]) -> FloatArray:
-        _, values, _ = _core.places(mechanism, {**applied, "parameters": parameters}, table)
+        _, values, _, _ = _core.places(mechanism, {**applied, "parameters": parameters}, table)
         out: FloatArray = values[:, :3].ravel()
         return out
 

@@ -12,7 +12,7 @@ use crate::estimate::settle::settled;
 use crate::mechanism::{Closure, Mechanism, Point, Target};
 use crate::model::{Instance, Model, Spec, Want, Workspace, instances_of, is_unknown_thing};
 use crate::readings::{Readings, Table};
-use crate::terms::term::{Outlasts, Per, Role, Term};
+use crate::terms::term::{Outlasts, Over, Per, Role, Term};
 use crate::{Error, terms};
 
 /// What the parameters of a result refer to, beside the mechanism.
@@ -335,6 +335,27 @@ impl Under {
         let values = parameters.iter().map(|p| p.value).collect();
         let noise = Noise::declared(sigma.clone()).with_closures(&model, &applied.closures);
         Ok(Self { model, readings, values, columns, noise })
+    }
+
+    /// True for a row at which a shape is beyond the readings of the result.
+    pub(crate) fn beyond(&self) -> Vec<bool> {
+        let Self { model, readings, .. } = self;
+        let shapes = model
+            .instances
+            .iter()
+            .filter(|i| i.term.info().penalised && i.term.over() == Some(Over::Reading));
+        let mechanism = &model.mechanism;
+        let channels: Vec<usize> = shapes.flat_map(|i| mechanism.channels_at(i.target)).collect();
+        let beyond = |row: usize, c: usize| {
+            let ([low, high], at) = (model.scales[c].span, readings.row(row)[c]);
+            low < high && !(low <= at && at <= high)
+        };
+        (0..readings.samples).map(|row| channels.iter().any(|c| beyond(row, *c))).collect()
+    }
+
+    /// Holds shapes at the ends of the readings of the result, or lets them go on.
+    pub(crate) fn hold_shapes(&mut self, held: bool) {
+        self.model.scales.iter_mut().for_each(|scale| scale.held = held);
     }
 
     /// The model's own parameters, the inverse of [`crate::estimate::directions::reported`].

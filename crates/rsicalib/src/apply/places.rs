@@ -25,6 +25,9 @@ pub struct Places {
     /// What the uncertainty of the result leaves open, noise of the readings not counted; none
     /// where nothing is known of it.
     pub sd: Option<Vec<f64>>,
+    /// True for a row at which a shape of the result is held: beyond the readings at which it was
+    /// seen.
+    pub beyond: Vec<bool>,
 }
 
 /// Where a mechanism is: its platform, or the points that its chains carry, or, where no chain carries
@@ -37,7 +40,8 @@ pub struct Places {
 /// var p = Σ_k (∂p/∂c_k)²
 /// ```
 ///
-/// by central differences.
+/// by central differences, and, where a shape is held at the end of the readings at which it was seen,
+/// the square of what it would change by going on.
 ///
 /// # Errors
 ///
@@ -52,24 +56,28 @@ pub fn places(
     let (what, names) = (Placed::of(mechanism), names_of(mechanism)?);
     let posed = what == Placed::Platform;
     let build = if what == Placed::Carried { Under::open } else { Under::new };
-    let under = build(mechanism, applied, table)?;
-    let at = |values: &[f64]| -> Vec<f64> {
-        let points = match what {
-            Placed::Platform => return under.poses(values).concat(),
-            Placed::Carried => under.points(values),
-            Placed::Moving => under.moving(values),
-        };
-        let row = |row: usize| points.iter().flat_map(move |of_point| of_point[row]);
-        (0..under.readings.samples).flat_map(row).collect()
-    };
+    let mut under = build(mechanism, applied, table)?;
+    let angle = |k: usize| posed && k % 6 >= 3;
     let sd = match covariance {
         Some(covariance) => {
-            let angle = |k: usize| posed && k % 6 >= 3;
+            let at = |values: &[f64]| what.of_all(&under, values);
             deviations(&under.values, &under.columns, covariance, at, angle)?
         }
         None => None,
     };
-    Ok(Places { values: at(&under.values), names, sd })
+    let values = what.of_all(&under, &under.values);
+    let beyond = under.beyond();
+    let sd = match sd {
+        Some(sd) if beyond.contains(&true) => {
+            under.hold_shapes(false);
+            let on = what.of_all(&under, &under.values);
+            let apart = on.iter().zip(&values).enumerate();
+            let apart = apart.map(|(k, (a, b))| if angle(k) { short_way(a - b) } else { a - b });
+            Some(sd.iter().zip(apart).map(|(sd, apart)| sd.hypot(apart)).collect())
+        }
+        sd => sd,
+    };
+    Ok(Places { names, values, sd, beyond })
 }
 
 /// What of a mechanism has a place.
@@ -84,6 +92,17 @@ pub(crate) enum Placed {
 }
 
 impl Placed {
+    /// The places of all rows where the result has these values, row by row.
+    fn of_all(self, under: &Under, values: &[f64]) -> Vec<f64> {
+        let points = match self {
+            Self::Platform => return under.poses(values).concat(),
+            Self::Carried => under.points(values),
+            Self::Moving => under.moving(values),
+        };
+        let row = |row: usize| points.iter().flat_map(move |of_point| of_point[row]);
+        (0..under.readings.samples).flat_map(row).collect()
+    }
+
     pub(crate) fn of(mechanism: &Mechanism) -> Self {
         let mut points = mechanism.points.iter();
         match () {

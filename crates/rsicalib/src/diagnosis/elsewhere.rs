@@ -6,8 +6,9 @@
 //! used where that is better with it than without, beside the others. Without each half the search is
 //! made again: where what it finds there makes the other half worse, only effects that both find are
 //! used. Parts of the workspace of a single placement cannot tell that a free shape is there at
-//! another: it is named alone.
+//! another, nor effects that may stand for another one or leave something over: these are named alone.
 
+use crate::diagnosis::localisation::Residual;
 use crate::diagnosis::options::{Rule, SearchOptions};
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::{Traced, trace};
@@ -67,7 +68,11 @@ pub struct Elsewhere {
 /// Errors on blocks left out of a session that was traced; none where nothing was found, or where
 /// nothing that is touched is unknown and there is one session.
 #[must_use]
-pub fn elsewhere(traced: &Traced, search: &SearchOptions) -> Option<(Elsewhere, Vec<bool>)> {
+pub fn elsewhere(
+    traced: &Traced,
+    search: &SearchOptions,
+    residual: &Residual,
+) -> Option<(Elsewhere, Vec<bool>)> {
     let Traced { observations, before, after, found, stretches, .. } = traced;
     // Where every pose has a place of its own, poses left out say it.
     let placed = !after.model.unknowns.is_empty() && after.model.pose_unknowns() == 0;
@@ -93,13 +98,15 @@ pub fn elsewhere(traced: &Traced, search: &SearchOptions) -> Option<(Elsewhere, 
         Blocks::Groups => Some(left.error(|training| searched(training, search, effects.len()))?),
         Blocks::Workspace => None,
     };
+    // Seen at one placement alone: nothing says that another has a shape without a law, or effects
+    // that leave something over or may stand for another.
+    let understood = matches!(residual, Residual::Noise { .. } | Residual::Unjudged);
     let may = |effect: &Instance| match &again {
         Some((again, found)) => {
             let finds = |fit: &Fit| fit.model.instances.contains(effect);
             *again <= WORSE * without || found.iter().all(finds)
         }
-        // A shape without a law, seen at one placement: nothing says that another has it.
-        None => !effect.term.info().penalised,
+        None => understood && !effect.term.info().penalised,
     };
     let mut applies: Vec<bool> = effects.iter().map(may).collect();
     let mut applied = with(&applies)?;

@@ -300,7 +300,9 @@ pub fn traced(
     progress.enter(Stage::HeldOut);
     let small_before =
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
-    let (elsewhere, applies) = elsewhere(&traced, search).unzip();
+    let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
+    let residual = residual(&traced, &rises);
+    let (elsewhere, applies) = elsewhere(&traced, search, &residual).unzip();
     let applies = applies.filter(|_| !search.apply_all);
     let applies = applies.unwrap_or_else(|| vec![true; traced.found.len()]);
     let applied = applied(&traced, &applies)?;
@@ -322,8 +324,6 @@ pub fn traced(
         None if traced.last.model.instances == small_before.model.instances => before.held_out,
         None => left_out(&traced, &traced.last, &traced.after),
     };
-    let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
-    let residual = residual(&traced, &rises);
     let found: Vec<Instance> = traced.found.iter().map(|f| f.instance).collect();
     let absurd = absurdities(&traced.observations, &traced.after, &found);
     let directions = directions(&traced.observations, &traced.after);

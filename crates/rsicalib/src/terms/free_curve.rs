@@ -47,10 +47,10 @@ impl Sensor for FreeCurve {
     }
 }
 
-/// `s`, within 0 to 1: the waves are level at both ends.
+/// `s`, within 0 to 1 where the curve is held: the waves are level at both ends.
 fn along(site: &Site) -> Lanes {
     let along = (site.reading() - Lanes::splat(site.scale().span[0])) * per_reading(site);
-    along.map(|s| s.clamp(0.0, 1.0))
+    if site.scale().held { along.map(|s| s.clamp(0.0, 1.0)) } else { along }
 }
 
 fn per_reading(site: &Site) -> f64 {

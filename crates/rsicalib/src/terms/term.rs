@@ -110,6 +110,8 @@ pub struct Scale {
     pub angle: f64,
     /// Lowest and highest reading in the data.
     pub span: [f64; 2],
+    /// True where shapes stay beyond `span` as they are at its ends; else they go on.
+    pub held: bool,
 }
 
 impl Scale {
@@ -125,6 +127,7 @@ impl Scale {
             gain: channel.gain,
             angle: channel.angle(centre),
             span,
+            held: true,
         };
         if channel.ends().is_none() && !turns {
             scale.unbounded();
