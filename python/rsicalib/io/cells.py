@@ -204,7 +204,8 @@ def read_cells(
         for i in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)).tolist():
             name = poses[int(np.argmin(known[i]))]
             found = quoted(table.columns[index[name]][i])
-            expected = f"a finite number, or all of {' '.join(poses)} empty"
+            count = "six" if len(poses) == len(POSE) else "three"
+            expected = f"a finite number, or all {count} of {' '.join(poses)} empty"
             faults.setdefault(i, Fault(name, found, expected))
     return cells, faults
 
