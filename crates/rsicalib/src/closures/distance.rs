@@ -7,11 +7,10 @@ use crate::numerics::lanes::{Lanes, Vec3, dot};
 ///
 /// ```text
 /// f = |a - b|² - d²
-/// f = |a - b| - d             where a channel measures d
+/// f = |a - b| - d             where a channel, or a column of the readings, measures d
 /// ```
 ///
-/// What a sensor of the length reads differs from pose to pose, and so would the scale of an
-/// area.
+/// A length that is measured differs from pose to pose, and so would the scale of an area.
 #[derive(Debug, Clone, Copy)]
 pub struct Distance;
 

@@ -92,9 +92,15 @@ impl CompiledClosure {
         matches!(self.ends[0], End::Coordinate(_))
     }
 
+    /// True where the value is read with every sample: by a channel, or in a column of its own.
+    #[inline(always)]
+    pub(crate) fn is_measured(&self) -> bool {
+        self.channel.is_some() || self.column.is_some()
+    }
+
     /// Change of an equation per change of a length.
     pub(crate) fn per_length(&self) -> f64 {
-        let value = Some(self.value).filter(|_| self.channel.is_none());
+        let value = Some(self.value).filter(|_| !self.is_measured());
         self.kind.facts().per_length(value)
     }
 }

@@ -471,7 +471,7 @@ impl Model {
                 }
                 shape = Some(patch.slope(slopes));
             }
-            let measured = closure.channel.is_some();
+            let measured = closure.is_measured();
             let at = At { apart, value: distance, shape, measured, along };
             for row in 0..closure.equations() {
                 ws.f[closure.equation + row] = closure.kind.misclosure(&at, row);
