@@ -176,3 +176,13 @@ def test_an_arm_that_does_not_fit_its_plane_is_not_called_in_degrees(number: int
         found = rsicalib.calibrate(csv, mechanism)
         assert found.quality.chi2 > 20 * found.quality.dof
         assert "degrees" not in {w.kind for w in found.warnings}
+
+
+@pytest.mark.parametrize(
+    ("found", "meant"), [("degrees", "deg"), ("°", "deg"), ("Rad", "rad"), ("counts", "count")]
+)
+def test_a_unit_that_is_written_otherwise_is_asked_for(found: str, meant: str) -> None:
+    """Any text is a unit of one's own, and its gain then says what it is in radians."""
+    values = changed(lambda c: c.update(unit=found))
+    with pytest.raises(rsicalib.InputError, match=f"unit '?\"?{found}.*{meant}"):
+        Mechanism(values)

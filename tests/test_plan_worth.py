@@ -15,6 +15,7 @@ from rsicalib import DEMO, InputError, Mechanism
 from rsicalib.cli import main
 from rsicalib.facts.shapes import Name
 from rsicalib.planning.worthwhile import worthwhile
+from tests import cone
 
 READINGS, REST = (DEMO / f"{name}.csv" for name in ("readings", "rest"))
 
@@ -135,3 +136,22 @@ def test_a_target_needs_a_result() -> None:
         rsicalib.plan(target=0.1)
     with pytest.raises(InputError, match="target"):
         rsicalib.plan(target=-1.0, result="x.json", beside=READINGS)
+
+
+def test_a_convention_is_nothing_that_poses_could_make_certain() -> None:
+    """An arm at one cone: how it stands about its first axis, with the cone, no pose can tell.
+
+    The forecast of more seatings is borne out by taking them.
+    """
+    drawn = Mechanism(cone.mechanism(2e-5, 0.02))
+    few, more = cone.session(5, poses=20, samples=1), cone.session(5, poses=40, samples=1)
+    found = rsicalib.calibrate(few.table, drawn)
+    plan = rsicalib.plan(drawn, result=found, beside=few.table, poses=4, candidates=300)
+    assert plan.forecast is not None and plan.forecast.platform_sd is not None
+    before = plan.forecast.platform_sd.before.position
+    # Play of 0.02 mm over 60 equations, and the arm is 1 m long.
+    assert before is not None and before < 1.0
+    after = rsicalib.calibrate(more.table, drawn)
+    again = rsicalib.plan(drawn, result=after, beside=more.table, poses=1, candidates=300)
+    assert again.forecast is not None and again.forecast.platform_sd is not None
+    assert again.forecast.platform_sd.before.position < before

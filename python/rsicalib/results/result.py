@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -59,12 +59,12 @@ class Result(Interactive):
             return None
 
     @cached_property
-    def edited(self) -> bool:
-        """Whether numbers that poses come from were edited after it was written.
+    def edited(self) -> bool | None:
+        """Whether numbers that poses come from were edited after it was made.
 
-        A result without a `digest`, of an earlier version, cannot tell.
+        None where that cannot be told: of a result without a `digest`, as earlier versions wrote.
         """
-        return self.digest is not None and self.digest != digest_of_numbers(self)
+        return None if self.digest is None else self.digest != digest_of_numbers(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Write the result as plain values, with the digest of its numbers."""
@@ -120,6 +120,12 @@ class Result(Interactive):
             f"<{type(self).__name__} of {self.mechanism!r}: {self.verdict or 'not judged'}, "
             f"{len(self.parameters)} parameters from {self.readings.poses} poses, {judged}>"
         )
+
+    @classmethod
+    def made(cls, found: Mapping[str, Any]) -> Self:
+        """A result of what was found just now, with the digest of its numbers."""
+        result = cls.from_dict({**found, "digest": None})
+        return replace(result, digest=digest_of_numbers(result))  # type: ignore[type-var]
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

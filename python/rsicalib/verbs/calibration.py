@@ -147,6 +147,6 @@ def calibrate(
     try:
         report, fit, _ = session.calibrate(beside)
     except UndeterminedError as error:
-        return Calibration.from_dict(job.too_few(Calibration, error, session) | {"fit": NOTHING})
+        return Calibration.made(job.too_few(Calibration, error, session) | {"fit": NOTHING})
     found = {**report, "method": method or Calibration.method, "update": job.update(report, fit)}
-    return finished(job.told(Calibration.from_dict(job.result(Calibration, found, session))))
+    return finished(job.told(Calibration.made(job.result(Calibration, found, session))))

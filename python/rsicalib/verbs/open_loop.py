@@ -68,7 +68,7 @@ def fixture(
         lines, count = _core.fixture(job.mechanism, table, poses)
     except UndeterminedError as error:
         nothing = {"method": "fixture", "fit": NOTHING}
-        return Calibration.from_dict(job.too_few(Calibration, error, None) | nothing)
+        return Calibration.made(job.too_few(Calibration, error, None) | nothing)
     parameters, blocks, sigma = [], [], {}
     for channel, line in zip(job.mechanism.channels, lines, strict=True):
         block = np.full((2, 2), np.nan) if line["covariance"] is None else line["covariance"]
@@ -90,7 +90,7 @@ def fixture(
         "covariance": covariance,
         "termination": "one linear step",
     }
-    result = Calibration.from_dict(job.result(Calibration, found, None))
+    result = Calibration.made(job.result(Calibration, found, None))
     known = job.known(check)
     if known is None:
         return result
@@ -102,4 +102,4 @@ def fixture(
     checked = [e["aligned" if align else "check"] for e in (fit, nominal)]
     again = result.to_dict() | _core.judged_open_loop(count, *checked)
     again |= {"fit": NOTHING | fit, "nominal": NOTHING | nominal}
-    return job.told(Calibration.from_dict(again))
+    return job.told(Calibration.made(again))

@@ -116,6 +116,6 @@ def trace(
         )
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
-        return Trace.from_dict(job.too_few(Trace, error, session) | nothing)
+        return Trace.made(job.too_few(Trace, error, session) | nothing)
     lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
-    return finished(job.told(Trace.from_dict(job.result(Trace, report, session) | lacking)))
+    return finished(job.told(Trace.made(job.result(Trace, report, session) | lacking)))

@@ -18,6 +18,7 @@ use crate::design::reachable::{Reachable, around, reachable};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates::candidates;
 use crate::diagnosis::stepwise::moves::Stepwise;
+use crate::estimate::conventions::{Conventions, Here};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::{Instance, Model, Want, Workspace, parse};
 use crate::numerics::random::Random;
@@ -200,7 +201,7 @@ pub fn further(
     let judged = found.some(&(0..found.len().min(JUDGED)).collect::<Vec<_>>());
 
     let old = at.session();
-    let mut sides: Vec<Side> = fits.iter().map(|f| Side::of(&at, f, &old)).collect();
+    let mut sides: Vec<Side> = fits.iter().map(|f| Side::of(&at, &session, f, &old)).collect();
     let mut rows = visits.rows(&at, &found, 0, 0.0, visits.start())?;
     sides.iter_mut().for_each(|side| side.hold(&rows));
     let mut contest = contest_of(rivals, &sides);
@@ -320,7 +321,7 @@ struct Side {
 }
 
 impl Side {
-    fn of(at: &Linearised<'_>, fit: &Fit, old: &Whitened) -> Self {
+    fn of(at: &Linearised<'_>, session: &Observations, fit: &Fit, old: &Whitened) -> Self {
         let columns = at.columns_of(&fit.model);
         let theta = columns.iter().zip(&fit.beta).map(|(&c, b)| b - at.beta[c]).collect();
         let n = columns.len();
@@ -333,7 +334,11 @@ impl Side {
                 }
             }
         }
-        let information = old.select(&columns).gram() + &priors;
+        // What noise and play seem to tell of conventions is nothing that more poses could add to.
+        let told = old.select(&columns).gram();
+        let Fit { model, beta, .. } = fit;
+        let here = Here { observations: session, model, priors: &fit.priors, beta };
+        let information = Conventions::of(here, &told).out_of(told) + &priors;
         let held = Unseen::of(&Mat::identity(n, n));
         Self { columns, theta, information, priors, held }
     }
@@ -850,7 +855,7 @@ fn hidden(
         candidates(session, best, &[]).into_iter().filter(|i| !i.term.info().penalised).collect();
     let at = Linearised::new(session, best, &named, &[])?;
     let old = at.session();
-    let side = Side::of(&at, best, &old);
+    let side = Side::of(&at, session, best, &old);
     let before = with_priors(&old, &side.priors, &side.columns);
     let after = &before + visits.visited(&at, planned, steps)?.gram();
     let some: Vec<usize> = (0..judged.len()).step_by(2).collect();

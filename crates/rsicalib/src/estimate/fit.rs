@@ -13,14 +13,15 @@ use crate::estimate::degrees;
 use crate::estimate::doubts;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
+use crate::estimate::noise::channels::{self, Length};
+use crate::estimate::noise::open;
 use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::{
     NoiseEstimate, Rounded, Source, check_declared, declared_rounded, estimate_noise, first_noise,
-    presumed, rounded, told_apart,
+    presumed, rounded, told_apart, with_lengths,
 };
-use crate::estimate::noise::{channels, open};
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
@@ -137,6 +138,23 @@ fn proportional(a: &Noise, b: &Noise) -> bool {
     a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y))
 }
 
+/// True for two noises by which closures hold alike, to 1 %.
+fn seated_alike(a: &Noise, b: &Noise) -> bool {
+    let of = |noise: &Noise, k: usize| noise.seating.get(k).copied().unwrap_or(0.0).sqrt();
+    let same = |k: usize| (of(a, k) - of(b, k)).abs() <= 0.01 * of(a, k);
+    (0..a.seating.len().max(b.seating.len())).all(same)
+}
+
+/// Lengths that differ from sample to sample and declare no noise; `measured` are the variances of the
+/// equations that do.
+fn lengths_of(model: &Model, noise: &Noise, measured: &[f64]) -> Vec<Length> {
+    let drawn = |k: usize| noise.measured.get(k).is_some_and(|factor| *factor > 0.0);
+    let lengths = model.undeclared_lengths().filter(|(k, e)| drawn(*k) && *e < measured.len());
+    lengths
+        .map(|(closure, equation)| Length { closure, equation, variance: measured[equation] })
+        .collect()
+}
+
 /// True for two noises that are proportional and differ by no factor, to 1 %.
 fn as_large(a: &Noise, b: &Noise) -> bool {
     (a.sigma[0] - b.sigma[0]).abs() <= 0.01 * a.sigma[0]
@@ -240,7 +258,7 @@ fn minimum(
         with_rounding = Some(declared);
     }
     let progress = &observations.options.progress;
-    let mut apart = 0;
+    let (mut apart, mut doubted) = (0, false);
     let mut answer = None;
     for round in 0..ROUNDS {
         progress.step()?;
@@ -280,7 +298,16 @@ fn minimum(
             true => Cow::Borrowed(&residuals),
             false => contrasts(&groups, &residuals, (&noise.sigma, &measured)),
         };
-        if declared && round == 0 && !judged {
+        let lengths = lengths_of(&model, &noise, &measured);
+        if declared && !judged && round + 1 < ROUNDS {
+            let wanted = with_lengths(observations, &groups, &within, &noise, &lengths);
+            if let Some(wanted) = wanted.filter(|wanted| !seated_alike(wanted, &noise)) {
+                noise = wanted;
+                continue;
+            }
+        }
+        if declared && !doubted && !judged {
+            doubted = true;
             let rounding = rounding.as_ref();
             let wrong = check_declared(observations, &groups, &within, &noise, rounding);
             if let Some((factor, by)) = wrong {
@@ -289,7 +316,8 @@ fn minimum(
             }
         }
         if !declared && round + 1 < ROUNDS {
-            let of_steps = |rounding| rounded(observations, &groups, &within, &noise, rounding);
+            let of_steps =
+                |rounding| rounded(observations, &groups, &within, &noise, rounding, &lengths);
             with_rounding = rounding.as_ref().and_then(of_steps);
             let (wanted, count, reached) = match &with_rounding {
                 Some(Rounded { weighed, apart, .. }) => {
@@ -297,13 +325,14 @@ fn minimum(
                     (weighed.clone(), *apart, reached)
                 }
                 None => {
-                    let (wanted, count) = told_apart(observations, &groups, &within, &noise);
+                    let (wanted, count) =
+                        told_apart(observations, &groups, &within, &noise, &lengths);
                     let reached = proportional(&wanted, &noise);
                     (wanted, count, reached)
                 }
             };
             apart = count;
-            if !reached {
+            if !reached || !seated_alike(&wanted, &noise) {
                 noise = wanted;
                 continue;
             }

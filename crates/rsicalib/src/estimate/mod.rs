@@ -6,7 +6,7 @@ pub(crate) mod angles;
 pub(crate) mod at_fit;
 pub mod between;
 mod by_group;
-mod conventions;
+pub(crate) mod conventions;
 pub(crate) mod degrees;
 pub mod directions;
 mod doubts;

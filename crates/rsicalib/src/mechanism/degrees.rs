@@ -47,6 +47,23 @@ impl Mechanism {
     }
 }
 
+/// Units that a file writes in one way, and other ways to write them.
+const UNITS: [(&str, &[&str]); 3] = [
+    (DEGREES, &["degree", "degrees", "°", "º"]),
+    ("rad", &["radian", "radians"]),
+    ("count", &["counts"]),
+];
+
+/// The way to write a unit that is written otherwise; none of a unit that is as it should be, or of
+/// one's own.
+pub(super) fn unit_meant(found: &str) -> Option<&'static str> {
+    let lower = found.to_lowercase();
+    let other = |(unit, others): &&(&str, &[&str])| {
+        *unit != found && (*unit == lower || others.contains(&lower.as_str()))
+    };
+    UNITS.iter().find(other).map(|(unit, _)| *unit)
+}
+
 /// An angle in degrees: the number of 15 digits that is read back as the same angle, where there
 /// is one, so that what is printed is what was written.
 fn degrees(radians: f64) -> f64 {

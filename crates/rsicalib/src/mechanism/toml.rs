@@ -2,6 +2,8 @@
 
 use crate::Error;
 use crate::mechanism::drawing::Mechanism;
+#[cfg(feature = "toml")]
+use crate::text::meant;
 
 #[cfg(feature = "toml")]
 impl Mechanism {
@@ -14,8 +16,7 @@ impl Mechanism {
     /// [`Error::Toml`] with line and column for text that cannot be parsed, else the errors of
     /// [`Mechanism::validate`].
     pub fn from_toml(text: &str) -> Result<Self, Error> {
-        let written: Self =
-            toml::from_str(text).map_err(|e| Error::Toml(e.to_string().trim_end().into()))?;
+        let written: Self = toml::from_str(text).map_err(|error| said(&error, text))?;
         let mechanism = written.from_written_units();
         mechanism.validate()?;
         Ok(mechanism)
@@ -26,4 +27,24 @@ impl Mechanism {
     pub fn to_toml(&self) -> String {
         toml::to_string(&self.clone().in_written_units()).unwrap_or_default()
     }
+}
+
+/// What is wrong with a text, and in which line, in one sentence.
+#[cfg(feature = "toml")]
+fn said(error: &toml::de::Error, text: &str) -> Error {
+    let message = error.message();
+    let mut words = message.replace("invalid type: string", "found text");
+    words = words.replace("invalid type: ", "found ").replace("f64", "a number");
+    // Names stand between backticks: the one that was found, then those that are known.
+    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    if let Some((found, known)) = names.split_first() {
+        words += &meant(found, &known.join(", "));
+    }
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let place = before.map(|before| {
+        let lines: Vec<&str> = before.split('\n').collect();
+        let column = 1 + lines.last().map_or(0, |last| last.chars().count());
+        format!("line {}, column {column}: ", lines.len())
+    });
+    Error::Toml(place.unwrap_or_default() + &words)
 }

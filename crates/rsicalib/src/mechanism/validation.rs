@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::closures::kind::{Given, Part};
+use crate::mechanism::degrees::unit_meant;
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
@@ -307,6 +308,10 @@ fn check_row(row: &Row, place: impl Fn() -> String) -> Result<(), Error> {
 fn check_channel(channel: &Channel) -> Result<(), Error> {
     let place = || format!("channel {}", quoted(&channel.name));
     finite([channel.gain, channel.offset].iter(), place)?;
+    if let Some(unit) = unit_meant(&channel.unit) {
+        let found = format!("unit {}", quoted(&channel.unit));
+        return Err(refuse(place(), found, format!("{}, as files write it", quoted(unit))));
+    }
     if !bounds::positive(channel.gain.abs()) {
         let found = format!("gain {}", number(channel.gain));
         return Err(refuse(place(), found, "a gain other than zero".into()));

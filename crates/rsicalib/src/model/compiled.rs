@@ -973,6 +973,14 @@ impl Model {
         self.closures.iter().map(|closure| closure.equation..closure.equation + closure.equations())
     }
 
+    /// Closures whose length stands in a column of the readings and declares no noise: their numbers,
+    /// and their equations.
+    pub(crate) fn undeclared_lengths(&self) -> impl Iterator<Item = (usize, usize)> {
+        let open = |closure: &CompiledClosure| closure.column.is_some() && closure.noise == 0.0;
+        let all = self.closures.iter().enumerate();
+        all.filter(move |(_, closure)| open(closure)).map(|(k, closure)| (k, closure.equation))
+    }
+
     /// The kind of each closure that takes part in samples and declares no play, by kind and by what
     /// its ends are; none for rigid distances, for joints between chains, and for closures that do.
     pub(crate) fn undeclared(&self) -> Vec<Option<(ClosureKind, [u8; 2])>> {

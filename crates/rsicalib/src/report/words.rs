@@ -20,6 +20,7 @@ use crate::numerics::lm::Termination;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::Cause;
 use crate::screening::fault::FaultKind;
+use crate::text::significant;
 
 /// Where the noise is from.
 #[must_use]
@@ -210,18 +211,19 @@ fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
         Some(_) => ": is one of them in degrees, and the other in radians?",
         None => "",
     };
+    let (smaller, factor) = (factor < 1.0, significant(factor, 3));
     let words = match by {
         Witness::Repeats | Witness::Neighbours => format!(
-            "the declared {what} {is} too {size}: {} show {factor:.2} times as much, which is used",
+            "the declared {what} {is} too {size}: {} show {factor} times as much, which is used",
             if by == Witness::Repeats { "repeats" } else { "neighbouring rows" }
         ),
-        Witness::Fit if factor < 1.0 => format!(
+        Witness::Fit if smaller => format!(
             "the declared {what} {is} too large: the residual is smaller than chance allows, and \
-             {factor:.2} times as much would fit"
+             {factor} times as much would fit"
         ),
         Witness::Fit => format!(
             "the residual is larger than the declared {what} allows: something is left, or the \
-             declared {what} {is} too small, and {factor:.2} times as much would fit"
+             declared {what} {is} too small, and {factor} times as much would fit"
         ),
     };
     words + unit

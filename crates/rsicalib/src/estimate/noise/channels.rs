@@ -12,7 +12,8 @@
 //! ```
 //!
 //! Channels are alike until `g² / I` says otherwise, then stand apart one by one; those in coarse
-//! steps of their own stand apart from the start.
+//! steps of their own stand apart from the start. So does a length that is read with every sample and
+//! declares no noise: `b_c` is then the derivative by that length.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
@@ -38,6 +39,9 @@ const GROSS: f64 = 1e-4;
 /// More than one in so many groups are not gross: that is how they scatter.
 const MOST_GROSS: usize = 4;
 
+/// Least part of a variance at which it is taken for none.
+const LEAST: f64 = 1e-12;
+
 /// Score, in standard deviations, that must be left without the strange groups.
 const WITHOUT: f64 = 1.5;
 
@@ -50,6 +54,21 @@ pub struct Alike {
     pub floor: Vec<f64>,
     /// Channels that stand apart whatever they show.
     pub apart: Vec<bool>,
+    /// Lengths that declare no noise.
+    pub lengths: Vec<Length>,
+    /// True where the noise of the channels is known: only that of the lengths is told.
+    pub known: bool,
+}
+
+/// A length that is read with every sample, and declares no noise of its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Length {
+    /// Number of its closure among those of samples.
+    pub closure: usize,
+    /// Number of its equation.
+    pub equation: usize,
+    /// Variance that whitens the residuals, length units squared.
+    pub variance: f64,
 }
 
 /// Groups by which channels are told apart.
@@ -93,12 +112,16 @@ pub fn by_channel(
     let seen = Seen::of(groups, residuals, used, alike);
     let channels = alike.noise.sigma.len();
     let limit = distributions::two_sided_limit(ALPHA, channels);
-    let mut variances = Variances::new(channels);
-    for c in (0..channels).filter(|&c| alike.apart[c]) {
+    let mut variances = Variances::new(seen.units.len(), alike.known);
+    let lengths = channels..seen.units.len();
+    for c in (0..channels).filter(|&c| alike.apart[c]).chain(lengths) {
         variances.own[c] = Some(seen.unit(c));
     }
     loop {
         variances.settle(&seen)?;
+        if alike.known {
+            break;
+        }
         let scores = seen.scores(&variances)?;
         let sure = |c: &usize| {
             let (all, rest) = scores[*c];
@@ -110,27 +133,30 @@ pub fn by_channel(
             .max_by(|a, b| scores[*a].0.abs().total_cmp(&scores[*b].0.abs()));
         match found {
             // One channel less than there are says it all.
-            Some(c) if variances.apart() + 1 < channels => {
+            Some(c) if variances.apart() + 1 < seen.units.len() => {
                 variances.own[c] = Some(variances.common * seen.unit(c));
             }
             _ => break,
         }
     }
-    let apart = variances.apart();
+    let all = variances.apart();
     let noise = variances.noise(alike);
-    (apart > 0).then_some(Told { noise, common: variances.common, apart })
+    let apart = all - alike.lengths.len();
+    (all > 0).then_some(Told { noise, common: variances.common, apart })
 }
 
 /// Common scale, and the variance of each channel that stands apart.
 #[derive(Debug, Clone)]
 struct Variances {
     common: f64,
+    /// True where the common scale is known.
+    known: bool,
     own: Vec<Option<f64>>,
 }
 
 impl Variances {
-    fn new(channels: usize) -> Self {
-        Self { common: 1.0, own: vec![None; channels] }
+    fn new(columns: usize, known: bool) -> Self {
+        Self { common: 1.0, known, own: vec![None; columns] }
     }
 
     fn apart(&self) -> usize {
@@ -140,7 +166,7 @@ impl Variances {
     /// The columns of [`ScoreSums`] that belong to it: the scale, then channels that stand apart.
     fn columns(&self) -> Vec<usize> {
         let own = (0..self.own.len()).filter(|c| self.own[*c].is_some()).map(|c| c + 1);
-        std::iter::once(0).chain(own).collect()
+        std::iter::once(0).filter(|_| !self.known).chain(own).collect()
     }
 
     /// Maximum likelihood by scoring, no variance below its rounding.
@@ -168,8 +194,17 @@ impl Variances {
 
     fn noise(&self, alike: &Alike) -> Noise {
         let unit = alike.noise.sigma.iter().map(|s| s * self.common.sqrt());
-        let sigma = unit.zip(&self.own).map(|(s, own)| own.map_or(s, f64::sqrt)).collect();
-        Noise { sigma, ..alike.noise.clone() }
+        let sigma: Vec<f64> =
+            unit.zip(&self.own).map(|(s, own)| own.map_or(s, f64::sqrt)).collect();
+        let Noise { play, mut seating, measured, .. } = alike.noise.clone();
+        if !alike.lengths.is_empty() {
+            seating.resize(measured.len(), 0.0);
+        }
+        for (length, own) in alike.lengths.iter().zip(&self.own[sigma.len()..]) {
+            let factor = play * measured[length.closure];
+            seating[length.closure] = own.unwrap_or_default() / factor;
+        }
+        Noise { sigma, play, seating, measured }
     }
 }
 
@@ -213,6 +248,18 @@ fn without_gross(groups: Vec<Group>) -> Vec<Group> {
     groups.into_iter().filter(sound).collect()
 }
 
+/// Variance of a column that would explain all scatter by itself.
+fn explaining(groups: &[Group], column: usize) -> f64 {
+    let (mut scatter, mut square) = (0.0, 0.0);
+    for group in groups {
+        for e in 0..group.columns.nrows() {
+            scatter += group.products[(e, e)];
+            square += group.free * group.columns[(e, column)].powi(2);
+        }
+    }
+    if square > 0.0 { scatter / square } else { 1.0 }
+}
+
 /// The groups that are looked at.
 struct Seen {
     groups: Vec<Group>,
@@ -227,7 +274,11 @@ struct Seen {
 impl Seen {
     fn of(groups: &Groups, residuals: &Residuals, used: &Noise, alike: &Alike) -> Self {
         let k = residuals.equations;
-        let channels = alike.noise.sigma.len();
+        let (channels, lengths) = (alike.noise.sigma.len(), &alike.lengths);
+        let variance = |c: usize| match c.checked_sub(channels) {
+            Some(length) => lengths[length].variance,
+            None => used.sigma[c].powi(2),
+        };
         let of_group = |rows: &Vec<usize>| {
             let told = residuals.directions_of(middle(rows));
             let mut left = Mat::<f64>::zeros(rows.len(), told);
@@ -239,10 +290,16 @@ impl Seen {
                 one.iter().enumerate().for_each(|(i, value)| left[(i, e)] = *value);
             }
             let derivatives = residuals.by_reading_of(middle(rows), channels);
-            let columns = Mat::from_fn(told, channels, |e, c| derivatives[e * channels + c]);
+            let by_length = |e: usize, length: &Length| {
+                residuals.by_closure[(middle(rows) * k + e) * k + length.equation]
+            };
+            let columns = Mat::from_fn(told, channels + lengths.len(), |e, c| {
+                let length = c.checked_sub(channels).map(|l| by_length(e, &lengths[l]));
+                length.unwrap_or_else(|| derivatives[e * channels + c])
+            });
             let rest = Mat::from_fn(told, told, |i, j| {
-                let read = (0..channels)
-                    .map(|c| columns[(i, c)] * columns[(j, c)] * used.sigma[c].powi(2))
+                let read = (0..columns.ncols())
+                    .map(|c| columns[(i, c)] * columns[(j, c)] * variance(c))
                     .sum::<f64>();
                 f64::from(u8::from(i == j)) - read
             });
@@ -250,13 +307,20 @@ impl Seen {
             Group { products: left.transpose() * &left, free, columns, rest }
         };
         let looked: Vec<Group> = looked_at(groups).map(of_group).collect();
-        let units: Vec<f64> = alike.noise.sigma.iter().map(|s| s * s).collect();
+        let groups = without_gross(looked);
+        let mut units: Vec<f64> = alike.noise.sigma.iter().map(|s| s * s).collect();
+        let mut floor = alike.floor.clone();
+        for column in channels..channels + lengths.len() {
+            let all = explaining(&groups, column);
+            units.push(all);
+            floor.push(LEAST * all);
+        }
         let common = (0..channels).filter(|&c| !alike.apart[c]);
         let least = common.map(|c| alike.floor[c] / units[c]);
         Self {
-            groups: without_gross(looked),
-            common_floor: least.fold(1e-12, f64::max),
-            floor: alike.floor.clone(),
+            groups,
+            common_floor: least.fold(LEAST, f64::max),
+            floor,
             units,
             play: residuals.play,
         }
@@ -439,12 +503,12 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_the_likelihood() {
         let seen = seen();
-        let at = Variances { common: 0.7, own: vec![None, Some(1.3), None] };
+        let at = Variances { common: 0.7, known: false, own: vec![None, Some(1.3), None] };
         let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
         let step = 1e-5;
         let moved = |common: f64, own: f64| {
             let own = vec![None, Some(1.3 + own), None];
-            likelihood(&seen, &Variances { common: 0.7 + common, own })
+            likelihood(&seen, &Variances { common: 0.7 + common, known: false, own })
         };
         let by_common = (moved(step, 0.0) - moved(-step, 0.0)) / (2.0 * step);
         let by_own = (moved(0.0, step) - moved(0.0, -step)) / (2.0 * step);
@@ -456,7 +520,7 @@ mod tests {
     #[test]
     fn variances_settle_where_the_gradient_vanishes() {
         let seen = seen();
-        let mut at = Variances { common: 1.0, own: vec![None, Some(1.0), None] };
+        let mut at = Variances { common: 1.0, known: false, own: vec![None, Some(1.0), None] };
         assert!(at.settle(&seen).is_some());
         let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
         assert!(sums[0].abs() < 1e-2 && sums[2].abs() < 1e-2, "{sums:?}");

@@ -62,9 +62,10 @@ impl Kinds {
         self.0.iter().map(|kind| kind.iter().flat_map(|&k| all[k].clone()).collect()).collect()
     }
 
-    /// One variance for each closure of the model.
-    fn by_closure(&self, model: &Model, variances: &[f64]) -> Vec<f64> {
-        let mut all = vec![0.0; model.equations_by_closure().count()];
+    /// One variance for each closure of the model; those of others stay.
+    fn by_closure(&self, model: &Model, variances: &[f64], now: &[f64]) -> Vec<f64> {
+        let mut all = now.to_vec();
+        all.resize(model.equations_by_closure().count(), 0.0);
         for (kind, variance) in self.0.iter().zip(variances) {
             kind.iter().for_each(|&k| all[k] = *variance);
         }
@@ -93,7 +94,7 @@ pub(crate) fn fit_with_seatings(
         equations.iter().map(|&e| squares[e]).sum::<f64>() / equations.len().max(1) as f64
     };
     let first: Vec<f64> = kinds.equations(model).iter().map(mean).collect();
-    seated.options.seating = kinds.by_closure(model, &first);
+    seated.options.seating = kinds.by_closure(model, &first, &exact.noise.seating);
     let mut fit = solve(&seated, start.clone())?;
     for _ in 0..ROUNDS {
         let Improved { seating, moved } = improved(&seated, &fit);
@@ -189,12 +190,12 @@ pub(crate) fn improved(observations: &Observations, fit: &Fit) -> Improved {
     });
     let next = |(now, step): (&f64, &f64)| (now + step).clamp(LEAST * now, now / LEAST);
     let Some(step) = step else {
-        return Improved { seating: kinds.by_closure(model, &now), moved: 0.0 };
+        return Improved { seating: kinds.by_closure(model, &now, &fit.noise.seating), moved: 0.0 };
     };
     let next: Vec<f64> = now.iter().zip(&step).map(next).collect();
     let by = |j: usize| (next[j] - now[j]).abs() * information[(j, j)].sqrt();
     let moved = (0..count).map(by).fold(0.0, f64::max);
-    Improved { seating: kinds.by_closure(model, &next), moved }
+    Improved { seating: kinds.by_closure(model, &next, &fit.noise.seating), moved }
 }
 
 /// A step changes a variance by not more than this factor.

@@ -22,7 +22,8 @@ use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
 
 /// Least part of the variance of a channel's rounding that must last within a pose to be counted:
-/// with less, samples read many codes and show what rounding does.
+/// with less, samples read many codes and show what rounding does. Rounding of less than this part of
+/// the variance that is presumed of a channel sets none apart.
 const COUNTED: f64 = 0.05;
 
 /// Noises or steps that differ by less than this part are alike.
@@ -31,7 +32,7 @@ const ALIKE: f64 = 0.01;
 /// Rounding of each channel, variances in its unit; zero where it does not last.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rounding {
-    /// Channels that read in steps of their own.
+    /// Channels that read in steps of their own which are a part of their noise.
     pub coarse: Vec<bool>,
     /// `l`: what all samples of a pose share.
     pub lasting: Vec<f64>,
@@ -69,7 +70,9 @@ impl Rounding {
                 scatter[c] = seen * step * step;
             }
         }
-        let coarse: Vec<bool> = (0..channels).map(|c| observations.coded(c)).collect();
+        // Numbers of any file end somewhere, and that is no noise of their channels.
+        let counts = |c: usize| held[c] > 0.0 || relative(c).powi(2) / 12.0 > COUNTED;
+        let coarse: Vec<bool> = (0..channels).map(|c| observations.coded(c) && counts(c)).collect();
         let any = coarse.iter().any(|coarse| *coarse) && groups.rows.iter().any(|r| r.len() > 1);
         let samples = groups.usual();
         any.then_some(Self { coarse, lasting: held, passing, scatter, samples })

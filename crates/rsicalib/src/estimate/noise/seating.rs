@@ -102,6 +102,11 @@ pub fn contrasts<'a>(
                 let column = turned(&|e| residuals.by_reading[at(e)]);
                 column.iter().enumerate().for_each(|(e, value)| own.by_reading[at(e)] = *value);
             }
+            for m in 0..own.by_closure.len().min(k) {
+                let at = |e: usize| (row * k + e) * k + m;
+                let column = turned(&|e| residuals.by_closure[at(e)]);
+                column.iter().enumerate().for_each(|(e, value)| own.by_closure[at(e)] = *value);
+            }
         }
     }
     (own.play, own.readings_share) = (!measured.is_empty(), share_of(&own, groups, sigma));

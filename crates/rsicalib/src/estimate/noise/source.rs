@@ -1,6 +1,6 @@
 //! Where the noise is from, and how large it is.
 
-use crate::estimate::noise::channels::{self, Alike};
+use crate::estimate::noise::channels::{self, Alike, Length};
 use crate::estimate::noise::rounding::{Rounding, steadied};
 use crate::estimate::noise::scatter::{Groups, Scatter};
 use crate::estimate::objective::Noise;
@@ -58,8 +58,9 @@ pub struct NoiseEstimate {
     pub still: bool,
     /// Multiplies the variance of declared play.
     pub play: f64,
-    /// Variance of the seating of each closure that declares none, where only the fit tells it, length
-    /// units squared; empty where these are exact.
+    /// Variance of the seating of each closure that declares none, where only the fit tells it, and of
+    /// each length that declares none, where repeats do; length units squared, empty where these are
+    /// exact.
     pub seating: Vec<f64>,
     /// Closures whose noise is drawn for each sample, [`Noise::measured`].
     pub measured: Vec<f64>,
@@ -84,8 +85,19 @@ impl NoiseEstimate {
     /// Standard deviation of the loosest seating of which only the fit tells, length units.
     #[must_use]
     pub fn largest_seating(&self) -> Option<f64> {
-        let largest = self.seating.iter().copied().fold(0.0, f64::max).sqrt();
+        let largest = self.of_the_fit().fold(0.0, f64::max).sqrt();
         (largest > 0.0).then_some(largest)
+    }
+
+    /// Variances of the seatings of which only the fit tells: not those of lengths that are read with
+    /// every sample.
+    fn of_the_fit(&self) -> impl Iterator<Item = f64> {
+        let read = |k: usize| self.measured.get(k).is_some_and(|factor| *factor > 0.0);
+        self.seating
+            .iter()
+            .enumerate()
+            .filter(move |(k, _)| !read(*k))
+            .map(|(_, variance)| *variance)
     }
 
     /// How well each closure holds that is not exact: its name and the standard deviation, length
@@ -100,7 +112,7 @@ impl NoiseEstimate {
     /// True where lack of fit can be judged against it: nothing of it is of the fit alone.
     #[must_use]
     pub fn judges(&self) -> bool {
-        self.source.independent() && self.seating.iter().all(|variance| *variance == 0.0)
+        self.source.independent() && self.of_the_fit().all(|variance| variance == 0.0)
     }
 
     /// Degrees of freedom of the variance of a pose, of which repeats give that of the readings alone:
@@ -138,11 +150,12 @@ pub(crate) fn told_apart(
     groups: &Groups,
     within: &Residuals,
     used: &Noise,
+    lengths: &[Length],
 ) -> (Noise, usize) {
     let floor: Vec<f64> = observations.roundings().collect();
     let apart = vec![false; floor.len()];
     let noise = Noise { play: used.play, ..first_noise(observations, None) };
-    let alike = Alike { noise, floor, apart };
+    let alike = Alike { noise, floor, apart, lengths: lengths.to_vec(), known: false };
     let scatter = groups.scatter(within, 0.0);
     // What rounding gives within a pose is no scatter of a normal distribution.
     let coarse = groups.lasting_rounding(observations) > COARSE;
@@ -152,6 +165,26 @@ pub(crate) fn told_apart(
     let independent = (scatter.effective / scatter.dof).min(1.0);
     let found = channels::by_channel(groups, within, used, &alike, independent);
     found.map_or((alike.noise, 0), |told| (told.noise, told.apart))
+}
+
+/// The noise with that of lengths that declare none, as repeats show it beside channels whose noise is
+/// known; none where there are no such lengths, or too few repeats.
+pub(crate) fn with_lengths(
+    observations: &Observations,
+    groups: &Groups,
+    within: &Residuals,
+    used: &Noise,
+    lengths: &[Length],
+) -> Option<Noise> {
+    let scatter = groups.scatter(within, 0.0);
+    if lengths.is_empty() || scatter.dof < LEAST_DOF || scatter.within == 0.0 {
+        return None;
+    }
+    let floor: Vec<f64> = observations.roundings().collect();
+    let apart = vec![false; floor.len()];
+    let lengths = lengths.to_vec();
+    let alike = Alike { noise: used.clone(), floor, apart, lengths, known: true };
+    Some(channels::by_channel(groups, within, used, &alike, 1.0)?.noise)
 }
 
 /// The noise where channels read in steps that are unlike.
@@ -188,6 +221,7 @@ pub(crate) fn rounded(
     within: &Residuals,
     used: &Noise,
     rounding: &Rounding,
+    lengths: &[Length],
 ) -> Option<Rounded> {
     let steady = steadied(observations, &groups.rows, within, |c| rounding.lasts(c));
     let scatter = groups.scatter(&steady, 0.0);
@@ -201,7 +235,8 @@ pub(crate) fn rounded(
     for c in channels.clone().filter(|&c| rounding.lasts(c)) {
         (noise.sigma[c], floor[c]) = (unit[c], 0.0);
     }
-    let alike = Alike { noise, floor, apart: rounding.coarse.clone() };
+    let (apart, lengths) = (rounding.coarse.clone(), lengths.to_vec());
+    let alike = Alike { noise, floor, apart, lengths, known: false };
     let independent = (scatter.effective / scatter.dof).min(1.0);
     let channels::Told { noise: found, common: scale, apart } =
         channels::by_channel(groups, &steady, used, &alike, independent)?;
@@ -344,7 +379,8 @@ pub(crate) fn estimate_noise(
     let one = rounded.map_or(&used.sigma, |rounded| &rounded.one);
     let none = vec![false; one.len()];
     let lasting = rounded.map_or(&none, |rounded| &rounded.lasting);
-    let Noise { play, seating, measured, .. } = first_noise(observations, None);
+    let Noise { play, measured, .. } = first_noise(observations, None);
+    let seating = &used.seating;
     let (held, dof_of_repeats) = (observations.readings.held, dof);
     let scaled = |s: f64, source, dof| NoiseEstimate {
         source,
