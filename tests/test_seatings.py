@@ -142,3 +142,27 @@ def test_a_known_pose_of_each_sample_is_compared_with_that_sample() -> None:
         assert found.fit.check.poses == (8 if trembling else 40)
         errors.append(found.fit.check.position_rms)
     assert errors[1] == pytest.approx(errors[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("play", [PLAY, None])
+def test_a_pose_of_many_samples_is_one_seating(play: float | None) -> None:
+    """One pose with 500 samples among 39 with four: a seating is one, however often it is read.
+
+    Weighed by samples, 28 of 48 good readings stood off beside 100 of one pose, 44 beside 300.
+    """
+    taken = cone.session(4, samples=4)
+    q = taken.angles[3] - cone.OFFSETS
+    more = q + SIGMA * np.random.default_rng(0).standard_normal((496, 6))
+    table: dict[str, Any] = {name: list(column) for name, column in taken.table.items()}
+    after = 4 * 4  # behind the samples of the fourth pose
+    for name in table:
+        own = {"pose": [4] * 496, "at": ["cone"] * 496}
+        column = own.get(name) or more[:, int(name[1:]) - 1].tolist()
+        table[name][after:after] = column
+    few = rsicalib.calibrate(taken.table, mechanism(SIGMA, play))
+    many = rsicalib.calibrate(table, mechanism(SIGMA, play))
+    assert (many.verdict, many.excluded) == (few.verdict, ())
+    before, sd = offsets(few)
+    # One of 120 equations is better known by its readings, which make a tenth of what is left.
+    assert np.all(np.abs(offsets(many)[0] - before) < 0.5 * sd)
+    assert offsets(many)[1] == pytest.approx(sd, rel=0.1)

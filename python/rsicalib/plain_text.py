@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-__all__ = ["encodable", "meant", "printable", "quoted", "shortened"]
+__all__ = ["counted", "encodable", "meant", "printable", "quoted", "shortened"]
 
 LINE = 40
 """Longer values are cut in messages."""
@@ -21,6 +21,11 @@ LONG = re.compile(r"""[^\s"']{2000,}|"[^"]{2000,}"|'[^']{2000,}'""".replace("200
 
 HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories of characters that act on a terminal, or that no one sees."""
+
+
+def counted(number: int, what: str) -> str:
+    """So many of something: `1 pose`, `2 poses`."""
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def printable(text: str) -> str:

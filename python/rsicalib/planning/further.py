@@ -14,6 +14,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.shapes import Name
+from rsicalib.plain_text import counted
 from rsicalib.planning.plans import Forecast, Plan
 from rsicalib.planning.worthwhile import worthwhile
 from rsicalib.poses.devices import Within
@@ -194,14 +195,16 @@ def plan_until(sessions: Sessions, choice: Choice, target: float) -> Plan:
     while sd(high) > target and high < choice.poses:
         low, high = high, min(2 * high, choice.poses)
     if sd(high) > target:
-        text = f"{high} poses bring it to {sd(high):.2g} {unit}, and not to {target:g}"
-        if math.isfinite(sd(high)):
-            text += f"; it would take some {math.ceil(high * (sd(high) / target) ** 2)}"
+        text = f"{counted(high, 'pose')} would bring it to {sd(high):.2g} {unit}, not to {target:g}"
+        # What poses tell, 1/sd², adds to what is known without them.
+        told, wanted = sd(high) ** -2 - before**-2, target**-2 - before**-2
+        if told > 0.0:
+            text += f"; it would take some {math.ceil(high * wanted / told)}"
         return replace(of[high], advice=(f"{text}.", *of[high].advice))
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if sd(middle) <= target else (middle, high)
-    text = f"{high} more poses bring it to {sd(high):.2g} {unit}."
+    text = f"{counted(high, 'more pose')} bring{'s' * (high == 1)} it to {sd(high):.2g} {unit}."
     return replace(of[high], advice=(text, *of[high].advice))
 
 

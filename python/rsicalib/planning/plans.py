@@ -14,6 +14,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.facts.records import IF_KNOWN, OMIT, Record
 from rsicalib.facts.shapes import Rms
 from rsicalib.io.files import write_text
+from rsicalib.plain_text import counted
 from rsicalib.plots import on_axes, scatter
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import PathLike
@@ -169,7 +170,7 @@ class Plan(Tabular, Record):
         return columns | self.keys | readings
 
     def __repr__(self) -> str:
-        what = f"{len(self.readings)} poses for {self.criterion}"
+        what = f"{counted(len(self.readings), 'pose')} for {self.criterion}"
         if self.bound is not None:
             what += (
                 f", offsets to {self.bound.offset_rms:.2g} rad per {self.bound.noise:g} of noise"

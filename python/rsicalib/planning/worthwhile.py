@@ -58,7 +58,8 @@ def worthwhile(
     decides = found["forecast"]["decides"]
     if not kept:
         what = "decide between the explanations" if decides is not None else "make it more certain"
-        out.append(f"No {asked} poses within reach {what}: no plan.")
+        them = "No pose within reach would" if asked == 1 else f"No {asked} poses within reach"
+        out.append(f"{them} {what}: no plan.")
     elif dropped:
         out.append(f"{kept} of {asked} poses: any more would be copies, and bring next to nothing.")
     if decides is not None and decides < LIKELY:

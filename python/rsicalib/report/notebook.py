@@ -8,6 +8,7 @@ from typing import Any
 
 from rsicalib.facts.shapes import ResultShape, TraceShape
 from rsicalib.facts.verdicts import EXIT_CODES
+from rsicalib.plain_text import counted
 from rsicalib.report.words import advice, comparison, sentence, size_words, subject
 from rsicalib.tabular import html_table
 
@@ -33,7 +34,7 @@ def result_html(result: ResultShape, parameters: Mapping[str, Sequence[Any]]) ->
     bar = f"border-left:4px solid {colour};padding-left:.7em;max-width:60em"
     parts = [f'<p style="{bar}"><b>{escape(sentence(result))}</b></p>']
     data = result.readings
-    words = f"{result.mechanism}: {data.poses} poses, {data.samples} samples"
+    words = f"{result.mechanism}: {counted(data.poses, 'pose')}, {counted(data.samples, 'sample')}"
     parts.append(f"<p>{escape(words)}</p>")
     if isinstance(result, TraceShape) and result.steps:
         found = [f"{escape(subject(s))}: {escape(size_words(s))}" for s in result.steps]

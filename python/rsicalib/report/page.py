@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rsicalib.facts.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
 from rsicalib.facts.verdicts import EXIT_CODES
+from rsicalib.plain_text import counted
 from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
 from rsicalib.report.effects import effect_figures, scores_figure
 from rsicalib.report.figure import STYLE, Figure, data_element
@@ -283,8 +284,9 @@ def _data(result: ResultShape) -> str:
     files = f" {'Files' if len(names) > 1 else 'File'}: {', '.join(names)}." if names else ""
     between = between_words(result)
     groups = f"Between groups: {between}. " if between else ""
+    taken = f"{counted(readings.poses, 'pose')}, {counted(readings.samples, 'sample')}"
     return (
-        f"{readings.poses} poses, {readings.samples} samples. Noise {noise_words(result)}. {groups}"
+        f"{taken}. Noise {noise_words(result)}. {groups}"
         f"Unit of length {result.length_unit}, of angles rad.{files}"
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rsicalib.facts.shapes import Parameter, ResultShape, TraceShape
+from rsicalib.plain_text import counted
 from rsicalib.report.words import (
     NO_HELP,
     advice,
@@ -67,7 +68,10 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
     look = Look(WIDTH if width is None else max(NARROW, min(width, WIDTH)), whole)
     head = _most(textwrap.wrap(sentence(result), look.width), 4, look)
     data = result.readings
-    head += ["", f"  {'readings':10}{data.poses} poses, {data.samples} samples"]
+    head += [
+        "",
+        f"  {'readings':10}{counted(data.poses, 'pose')}, {counted(data.samples, 'sample')}",
+    ]
     head += _entry("noise", noise_words(result), look)
     if between := between_words(result):
         head += _most(_entry("groups", between, look), 4, look)

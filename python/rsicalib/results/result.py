@@ -19,6 +19,7 @@ from rsicalib.facts.shapes import CalibrationShape, Evidence, FitQuality, TraceS
 from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
+from rsicalib.plain_text import counted
 from rsicalib.report.words import quality
 from rsicalib.results.interactive import Interactive
 
@@ -118,14 +119,15 @@ class Result(Interactive):
         judged = "not judged" if fit.p_value is None else f"p={fit.p_value:.2g}"
         return (
             f"<{type(self).__name__} of {self.mechanism!r}: {self.verdict or 'not judged'}, "
-            f"{len(self.parameters)} parameters from {self.readings.poses} poses, {judged}>"
+            f"{len(self.parameters)} parameters from "
+            f"{counted(self.readings.poses, 'pose')}, {judged}>"
         )
 
     @classmethod
     def made(cls, found: Mapping[str, Any]) -> Self:
         """A result of what was found just now, with the digest of its numbers."""
         result = cls.from_dict({**found, "digest": None})
-        return replace(result, digest=digest_of_numbers(result))  # type: ignore[type-var]
+        return replace(result, digest=digest_of_numbers(result))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

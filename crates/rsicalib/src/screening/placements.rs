@@ -10,12 +10,14 @@
 //! moved     uᵀ M⁻¹ u  as (71, 72)                 ~ s² χ²(rank M)                   (83)
 //! ```
 //!
+//! Samples of a held pose read one seating: their mean is the sample then.
+//!
 //! `s²` is from the median over all samples, and over all runs, which damage hardly
 //! moves: what a model lacks makes neighbouring rows alike in every run.
 
 use crate::Error;
 use crate::estimate::at_fit::AtFit;
-use crate::estimate::{Fit, Observations};
+use crate::estimate::{Fit, FitOptions, Noise, Observations};
 use crate::mechanism::Target;
 use crate::numerics::{distributions, symmetric};
 use crate::screening::excluded::{Cause, Excluded};
@@ -46,9 +48,49 @@ const MOST_DAMAGED: f64 = 0.2;
 ///
 /// As [`crate::estimate::fit`].
 pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>, Error> {
-    let Some(placements) = fit.model.placements(&observations.readings) else {
+    if fit.model.placements(&observations.readings).is_none() {
         return Ok(Vec::new());
-    };
+    }
+    let readings = observations.readings.clone();
+    if !readings.held || readings.samples == readings.poses() {
+        return Ok(found_in(observations, fit)?.into_iter().map(|(found, _)| found).collect());
+    }
+    // All samples of a pose read one seating: a pose is one sample then, however many it has.
+    let poses = readings.rows_of_poses();
+    let mut seatings = of_seatings(observations, fit)?;
+    let there = crate::estimate::fit(&seatings, fit.model.instances.clone(), Some(fit))?;
+    let mut excluded = Vec::new();
+    for (found, seats) in found_in(&mut seatings, &there)? {
+        let rows: Vec<usize> = seats.iter().flat_map(|&pose| poses[pose].iter().copied()).collect();
+        let live = rows.iter().filter(|&&row| observations.weights[row] > 0.0).count();
+        rows.iter().for_each(|&row| observations.weights[row] = 0.0);
+        let placement = found.placement.and_then(|pose| poses[pose].first().copied());
+        excluded.push(Excluded { placement, row: None, samples: live, ..found });
+    }
+    Ok(excluded)
+}
+
+/// The session with the mean of its samples in place of each pose, which weighs as all of them.
+fn of_seatings(observations: &Observations, fit: &Fit) -> Result<Observations, Error> {
+    let mut seatings = observations.clone();
+    let (mechanism, weights) = (&observations.mechanism, &observations.weights);
+    let (readings, counts) = observations.readings.averaged(mechanism, weights)?;
+    seatings.readings = readings.into();
+    seatings.weights = counts.into_iter().map(f64::sqrt).collect();
+    let Noise { sigma, play, seating, measured } = fit.assumed();
+    let options = observations.options.clone();
+    let (noise, measured) = (Some(sigma), Some(measured));
+    seatings.options = FitOptions { noise, play, seating, measured, ..options };
+    seatings.judged = true;
+    Ok(seatings)
+}
+
+/// Damage, worst first, with the rows that it takes out.
+fn found_in(
+    observations: &mut Observations,
+    fit: &Fit,
+) -> Result<Vec<(Excluded, Vec<usize>)>, Error> {
+    let placements = fit.model.placements(&observations.readings).unwrap_or_default();
     let mut current = fit.clone();
     let mut excluded: Vec<(Excluded, Vec<usize>)> = Vec::new();
     let all = observations.weights.iter().filter(|w| **w > 0.0).count() as f64;
@@ -64,7 +106,7 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>,
         current =
             crate::estimate::fit(observations, current.model.instances.clone(), Some(&current))?;
     }
-    Ok(excluded.into_iter().map(|(found, _)| found).collect())
+    Ok(excluded)
 }
 
 /// Where a placement is left out whole last, what was left out of it before is part of it.

@@ -40,8 +40,14 @@ pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], column
             })
             .collect();
         let largest = largest(&analytic);
-        // A step that moves f by 0.001 in², or twice the size of the parameter.
-        let h = (0.001 / largest).min(2.0 * beta[column].abs());
+        // A step that moves a length by 1e-4 in, or twice the size of the parameter: some f are
+        // areas, others lengths.
+        let (lengths, lanes) = (model.lengths(), Lanes::ZERO.0.len());
+        let of_length = analytic.iter().enumerate().fold(0.0_f64, |most, (i, slope)| {
+            most.max(slope.abs() * lengths[i / lanes % lengths.len()])
+        });
+        // The phase of a wave turns by its order times some radians: not by more than 0.02 of these.
+        let h = (1e-4 / of_length).min(2.0 * beta[column].abs()).min(0.02);
         let moved = |by: f64| {
             let mut beta = beta.to_vec();
             beta[column] += by;
@@ -82,9 +88,10 @@ pub fn check_readings(model: &Model, readings: &Readings, beta: &[f64]) {
             .flat_map(|ws| ws.a.iter().skip(channel).step_by(readings.channels))
             .flat_map(|lanes| lanes.0)
             .collect();
-        // 3e-4 rad, of the shortest wave of a free curve 4e-3 of its period: h⁴/480
-        // of the fifth derivative stays below 1e-10, as does rounding of f over h.
-        let h = 3e-4 / model.scales[channel].gain.abs();
+        // 1e-4 rad, of the shortest wave of a free curve 1e-3 of its period: h⁴/480 of the fifth
+        // derivative stays below 1e-10, as does rounding of f over h; so it does for a distance
+        // between points that are a twentieth of an arm apart.
+        let h = 1e-4 / model.scales[channel].gain.abs();
         let tolerance = 1e-8 * largest(&analytic);
         let differences = derivative(|by| misclosure(model, readings, beta, channel, by), h);
         for (analytic, difference) in analytic.iter().zip(differences) {
