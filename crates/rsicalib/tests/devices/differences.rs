@@ -88,10 +88,10 @@ pub fn check_readings(model: &Model, readings: &Readings, beta: &[f64]) {
             .flat_map(|ws| ws.a.iter().skip(channel).step_by(readings.channels))
             .flat_map(|lanes| lanes.0)
             .collect();
-        // 1e-4 rad, of the shortest wave of a free curve 1e-3 of its period: h⁴/480 of the fifth
+        // 2e-4 rad, of the shortest wave of a free curve 3e-3 of its period: h⁴/480 of the fifth
         // derivative stays below 1e-10, as does rounding of f over h; so it does for a distance
         // between points that are a twentieth of an arm apart.
-        let h = 1e-4 / model.scales[channel].gain.abs();
+        let h = 2e-4 / model.scales[channel].gain.abs();
         let tolerance = 1e-8 * largest(&analytic);
         let differences = derivative(|by| misclosure(model, readings, beta, channel, by), h);
         for (analytic, difference) in analytic.iter().zip(differences) {
