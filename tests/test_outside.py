@@ -67,7 +67,7 @@ def test_a_channel_without_a_law_is_named(channel: str) -> None:
     assert result["verdict"] in ("unexplained", "partly_explained")
     assert result["unexplained"]["target"] == channel
     assert result["unexplained"]["kind"] == "one_target"
-    assert f"errors of {channel} alone explain" in result["unexplained"]["text"]
+    assert f"Errors of {channel} alone explain" in result["unexplained"]["text"]
     assert {step["target"] for step in result["steps"]} <= {channel}
     assert not result["excluded"]
 
@@ -75,7 +75,7 @@ def test_a_channel_without_a_law_is_named(channel: str) -> None:
 def test_two_channels_of_an_arm_are_an_arm_at_fault() -> None:
     result = examined(1, Lawless("a22", SIZE, seed=1), Lawless("a23", SIZE, seed=2))
     assert result["unexplained"]["target"] == "arm2"
-    assert "errors of arm2 alone explain" in result["unexplained"]["text"]
+    assert "Errors of arm2 alone explain" in result["unexplained"]["text"]
     assert not [step for step in result["steps"] if step["class"] == "sensor"]
 
 
@@ -107,7 +107,7 @@ def test_a_wrong_reading_elsewhere_stays_out(counts: float) -> None:
 
 def test_a_channel_of_a_recording_is_named_too() -> None:
     result = examined(77, Adrift("a22", 0.002), moving=True)
-    assert "errors of a22 alone explain" in result["unexplained"]["text"]
+    assert "Errors of a22 alone explain" in result["unexplained"]["text"]
     assert {step["target"] for step in result["steps"]} <= {"a22"}
 
 
