@@ -34,6 +34,7 @@ WarnedKind: TypeAlias = Literal[
     "moved_rest",
     "imported",
     "open_loops",
+    "as_drawn",
     "other",
 ]
 """What a warning is about; the schema of the results says what each of them means."""

@@ -131,6 +131,6 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
 def whole_of(source: str | os.PathLike[str]) -> Path | None:
     """The data set of LeRobot that a file or a folder is a part of; None where it is none."""
     path = Path(os.path.abspath(source))
-    if not path.exists():
+    if not os.path.exists(path):  # of a name that is too long, too
         return None
     return next((p for p in [*path.parents][:DEPTH] if _lerobot(p, b"")), None)

@@ -151,9 +151,11 @@ pub(crate) fn in_other_unit(
     };
     let with = |times: f64| {
         let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
-        let by_chance = other.of_other_poses().ok();
+        // Only what moves less may close by chance; where no fit of other poses starts, they do not.
+        let others = (times < 1.0).then(|| other.of_other_poses().ok()).flatten();
+        let by_chance = others.and_then(left_of).unwrap_or(f64::INFINITY);
         let with = left_of(other)?;
-        if with * DECISIVE >= left || with * DECISIVE >= left_of(by_chance?)? {
+        if with * DECISIVE >= left.min(by_chance) {
             return None;
         }
         let of = InDegrees::Loop { times, closes: Closes { with, declared: left } };

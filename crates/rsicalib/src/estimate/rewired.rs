@@ -85,12 +85,21 @@ impl Rewired {
     /// closing is no evidence: angles times .017 hardly move, and there is a plane through any points
     /// that stand nearly still.
     pub(crate) fn of_other_poses(&self) -> Result<Self, Error> {
-        let (rows, channels) = (self.readings.samples, self.readings.channels);
-        let mut table = self.readings.table.clone();
-        for (cell, value) in table.values.iter_mut().enumerate() {
-            let (row, channel) = (cell / channels, cell % channels);
-            let other = (row + (channel + 1) * rows / (channels + 1)) % rows;
-            *value = self.readings.table.values[other * channels + channel];
+        let Readings { samples, channels, pose, table: own, .. } = &self.readings;
+        let mut poses: Vec<Vec<usize>> = Vec::new();
+        for row in 0..*samples {
+            poses.resize_with(poses.len().max(pose[row] + 1), Vec::new);
+            poses[pose[row]].push(row);
+        }
+        let mut table = own.clone();
+        for (number, rows) in poses.iter().enumerate() {
+            for channel in 0..*channels {
+                let away = (channel + 1) * poses.len() / (channels + 1);
+                let others = poses[(number + away) % poses.len()].iter().cycle();
+                for (row, other) in rows.iter().zip(others) {
+                    table.values[row * channels + channel] = own.values[other * channels + channel];
+                }
+            }
         }
         let observations = self.observations.clone();
         let readings = Readings::beside(&observations.mechanism, table, &self.readings)?;
@@ -184,7 +193,7 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: Option<&End>) -> Option<Su
     let mut found = poses.mistakes(declared).into_iter();
     let (score, suspicion, rewired) = found.next()?;
     let next = found.next().map_or(f64::INFINITY, |(score, ..)| score);
-    let by_chance = poses.without(&rewired.of_other_poses().ok()?);
+    let by_chance = rewired.of_other_poses().map_or(f64::INFINITY, |other| poses.without(&other));
     let limit = declared.min(next).min(by_chance) / DECISIVE;
     (score.max(1.0) <= limit.min(search.observations.options.good_start)).then_some(suspicion)
 }

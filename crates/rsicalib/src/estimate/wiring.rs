@@ -59,7 +59,7 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
             continue;
         };
         let by_chance = other.of_other_poses().ok().and_then(|other| rewired(search, &other));
-        let by_chance = by_chance.map_or(0.0, |end| end.score);
+        let by_chance = by_chance.map_or(f64::INFINITY, |end| end.score);
         if let Some(end) = rewired(search, &other).filter(|e| e.score * DECISIVE < by_chance) {
             let of = |closes| InDegrees::Loop { times, closes };
             consider(end, false, &|closes| Suspicion::Degrees {
