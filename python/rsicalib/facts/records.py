@@ -13,6 +13,7 @@ from typing import Any, Self, TypeAlias, Union, get_args, get_origin, get_type_h
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib.errors import ResultError
 from rsicalib.labels import Labelled
 from rsicalib.plain_text import encodable
 
@@ -153,7 +154,11 @@ def _array(value: Any) -> Any:
         return None
     if isinstance(value, np.ndarray) and value.dtype == np.float64 and not value.flags.writeable:
         return value  # of the core, which keeps none of its own
-    array = np.array(value, dtype=np.float64)  # None becomes NaN
+    try:
+        array = np.array(value, dtype=np.float64)  # None becomes NaN
+    except ValueError:
+        expected = "numbers, in rows of one length"
+        raise ResultError("a table of numbers", "rows of unlike lengths", expected) from None
     array.flags.writeable = False
     return array
 

@@ -182,9 +182,9 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
     text = read_text(path, "a result of `rsicalib calibrate --json` or `rsicalib trace --json`")
     try:
         data = _core.read_result(text)
+        kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
+        return kinds[data["format"]].from_dict(data)
     except ResultError as error:
         raise InputError.at(
             name, column=error.place, found=error.found, expected=error.expected, column_word=""
         ) from None
-    kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
-    return kinds[data["format"]].from_dict(data)
