@@ -112,7 +112,8 @@ fn plain_misclosure(device: &Device, readings: &Readings, row: usize) -> Vec<f64
         match (closure.kind, &closure.value) {
             (ClosureKind::Touch, _) => f.extend(apart.iter()),
             (_, Some(Value::Known(d))) => f.push(apart.norm_squared() - d * d),
-            _ => f.push(apart.norm_squared() - readings.table.columns[0][row].powi(2)),
+            // A length that is read is compared as a length: its noise is the same however long it is.
+            _ => f.push(apart.norm() - readings.table.columns[0][row]),
         }
     }
     f
@@ -165,11 +166,9 @@ fn a_measured_distance_has_play_and_a_length_too() {
     let device = random(2, How::Held, 6);
     let readings = device.readings();
     let (model, _) = device.model(&readings, &[], &[]);
-    let bar = &readings.table.columns[0];
-    let mean = bar.iter().sum::<f64>() / bar.len() as f64;
-    // Of |p|² - d²: the error of the distance times 2 d.
-    assert!((model.lengths()[0] * 2.0 * mean - 1.0).abs() < 1e-12);
-    assert!((model.play()[0].sqrt() / (2.0 * mean * 2e-3) - 1.0).abs() < 1e-12);
+    // Of |p| - d: the error of the distance itself.
+    assert!((model.lengths()[0] - 1.0).abs() < 1e-12);
+    assert!((model.play()[0].sqrt() / 2e-3 - 1.0).abs() < 1e-12);
 }
 
 #[test]

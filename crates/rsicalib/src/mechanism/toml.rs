@@ -44,7 +44,11 @@ fn said(error: &toml::de::Error, text: &str) -> Error {
     let place = before.map(|before| {
         let lines: Vec<&str> = before.split('\n').collect();
         let column = 1 + lines.last().map_or(0, |last| last.chars().count());
-        format!("line {}, column {column}: ", lines.len())
+        // The key, where the place is that of a value.
+        let key = lines.last().and_then(|last| last.trim_end().strip_suffix('='));
+        let key = key.and_then(|key| key.split([',', '{']).next_back()).map(str::trim);
+        let key = key.map_or_else(String::new, |key| format!("{key}: "));
+        format!("line {}, column {column}: {key}", lines.len())
     });
     Error::Toml(place.unwrap_or_default() + &words)
 }
