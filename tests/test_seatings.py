@@ -6,13 +6,14 @@ of a seating written out as one matrix.
 
 from __future__ import annotations
 
+import csv
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import Mechanism
+from rsicalib import DEMO, Mechanism
 from rsicalib.results.result import Calibration, Trace
 from tests import cone
 from tests.oracle import Array
@@ -104,6 +105,32 @@ def test_repeats_without_the_column_pose_are_said() -> None:
         (warning,) = (w for w in loaded.warnings if w.kind == "unlabelled_repeats")
         assert said in warning.text
     assert not rsicalib.load_readings(rows(taken, "", True), own).warnings
+
+
+@pytest.mark.parametrize("without", [["pose"], ["pose", "sample"], ["pose", "sample", "time_s"]])
+def test_repeats_without_the_column_pose_are_judged_as_with_it(without: list[str]) -> None:
+    """Row by row the demo's session was adequate (p = 0.0055), or nothing judged it."""
+    with (DEMO / "readings.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    table = {name: [float(row[name]) for row in rows] for name in rows[0] if name not in without}
+    whole = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    found = rsicalib.calibrate(table, rest=DEMO / "rest.csv")
+    assert found.verdict == whole.verdict == "unexplained"
+    assert (found.fit.chi2, found.fit.dof) == (whole.fit.chi2, whole.fit.dof)
+    assert found.noise == whole.noise
+    assert [w.kind for w in found.warnings] == ["unlabelled_repeats"]
+
+
+def test_a_counter_that_begins_again_in_a_motion_makes_no_repeats() -> None:
+    t = np.linspace(0.0, 2.0 * np.pi, 400)[:, None]
+    angles = np.sin(t * [1.0, 2.0, 3.0, 1.5, 2.5, 0.5]) - 1.55 * (np.arange(6) == 1)
+    table = {f"q{k + 1}": angles[:, k] for k in range(6)} | {"at": ["cone"] * 400}
+    for count in (2, 8, 100):
+        numbers = np.arange(400) % count
+        loaded = rsicalib.load_readings({**table, "sample": numbers}, mechanism(None, PLAY))
+        assert loaded.repeats is None
+        (warning,) = (w for w in loaded.warnings if w.kind == "unlabelled_repeats")
+        assert "the readings move on in between" in warning.text
 
 
 @pytest.mark.parametrize("kind", ["single poses", "motion", "counts that stand still"])

@@ -31,6 +31,7 @@ from rsicalib.io.cells import (
 from rsicalib.io.files import whole_file
 from rsicalib.io.frames import TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
+from rsicalib.io.repeats import numbered
 from rsicalib.io.samples import Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
 from rsicalib.io.tables import (
@@ -85,6 +86,9 @@ class Readings(Samples, Tabular):
         Rows that were dropped because the caller asked for it.
     line_word : {"line", "row"}
         What `lines` counts.
+    repeats : ndarray of int, shape (n,), or None
+        Without poses: the first row of the held pose that each row plainly repeats, of which a
+        warning tells. A fit takes such rows for samples of that pose.
     """
 
     @classmethod
@@ -179,6 +183,7 @@ class Readings(Samples, Tabular):
             keys={name: picked(cells, keep) for name, cells in self.keys.items()},
             columns={name: rows(column) for name, column in self.columns.items()},
             lines=rows(self.lines),
+            repeats=rows(self.repeats),
         )
 
     def to_csv(self, path_or_file: str | os.PathLike[str] | TextIO) -> None:
@@ -337,8 +342,11 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
         line_word=table.line_word,
     )
     check_poses_are_together(readings)
-    warnings = [*ignored, *time_goes_back(readings), *suspicions(readings, mechanism)]
-    return replace(readings, warnings=tuple(warnings))
+    repeats, said = (None, []) if held else numbered(readings, mechanism)
+    warnings = [*ignored, *time_goes_back(readings), *said, *suspicions(readings, mechanism)]
+    return replace(
+        readings, warnings=tuple(warnings), repeats=None if repeats is None else frozen(repeats)
+    )
 
 
 def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tuple[Skipped, ...]:

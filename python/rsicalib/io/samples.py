@@ -47,6 +47,12 @@ class Samples:
     warnings: tuple[Warned, ...] = ()
     skipped: tuple[Skipped, ...] = ()
     line_word: str = "line"
+    repeats: IntArray | None = None
+
+    @property
+    def labels(self) -> IntArray | None:
+        """Pose of each row where rows repeat held poses; None where each is a pose of its own."""
+        return self.pose if self.held else self.repeats
 
     def __len__(self) -> int:
         return len(self.values)

@@ -20,7 +20,7 @@ from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
 from rsicalib.units import is_count
 
-__all__ = ["suspicions"]
+__all__ = ["places", "resolution", "suspicions"]
 
 RARE = 1e-6
 """How often a rule may speak up in clean data, per file."""
@@ -33,7 +33,7 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[Warned]:
 
     Looks for a channel that never changes, a bit of a converter that never toggles,
     codes at an end of the range, a pose that moved while it was sampled, samples and
-    poses that are copies of others, repeats that no column `pose` holds together.
+    poses that are copies of others.
 
     Parameters
     ----------
@@ -54,7 +54,6 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[Warned]:
         *_moved_poses(readings, mechanism),
         *_stale_rows(readings),
         *_copied_poses(readings),
-        *_unlabelled_repeats(readings, mechanism),
     ]
 
 
@@ -93,7 +92,7 @@ def _faults(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
                 "clipped",
                 readings.channels[k],
                 f"{readings.channels[k]}: reads exactly {at:.10g} in {len(poses)} poses and never "
-                f"beyond ({_places(readings, starts[poses])}); it is clipped there: check its "
+                f"beyond ({places(readings, starts[poses])}); it is clipped there: check its "
                 "amplifier, and keep the joint within range",
             )
     for stuck, names in alike.items():
@@ -118,7 +117,7 @@ def _saturated_codes(readings: Samples, mechanism: MechanismLike) -> Iterator[Wa
                     "end_of_range",
                     channel.name,
                     f"{channel.name}: {len(rows)} reading{'s' * (len(rows) > 1)} at the end of its "
-                    f"range, {end:.10g} ({_places(readings, rows)}); the joint may have been "
+                    f"range, {end:.10g} ({places(readings, rows)}); the joint may have been "
                     "further out: leave those rows out, or keep the joint within range",
                 )
 
@@ -134,7 +133,7 @@ def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned
     squares = np.add.reduceat((values - np.repeat(means, counts, axis=0)) ** 2, starts)
     dof = (counts - 1)[several]
     scatter = np.sqrt(squares[several] / dof[:, None])
-    typical = np.maximum(np.median(scatter, axis=0), _resolution(values, mechanism))
+    typical = np.maximum(np.median(scatter, axis=0), resolution(values, mechanism))
     # A trembling hand moves some joints more than others, by pose: hence the factor of two.
     limit = 2.0 * np.sqrt(_chi2(dof, 5.5) / _chi2(dof, 0.0))
     excess = scatter / typical / limit[:, None]
@@ -158,7 +157,7 @@ def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned
         yield Warned("moved_pose", None, f"{more} more poses scatter far beyond the typical")
 
 
-def _resolution(values: FloatArray, mechanism: MechanismLike) -> FloatArray:
+def resolution(values: FloatArray, mechanism: MechanismLike) -> FloatArray:
     """Scatter that rounding alone gives, shape (C,); a millionth of the span where unknown."""
     counts = [is_count(channel.unit) for channel in mechanism.channels]
     rounding = np.array(_core.steps(values, counts)) / math.sqrt(12.0)
@@ -195,7 +194,7 @@ def _stale_rows(readings: Samples) -> Iterator[Warned]:
             "stale_rows",
             None,
             f"{m} row{'s repeat' if m > 1 else ' repeats'} the row before in every channel "
-            f"({_places(readings, rows)}); the logger may have written old samples again: "
+            f"({places(readings, rows)}); the logger may have written old samples again: "
             "they are no new information, drop them",
         )
 
@@ -221,66 +220,13 @@ def _copied_poses(readings: Samples) -> Iterator[Warned]:
             )
 
 
-def _unlabelled_repeats(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
-    """Rows without `pose` that look like repeats of held poses: their noise is then not seen."""
-    if readings.held or len(readings) < 4:
-        return
-    advice = (
-        "as repeats of held poses they show the noise that everything is judged by, without the "
-        "column pose every row is a pose of its own: give it, the same number for the rows of one "
-        "pose"
-    )
-    if readings.sample is not None:
-        again = np.flatnonzero(np.diff(readings.sample) <= 0) + 1
-        if len(again):
-            yield Warned(
-                "unlabelled_repeats",
-                None,
-                f"sample begins again {len(again)} time{'s' * (len(again) > 1)} "
-                f"({_places(readings, again)}), and there is no column pose; {advice}",
-            )
-            return
-    starts = _jumps(readings.values, _resolution(readings.values, mechanism))
-    if len(starts):
-        yield Warned(
-            "unlabelled_repeats",
-            None,
-            f"the rows come in {len(starts) + 1} groups that repeat the same readings within noise "
-            f"({_places(readings, starts)} begin{'s' * (len(starts) == 1)} a new one); {advice}",
-        )
-
-
-APART = 30.0
-"""Rows that repeat differ by so many times less than poses: in motion all sizes between occur."""
-FEWEST = 5
-"""Poses that must have repeats."""
-
-
-def _jumps(values: FloatArray, resolution: FloatArray) -> IntArray:
-    """Rows at which groups of repeats begin, the first aside; empty where rows are no repeats."""
-    none: IntArray = np.empty(0, dtype=np.int64)
-    spans = np.ptp(values, axis=0)
-    moving = spans > 0.0
-    if not moving.any():
-        return none
-    steps = (np.abs(np.diff(values, axis=0))[:, moving] / spans[moving]).max(axis=1)
-    sizes = np.sort(steps)
-    floor = np.maximum(sizes, (resolution[moving] / spans[moving]).max())
-    at = int(np.argmax(floor[1:] / floor[:-1])) + 1
-    jumps = np.flatnonzero(steps >= sizes[at]) + 1
-    several = int((np.diff(np.r_[0, jumps, len(values)]) > 1).sum())
-    if floor[at] < APART * floor[at - 1] or several < FEWEST or 2 * several < len(jumps):
-        return none
-    return np.asarray(jumps)
-
-
 def _runs(labels: npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
     """Where each run of equal labels starts, and how long it is."""
     starts = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
     return starts, np.diff(np.r_[starts, len(labels)])
 
 
-def _places(readings: Samples, rows: Iterable[np.int64] | IntArray) -> str:
+def places(readings: Samples, rows: Iterable[np.int64] | IntArray) -> str:
     """The first few lines of a list, and how many more there are."""
     lines = [str(readings.lines[i]) for i in rows]
     more = f" and {len(lines) - LISTED} more" if len(lines) > LISTED else ""

@@ -25,9 +25,10 @@ def as_table(
     readings: Sequence[Readings], mechanism: Mechanism, *, bare: bool = False
 ) -> dict[str, Any]:
     """Sessions one after the other, as the core takes them; `bare`: the channels alone."""
-    if len({r.held for r in readings}) > 1:
-        held = next(r.source for r in readings if r.held)
-        moving = next(r.source for r in readings if not r.held)
+    labels = [r.labels for r in readings]
+    if len({own is None for own in labels}) > 1:
+        held = next(r.source for r in readings if r.labels is not None)
+        moving = next(r.source for r in readings if r.labels is None)
         raise InputError(
             f"found held poses in {held} and a recording in {moving}, expected sessions of one kind"
         )
@@ -43,7 +44,7 @@ def as_table(
     keys, columns = ([], []) if bare else (mechanism.key_columns, mechanism.value_columns)
     return {
         "values": together([r.values for r in readings]),
-        "pose": together([r.pose for r in readings]) if readings[0].held else None,
+        "pose": together(labels),
         "time": together([r.time_s for r in readings]),
         "temperature": together([r.temperature_c for r in readings]),
         "session": np.repeat(range(len(readings)), sizes).tolist() if several else None,

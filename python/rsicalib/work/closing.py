@@ -120,8 +120,8 @@ def _own(result: Result) -> float | None:
 def _of_poses(readings: Readings) -> FloatArray:
     """Mean reading of each pose: shape (n, C)."""
     values = readings.values
-    if readings.held:
-        starts = first_rows(readings.pose, len(readings))
+    if readings.labels is not None:
+        starts = first_rows(readings.labels, len(readings))
         sizes = np.diff(np.append(starts, len(values)))
         values = np.add.reduceat(values, starts, axis=0) / sizes[:, None]
     return values
