@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,10 @@ import rsicalib
 from rsicalib import DEMO, InputError
 from rsicalib.cli.parser import make_parser
 from rsicalib.io.files import write_text
-from rsicalib.io.sources import LIMIT, LONGEST_LINE
+from rsicalib.io.sources import LIMIT, LONGEST_LINE, read_json
 from rsicalib.io.stream import rows_of
+from rsicalib.work.prior import read_population
+from rsicalib.work.state import read_state
 
 READINGS = (DEMO / "readings.csv").read_text(encoding="utf-8")
 POSIX = pytest.mark.skipif(os.name != "posix", reason="names of files are bytes on POSIX alone")
@@ -94,6 +97,27 @@ def test_a_file_without_an_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> No
         rsicalib.load_readings("/dev/zero")
     with pytest.raises(InputError, match=f"a line of more than {LONGEST_LINE:,} bytes"):
         next(rows_of("/dev/zero", ["a11"]))
+
+
+@pytest.mark.parametrize("read", [read_state, read_population, read_json])
+def test_every_file_is_read_up_to_the_limit(
+    read: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The state of a watch, a population and what a guide keeps were read to the end of memory."""
+    if not Path("/dev/zero").exists():
+        pytest.skip("no /dev/zero")
+    monkeypatch.setenv(LIMIT, "1e6")
+    more = {read_population: [rsicalib.load_mechanism("rsi")], read_json: ["JSON"]}.get(read, [])
+    with pytest.raises(InputError, match=r"/dev/zero: found more than 1e\+06 bytes"):
+        read("/dev/zero", *more)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{", "[]", '{"a": ' + "9" * 5000 + "}", ""])
+def test_json_that_is_no_object_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "population.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"population.json(, line 1)?: found .* expected"):
+        read_population(path, rsicalib.load_mechanism("rsi"))
 
 
 def test_cells_that_repeat_do_not_grow_beyond_the_limit(

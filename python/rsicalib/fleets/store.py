@@ -14,6 +14,7 @@ from rsicalib.fleets.dataset import pyarrow_modules
 from rsicalib.fleets.engines import Rows
 from rsicalib.fleets.frames import TEXT
 from rsicalib.io.files import write_text
+from rsicalib.io.sources import read_json
 
 __all__ = ["Store"]
 
@@ -86,10 +87,9 @@ class Store:
 
     def _earlier(self) -> dict[str, Any] | None:
         try:
-            found = json.loads((self.folder / "run.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            return read_json(self.folder / "run.json", "the run of a fleet")
+        except InputError:
             return None
-        return found if isinstance(found, dict) else None
 
     def keep(self, rows: Rows) -> None:
         """Write the rows of a partition."""

@@ -105,7 +105,7 @@ class Robot:
             raise self._refused("the end of its output", EXPECTED)
         try:
             answer = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise self._refused(repr(line.strip()[:80]), EXPECTED) from None
         rows = answer.get("readings") if isinstance(answer, dict) else None
         if not isinstance(answer, dict) or not ("cannot" in answer or _is_rows(rows)):

@@ -17,6 +17,7 @@ from typing import TextIO
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
 from rsicalib.io.messages import message_of, positions_of
+from rsicalib.io.sources import read_text
 
 __all__ = ["Columns", "Log", "Sample"]
 
@@ -210,7 +211,7 @@ class Log:
         path = self.folder / f"{name}.csv"
         if not path.exists():
             return []
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, "a session of this mechanism")
         lines = text[: text.rfind("\n") + 1].splitlines()
         if not lines:
             return []

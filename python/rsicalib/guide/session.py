@@ -15,15 +15,19 @@ import numpy as np
 
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
 from rsicalib.guide.advice import Advice, Adviser
 from rsicalib.guide.handle import Handle
 from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Log, Sample
 from rsicalib.io.files import write_text
+from rsicalib.io.sources import read_json
 from rsicalib.report.words import subject
 from rsicalib.results.result import Trace
 
 __all__ = ["Session", "Settings"]
+
+KEPT = "what a guide has kept: 'struck_off' and 'repeated'"
 
 NEAR = 0.06
 """A pose this near its target is taken at once, as a share of what channels can read."""
@@ -335,8 +339,13 @@ class Session:
     def _restore(self) -> None:
         path = self.log.folder / "guide.json"
         if path.exists():
-            kept = json.loads(path.read_text(encoding="utf-8"))
-            self.off, self.repeated = kept["struck_off"], kept["repeated"]
+            kept = read_json(path, KEPT)
+            try:
+                off = np.asarray(kept["struck_off"], dtype=np.float64)
+                self.off = off.reshape(-1, len(self.channels)).tolist()
+                self.repeated = [int(label) for label in kept["repeated"]]
+            except (KeyError, TypeError, ValueError) as error:
+                raise InputError.at(str(path), found=str(error), expected=KEPT) from None
         last = max((s[-1].time_s for s in self.log.poses.values()), default=-np.inf)
         for sample in self.log.samples[-200:]:
             self._recent.append(sample.values)

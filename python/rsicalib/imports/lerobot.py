@@ -15,11 +15,12 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.lerobot_ranges import read_json, read_ranges
+from rsicalib.imports.lerobot_ranges import read_ranges
 from rsicalib.imports.lerobot_rows import episodes, short_floats
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop, short_names
+from rsicalib.io.sources import read_json
 
 __all__ = ["read"]
 
@@ -75,7 +76,7 @@ def read(source: str, asked: Asked) -> Log:
 
 def _checked(path: Path) -> dict[str, Any]:
     """The description of a data set, with what is read of it in its place."""
-    info = read_json(path)
+    info = read_json(path, "JSON of LeRobot")
 
     def refuse(key: str, expected: str, hint: str = "") -> InputError:
         found = repr(info[key])[:80] if key in info else "nothing"

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Any
-
 from rsicalib.errors import InputError
 from rsicalib.imports.teleop import FOLLOWER, LEADER, short_names
-from rsicalib.io.sources import read_text
+from rsicalib.io.sources import read_json
 
-__all__ = ["read_calibration", "read_json", "read_ranges"]
+__all__ = ["read_calibration", "read_ranges"]
 
 OF_A_RANGE = ("homing_offset", "range_min", "range_max", "drive_mode")
 
@@ -36,7 +32,7 @@ def read_calibration(path: str) -> dict[str, dict[str, int]]:
     InputError
         It is none.
     """
-    found: dict[str, dict[str, int]] = read_json(Path(path))
+    found: dict[str, dict[str, int]] = read_json(path, "JSON of LeRobot")
     for joint, entry in found.items():
         for key in OF_A_RANGE:
             value = entry.get(key) if isinstance(entry, dict) else None
@@ -45,19 +41,4 @@ def read_calibration(path: str) -> dict[str, dict[str, int]]:
                 raise InputError.at(
                     path, column=place, found=repr(value), expected="an integer", column_word=""
                 )
-    return found
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a file of JSON that holds an object."""
-    try:
-        found = json.loads(read_text(path, "JSON of LeRobot"))
-    except json.JSONDecodeError as error:
-        raise InputError.at(
-            str(path), line=error.lineno, found=error.msg, expected="JSON"
-        ) from None
-    except RecursionError:
-        raise InputError.at(str(path), found="JSON nested too deep", expected="less") from None
-    if not isinstance(found, dict):
-        raise InputError.at(str(path), found=type(found).__name__, expected="a JSON object")
     return found

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import gzip
 import io
+import json
 import os
 import sys
 import zlib
-from typing import IO
+from typing import IO, Any
 
 from rsicalib.errors import InputError
 
@@ -22,6 +23,7 @@ __all__ = [
     "STANDARD_INPUT",
     "decoded",
     "read_bytes",
+    "read_json",
     "read_text",
     "refuse_larger",
     "unpacked",
@@ -200,3 +202,25 @@ def _looks_like(data: bytes) -> str:
 def read_text(path: str | os.PathLike[str], expected: str, place: str | None = None) -> str:
     """Read a file of text in UTF-8; see `read_bytes` and `decoded`."""
     return decoded(read_bytes(path, expected, place), os.fsdecode(path))
+
+
+def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
+    """Read a file of JSON that holds an object; see `read_text`.
+
+    Raises
+    ------
+    InputError
+        It holds something else.
+    """
+    source, text = os.fsdecode(path), read_text(path, expected)
+    try:
+        found = json.loads(text)
+    except json.JSONDecodeError as error:
+        line, why = error.lineno, f"not JSON ({error.msg})"
+        raise InputError.at(source, line=line, found=why, expected=expected) from None
+    except (ValueError, RecursionError):  # a number of too many digits, nesting that is too deep
+        found = "JSON that is too long or nested too deep"
+        raise InputError.at(source, found=found, expected=expected) from None
+    if not isinstance(found, dict):
+        raise InputError.at(source, found="JSON that is no object", expected=expected)
+    return found

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, TypeAlias
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
+from rsicalib.io.sources import read_json
 
 __all__ = ["FORMAT", "PopulationArg", "expected_of", "read_population"]
 
@@ -29,14 +28,11 @@ def read_population(population: PopulationArg, mechanism: Mechanism) -> dict[str
         It is no such file, or of another mechanism.
     """
     where = "population" if isinstance(population, Mapping) else str(population)
-    try:
-        if isinstance(population, Mapping):
-            found: Any = dict(population)
-        else:
-            found = json.loads(Path(population).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError.at(where, found=f"no JSON ({error})", expected="population.json") from None
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
+    if isinstance(population, Mapping):
+        found = dict(population)
+    else:
+        found = read_json(population, "population.json")
+    if found.get("format") != FORMAT:
         raise InputError.at(where, found="another format", expected=FORMAT)
     if found.get("mechanism") != mechanism.name:
         own = f"devices of {found.get('mechanism')!r}"

@@ -6,12 +6,12 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from rsicalib.errors import InputError
 from rsicalib.facts.records import to_json
 from rsicalib.io.files import write_bytes
+from rsicalib.io.sources import read_bytes
 
 __all__ = ["read_state", "write_state"]
 
@@ -33,14 +33,10 @@ def read_state(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
     InputError
         It is no such file, or a damaged one.
     """
-    try:
-        line, _, state = Path(path).read_bytes().partition(b"\n")
-    except OSError as error:
-        found = error.strerror or str(error)
-        raise InputError.at(str(path), found=found, expected="the state of a watch") from None
+    line, _, state = read_bytes(path, "the state of a watch").partition(b"\n")
     try:
         head = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         head = None
     if not isinstance(head, dict) or head.get("format") != FORMAT:
         raise InputError.at(str(path), found="another file", expected=FORMAT)
