@@ -19,6 +19,7 @@ from rsicalib import DEMO, InputError, Monitor
 from rsicalib.io.stream import rows_of
 from tests import oracle
 from tests.oracle import Array
+from tests.watch import table
 from tests.watch.device import RATE_HZ, Change, Work, calibrated
 from tests.watch.trials import changed, quiet
 
@@ -324,3 +325,25 @@ def test_a_watch_saved_amid_an_open_name_raises_the_same_alarms(step: dict[str, 
         again = pickle.loads(pickle.dumps(one))
         assert again.update(values[cut:]) == other.update(values[cut:])
         assert again.summary() == other.summary()
+
+
+def test_a_slip_is_one_alarm_in_the_table_of_changes() -> None:
+    # All kinds, twenty devices each, are `python -m tests.watch.table changes`.
+    found = table.said("slip", (1, 0, 0), 1e-5)
+    assert (found.early, found.alarms, found.right) == (False, 1, True)
+    assert found.delay is not None and found.delay < 100
+
+
+def test_every_kind_of_change_leaves_the_rows_before_it_alone() -> None:
+    device, _, rng = calibrated(16)
+    state = rng.bit_generator.state
+    kinds = [kind for kind in table.KINDS if kind != "stuck"]
+    lives = []
+    for kind in kinds:
+        rng.bit_generator.state = state
+        lives.append(table.lived(kind, rng, device, 50).counts)
+    for kind, counts in zip(kinds, lives, strict=True):
+        np.testing.assert_allclose(counts[: table.BEFORE], lives[0][: table.BEFORE], err_msg=kind)
+        # Something moves afterwards, by more than a tenth of a count at least.
+        ideal = lives[0] if kind != "slip" else lives[-1]
+        assert np.abs(counts - ideal)[table.BEFORE :].max() > 0.1, kind
