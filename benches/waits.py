@@ -37,6 +37,9 @@ from tests.blind.simulator import Device
 PAGE = Path(__file__).parents[1] / "BENCHMARK.md"
 BEGIN, END = "<!-- waits -->", "<!-- end of waits -->"
 
+ONE_BY_ONE = 384
+"""Readings that are placed one by one: those of the session of the package."""
+
 Line = tuple[str, float, str]
 """What, seconds, what was asked for."""
 
@@ -97,6 +100,21 @@ def held_poses(rounds: int) -> Iterator[Line]:
     yield "`trace` 48 × 8, three effects", shortest(three_effects, rounds), "60 ms"
     yield "the same with 20 laws of each sensor more", shortest(with_laws, rounds), "1.5 times that"
     yield "report of a trace", shortest(found.report, rounds), "0.3 s"
+
+
+def placing(rounds: int) -> Iterator[Line]:
+    """Poses of readings that come one by one, as in a control loop."""
+    placer = rsicalib.Placer(calibration=rsicalib.demo())
+    rows = list(rsicalib.load_readings(rsicalib.DEMO / "readings.csv").values)[:ONE_BY_ONE]
+    whole = rsicalib.forward(np.array(rows), calibration=rsicalib.demo())
+    np.testing.assert_allclose([placer(row) for row in rows], whole, rtol=0.0, atol=1e-9)
+
+    def one_by_one() -> None:
+        for row in rows:
+            placer(row)
+
+    seconds = shortest(one_by_one, rounds) * 1000 / len(rows)
+    yield "`Placer`, 1,000 poses one by one", seconds, "50 ms (20,000 a second)"
 
 
 def planning(rounds: int) -> Iterator[Line]:
@@ -237,7 +255,13 @@ def table(rounds: int, rows: int) -> str:
         out.append(f"| {what} | {took} | {seconds / unit:,.0f} | {asked} | {memory} |")
         print(out[-1], flush=True)
 
-    for lines in (held_poses(rounds), planning(rounds), large_mechanisms(), table_nine()):
+    for lines in (
+        held_poses(rounds),
+        placing(rounds),
+        planning(rounds),
+        large_mechanisms(),
+        table_nine(),
+    ):
         for line in lines:
             add(*line)
     for long in recordings(rows):

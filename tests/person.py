@@ -23,8 +23,8 @@ import numpy as np
 
 import rsicalib
 from rsicalib import Trace
-from rsicalib.guide.advice import Adviser
-from rsicalib.guide.log import Columns, Log, Sample
+from rsicalib.guide.advice import Adviser, needed_poses
+from rsicalib.guide.log import FITTED, Columns, Log, Sample
 from rsicalib.guide.session import Session, Settings
 from tests import oracle
 from tests.blind import effects as catalogue
@@ -45,6 +45,12 @@ SHAKES = (0.004, 0.002)
 """Of the hand between samples, (in, rad)."""
 NOT_HERE = re.compile("adds nothing|end of its range")
 """Of a message that no pose is taken here."""
+GIVES_UP = 25
+"""Times that a person goes to one pose before the session has stalled."""
+OTHER = 4
+"""Times that a person who is told of a shaking hand goes there before asking for another pose."""
+TREMORS = (0.25, 4.0)
+"""Between these a hand shakes more than `SHAKES`, log-uniform: steady, and old or cold."""
 POSE_S = 20.0
 """From pose to pose, by the clock of the samples."""
 
@@ -71,6 +77,7 @@ class Operator:
     at: Array = field(default_factory=lambda: np.array(oracle.REST, dtype=float))
     clock_s: float = 0.0
     before: Array | None = None
+    stalled: bool = False
 
     def read(
         self, poses: Array, step_s: float = 0.02, late: bool = False
@@ -136,7 +143,7 @@ def operate(
 ) -> None:
     """Do what the page says until it is done."""
     write("time_s," + ",".join(oracle.channel_names(oracle.rsi())))
-    taken, since = -1, time.monotonic()
+    taken, since, tries = -1, time.monotonic(), 0
     remembered: dict[int, Array] = {}
     while time.monotonic() - since < patience_s:
         now = state()
@@ -155,7 +162,14 @@ def operate(
         if now["taken"] != taken or now["hold"] <= 0.3:
             if now["taken"] > 0:
                 remembered.setdefault(now["next"] - 1, person.at)
+            tries = 1 if now["taken"] != taken else tries + 1
             taken, since = now["taken"], time.monotonic()
+            if tries >= GIVES_UP:
+                person.stalled = True
+                return
+            if tries % OTHER == 0 and "take another pose" in now["order"]["text"]:
+                strike_off()
+                continue
             wanted = remembered.get(now["repeat"], now["pose"])
             person.clock_s += now["wait_s"]
             person.pose = now["next"]
@@ -165,6 +179,7 @@ def operate(
                 if pause_s:
                     time.sleep(pause_s)
         time.sleep(0.01)
+    person.stalled = True
 
 
 def _hold(person: Operator, write: Callable[[str], None]) -> None:
@@ -196,9 +211,8 @@ def guided(
         codes = person.trouble.codes(codes, 0)
     rest = rsicalib.Readings.from_arrays(mechanism, codes)
     names = oracle.channel_names(oracle.rsi())
-    session = Session(
-        mechanism, Adviser(mechanism, rest), Log(folder, names, False), Settings(target, **settings)
-    )
+    log = Log(folder, names, False, fitted=needed_poses(mechanism) or FITTED)
+    session = Session(mechanism, Adviser(mechanism, rest), log, Settings(target, **settings))
     columns = Columns(names)
 
     waiting: list[Sample] = []
@@ -238,13 +252,19 @@ def strike_off(url: str) -> None:
         pass
 
 
-def drawn(seed: int, effect: str | None = None, target: str = "a22") -> Operator:
-    """A device drawn with a seed, with an effect of the catalogue or without."""
+def drawn(
+    seed: int, effect: str | None = None, target: str = "a22", *, tremor: bool = False
+) -> Operator:
+    """A device drawn with a seed, with an effect of the catalogue or without.
+
+    With `tremor` hands differ from person to person.
+    """
     rng = np.random.default_rng(seed)
     device = Device.random(rng)
     kinds = {kind.term: kind for kind in catalogue.CATALOGUE}
     present = () if effect is None else (kinds[effect].draw(rng, target),)
-    return Operator(device, present, rng)
+    factor = float(np.exp(rng.uniform(*np.log(TREMORS)))) if tremor else 1.0
+    return Operator(device, present, rng, shakes=(factor * SHAKES[0], factor * SHAKES[1]))
 
 
 def rest_lines(person: Operator) -> Iterator[str]:
@@ -255,6 +275,8 @@ def rest_lines(person: Operator) -> Iterator[str]:
         yield ",".join(str(int(c)) for c in row)
 
 
+PLACES = 200
+"""Of which the largest error is claimed, as in a certificate."""
 NOISE = 1.0408
 """Of a simulated reading [counts], with its rounding: √(1 + 1/12)."""
 VISIBLE = 35.0
@@ -277,6 +299,18 @@ def truth_error(person: Operator, result: Trace) -> float:
     return float(np.sqrt(np.mean((found[:, :3] - poses[:, :3]) ** 2)))
 
 
+def largest_error(person: Operator, result: Trace) -> float:
+    """The largest error of position [in] over random poses, each read once: what is claimed."""
+    rng = np.random.default_rng(98)
+    poses = wide_poses(rng, person.device, PLACES)
+    standing = tuple(e for e in person.effects if e.term not in ("drift", "slip"))
+    read = simulator.observe(person.device, held(rng, poses, 1, (0.0, 0.0)), rng, 1.0, standing)
+    mechanism = rsicalib.load_mechanism("rsi")
+    table = rsicalib.Readings.from_arrays(mechanism, read["values"], pose=read["pose"])
+    found = np.asarray(rsicalib.forward(table, mechanism, calibration=result))
+    return float(np.linalg.norm(found[:, :3] - poses[:, :3], axis=1).max())
+
+
 def shown(person: Operator, session: Session) -> float:
     """By how much χ² of the poses that were fitted falls with the term of the effect."""
     readings = rsicalib.load_readings(session.log.folder / "readings.csv")
@@ -297,6 +331,7 @@ def main() -> int:
     parser.add_argument("--target", type=float, default=0.003)
     parser.add_argument("--effects", nargs="*", default=["none"], choices=["none", *EFFECTS])
     parser.add_argument("--seed", type=int)
+    parser.add_argument("--tremor", action="store_true", help="hands differ from person to person")
     args = parser.parse_args()
     seed = secrets.randbits(32) if args.seed is None else args.seed
     print(f"seed {seed}", flush=True)
@@ -304,7 +339,8 @@ def main() -> int:
     for k in range(args.devices):
         effect = args.effects[k % len(args.effects)]
         target = CHANNELS[int(np.random.default_rng([seed, k]).integers(9))]
-        person = drawn(seed + k, None if effect == "none" else effect, target)
+        named_effect = None if effect == "none" else effect
+        person = drawn(seed + k, named_effect, target, tremor=args.tremor)
         with tempfile.TemporaryDirectory() as folder:
             session, result = guided(person, Path(folder) / "o", args.target)
             falls = shown(person, session) if effect != "none" and result is not None else 0.0
@@ -316,14 +352,20 @@ def main() -> int:
         )
         error = np.nan if result is None else truth_error(person, result)
         reached = session.reached if session.reached is not None else state["taken"]
-        rows.append((state["done"], reached, state["taken"], named, len(steps), error, falls))
+        claim = state["largest"]
+        worst = np.nan if result is None or claim is None else largest_error(person, result) / claim
+        rows.append(
+            (state["done"], reached, state["taken"], named, len(steps), error, falls, worst,
+             person.stalled)
+        )  # fmt: skip
         print(
             f"{k} {effect} {target}: done {state['done']}, {reached} poses to the target, "
             f"{state['taken']} in all, {state['verdict']}, named {state['named']}, "
-            f"open {len(state['open'])}, error {1e3 * error:.2f}e-3 in, χ² falls by {falls:.0f}",
+            f"open {len(state['open'])}, error {1e3 * error:.2f}e-3 in, χ² falls by {falls:.0f}, "
+            f"largest error {worst:.2f} of what is claimed{', STALLED' * person.stalled}",
             flush=True,
         )
-    done, reach, taken, right, count, errors, visible = (
+    done, reach, taken, right, count, errors, visible, worst, stalled = (
         np.array(c, dtype=float) for c in zip(*rows, strict=True)
     )
     print(
@@ -331,6 +373,9 @@ def main() -> int:
         f"in all: median {np.median(taken):.1f}; done {np.mean(done):.0%}; "
         f"error median {1e3 * np.nanmedian(errors):.2f}e-3 in"
     )
+    claimed = worst[np.isfinite(worst)]
+    print(f"stalled: {int(stalled.sum())} of {len(stalled)}")
+    print(f"largest error within the bound of 95 %: {rate([bool(w <= 1.0) for w in claimed])}")
     own = np.array([args.effects[k % len(args.effects)] != "none" for k in range(args.devices)])
     if own.any():
         print(f"effect named: {np.mean(right[own]):.0%} of {own.sum()}")

@@ -209,6 +209,57 @@ def test_every_hypothesis_shows_its_residual_its_error_and_where_it_puts_the_pla
         )
 
 
+FADES = """
+const fader = document.getElementById("fader");
+const chosen = document.querySelector('#mechanism .desk [data-is="chosen"]');
+const arrows = () => chosen.getAttribute("d");
+const now = () => document.querySelector("[data-now]").textContent;
+window.requestAnimationFrame = (act) => act();
+return [100, 50, 0].map((share) => {
+  fader.value = share;
+  fader.dispatchEvent(new Event("input"));
+  return [now(), arrows().length, document.querySelector("[data-error='0']").textContent];
+});
+"""
+
+
+def test_the_fader_moves_the_error_at_check_poses_and_the_arrows(
+    traced: Trace, tmp_path: Path
+) -> None:
+    ((full, none_drawn, _), (half, drawn, _), (nothing, most, _)), errors = look(
+        traced.report(), FADES, tmp_path
+    )
+    assert errors == []
+    assert traced.evidence is not None
+    assert none_drawn == 0 < drawn <= most
+    assert traced.after.check is not None
+    assert shown_as(full, traced.after.check.position_rms)
+    before = traced.evidence.hypotheses[0]
+    assert before.check is not None and before.check.position_rms is not None
+    # Arrows in the page, from which it is told, have four digits.
+    assert float(nothing) == pytest.approx(before.check.position_rms, rel=5e-3)
+    # Witness of the middle: the known poses as both hypotheses place them.
+    assert traced.evidence.drawing is not None
+    known = traced.evidence.drawing.known
+    at, old, new = (np.array([getattr(k, n) for k in known]) for n in ("at", "before", "after"))
+    assert float(half) == pytest.approx(np.sqrt(np.mean(((old + new) / 2 - at) ** 2)), rel=5e-3)
+
+
+HALVES = """
+return [...document.querySelectorAll(".pictures")].filter((p) => p.getClientRects().length)
+  .map((p) => {
+    const box = p.getBoundingClientRect(), last = p.lastElementChild.getBoundingClientRect();
+    return (last.right - box.left) / box.width;
+  });
+"""
+
+
+def test_no_row_of_pictures_has_an_empty_half(traced: Trace, tmp_path: Path) -> None:
+    found, errors = look(traced.report(), HALVES, tmp_path, 1280)
+    assert errors == []
+    assert len(found) >= 4 and min(found) > 0.95
+
+
 TURNS = """
 const view = document.querySelector("#mechanism .desk");
 const frame = (act) => { const all = []; window.requestAnimationFrame = (f) => all.push(f);

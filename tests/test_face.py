@@ -269,6 +269,36 @@ def test_one_wild_residual_does_not_shrink_the_rest() -> None:
     assert not clean.texts
 
 
+def test_a_pose_that_was_left_out_does_not_shrink_the_plot() -> None:
+    """Of a session with a reading that is 900 standard deviations off, from files to axes."""
+    whole = rsicalib.load_readings(READINGS)
+    values = whole.values.copy()
+    values[whole.pose == 17, 2] -= 900.0
+    found = rsicalib.trace(dataclasses.replace(whole, values=values), rest=REST)
+    assert [e.pose for e in found.excluded] == [17]
+    ax = found.plot()
+    assert ax.get_ylim()[1] < 20.0
+    wild = [mark for mark in ax.texts if mark.xy[0] == 17]
+    assert wild and all(abs(mark.xy[1]) < ax.get_ylim()[1] for mark in ax.texts)
+    drawn = np.concatenate([c.get_offsets()[:, 1] for c in ax.collections])
+    assert np.abs(drawn).max() < ax.get_ylim()[1]  # nothing is cut off
+
+
+def test_data_frames_of_polars_come_back_as_such(calibration: Calibration) -> None:
+    polars = pytest.importorskip("polars")
+    frame = polars.read_csv(READINGS)
+    again = rsicalib.load_readings(frame).to_polars()
+    assert again.select("a11", "a33").equals(frame.select("a11", "a33").cast(polars.Float64))
+    rows = calibration.to_polars()
+    assert isinstance(rows, polars.DataFrame) and rows["name"].to_list() == calibration.keys()
+    assert rows["value"].to_list() == [p.value for p in calibration]
+    matrix = calibration.covariance.to_polars()
+    assert matrix.columns == ["name", *calibration.keys()]
+    devices = [frame.with_columns(polars.lit(name).alias("device")) for name in ("a", "b")]
+    found = rsicalib.calibrate_devices(polars.concat(devices))
+    assert isinstance(found, polars.DataFrame) and found["device"].to_list() == ["a", "b"]
+
+
 def test_two_calibrations_of_the_same_readings_are_equal(calibration: Calibration) -> None:
     again = rsicalib.calibrate(READINGS, rest=REST)
     assert again == calibration == pickle.loads(pickle.dumps(calibration))

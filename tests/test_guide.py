@@ -29,7 +29,7 @@ from rsicalib.guide.advice import Adviser, Repeat
 from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Columns, Log, Sample
 from rsicalib.guide.server import Page
-from rsicalib.guide.session import SAME
+from rsicalib.guide.session import RESTLESS_S, SAME
 from rsicalib.guide.source import open_source
 from rsicalib.guide.terminal import Screen, screen
 from tests import oracle, person, trouble
@@ -62,13 +62,14 @@ def test_a_shaking_hand_that_misses_poses_reaches_the_target(
     assert json.loads((folder / "result.json").read_text())["format"] == "rsicalib.trace/1"
 
 
-def test_every_fourth_pose_is_kept_out_and_checks_the_closure(
+def test_poses_beyond_what_a_trace_needs_are_kept_out_and_check_the_closure(
     session: tuple[person.Session, Any, Path],
 ) -> None:
     taken, result, folder = session
     kept = rsicalib.load_readings(folder / "held_out.csv")
     fitted = rsicalib.load_readings(folder / "readings.csv")
-    assert set(kept.pose) == {k for k in taken.log.poses if k % 4 == 0}
+    # 18 unknowns and 6 equations to spare need 8 poses of three closures; then one of four.
+    assert set(kept.pose) == {k for k in taken.log.poses if k in (9, 13, 17, 21)} != set()
     assert not set(kept.pose) & set(fitted.pose)
     assert result.readings.poses == len(set(fitted.pose))
     state = taken.state()
@@ -270,6 +271,47 @@ def test_a_hand_that_shakes_is_still_and_a_hand_that_moves_is_not() -> None:
     for k in range(40, 80):
         hold.feed(Sample(0.02 * k, None, tuple(2000 + 12.0 * (k - 40) * np.ones(9))))
     assert hold.progress < 0.5
+
+
+@pytest.mark.parametrize("seed", [4, 12])
+def test_who_shakes_and_sees_the_page_alone_is_done_in_few_poses(seed: int, tmp_path: Path) -> None:
+    """Small form of `python -m tests.person --devices 200 --tremor`; figures in docs/guide.md."""
+    operator = person.drawn(seed)
+    operator.shakes = (0.016, 0.008)  # near a stretched arm some 60 counts
+    taken, result = person.guided(operator, tmp_path / "o", 0.003)
+    assert taken.state()["done"] and not operator.stalled
+    # Nine are enough for a hand that is steady; one pose in three may have to be chosen anew.
+    assert len(taken.log.poses) <= 16
+    assert result is not None and result.exit_code == 0
+    claimed = taken.state()["largest"]
+    # The bound holds in 95 of 100; twice as much is not met with the seeds of a test.
+    assert claimed is not None and person.largest_error(operator, result) < 2.0 * claimed
+
+
+def test_a_hand_that_cannot_be_still_near_its_pose_is_borne_with(tmp_path: Path) -> None:
+    """The limit is loosened for this pose, by the tremor that is there; elsewhere it is as ever."""
+    mechanism = rsicalib.load_mechanism("rsi")
+    log = Log(tmp_path / "o", CHANNELS, False)
+    state = person.Session(mechanism, person.Adviser(mechanism, None), log, person.Settings(0.01))
+    while state.busy:
+        state.poll()
+        time.sleep(0.01)
+    goal = state.goal()
+    assert goal is not None
+    rng, usual = np.random.default_rng(5), state.hold.loose.copy()
+    said = set()
+    for k in range(1000):
+        row = goal + 5.0 * rng.standard_normal(9)
+        row[1] += 35.0 * rng.standard_normal()  # the elbow, beyond 16 counts
+        state.feed([Sample(0.02 * k, None, tuple(row))])
+        said.add(state.state()["order"]["text"])
+        if log.poses:
+            break
+    assert sorted(log.poses) == [1]
+    assert log.poses[1][-1].time_s > RESTLESS_S  # until then it could have been a motion
+    assert any("a12 shakes" in text for text in said)
+    np.testing.assert_array_equal(state.hold.loose, usual)
+    state.finish()
 
 
 def test_lines_that_cannot_be_read_are_told_from_samples() -> None:

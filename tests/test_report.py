@@ -24,8 +24,10 @@ from rsicalib.io.readings import Readings
 from rsicalib.report import residuals, svg
 from rsicalib.report.checks import noise_figure
 from rsicalib.report.figure import Figure
+from rsicalib.report.mechanism import scene_of
 from rsicalib.report.residuals import residual_figure
 from rsicalib.report.words import noise_words, number, plus_minus, sentence
+from rsicalib.report.workspace import Shades
 from rsicalib.results.result import Result
 from rsicalib.units import with_unit
 from rsicalib.work.arguments import Bare
@@ -37,6 +39,9 @@ from tests.test_families import clean
 READINGS, REST, CHECK = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
 
 
+SVG = "http://www.w3.org/2000/svg"
+ARMS = [{(f"a{n}1", f"a{n}2"), (f"a{n}2", f"a{n}3"), (f"a{n}3", f"wrist{n}")} for n in (1, 2, 3)]
+"""Bodies of the arms."""
 HEADS = ["offset [rad]", "gain [mrad/count]"]
 LONG = "shoulder_of_arm_"
 """Longer than a column."""
@@ -313,6 +318,85 @@ def test_the_workspace_is_as_certain_as_forward_says(traced: Trace) -> None:
         sd = rsicalib.forward_sd(readings, "rsi", traced)[:, :3]
         expected = np.sqrt((sd**2).mean(axis=1))
         np.testing.assert_allclose(cells[:, 2], expected, rtol=0.05)
+
+
+def test_a_number_has_the_same_colour_in_every_report_of_a_mechanism(traced: Trace) -> None:
+    fewer = rsicalib.calibrate(some(lambda whole: whole.pose < 30), rest=REST)
+    assert traced.evidence is not None and fewer.evidence is not None
+    mine, others = Shades(traced.evidence.workspace), Shades(fewer.evidence.workspace)
+    assert mine.edges == others.edges
+    # A shade ends at 1, 1.5, 2, 3, 5 and 7 of each power of ten.
+    ten = mine.of(0.001)
+    assert [mine.of(v) - ten for v in (0.00099, 0.0014, 0.0016, 0.0021, 0.0049, 0.01)] == [
+        *(-1, 0, 1, 2, 3, 6),
+    ]
+    for result, shades in ((traced, mine), (fewer, others)):
+        drawn = ET.fromstring(result.figures()["workspace"])
+        cells = [r for r in drawn.iter(f"{{{SVG}}}rect") if len(r)]
+        assert len(cells) > 100
+        for cell in cells:
+            said = float(str(cell[0].text).split(": ")[1].split()[0])
+            # What is said has three digits: at an edge it may be of the next shade.
+            near = {shades.of(said * (1 + e)) for e in (-0.005, 0.005)}
+            assert int(cell.get("class", "").removeprefix("sd")) in near
+
+
+def test_the_target_is_a_line_between_what_reaches_it_and_what_does_not(traced: Trace) -> None:
+    assert traced.evidence is not None
+    values = sorted(c[2] for one in traced.evidence.workspace for c in one.cells)
+    target = values[len(values) // 3]
+    drawn = ET.fromstring(traced.figures(target=target)["workspace"])
+    lines = [e for e in drawn.iter(f"{{{SVG}}}line") if e.get("class") == "contour"]
+    expected = 0
+    for one in traced.evidence.workspace:
+        places = np.array([c[:2] for c in one.cells])
+        within = np.array([c[2] <= target for c in one.cells])
+        for step in ((one.step[0], 0.0), (0.0, one.step[1])):
+            gap = np.abs(places[:, None] + step - places).max(axis=2)
+            first, second = np.nonzero(gap < 1e-6)
+            expected += int((within[first] != within[second]).sum())
+    assert len(lines) == expected > 0
+    share = 100.0 * sum(v <= target for v in values) / len(values)
+    assert f"{share:.0f} % of what is drawn" in traced.report(target=target)
+    assert "contour" not in traced.figures()["workspace"].partition("</style>")[2]
+
+
+@pytest.mark.parametrize(
+    ("klass", "target", "edges"),
+    [
+        # A row is marked with its chain: the drawing does not tell rows.
+        ("geometry", "arm2/2", ARMS[1]),
+        ("geometry", "each/2", ARMS[0] | ARMS[1] | ARMS[2]),
+        ("geometry", "arm1", ARMS[0]),
+        ("sensor", "a22", set()),
+        ("sensor", "each.2", set()),
+        ("electronics", "all", set()),
+    ],
+)
+def test_what_is_at_fault_is_marked_where_it_sits(
+    traced: Trace, klass: str, target: str, edges: set[tuple[str, str]]
+) -> None:
+    assert traced.evidence is not None
+    step = dataclasses.replace(traced.steps[0], klass=klass, target=target)
+    scene = scene_of(dataclasses.replace(traced, steps=(step,)), traced.evidence)
+    assert scene is not None
+    names = [node.name for node in scene.drawing.nodes]
+    marked = {tuple(sorted(names[k] for k in edge)) for edge in scene.edges(culprit=True)}
+    assert marked == edges
+    joints = {"a22": {"a22"}, "each.2": {"a12", "a22", "a32"}}.get(target, set())
+    assert {names[k] for k in scene.faults.nodes if names[k] == scene.faults.nodes[k]} == joints
+    # Something is written beside whatever has a place.
+    assert bool(scene.faults.nodes) == (target != "all")
+
+
+def test_an_error_that_has_not_changed_has_one_column() -> None:
+    made = rsicalib.simulate(seed=1, poses=30)
+    found = rsicalib.trace(made.readings, rest=made.rest, check=made.check)
+    assert found.verdict == "adequate"
+    page = found.report()
+    assert "<h2>Error</h2>" in page and "Error before and after" not in page
+    (row,) = (line for line in found.summary().splitlines() if "misclosure, rms" in line)
+    assert len(re.findall(r"[0-9.]+", row)) == 1
 
 
 @pytest.mark.parametrize("family", ["ballbar", "fivebar", "drawwire", "rps"])

@@ -49,14 +49,26 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
         assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits
 
 
-@pytest.mark.parametrize("width", [60, 80, 97])
+@pytest.mark.parametrize("width", [60, 80, 97, 140])
 def test_text_follows_the_width_of_the_terminal_without_a_broken_word(width: int) -> None:
     found = rsicalib.demo()
     wide = set(re.split(r"\s+", found.summary(whole=True)))
     for text in (found.summary(width=width), found.summary(width=width, whole=True)):
-        assert max(map(len, text.splitlines())) <= width
+        # As wide as it can be, less the longest word.
+        room = max(map(len, found.summary(width=1000).splitlines()))
+        assert min(room, width - 16) <= max(map(len, text.splitlines())) <= width
         words = {word for word in text.split() if not word.isdigit()}
         assert words <= wide | set("… and more lines in the report".split())
+
+
+@pytest.mark.parametrize("width", [50, 60, 80])
+def test_every_row_of_a_narrow_table_has_its_numbers_beside_its_name(width: int) -> None:
+    found = rsicalib.calibrate(READINGS, rest=REST, check=CHECK)
+    lines = found.summary(width=width, whole=True).splitlines()
+    for words in ("χ² / degrees", "misclosure", "position, 20", "orientation, 20", "held-out"):
+        (row,) = (line for line in lines if line.startswith(f"  {words}"))
+        assert re.search(r"\d$", row), row
+    assert max(map(len, lines)) <= width
 
 
 def test_what_is_written_whole_has_every_parameter_and_every_row() -> None:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib.tabular import data_frame, html_table
+from rsicalib.tabular import data_frame, html_table, polars_frame
 
 __all__ = ["Labelled"]
 
 if TYPE_CHECKING:
     import pandas
+    import polars
 
     _Base = npt.NDArray[np.float64]
 else:
@@ -118,6 +119,16 @@ class Labelled(_Base):
             With a copy of the matrix.
         """
         return data_frame(self._table(), "name")
+
+    def to_polars(self) -> polars.DataFrame:
+        """Make a data frame of Polars with the names as first column (`pip install polars`).
+
+        Returns
+        -------
+        polars.DataFrame
+            With a copy of the matrix.
+        """
+        return polars_frame(self._table())
 
     def _table(self) -> dict[str, Any]:
         columns = {name: np.asarray(self)[:, k] for k, name in enumerate(self.names)}

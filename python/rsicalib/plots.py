@@ -69,16 +69,24 @@ def dots(ax: Axes, rows: Mapping[str, npt.ArrayLike], x_words: str) -> Axes:
     ax.axhspan(-2, 2, color=NEW, alpha=0.1, lw=0)
     ax.axhline(0, color="0.6", lw=0.8)
     all_rows = {name: np.atleast_2d(np.asarray(r, dtype=np.float64)) for name, r in rows.items()}
-    edge = _edge(np.concatenate([np.abs(r).ravel() for r in all_rows.values()]))
+    every = list(all_rows.values())
+    # What was may be far off everywhere, where one reading bends the fit: what is must be seen.
+    edge = min(_edge(np.concatenate([r.ravel() for r in every])), FAR * _edge(every[-1].ravel()))
     for (name, values), colour in zip(all_rows.items(), (OLD, NEW)[-len(rows) :], strict=False):
         numbers = np.repeat(np.arange(1, len(values) + 1), values.shape[1])
-        size = 14 if len(values) <= 300 else 3
-        ax.scatter(numbers, values.ravel(), s=size, color=colour, alpha=0.7, lw=0, label=name)
-        for number, value in zip(numbers, values.ravel(), strict=True):
-            if abs(value) > edge:  # at the edge, with its size: the scale is that of the rest
-                at = (number, np.copysign(0.97 * edge, value))
-                ax.annotate(f"{value:.0f}", at, color=colour, fontsize="small", ha="center",
-                            va="top" if value > 0 else "bottom")  # fmt: skip
+        size, flat = 14 if len(values) <= 300 else 3, values.ravel()
+        inside = np.abs(flat) <= edge
+        look: dict[str, Any] = {"s": size, "color": colour, "alpha": 0.7, "lw": 0}
+        ax.scatter(numbers[inside], flat[inside], label=name, **look)
+        at = np.copysign(0.97 * edge, flat)
+        for side, mark in ((flat > edge, "^"), (flat < -edge, "v")):
+            if side.any():
+                ax.scatter(numbers[side], at[side], marker=mark, **look)
+        far = np.flatnonzero(~inside)
+        for k in far[np.argsort(-np.abs(flat[far]), kind="stable")][:LABELLED]:
+            up = flat[k] > 0
+            ax.annotate(f"{flat[k]:.0f}", (numbers[k], at[k]), color=colour, fontsize="small",
+                        ha="center", va="top" if up else "bottom")  # fmt: skip
     ax.set_ylim(-edge, edge)
     ax.set(xlabel=x_words, ylabel="residual / noise")
     if len(rows) > 1:
@@ -90,8 +98,13 @@ FAR = 4.0
 """What lies beyond so many times the 95 % point of the sizes is drawn at the edge."""
 
 
-def _edge(sizes: FloatArray) -> float:
+LABELLED = 3
+"""Of those at the edge so many have their size beside them, the largest."""
+
+
+def _edge(residuals: FloatArray) -> float:
     """Where an axis of residuals ends: beyond all, but for few that are far beyond the rest."""
+    sizes = np.abs(residuals[np.isfinite(residuals)])
     usual = max(3.0, FAR * float(np.quantile(sizes, 0.95)))
     return 1.1 * min(usual, max(3.0, float(sizes.max())))
 

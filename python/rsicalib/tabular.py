@@ -10,8 +10,9 @@ import numpy as np
 
 if TYPE_CHECKING:
     import pandas
+    import polars
 
-__all__ = ["Tabular", "Told", "data_frame", "html_table"]
+__all__ = ["Tabular", "Told", "data_frame", "html_table", "polars_frame"]
 
 MOST_ROWS = 60
 """A longer table is cut in the middle where it is shown."""
@@ -43,6 +44,21 @@ def data_frame(columns: Mapping[str, Any], index: str | None = None) -> pandas.D
         raise ImportError("a data frame needs pandas: pip install rsicalib[pandas]") from error
     frame = pandas.DataFrame({name: list(cells) for name, cells in columns.items()})
     return frame if index is None else frame.set_index(index)
+
+
+def polars_frame(columns: Mapping[str, Any]) -> polars.DataFrame:
+    """Make a data frame of Polars of columns of one length.
+
+    Raises
+    ------
+    ImportError
+        Polars is not installed.
+    """
+    try:
+        import polars
+    except ImportError as error:
+        raise ImportError("a data frame of Polars needs it: pip install polars") from error
+    return polars.DataFrame({name: list(cells) for name, cells in columns.items()})
 
 
 def html_table(columns: Mapping[str, Any], caption: str = "") -> str:
@@ -104,6 +120,16 @@ class Tabular:
             One row for each entry.
         """
         return data_frame(self._table(), self.ROWS)
+
+    def to_polars(self) -> polars.DataFrame:
+        """Make a data frame of Polars (`pip install polars`).
+
+        Returns
+        -------
+        polars.DataFrame
+            One row for each entry; what names the rows is a column.
+        """
+        return polars_frame(self._table())
 
     def _repr_html_(self) -> str:
         return html_table(self._table(), repr(self))

@@ -56,13 +56,14 @@ def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
     """What a folder of a result holds, by name."""
     from rsicalib.verbs.export import calibrated_files
 
+    target = getattr(args, "target", None)
     files = {
         RESULT: result.to_json(),
         "report.txt": f"{result.summary(whole=True)}\n\n{MARK} {result.version}\n",
-        "report.html": f"{result.report()}<!-- {MARK} {result.version} -->\n",
+        "report.html": f"{result.report(target=target)}<!-- {MARK} {result.version} -->\n",
         **calibrated_files(getattr(args, "mechanism", "rsi"), result),
     }
-    drawn = result.figures().items()
+    drawn = result.figures(target=target).items()
     return files | {f"figures/{name}.svg": f"{text}<!-- {MARK} -->\n" for name, text in drawn}
 
 

@@ -190,6 +190,8 @@ def make_parser() -> argparse.ArgumentParser:
             "--hold-out-groups", metavar="NAME,…", type=_names, help="not these groups"
         )
         sub.add_argument("--seed", type=_seed, help="of every random draw")
+        words = "standard deviation that is aimed at: the report shows where it is reached"
+        sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
         _add_skip(sub)
         _add_about(sub)
         _add_out(sub)

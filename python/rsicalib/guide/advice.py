@@ -19,10 +19,11 @@ from rsicalib.guide.log import Sample
 from rsicalib.io.readings import Readings
 from rsicalib.planning.further import explanations, reason, words
 from rsicalib.results.result import Trace
+from rsicalib.verbs.certifying import certify
 from rsicalib.verbs.tracing import trace
 from rsicalib.work.applying import as_applied, as_table
 
-__all__ = ["Advice", "Adviser", "Repeat"]
+__all__ = ["Advice", "Adviser", "Repeat", "needed_poses"]
 
 WAY = 0.1
 """Weight of the way to the next pose, beside ln(variance after / variance before)."""
@@ -69,6 +70,9 @@ class Advice:
     closure_fitted: float | None = None
     """The same in the poses that are fitted."""
     wait_s: float = 0.0
+    largest: float | None = None
+    """Bound of 95 % of the largest error over the workspace, of one reading, once the target is
+    reached [length unit]: as `certify` has it."""
     gain: float | None = None
     """By how much the next pose parts what is open [χ²]; None where it has another purpose."""
 
@@ -132,7 +136,18 @@ class Adviser:
             repeat=_repeats(result),
             closure=check[1],
             closure_fitted=check[0],
+            largest=self._largest(result, target) if sure is not None and sure <= target else None,
         )
+
+    def _largest(self, result: Trace | None, target: float) -> float | None:
+        """The largest error over the workspace that a certificate would state."""
+        if result is None or not usable(result):
+            return None
+        try:
+            found = certify(result, self.mechanism, limit=target)
+        except RsicalibError:  # nothing is carried, or no workspace is known
+            return None
+        return None if found.uncertainty is None else found.uncertainty.expanded
 
     def _mistake(self, fitted: Mapping[int, Sequence[Sample]]) -> Warned | None:
         """What is wrong with the wires, where no trace explains the poses."""
@@ -353,6 +368,13 @@ def _warmth(poses: Mapping[int, Sequence[Sample]]) -> float | None:
 def _length_s(poses: Mapping[int, Sequence[Sample]]) -> float:
     times = [s.time_s for samples in poses.values() for s in samples]
     return max(times) - min(times) if times else 0.0
+
+
+def needed_poses(mechanism: Mechanism) -> int | None:
+    """Poses from which on a trace is possible; None where that depends on what is touched."""
+    if mechanism.key_columns:
+        return None
+    return -(-(2 * len(mechanism.channels) + SPARE) // mechanism.equations)
 
 
 def usable(result: Trace | None) -> bool:

@@ -14,12 +14,16 @@ __all__ = ["Hold", "apart"]
 
 STILL = 0.004
 """Spread of a hand that holds, as a share of what a channel can read: 16 counts of 4096."""
+SHAKY = 0.02
+"""The same of a hand that cannot be still where it is, at the most: near a stretched arm a small
+tremor of the handle is a large one of its elbow."""
 
 
 class Hold:
     """The last samples of a hand that moves, holds and moves on."""
 
     def __init__(self, spans: FloatArray, samples: int, seconds: float) -> None:
+        self.spans = spans
         self.loose = STILL * spans
         self.samples = samples
         self.seconds = seconds
@@ -37,6 +41,11 @@ class Hold:
     def clear(self) -> None:
         """Forget all: a pose was taken."""
         self._last.clear()
+        self.loose = STILL * self.spans
+
+    def allow(self, spread: FloatArray) -> None:
+        """Take a tremor of this spread of each channel for stillness, up to a limit."""
+        self.loose = np.clip(spread, self.loose, SHAKY * self.spans)
 
     @property
     def now(self) -> FloatArray | None:

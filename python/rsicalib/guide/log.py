@@ -19,7 +19,7 @@ from rsicalib.io.files import write_text
 from rsicalib.io.messages import message_of, positions_of
 from rsicalib.io.sources import read_text
 
-__all__ = ["Columns", "Log", "Sample"]
+__all__ = ["FITTED", "Columns", "Log", "Sample"]
 
 
 @dataclass(frozen=True)
@@ -99,13 +99,23 @@ def _message(line: str) -> dict[str, str] | str:
     return {k: str(v) for k, v in plain.items() if not isinstance(v, bool)}
 
 
+FITTED = 3
+"""Poses before the first that is kept out, where it is not known how many a trace needs."""
+
+
 class Log:
-    """The files of a session in one folder."""
+    """The files of a session in one folder; the first `fitted` poses are fitted in any case."""
 
     def __init__(
-        self, folder: Path, channels: Sequence[str], resume: bool, keys: Sequence[str] = ()
+        self,
+        folder: Path,
+        channels: Sequence[str],
+        resume: bool,
+        keys: Sequence[str] = (),
+        fitted: int = FITTED,
     ) -> None:
         self.folder = folder
+        self.fitted = fitted
         self.channels = tuple(channels)
         self.keys = tuple(keys)
         try:
@@ -123,10 +133,11 @@ class Log:
         if there:
             self._restore()
 
-    @staticmethod
-    def held_out(label: int) -> bool:
-        """Whether a pose is kept out of the fit: every fourth."""
-        return label % 4 == 0
+    def held_out(self, label: int) -> bool:
+        """Whether a pose is kept out of the fit: the next after those that are fitted in any case,
+        and every fourth from there on.
+        """
+        return label > self.fitted and (label - self.fitted) % 4 == 1
 
     @property
     def warm(self) -> bool:

@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from rsicalib.errors import InputError
-from rsicalib.guide.advice import Adviser
+from rsicalib.guide.advice import Adviser, needed_poses
 from rsicalib.guide.drive import Robot
 from rsicalib.guide.drive import drive as take_by
-from rsicalib.guide.log import Columns, Log, Sample
+from rsicalib.guide.log import FITTED, Columns, Log, Sample
 from rsicalib.guide.server import HOST, Page
 from rsicalib.guide.session import Session, Settings
 from rsicalib.guide.source import Lines, open_source
@@ -59,7 +59,7 @@ def guide(
     ----------
     out : path
         Folder of the session: `samples.csv` has every sample, `readings.csv` the poses that are
-        fitted, `held_out.csv` every fourth pose, `result.json` the trace so far.
+        fitted, `held_out.csv` those that are kept out, `result.json` the trace so far.
     mechanism : str, path or Mechanism
         With a platform, or with a target.
     rest : path or Readings, optional
@@ -121,7 +121,7 @@ def guide(
         raise InputError(f"labels: found {unknown[0]!r}, expected {expected}")
     if drive is not None and source != "-":
         raise InputError(f"--drive: found --source {source} beside it, expected one of the two")
-    log = Log(Path(os.fspath(out)), names, resume, keys)
+    log = Log(Path(os.fspath(out)), names, resume, keys, needed_poses(opened) or FITTED)
     lines = open_source(source) if drive is None else None
     robot = None if drive is None else Robot(drive, opened, samples)
     session = Session(

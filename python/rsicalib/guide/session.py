@@ -46,12 +46,17 @@ DOUBT = 0.1
 """A residual with a smaller p-value is in doubt: of clean sessions one in ten goes on for it."""
 LITTLE = 0.02
 """A pose that makes the standard deviation smaller by less than this share adds little."""
+LATEST = 20
+"""Samples of which the tremor of a hand is told."""
 WATCHED = 60
 """Samples over which a channel must change where others do."""
 SILENT_S = 3.0
 """Without a sample for so long, the page says so [s]."""
 RESTLESS_S = 8.0
-"""A hand that is near the pose and not still for so long is told which channel shakes [s]."""
+"""A hand that is near the pose and not still for so long is told which channel shakes, and from
+then on its tremor counts as stillness [s]."""
+TREMOR = 2.0
+"""A tremor is allowed so many times its standard deviation: it varies."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,8 @@ class Session:
         self.handle = Handle(self.mechanism, self.adviser.prior)
         self._heard = time.monotonic()
         self._near_since: float | None = None
+        self.shaking: str | None = None
+        """The channel that keeps a hand near its pose from being still."""
         self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
         self._restore()
         self._ask()
@@ -121,6 +128,7 @@ class Session:
             for sample in samples:
                 self._recent.append(sample.values)
                 self.hold.feed(sample)
+                self._bear_with(sample.time_s)
                 self._look()
 
     def arrive(self, *poses: Sequence[Sample]) -> None:
@@ -274,10 +282,14 @@ class Session:
             hopeless = now.gain is not None and now.gain < PARTS
             self.done = beyond >= DECIDING or hopeless or now.criterion != "decide"
         else:
-            sound = not _doubtful(now.result) and not self._unmended()
+            sound = not _doubtful(now.result) and not self._unmended() and self._checked()
             on = self.settings.alone and now.result.exit_code != 0
             self.done = sound or (beyond >= AFTER and not on)
         self.done = self.done or count >= self.settings.most
+
+    def _checked(self) -> bool:
+        """Whether a pose is there that was kept out of the fit."""
+        return any(map(self.log.held_out, self.log.poses))
 
     def _repeat(self) -> int | None:
         """A pose that is to be measured again."""
@@ -433,6 +445,7 @@ class Session:
             "sd": None if advice is None else advice.sd,
             "sd_next": None if advice is None else advice.sd_next,
             "target": self.settings.target,
+            "largest": None if advice is None else advice.largest,
             "named": [subject(s) for s in steps],
             "open": [] if advice is None else list(advice.open),
             "closure": None if advice is None else advice.closure,
@@ -487,9 +500,8 @@ class Session:
         wait_s = 0.0 if self.advice is None else self.advice.wait_s
         if wait_s > 0.0:
             return {"word": "wait", "text": f"{-(-wait_s // 60):.0f} min, then pose {label}"}
-        shaking = self._shaking()
-        if shaking:
-            text = f"pose {label}: {shaking} shakes; rest your hand, or take another pose"
+        if self.shaking is not None:
+            text = f"pose {label}: {self.shaking} shakes; go on holding, or take another pose"
             return {"word": "go", "text": text}
         return {"word": "go", "text": f"to pose {label}{again}"}
 
@@ -503,18 +515,24 @@ class Session:
             return slipped[0]
         return None if self.done else self.ended
 
-    def _shaking(self) -> str | None:
-        """The channel that keeps a hand near its pose from being still for long."""
+    def _bear_with(self, time_s: float) -> None:
+        """Let a hand shake that stays near its pose and cannot be still: shaking keeps loops
+        closed.
+        """
         goal, now = self.goal(), self.hold.now
         near = goal is not None and now is not None and apart(now, goal, self.spans) < NEAR
-        if not near or self.hold.progress >= 1.0:
-            self._near_since = None
-            return None
-        self._near_since = self._near_since or time.monotonic()
-        if time.monotonic() - self._near_since < RESTLESS_S or len(self._recent) < 4:
-            return None
-        spread = np.std(np.array(self._recent)[-20:], axis=0) / self.hold.loose
-        return self.channels[int(np.argmax(spread))].name if spread.max() > 1.0 else None
+        if not near or self.hold.progress >= 1.0 or self._pending is not None:
+            self._near_since = self.shaking = None
+            return
+        if self._near_since is None:
+            self._near_since = time_s
+        if time_s - self._near_since < RESTLESS_S or len(self._recent) < LATEST:
+            return
+        spread = np.std(np.array(self._recent)[-LATEST:], axis=0)
+        worst = int(np.argmax(spread / self.hold.loose))
+        if spread[worst] > self.hold.loose[worst] / TREMOR:
+            self.shaking = self.channels[worst].name
+            self.hold.allow(TREMOR * spread)
 
 
 def _span(channel: Any) -> float:

@@ -32,7 +32,7 @@ class Screen:
         if state["phase"] in ("move", "think") and (state["pose"] is not None or state["touch"]):
             news.append(f"{headline(state)}: {place(state)}  {state['why']}")
         if state["done"]:
-            news.append(f"DONE: {size(state['sd'], state['unit'])} after {state['taken']} poses")
+            news.append(f"{ended(state)}: {size(state['sd'], state['unit'])}{_after(state)}")
         for line in news:
             if line and line not in self._said[-20:]:
                 print(line, file=self.out, flush=True)
@@ -43,7 +43,9 @@ def screen(state: dict[str, Any]) -> list[str]:
     """All lines of the page."""
     unit = state["unit"]
     if state["done"]:
-        lines = [*BIG_DONE, "", f"  {size(state['sd'], unit)} after {state['taken']} poses", ""]
+        # Done is said only where nothing is wrong.
+        big = BIG_DONE if state["order"]["word"] == "done" else ("", f"  {ended(state)}")
+        lines = [*big, "", f"  {size(state['sd'], unit)}{_after(state)}", ""]
     else:
         lines = [headline(state), place(state), state["why"], ""]
         lines += [bar(channel) for channel in state["channels"]]
@@ -53,6 +55,8 @@ def screen(state: dict[str, Any]) -> list[str]:
         f"{state['taken']} poses, {state['held_out']} kept out   platform "
         f"{size(state['sd'], unit)} (target {size(state['target'], unit)})"
     )
+    if state["largest"] is not None:
+        lines.append(f"a single reading errs by {size(state['largest'], unit)} at most (95 %)")
     if state["closure"] is not None:
         fitted, kept = (size(state[k], unit) for k in ("closure_fitted", "closure"))
         lines.append(f"closure: fitted {fitted}, kept out {kept}")
@@ -62,6 +66,16 @@ def screen(state: dict[str, Any]) -> list[str]:
         lines.append("still open: " + " | ".join(state["open"]))
     lines += [f"! {trouble}" for trouble in state["troubles"]]
     return [*lines, state["note"]]
+
+
+def ended(state: dict[str, Any]) -> str:
+    """How a session has ended: `DONE`, or `STOP` and why."""
+    order = state["order"]
+    return "DONE" if order["word"] == "done" else f"STOP: {order['text']}"
+
+
+def _after(state: dict[str, Any]) -> str:
+    return f" after {state['taken']} poses"
 
 
 def headline(state: dict[str, Any]) -> str:

@@ -67,12 +67,13 @@ def hypothesis_data(
     if one.check is not None:
         data["error"] += [number(one.check.position_rms), number(one.check.orientation_rms)]
     data |= {"words": words_of(one), "chi2": one.fit.chi2}
-    if scene is None or one is found or len(one.places) != len(scene.places):
+    if scene is None or len(one.places) != len(scene.places):
         return data
     digits = scene.digits
     apart = scene.times * (np.array(one.places) - np.array(found.places))
     if np.isfinite(apart).all():
-        data["places"] = apart.round(digits).tolist()
+        # Where what was found puts it, no arrow is drawn.
+        data |= {} if one is found else {"places": apart.round(digits).tolist()}
         known = np.array(one.known).reshape(-1, 3)
         same = len(known) == len(scene.known)
         off = scene.times * (known - scene.known[:, 0]) if same else scene.known[:0, 0]

@@ -19,12 +19,15 @@ from rsicalib.facts.shapes import Drawing, Evidence, ResultShape, TraceShape
 from rsicalib.report.figure import Figure, data_element
 from rsicalib.report.residuals import Dots
 from rsicalib.report.svg import WIDE, Canvas
-from rsicalib.report.words import number, subject
+from rsicalib.report.words import number, subject, target_words
 
 __all__ = ["Scene", "mechanism_figure", "scene_of"]
 
 GHOSTS = 40
 """Most poses whose whole mechanism is drawn."""
+
+ARROWS = 60
+"""Most poses whose error is an arrow: more would hide one another."""
 
 VIEW = math.radians(35.0), math.radians(20.0)
 """Azimuth and elevation from which it is seen at first."""
@@ -41,8 +44,30 @@ LONGEST = 0.3
 HEIGHT = {True: 500.0, False: 360.0}
 """Height of the drawing on a desk, and on a phone."""
 
+RIGHT = 0.6
+"""Share of the width from which on a name stands to the left of what it names."""
+
 FOOT = 60.0
 """Of that, below the mechanism, for the legend."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What is at fault, in a drawing.
+
+    Attributes
+    ----------
+    nodes : dict of int to str
+        Numbers of nodes that are marked, and what stands beside them.
+    edges : set of int
+        Numbers of edges.
+    words : str
+        What is wrong with them.
+    """
+
+    nodes: dict[int, str]
+    edges: set[int]
+    words: str
 
 
 @dataclass(frozen=True)
@@ -53,15 +78,14 @@ class Scene:
     ----------
     drawing : Drawing
         The mechanism in its poses.
-    joints, chains : set of str
+    faults : Faults
         What is at fault.
     sizes : list of float
         Residual of each pose in units of noise.
     """
 
     drawing: Drawing
-    joints: set[str]
-    chains: set[str]
+    faults: Faults
     sizes: list[float]
 
     @cached_property
@@ -121,21 +145,20 @@ class Scene:
         return _round(LONGEST * self.span / self.longest)
 
     @cached_property
+    def stride(self) -> int:
+        """Of so many poses one has its arrow."""
+        return -(-len(self.places) // ARROWS) or 1
+
+    @cached_property
     def usual(self) -> int:
         """The pose in the middle."""
         middle = np.median(self.places, axis=0)
         return int(np.argmin(np.linalg.norm(self.places - middle, axis=1)))
 
     def edges(self, *, culprit: bool) -> list[tuple[int, ...]]:
-        """Pairs of nodes that are joined, by chains at fault or by others."""
-        nodes = self.drawing.nodes
-
-        def own(edge: Iterable[int]) -> bool:
-            # A point that moves between closures is of no chain.
-            chains = {nodes[k].chain for k in edge} - {""}
-            return len(chains) == 1 and chains <= self.chains
-
-        return [edge for edge in self.drawing.edges if own(edge) == culprit]
+        """Pairs of nodes that are joined, by what is at fault or by others."""
+        every = enumerate(self.drawing.edges)
+        return [edge for k, edge in every if (k in self.faults.edges) == culprit]
 
     def data(self) -> dict[str, Any]:
         """What the script needs to draw it from another side."""
@@ -147,6 +170,8 @@ class Scene:
 
         stride = -(-len(self.nodes) // GHOSTS)
         return {
+            "stride": self.stride,
+            "right": RIGHT,
             "azimuth": self.view[0],
             "elevation": self.view[1],
             "centre": rows(self.centre),
@@ -199,17 +224,58 @@ def seen(points: FloatArray, azimuth: float, elevation: float) -> FloatArray:
     return np.stack([right, up], axis=-1)
 
 
-def _culprits(result: ResultShape, drawing: Drawing) -> tuple[set[str], set[str], str]:
-    """Joints and chains at fault, and what is wrong with them."""
-    found = {f"wrong reading of {e.channel}": e.channel for e in result.excluded if e.channel}
+def _faults(result: ResultShape, drawing: Drawing) -> Faults:
+    """Where what was found, and what was left out, sits in the drawing."""
+    found = [(f"wrong reading of {e.channel}", e.channel) for e in result.excluded if e.channel]
+    names = {channel: channel for _, channel in found}
     if isinstance(result, TraceShape):
-        found |= {subject(step): step.target for step in result.steps}
-    joints = {node.name for node in drawing.nodes if node.joint}
-    chains = {node.chain for node in drawing.nodes}
-    parts = {words: set(at.partition("/")[0].split("+")) for words, at in found.items()}
-    words = [words for words, at in parts.items() if at & (joints | chains)]
-    wrong: set[str] = set().union(*parts.values())
-    return joints & wrong, chains & wrong, ", ".join(words)
+        found += [(subject(step), step.target) for step in result.steps]
+        left = None if result.unexplained is None else result.unexplained.target
+        found += [(f"what is left, at {left}", left)] if left not in (None, "all") else []
+        names |= {target: target_words("", target) for _, target in found}
+    nodes: dict[int, str] = {}
+    edges: set[int] = set()
+    words = []
+    for what, target in dict(found).items():
+        at: set[int] = set()
+        for part in target.split("+"):
+            own = _nodes_of(part, drawing)
+            nodes |= {k: drawing.nodes[k].name for k in own}
+            joined = _edges_of(part, drawing)
+            edges |= joined
+            at |= own | joined
+            if joined and not own:  # the highest of the bodies has its name at its first end
+                first = (drawing.edges[k][0] for k in sorted(joined))
+                nodes.setdefault(max(first, key=lambda k: drawing.at[0][3 * k + 2]), names[target])
+        words += [what] * bool(at)
+    return Faults(nodes, edges, ", ".join(words))
+
+
+def _nodes_of(target: str, drawing: Drawing) -> set[int]:
+    """Joints and points that a target names: by their name, or by their number in each chain."""
+    nodes = list(enumerate(drawing.nodes))
+    found = {k for k, node in nodes if node.name == target}
+    if target == "each":
+        found = {k for k, node in nodes if node.joint}
+    elif target.startswith("each."):
+        joints: dict[str, list[int]] = {}
+        for k, node in nodes:
+            joints.setdefault(node.chain, []).extend([k] * node.joint)
+        number = int(target.removeprefix("each.")) - 1
+        found = {own[number] for own in joints.values() if number < len(own)}
+    return found
+
+
+def _edges_of(target: str, drawing: Drawing) -> set[int]:
+    """Bodies of a chain, or of each, that a target names: a row is marked with its chain."""
+    chain, _, row = target.partition("/")
+
+    def own(edge: Iterable[int]) -> bool:
+        # A point that moves between closures is of no chain.
+        chains = {drawing.nodes[k].chain for k in edge} - {""}
+        return len(chains) == 1 and (chains == {chain} or (bool(row) and chain == "each"))
+
+    return {k for k, edge in enumerate(drawing.edges) if own(edge)}
 
 
 def scene_of(result: ResultShape, evidence: Evidence) -> Scene | None:
@@ -217,8 +283,7 @@ def scene_of(result: ResultShape, evidence: Evidence) -> Scene | None:
     drawing = evidence.drawing
     if drawing is None or not drawing.at:
         return None
-    joints, chains, _ = _culprits(result, drawing)
-    scene = Scene(drawing, joints, chains, _rms_of_poses(result, drawing))
+    scene = Scene(drawing, _faults(result, drawing), _rms_of_poses(result, drawing))
     whole = np.isfinite(scene.nodes).all() and np.isfinite(scene.places).all()
     return scene if whole else None
 
@@ -234,8 +299,10 @@ def mechanism_figure(result: ResultShape, evidence: Evidence, dots: Dots | None)
         for pose in scene.drawing.poses
     ]
 
+    before = "error before" if _found(result) else "as drawn"
+
     def draw(width: float) -> str:
-        return _draw(scene, labels, width, unit)
+        return _draw(scene, labels, width, unit, before)
 
     return Figure("mechanism", draw, _caption(result, scene), _turning(scene))
 
@@ -254,7 +321,7 @@ def _turning(scene: Scene) -> str:
     )
 
 
-def _draw(scene: Scene, labels: list[str], width: float, unit: str) -> str:
+def _draw(scene: Scene, labels: list[str], width: float, unit: str, before: str) -> str:
     height = HEIGHT[width == WIDE]
     canvas = Canvas(width, height)
     scale = scene.scale(width, height)
@@ -279,8 +346,9 @@ def _draw(scene: Scene, labels: list[str], width: float, unit: str) -> str:
     ):
         heat = int(size > 1.5) + int(size > 3.0)
         canvas.dot(x, y, 2.8, f"heat{heat}", f"{name}: residual {size:.1f} σ", p=pose)
-    _arrows(canvas, "before", where, flat(scene.places + times * scene.before))
-    ends = flat(scene.places + times * scene.sd), flat(scene.places - times * scene.sd)
+    few = slice(None, None, scene.stride)
+    _arrows(canvas, "before", where[few], flat(scene.places + times * scene.before)[few])
+    ends = (flat(scene.places + s * times * scene.sd)[few] for s in (1.0, -1.0))
     _arrows(canvas, "chosen", where[:0], where[:0])
     _path(canvas, "weak", [np.array(pair) for pair in zip(*ends, strict=True)])
     known, off = flat(scene.known[:, 0]), scene.known[:, :1] + times * scene.known[:, 1:]
@@ -289,18 +357,21 @@ def _draw(scene: Scene, labels: list[str], width: float, unit: str) -> str:
     for k, (x, y) in enumerate(known):
         canvas.dot(x, y, 3.2, "check", f"check pose {k + 1}", c=k)
     nodes_at = list(zip(scene.drawing.nodes, body, range(len(body)), strict=True))
+    faults = scene.faults.nodes
     # Joints that meet in a point must not hide the one at fault.
-    for node, (x, y), k in sorted(nodes_at, key=lambda entry: entry[0].name in scene.joints):
-        if not node.joint:
-            continue
-        culprit = node.name in scene.joints
-        canvas.dot(x, y, 6.0 if culprit else 2.6, "joint culprit" if culprit else "joint", n=k)
-        if culprit:
+    for node, (x, y), k in sorted(nodes_at, key=lambda entry: entry[2] in faults):
+        culprit = faults.get(k) == node.name
+        if node.joint or culprit:
+            kind = "joint culprit" if culprit else "joint"
+            canvas.dot(x, y, 6.0 if culprit else 2.6, kind, n=k)
+        if k in faults:
+            right = x > RIGHT * width
             canvas.parts.append(
-                f'<text class="culprit" data-n="{k}" x="{x + 10:.1f}" y="{y + 4:.1f}">'
-                f"{escape(node.name)}</text>"
+                f'<text class="culprit" data-n="{k}" x="{x + (-10 if right else 10):.1f}" '
+                f'y="{y + 4:.1f}" text-anchor="{"end" if right else "start"}">'
+                f"{escape(faults[k])}</text>"
             )
-    _legend(canvas, scene, scale, unit)
+    _legend(canvas, scene, scale, unit, before)
     return canvas.svg("the mechanism in its poses, with its error before and after")
 
 
@@ -330,10 +401,10 @@ def _arrows(canvas: Canvas, kind: str, starts: FloatArray, ends: FloatArray) -> 
     canvas.parts.append(f'<path class="arrow {kind}" data-is="{name}" d="{"".join(parts)}"/>')
 
 
-def _legend(canvas: Canvas, scene: Scene, scale: float, unit: str) -> None:
+def _legend(canvas: Canvas, scene: Scene, scale: float, unit: str, before: str) -> None:
     """What lines and dots are, and two scales: of the mechanism, and of its errors."""
     wide = canvas.width == WIDE
-    entries = [("arrow before", "error before")] if scene.before.any() else []
+    entries = [("arrow before", before)] if scene.before.any() else []
     entries += [("weak", "1 sd after")] if scene.sd.any() else []
     entries += [("arrow after", "error after"), ("check", "check pose")] * bool(len(scene.known))
     step = (canvas.width - 12.0) / max(len(entries), 1) if wide else 0.0
@@ -357,10 +428,13 @@ def _legend(canvas: Canvas, scene: Scene, scale: float, unit: str) -> None:
         canvas.text(x, y - 7.0, words)
 
 
+def _found(result: ResultShape) -> bool:
+    return isinstance(result, TraceShape) and bool(result.steps)
+
+
 def _caption(result: ResultShape, scene: Scene) -> str:
-    unit, (_, _, wrong) = result.length_unit, _culprits(result, scene.drawing)
-    found = isinstance(result, TraceShape) and bool(result.steps)
-    before = "without what was found" if found else "as it is declared"
+    unit, wrong = result.length_unit, scene.faults.words
+    before = "without what was found" if _found(result) else "as it is declared"
     out = "Every pose is a ghost of the mechanism. "
     if scene.times > 0.0:
         out += f"Errors are drawn {scene.times:,.0f} times" if scene.times >= 1.0 else ""
@@ -372,6 +446,8 @@ def _caption(result: ResultShape, scene: Scene) -> str:
             f"An arrow is how far the position is off {before}, against the calibration: up to "
             f"{worst} {unit}. "
         )
+        if scene.stride > 1:
+            out += f"One pose of {scene.stride} has its arrow. "
     if scene.sd.any():
         worst = number(float(np.linalg.norm(scene.sd, axis=1).max()), 2)
         out += (

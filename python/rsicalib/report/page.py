@@ -52,7 +52,7 @@ SCRIPT = "".join(
 """Scripts of every page; each does nothing where the page has nothing for it."""
 
 
-def html(result: ResultShape, evidence: Evidence | None = None) -> str:
+def html(result: ResultShape, evidence: Evidence | None = None, target: float | None = None) -> str:
     """Write the report as one HTML file that needs no network.
 
     Parameters
@@ -61,6 +61,8 @@ def html(result: ResultShape, evidence: Evidence | None = None) -> str:
         What was found.
     evidence : Evidence, optional
         What the pictures are drawn from; there are fewer without it.
+    target : float, optional
+        Standard deviation of what is carried that is aimed at [length unit].
 
     Returns
     -------
@@ -74,7 +76,7 @@ def html(result: ResultShape, evidence: Evidence | None = None) -> str:
         _residuals(result, evidence),
         _found(result, evidence) if isinstance(result, TraceShape) else "",
         _switchboard(result, evidence),
-        _workspace(result, evidence),
+        _workspace(result, evidence, target),
         _excluded(result),
         _moved(result),
         _parameters(result),
@@ -91,14 +93,16 @@ def html(result: ResultShape, evidence: Evidence | None = None) -> str:
     return document(title, [first, *parts], _whose(result))
 
 
-def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, str]:
+def figures(
+    result: ResultShape, evidence: Evidence | None = None, target: float | None = None
+) -> dict[str, str]:
     """Every figure of the report as an SVG file, by name.
 
     Parameters
     ----------
     result : Calibration or Trace
         What was found.
-    evidence : Evidence, optional
+    evidence, target : optional
         As in `html`.
 
     Returns
@@ -113,7 +117,7 @@ def figures(result: ResultShape, evidence: Evidence | None = None) -> dict[str, 
         found += _effects(result, evidence)
     if evidence is not None:
         found.append(mechanism_figure(result, evidence, dots_of(result, evidence)))
-        found.append(workspace_figure(result, evidence))
+        found.append(workspace_figure(result, evidence, target))
         if evidence.reliability is not None:
             found.append(reliability_figure(result, evidence.reliability))
     found.append(_noise(result))
@@ -181,8 +185,14 @@ def listed(items: Iterable[str], kind: str = "") -> str:
 
 
 def _whole(text: str) -> str:
-    """Options of commands are not broken over two lines."""
-    return re.sub(r"(?<![\w-])--[a-z][a-z-]*", r'<span class="whole">\g<0></span>', text)
+    """Options of commands and numbers with a power of ten are not broken over two lines."""
+    broken = r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+"
+    return re.sub(broken, r'<span class="whole">\g<0></span>', text)
+
+
+def _said(text: str) -> str:
+    """A paragraph of plain words."""
+    return f"<p>{_whole(escape(text))}</p>"
 
 
 def pictures(found: Iterable[Figure | None]) -> str:
@@ -204,25 +214,40 @@ def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
     said = "\n".join(
         [
             f"<h1>{escape(whose)}</h1>",
-            f'<p class="verdict {good}">{escape(plain_words(result, evidence))}</p>',
+            f'<p class="verdict {good}">{_whole(escape(plain_words(result, evidence)))}</p>',
             certainty_html(result),
-            f'<p class="experts">{escape(sentence(result))}</p>',
+            f'<p class="experts">{_whole(escape(sentence(result)))}</p>',
             note,
         ]
     )
     more = "\n".join(
         [
-            "" if is_garbage(result) else _heading("Error before and after", _errors(result)),
+            "" if is_garbage(result) else _heading(*_errors(result)),
             _heading("What to do next", listed(advice(result), "next")),
-            f'<p class="faint">{escape(_data(result))}</p>',
+            f'<p class="faint">{_whole(escape(_data(result)))}</p>',
         ]
     )
     if figure is None:
         return f"<header>{said}\n{more}</header>"
     return (
         f'<header class="first"><div class="said">{said}</div>\n'
-        f'<div class="hero">{figure.html()}</div>\n<div class="more">{more}</div></header>'
+        f'<div class="hero">{_headline(result)}{figure.html()}</div>\n'
+        f'<div class="more">{more}</div></header>'
     )
+
+
+def _headline(result: ResultShape) -> str:
+    """The error at known poses, in figures that are read first; `script.js` shows that of what is
+    chosen.
+    """
+    (_, rows), unit = comparison(result), result.length_unit
+    row = next((row for row in rows if row[0].startswith("position, ")), None)
+    if row is None:
+        return ""
+    words = row[0].removeprefix("position, ").removesuffix(f" [{unit}]")
+    old = "" if row[1] == "–" else f"<del>{escape(row[1])}</del> → "
+    now = f"<strong data-now>{escape(row[2])}</strong> {escape(unit)}"
+    return f'<p class="headline">{old}{now} <span>error at {escape(words)}</span></p>'
 
 
 def _whose(result: ResultShape) -> str:
@@ -291,14 +316,16 @@ def _data(result: ResultShape) -> str:
     )
 
 
-def _errors(result: ResultShape) -> str:
+def _errors(result: ResultShape) -> tuple[str, str]:
+    """Title and table of the error; of one column where nothing has changed it."""
     heads, rows = comparison(result)
+    title = "Error before and after"
     if not rows:
-        return ""
-    words = "error before and after"
+        return title, ""
     if all(old == "–" for _, old, _ in rows):
-        return table(["", heads[1]], [(name, new) for name, _, new in rows], words=words)
-    return table(["", *heads], rows, words=words)
+        alone = [(name, new) for name, _, new in rows]
+        return "Error", table(["", "calibrated"], alone, words="error")
+    return title, table(["", *heads], rows, words=title.lower())
 
 
 def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | None]:
@@ -317,15 +344,15 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
     for k, step in enumerate(result.steps):
         own = evidence.effects[k] if evidence and k < len(evidence.effects) else None
         parts.append(f"<h3>{escape(subject(step))}: {escape(size_words(step))}</h3>")
-        parts.append(f"<p>{escape(_cost(step, result.length_unit))}</p>")
+        parts.append(_said(_cost(step, result.length_unit)))
         parts += [] if step.applied else [f"<p>Not applied: {NO_HELP}.</p>"]
         parts.append(pictures(effect_figures(step, own, f"effect{k + 1}")))
     if words := elsewhere_words(result):
-        parts.append(f"<p>{escape(_capital(words))}.</p>")
+        parts.append(_said(f"{_capital(words)}."))
     if result.unexplained is not None:
         left = result.unexplained
         p = "" if left.p_value is None else f" ({p_is(left.p_value)})"
-        parts.append(f"<p>Left over: {escape(left.text)}{escape(p)}.</p>")
+        parts.append(_said(f"Left over: {left.text}{p}."))
     if evidence is not None and not result.steps:
         parts.append(pictures([scores_figure(evidence.left, "left-scores")]))
     return section("What was found", *parts)
@@ -358,10 +385,10 @@ def _switchboard(result: ResultShape, evidence: Evidence | None) -> str:
     return section("What if it were something else?", switchboard_html(evidence, dots, unit, scene))
 
 
-def _workspace(result: ResultShape, evidence: Evidence | None) -> str:
+def _workspace(result: ResultShape, evidence: Evidence | None, target: float | None) -> str:
     if evidence is None:
         return ""
-    return section("Over the workspace", pictures([workspace_figure(result, evidence)]))
+    return section("Over the workspace", pictures([workspace_figure(result, evidence, target)]))
 
 
 def _excluded(result: ResultShape) -> str:

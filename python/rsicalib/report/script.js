@@ -13,6 +13,7 @@
   const full = fits[fits.length - 1] || hypotheses[named];
   // The same fit; the hypothesis knows the error at check poses as well.
   if (hypotheses.length) full.error = hypotheses[named].error;
+  each("[data-now]", (cell) => { cell.dataset.now = cell.textContent; });
   const write = (cell, text, before) => {
     cell.textContent = text;
     cell.classList.toggle("changed", text !== before);
@@ -21,6 +22,10 @@
   const show = (fit, words) => {
     each("[data-error]", (cell) => {
       write(cell, fit.error[cell.dataset.error] || "–", full.error[cell.dataset.error] || "–");
+    });
+    each("[data-now]", (cell) => {
+      const now = fit.error[3];
+      write(cell, !now || now === full.error[3] ? cell.dataset.now : now, cell.dataset.now);
     });
     [["value", 0], ["half", 1]].forEach(([kind, at]) => each(`[data-${kind}]`, (cell) => {
       const of = (one) => (one.parameters[cell.dataset[kind]] || ["–", "–"])[at];
@@ -86,10 +91,15 @@
       (k === named && share === 1); });
     const between = (a, b) => a.map((v, k) => share * v + (1 - share) * b[k]);
     const mixed = (a, b) => a.map((v, k) => between(v, b[k]));
-    show({ ...found, error: [`${chi2.toPrecision(3)} / ${found.error[0].split(" / ")[1]}`],
+    const error = [`${chi2.toPrecision(3)} / ${found.error[0].split(" / ")[1]}`];
+    const known = found.known && none.known && mixed(found.known, none.known);
+    const size = (rows) => Math.sqrt(rows.flat().reduce((sum, v) => sum + v * v, 0));
+    if (found.error[3] && known && share !== 1 && size(found.known) > 0) {
+      error[3] = (found.error[3] * size(known) / size(found.known)).toPrecision(3);
+    }
+    show({ ...found, error, known,
       residuals: between(found.residuals, none.residuals),
-      places: found.places && mixed(found.places, none.places),
-      known: found.known && mixed(found.known, none.known) },
+      places: share !== 1 && none.places && none.places.map((v) => v.map((x) => (1 - share) * x)) },
       `${fader.value} % of what was found, to first order.`);
   };
   boxes.forEach((box) => box.addEventListener("change", switched));

@@ -32,8 +32,11 @@ __all__ = ["summary"]
 LINES = 23
 """With a blank one and the path of a report they are 25."""
 WIDTH = 100
+"""Columns where nobody says how wide the terminal is: a file, a pipe."""
 NARROW = 40
 """Columns that text is never made narrower than."""
+NAME = 20
+"""Columns in which a name of a row is broken into lines; in fewer it stands above."""
 HIDDEN = 12
 """Effects that could hide which are listed where everything is said, as in the report."""
 ADVICE = 5
@@ -56,7 +59,7 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
     result : Calibration or Trace
         What was found.
     width : int, optional
-        Columns of the terminal, of which 100 are used at the most.
+        Columns of the terminal; 100 where not given.
     whole : bool
         Say everything, in as many lines as it takes: for a file, or a pipe.
 
@@ -65,7 +68,7 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
     str
         Lines without a line feed at the end.
     """
-    look = Look(WIDTH if width is None else max(NARROW, min(width, WIDTH)), whole)
+    look = Look(WIDTH if width is None else max(NARROW, width), whole)
     head = _most(textwrap.wrap(sentence(result), look.width), 4, look)
     data = result.readings
     head += [
@@ -160,7 +163,8 @@ def _errors(result: ResultShape, look: Look) -> list[str]:
 def _columns(rows: Sequence[Sequence[str]], least: int, look: Look) -> list[str]:
     """Names to the left, and what each has to the right, in columns that never touch.
 
-    Where they are too wide, names stand above what they have.
+    Where they are too wide, names go on in a second line; where there is no room for that, they
+    stand above what they have.
     """
     needed = [max(map(len, cells)) + 2 for cells in zip(*rows, strict=True)]
     room = look.width - 2
@@ -172,7 +176,15 @@ def _columns(rows: Sequence[Sequence[str]], least: int, look: Look) -> list[str]
             f"  {row[0]:{first}}" + "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
             for row in rows
         ]
-    lines = []
+    lines: list[str] = []
+    left = room - sum(wide)
+    if left >= NAME:
+        for row in rows:
+            cells = "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
+            names = textwrap.wrap(row[0], left - 2, subsequent_indent="  ") or [""]
+            lines.append(f"  {names[0]:{left}}{cells}")
+            lines += [f"  {more}" for more in names[1:]]
+        return lines
     for row in rows:
         lines += textwrap.wrap(row[0], room, initial_indent="  ", subsequent_indent="    ")
         cells = "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))

@@ -23,30 +23,31 @@
       return [+x + scale * (ca * py - sa * px),
         +y - scale * (ce * pz - se * (ca * px + sa * py))];
     };
-    const word = ([u, v]) => `${u.toFixed(1)} ${v.toFixed(1)}`;
-    const line = (a, b) => `M${word(a)}L${word(b)}`;
+    const pair = ([u, v]) => `${u.toFixed(1)} ${v.toFixed(1)}`;
+    const line = (a, b) => `M${pair(a)}L${pair(b)}`;
     const arrow = (from, to) => {
       const [a, b] = [flat(from), flat(to)];
       const long = Math.hypot(b[0] - a[0], b[1] - a[1]);
       if (long <= HEAD) return line(a, b);
       const [u, v] = [HEAD * (b[0] - a[0]) / long, HEAD * (b[1] - a[1]) / long];
-      return `${line(a, b)}M${word([b[0] - u - v / 2, b[1] - v + u / 2])}L${word(b)}` +
-        `L${word([b[0] - u + v / 2, b[1] - v - u / 2])}`;
+      return `${line(a, b)}M${pair([b[0] - u - v / 2, b[1] - v + u / 2])}L${pair(b)}` +
+        `L${pair([b[0] - u + v / 2, b[1] - v - u / 2])}`;
     };
     const path = (kind, text) => {
       const found = svg.querySelector(`path[data-is="${kind}"]`);
       if (found) found.setAttribute("d", text);
     };
-    const arrows = (starts, by) => starts.map((from, k) => arrow(from, add(from, by[k]))).join("");
+    const arrows = (starts, by, stride = 1) => starts.map((from, k) =>
+      k % stride ? "" : arrow(from, add(from, by[k]))).join("");
     const bodies = (nodes, edges) =>
       edges.map(([a, b]) => line(flat(nodes[a]), flat(nodes[b]))).join("");
     path("ghosts", scene.ghosts.map((nodes) => bodies(nodes, scene.all)).join(""));
     path("body", bodies(scene.usual, scene.edges));
     path("culprit", bodies(scene.usual, scene.culprits));
-    path("before", arrows(scene.places, scene.before));
-    path("weak", scene.places.map((at, k) =>
+    path("before", arrows(scene.places, scene.before, scene.stride));
+    path("weak", scene.places.map((at, k) => k % scene.stride ? "" :
       line(flat(add(at, scene.sd[k])), flat(minus(at, scene.sd[k])))).join(""));
-    path("chosen", chosen ? arrows(scene.places, chosen.places) : "");
+    path("chosen", chosen ? arrows(scene.places, chosen.places, scene.stride) : "");
     path("known-before", arrows(scene.known, scene.known_before));
     path("known-after", arrows(scene.known, chosen ? chosen.known : scene.known_after));
     const put = (dots, places) => dots.forEach((dot, k) => {
@@ -58,9 +59,10 @@
     put(svg.querySelectorAll("circle[data-c]"), scene.known);
     svg.querySelectorAll("[data-n]").forEach((part) => {
       const [u, v] = flat(scene.usual[part.dataset.n]);
-      const names = part.tagName === "text" ? ["x", "y", 10, 4] : ["cx", "cy", 0, 0];
-      part.setAttribute(names[0], (u + names[2]).toFixed(1));
-      part.setAttribute(names[1], (v + names[3]).toFixed(1));
+      const word = part.tagName === "text", right = u > scene.right * svg.viewBox.baseVal.width;
+      part.setAttribute(word ? "x" : "cx", (u + (word ? (right ? -10 : 10) : 0)).toFixed(1));
+      part.setAttribute(word ? "y" : "cy", (v + (word ? 4 : 0)).toFixed(1));
+      if (word) part.setAttribute("text-anchor", right ? "end" : "start");
     });
   };
   const all = [...figure.querySelectorAll("svg")];

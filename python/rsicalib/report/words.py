@@ -268,8 +268,11 @@ def _sizes(sigma: Mapping[str, float], unit: str) -> str:
 
 def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, str, str]]]:
     """The error before and after: two headings, and rows of name, before, after."""
+    nothing = FitQuality(None, None, None, None)
     if isinstance(result, TraceShape):
-        before, after, heads = result.before, result.after, ("before", "after")
+        changed = result.steps or result.excluded
+        before, after = result.before if changed else nothing, result.after
+        heads = ("before", "after")
     elif result.with_excluded is not None:
         before, after, heads = (
             result.with_excluded.fit,
@@ -277,7 +280,6 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, st
             ("all readings", "left out"),
         )
     else:
-        nothing = FitQuality(None, None, None, None)
         before, after, heads = (
             result.nominal or nothing,
             quality(result),

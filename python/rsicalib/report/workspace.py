@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 
 from rsicalib.facts.shapes import Evidence, ResultShape, Slice, Weakest
@@ -10,28 +11,61 @@ from rsicalib.report.figure import Figure
 from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart
 from rsicalib.report.words import listed_words, number, parameter_name
 
-__all__ = ["workspace_figure"]
+__all__ = ["Shades", "workspace_figure"]
 
-LEVELS = 5
-"""Shades of a map."""
+FINEST = 1e-5
+"""Where the scale of colours begins, as a share of the workspace's width."""
+
+ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+"""Where a shade ends in each power of ten: steps of about a half."""
+
+SHADES = 25
+"""Four powers of ten, and what is beyond: as many as the style has colours."""
 
 
-def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
-    """Draw where what is carried can be, coloured by how well the calibration places it there."""
+class Shades:
+    """Colours of the maps: the same number has the same colour in every session of a mechanism.
+
+    Parameters
+    ----------
+    slices : sequence of Slice
+        The maps; their width is that of the workspace, which no session changes.
+    """
+
+    def __init__(self, slices: Sequence[Slice]) -> None:
+        widths = [
+            max(cell[axis] for cell in one.cells) - min(cell[axis] for cell in one.cells)
+            for one in slices
+            if one.cells
+            for axis in (0, 1)
+        ]
+        first = 10.0 ** math.floor(math.log10(FINEST * (max(widths, default=0.0) or 1.0)))
+        steps = (k for k in range(SHADES - 1))
+        self.edges = [first * 10.0 ** (k // len(ROUND)) * ROUND[k % len(ROUND)] for k in steps]
+
+    def of(self, sd: float) -> int:
+        """The shade of a standard deviation."""
+        return bisect_right(self.edges, sd)
+
+
+def workspace_figure(
+    result: ResultShape, evidence: Evidence, target: float | None = None
+) -> Figure | None:
+    """Draw where what is carried can be, coloured by how well the calibration places it there.
+
+    A line bounds where it is within the target, if there is one [length unit].
+    """
     slices, unit = evidence.workspace, result.length_unit
     values = [cell[2] for one in slices for cell in one.cells if math.isfinite(cell[2])]
     if not values:
         return None
-    low, high = min(values), max(values)
-
-    def level(sd: float) -> int:
-        return min(int(LEVELS * (sd - low) / (high - low or 1.0)), LEVELS - 1)
+    low, high, shades = min(values), max(values), Shades(slices)
 
     def draw(width: float) -> str:
         across = min(len(slices), 2) if width == WIDE else 1
         room = width / across
         height = 250.0
-        canvas = Canvas(width, height * -(-len(slices) // across) + 26.0)
+        canvas = Canvas(width, height * -(-len(slices) // across) + 36.0)
         for k, one in enumerate(slices):
             part = Canvas(room, 0.0)
             x = _edges([c[0] for c in one.cells], one.step[0])
@@ -44,17 +78,14 @@ def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
                 left, top = chart.at((u - one.step[0] / 2, v + one.step[1] / 2))
                 right, bottom = chart.at((u + one.step[0] / 2, v - one.step[1] / 2))
                 said = f"{one.axes[0]} {number(u)}, {one.axes[1]} {number(v)}: {number(sd)} {unit}"
-                kind = f"level{level(sd)}"
+                kind = f"sd{shades.of(sd)}"
                 part.rect(left, top, right - left + 0.3, bottom - top + 0.3, kind, said)
+            for start, end in _contour(one, target) if target is not None else ():
+                part.line(*chart.at(start), *chart.at(end), "contour")
             column, row = k % across, k // across
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
-        # A scale of colours between the lowest and the highest.
-        base, first = canvas.height - 18.0, 12.0 + LETTER * len(number(low, 2))
-        canvas.text(first - 5.0, base + 10.0, number(low, 2), anchor="end")
-        for k in range(LEVELS):
-            canvas.rect(first + 30.0 * k, base, 30.3, 11.0, f"level{k}")
-        canvas.text(first + 30.0 * LEVELS + 5.0, base + 10.0, f"{number(high, 2)} {unit}")
+        _scale(canvas, shades, shades.of(low), shades.of(high), unit)
         return canvas.svg("standard deviation of what is carried, over the workspace")
 
     names = list(dict.fromkeys(one.of for one in slices if one.of is not None))
@@ -70,12 +101,55 @@ def workspace_figure(result: ResultShape, evidence: Evidence) -> Figure | None:
             ", wherever the limits of the joints allow; a cell is the mean over all postures that "
             "reach it. "
         )
-    caption += "Strong colours are where poses are lacking. "
+    caption += (
+        "Warm colours are where poses are lacking; they stand for the same numbers in every "
+        "report of this mechanism. "
+    )
+    if target is not None:
+        share = sum(value <= target for value in values) / len(values)
+        caption += (
+            f"The line bounds where it is within the target of {number(target)} {unit}: "
+            f"{100.0 * share:.0f} % of what is drawn. "
+        )
     if evidence.weakest is not None:
         caption += _weakest_words(evidence.weakest, unit)
     if result.unobservable:
         caption += " What the readings do not determine at all is not in it."
     return Figure("workspace", draw, caption.strip())
+
+
+def _scale(canvas: Canvas, shades: Shades, first: int, last: int, unit: str) -> None:
+    """The colours from the first to the last that occur, with the numbers between them."""
+    edges, count = shades.edges, last - first + 1
+    words = [f"{edge:.2g}" for edge in edges[max(first - 1, 0) : last + 1]]
+    left = 12.0 + LETTER * len(words[0]) / 2
+    wide = min(44.0, (canvas.width - 2 * left - LETTER * (len(unit) + 1)) / count)
+    base = canvas.height - 30.0
+    for k in range(count):
+        canvas.rect(left + wide * k, base, wide + 0.3, 11.0, f"sd{first + k}")
+    every = math.ceil(LETTER * (max(map(len, words)) + 1) / wide)
+    # What is finer or coarser than the scale has no edge there.
+    for k, text in enumerate(words[::every]):
+        at = left + wide * (k * every + (first == 0))
+        canvas.text(at, base + 24.0, text, anchor="middle")
+    canvas.text(left + wide * count + 8.0, base + 10.0, unit)
+
+
+def _contour(one: Slice, target: float) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    """Sides of cells between what is within the target and what is not."""
+    (wide, high), found = one.step, []
+    first = min(c[0] for c in one.cells), min(c[1] for c in one.cells)
+    at = {
+        (round((u - first[0]) / wide), round((v - first[1]) / high)): (u, v, sd)
+        for u, v, sd in one.cells
+    }
+    for (i, j), (u, v, sd) in at.items():
+        x, y = u + wide / 2, v + high / 2
+        sides = ((i + 1, j), (x, v - high / 2), (x, y)), ((i, j + 1), (u - wide / 2, y), (x, y))
+        for beside, start, end in sides:
+            if beside in at and (at[beside][2] <= target) != (sd <= target):
+                found.append((start, end))
+    return found
 
 
 def _side_words(one: Slice, unit: str) -> str:

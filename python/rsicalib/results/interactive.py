@@ -10,10 +10,11 @@ from rsicalib.labels import Labelled
 from rsicalib.plots import bars, dots, on_axes
 from rsicalib.report.notebook import result_html
 from rsicalib.report.words import name_of
-from rsicalib.tabular import data_frame
+from rsicalib.tabular import data_frame, polars_frame
 
 if TYPE_CHECKING:
     import pandas
+    import polars
     from matplotlib.axes import Axes
 
 __all__ = ["Interactive", "Kind"]
@@ -94,6 +95,16 @@ class Interactive(ResultShape):
             and `high` of 95 %, and `unit`.
         """
         return data_frame(parameter_columns(self.parameters), "name")
+
+    def to_polars(self) -> polars.DataFrame:
+        """Put the parameters into a data frame of Polars (`pip install polars`).
+
+        Returns
+        -------
+        polars.DataFrame
+            The columns of `to_dataframe`; the name is one of them.
+        """
+        return polars_frame(parameter_columns(self.parameters))
 
     def plot(self, kind: Kind | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the result; needs matplotlib (`pip install rsicalib[plot]`).

@@ -19,6 +19,7 @@ from rsicalib.facts.shapes import CalibrationShape, Evidence, FitQuality, TraceS
 from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
+from rsicalib.options import checked
 from rsicalib.plain_text import counted
 from rsicalib.report.words import quality
 from rsicalib.results.interactive import Interactive
@@ -93,17 +94,26 @@ class Result(Interactive):
 
         return summary(self, width=width, whole=whole)
 
-    def report(self) -> str:
-        """Report as one HTML file that needs no network."""
+    @checked
+    def report(self, *, target: float | None = None) -> str:
+        """Report as one HTML file that needs no network.
+
+        Parameters
+        ----------
+        target : float, optional
+            Standard deviation of what is carried that is aimed at [length unit]: the maps of the
+            workspace show where it is reached.
+        """
         from rsicalib.report.page import html
 
-        return html(self, self.evidence)
+        return html(self, self.evidence, target)
 
-    def figures(self) -> dict[str, str]:
+    @checked
+    def figures(self, *, target: float | None = None) -> dict[str, str]:
         """Figures of the report as SVG files: name without an ending, and text."""
         from rsicalib.report.page import figures
 
-        return figures(self, self.evidence)
+        return figures(self, self.evidence, target)
 
     def __eq__(self, other: object) -> bool:
         """Whether they are written alike; residuals, which are not written, do not count."""
