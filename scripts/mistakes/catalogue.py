@@ -111,6 +111,13 @@ MISTAKES = [
         edit("readings.csv", (r"^([2-9]|\d\d),.*\n", "")),
     ),
     Mistake(
+        "no column pose",
+        CALIBRATE,
+        4,
+        "there is no column pose, and sample begins again",
+        edit("readings.csv", (r"^[^,]*,", "")),
+    ),
+    Mistake(
         "a session for the rest pose",
         "calibrate readings.csv --rest readings.csv",
         4,

@@ -183,7 +183,7 @@ def sentence(result: ResultShape) -> str:
         why = next(iter(result.implausible), "something is out of all proportion")
         return f"Implausible{_found(result)}: {why} ({judged})."
     against = _elsewhere(result)
-    if result.verdict == "unexplained" and against:
+    if result.verdict == "unexplained" and against and against[0] == result.reasons[0]:
         return f"Contradicted: {reason_words(result, against[0])} ({judged})."
     if isinstance(result, CalibrationShape) and result.method == "fixture":
         return "Calibrated open loop, from known poses: a straight line for each channel."
@@ -419,7 +419,8 @@ def advice(result: ResultShape) -> list[str]:
     if result.verdict == "implausible":
         out += _implausible(result)
     against = _elsewhere(result)
-    if result.verdict == "unexplained" and isinstance(result, CalibrationShape) and not against:
+    left = not against or any(reason.kind == "residual" for reason in result.reasons)
+    if result.verdict == "unexplained" and isinstance(result, CalibrationShape) and left:
         out.append("Find what is missing: rsicalib trace, with the same files.")
     out += list(dict.fromkeys(ADVICE[reason.kind] for reason in against))
     if result.verdict == "unjudged" and result.method != "fixture":
