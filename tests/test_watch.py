@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import pickle
 import signal
@@ -347,3 +348,79 @@ def test_every_kind_of_change_leaves_the_rows_before_it_alone() -> None:
         # Something moves afterwards, by more than a tenth of a count at least.
         ideal = lives[0] if kind != "slip" else lives[-1]
         assert np.abs(counts - ideal)[table.BEFORE :].max() > 0.1, kind
+
+
+@pytest.fixture
+def shared(step: dict[str, Any], tmp_path: Path) -> dict[str, Any]:
+    """Rows of three devices in turn, of which one has no result; each as it is by itself."""
+    results = tmp_path / "results"
+    for name in ("a/1", "ä"):
+        folder = results / name.replace("/", "-")
+        folder.mkdir(parents=True)
+        dataclasses.replace(step["calibration"], device=name).save(folder / "result.json")
+    values = step["values"][2500:4500]
+    alone = {"a/1": values, "ä": values[::-1], "other": values[:50]}
+    rng = np.random.default_rng(0)
+    order = rng.permutation([name for name, own in alone.items() for _ in own])
+    left = {name: iter(own) for name, own in alone.items()}
+    lines = [",".join([name, *(f"{v:.0f}" for v in next(left[name]))]) for name in order]
+    path = tmp_path / "fleet.csv"
+    path.write_text("\n".join([",".join(["device", *NAMES]), *lines]) + "\n")
+    return {"path": path, "results": results, "alone": alone, "calibration": step["calibration"]}
+
+
+@pytest.mark.parametrize("awake", [1, 128])
+def test_devices_of_one_stream_are_watched_as_if_each_were_alone(
+    shared: dict[str, Any], awake: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Rounds of 700 rows: with one device awake, both go to sleep again and again.
+    monkeypatch.setattr("rsicalib.verbs.devices.ROUND", 700)
+    watching = rsicalib.watch_devices(shared["path"], shared["results"], awake=awake)
+    found = list(watching)
+    for name in ("a/1", "ä"):
+        expected = Monitor(shared["calibration"]).update(shared["alone"][name])
+        own = [dataclasses.replace(a, device=None) for a in found if a.device == name]
+        assert expected and [(a.row, a.target, a.revises) for a in own] == [
+            (a.row, a.target, a.revises) for a in expected
+        ]
+    assert len(found) == sum(a.device in ("a/1", "ä") for a in found)
+    summary = watching.summary()
+    assert (summary.devices, summary.strange, summary.rows) == (2, 50, 4050)
+    assert summary.used == 4000 and "2 devices" in summary.text()
+
+
+def test_devices_go_on_from_their_files(shared: dict[str, Any], tmp_path: Path) -> None:
+    whole = list(rsicalib.watch_devices(shared["path"], shared["results"]))
+    lines = shared["path"].read_text().splitlines(keepends=True)
+    grown, state = tmp_path / "grown.csv", tmp_path / "states"
+    told = []
+    for end in (1500, len(lines)):
+        grown.write_text("".join(lines[:end]))
+        told += list(rsicalib.watch_devices(grown, shared["results"], state=state))
+    assert sorted(told, key=str) == sorted(whole, key=str)
+    assert len(list(state.iterdir())) == 2
+
+
+def test_many_devices_need_a_column_and_results(shared: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="column device"):
+        list(
+            rsicalib.watch_devices(
+                csv(shared["alone"]["ä"], tmp_path / "one.csv"), shared["results"]
+            )
+        )
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no result of a named device"):
+        rsicalib.watch_devices(shared["path"], tmp_path / "empty")
+    with pytest.raises(InputError, match="per sample"):
+        rsicalib.watch_devices(shared["path"], shared["results"], false_alarms="1/h")
+    with pytest.raises(InputError, match="awake"):
+        rsicalib.watch_devices(shared["path"], shared["results"], awake=0)
+
+
+def test_the_command_watches_a_folder_of_results(shared: dict[str, Any]) -> None:
+    words = command(shared["path"], "--calibration", shared["results"], "--json")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 4, done.stderr
+    *alarms, summary = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {alarm["device"] for alarm in alarms} == {"a/1", "ä"}
+    assert summary["devices"] == 2

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from rsicalib.results.certificate import Certificate
     from rsicalib.results.result import Calibration, Trace, load_calibration
     from rsicalib.verbs.certifying import certify
+    from rsicalib.verbs.devices import WatchingDevices, watch_devices
     from rsicalib.verbs.export import export_toml, export_urdf
     from rsicalib.verbs.lifetime import history
     from rsicalib.verbs.monitor import Alarm, Monitor, Watch, Watching, watch
@@ -89,6 +90,7 @@ __all__ = [
     "Warned",
     "Watch",
     "Watching",
+    "WatchingDevices",
     "Workspace",
     "__version__",
     "calibrate",
@@ -117,6 +119,7 @@ __all__ = [
     "terms",
     "trace",
     "watch",
+    "watch_devices",
     "workspace",
 ]
 
@@ -138,6 +141,7 @@ _HOMES = {
     "rsicalib.io.readings": "Readings",
     "rsicalib.verbs.lifetime": "history",
     "rsicalib.planning.measures": "Observability observability",
+    "rsicalib.verbs.devices": "WatchingDevices watch_devices",
     "rsicalib.verbs.monitor": "Alarm Monitor Watch Watching watch",
     "rsicalib.poses.placing": "Placer",
     "rsicalib.planning.plan": "plan",

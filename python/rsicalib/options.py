@@ -98,6 +98,8 @@ NUMBERS: dict[str, Bounds] = {
     "trials": Bounds(2, 10_000_000),
     # Threads of one process: no machine has more processors.
     "workers": Bounds(1, 1024),
+    # A monitor takes two MB.
+    "awake": Bounds(1, 1_000_000),
     "noise": Bounds(0, _core.LARGEST, "a number", whole=False, above=True),
     "simulate.noise": Bounds(0, _core.LARGEST, "a number of readings,", whole=False),
     "target": Bounds(0, _core.LARGEST, "a length", whole=False, above=True),

@@ -302,12 +302,12 @@ def make_parser() -> argparse.ArgumentParser:
     sub = verb(watch)
     sub.add_argument("readings", metavar="READINGS|-", help="CSV or Parquet; -: standard input")
     _add_mechanism(sub)
-    words = "the result under which the device works"
-    sub.add_argument("--calibration", metavar="FILE", required=True, help=words)
+    words = "the result under which the device works; a folder of them for a column `device`"
+    sub.add_argument("--calibration", metavar="FILE|DIR", required=True, help=words)
     words = f"false alarms to expect: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
     sub.add_argument("--false-alarms", metavar="RATE", help=words)
     words = "keeps what the watch knows: where it is there, the watch goes on from it"
-    sub.add_argument("--state", metavar="FILE", help=words)
+    sub.add_argument("--state", metavar="FILE|DIR", help=words)
     words = "wait for more at the end of the file, until Ctrl-C"
     sub.add_argument("--follow", action="store_true", help=words)
 

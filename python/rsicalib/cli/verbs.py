@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -367,16 +368,15 @@ def history(args: Args) -> int:
 
 def watch(args: Args) -> int:
     """A calibration at work: alarms with what, since when, how large; JSON lines."""
+    from rsicalib.verbs.devices import WatchingDevices, watch_devices
+    from rsicalib.verbs.monitor import Watching
     from rsicalib.verbs.monitor import watch as watch_device
 
-    watching = watch_device(
-        args.readings,
-        args.calibration,
-        args.mechanism,
-        false_alarms=args.false_alarms,
-        state=args.state,
-        follow=args.follow,
-    )
+    chosen = {name: getattr(args, name) for name in ("false_alarms", "state", "follow")}
+    given = (args.readings, args.calibration, args.mechanism)
+    many = os.path.isdir(args.calibration)
+    watching: Watching | WatchingDevices
+    watching = watch_devices(*given, **chosen) if many else watch_device(*given, **chosen)
     # What arrives as it happens takes its time anyway.
     line = None if args.readings == "-" or args.follow else progress_of(args)
     if line is not None:

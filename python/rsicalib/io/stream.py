@@ -37,15 +37,28 @@ POLL_S = 0.05
 BATCH = 4096
 """Rows of a Parquet file that are read at a time."""
 
+DEVICE = "device"
+"""Column with the name of the device of each row."""
+
 EXPECTED = "a header with a column for each channel, then one line per sample"
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Some rows: `values` (n, channels), NaN where unusable, and `time_s` (n,) or None."""
+    """Some rows: `values` (n, channels), NaN where unusable, and `time_s` (n,) or None.
+
+    `device` has the name of each row's device where it was asked for.
+    """
 
     values: FloatArray
     time_s: FloatArray | None
+    device: tuple[str, ...] | None = None
+
+    def of(self, chosen: Sequence[int]) -> Rows:
+        """Some of them, in this order."""
+        at = np.asarray(chosen, dtype=np.intp)
+        times = None if self.time_s is None else self.time_s[at]
+        return Rows(np.ascontiguousarray(self.values[at]), times)
 
 
 def rows_of(
@@ -53,6 +66,7 @@ def rows_of(
     channels: Sequence[str] | Mapping[str, str],
     *,
     follow: bool = False,
+    device: bool = False,
 ) -> Iterator[Rows]:
     """Rows of a file as they stand there, or of standard input (`-`) as they arrive.
 
@@ -65,6 +79,8 @@ def rows_of(
         Names of the columns to take; a mapping has the joint of each, which messages may call it.
     follow : bool
         Wait for more at the end of a file, for ever.
+    device : bool
+        Take the column `device`, too: rows of several devices.
 
     Yields
     ------
@@ -81,12 +97,12 @@ def rows_of(
         if follow:
             found, expected = "a Parquet file, which does not grow", "a file of lines"
             raise InputError.at(name, found=found, expected=expected)
-        return _parquet(name, list(channels))
+        return _parquet(name, list(channels), device)
     joints = dict(channels) if isinstance(channels, Mapping) else {c: c for c in channels}
-    return _text(name, joints, follow)
+    return _text(name, joints, follow, device)
 
 
-def _text(name: str, joints: dict[str, str], follow: bool) -> Iterator[Rows]:
+def _text(name: str, joints: dict[str, str], follow: bool, device: bool) -> Iterator[Rows]:
     with contextlib.ExitStack() as stack:
         if name == "-":
             label, descriptor = "standard input", sys.stdin.fileno()
@@ -104,9 +120,12 @@ def _text(name: str, joints: dict[str, str], follow: bool) -> Iterator[Rows]:
             raise InputError.at(label, line=1, found="an empty file", expected=EXPECTED)
         rest = itertools.chain([first], parts)
         if is_message(first[0].decode("utf-8", "replace").removeprefix("\ufeff")):
+            if device:
+                found, expected = "joint states, of one device", "a table with a column device"
+                raise InputError.at(label, found=found, expected=expected)
             yield from _messages(rest, joints)
         else:
-            yield from _table(rest, label, list(joints))
+            yield from _table(rest, label, list(joints), device)
 
 
 def _parts(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]:
@@ -132,15 +151,25 @@ def _parts(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]:
             return
 
 
-def _table(parts: Iterator[list[bytes]], label: str, channels: Sequence[str]) -> Iterator[Rows]:
+@dataclass(frozen=True)
+class _Places:
+    """Places of the channels, of the time and of the device among the columns."""
+
+    channels: tuple[int, ...]
+    time: int | None
+    device: int | None
+
+
+def _table(
+    parts: Iterator[list[bytes]], label: str, channels: Sequence[str], device: bool
+) -> Iterator[Rows]:
     """Rows of CSV."""
-    columns: list[int] | None = None
-    when: int | None = None
+    places: _Places | None = None
     for lines in parts:
-        if columns is None:
-            columns, when = _header(lines.pop(0), label, channels)
+        if places is None:
+            places = _header(lines.pop(0), label, channels, device)
         if lines:
-            yield _parsed(lines, columns, when)
+            yield _parsed(lines, places)
 
 
 def _messages(parts: Iterator[list[bytes]], joints: dict[str, str]) -> Iterator[Rows]:
@@ -160,37 +189,45 @@ def _messages(parts: Iterator[list[bytes]], joints: dict[str, str]) -> Iterator[
         yield Rows(values, moment if timed else None)
 
 
-def _header(line: bytes, label: str, channels: Sequence[str]) -> tuple[list[int], int | None]:
-    """Places of the channels, and of the time."""
+def _header(line: bytes, label: str, channels: Sequence[str], device: bool) -> _Places:
     try:
         text = line.decode("utf-8-sig")
     except UnicodeDecodeError:
         found = "text that is not UTF-8"
         raise InputError.at(label, line=1, found=found, expected=EXPECTED) from None
     names = [cell.strip() for cell in next(csv.reader([text]), [])]
-    return _places(names, label, channels)
+    return _places(names, label, channels, device)
 
 
-def _places(
-    names: Sequence[str], label: str, channels: Sequence[str]
-) -> tuple[list[int], int | None]:
-    for channel in channels:
-        count = names.count(channel)
+def _places(names: Sequence[str], label: str, channels: Sequence[str], device: bool) -> _Places:
+    for column in [*channels, *([DEVICE] if device else [])]:
+        count = names.count(column)
         if count != 1:
             found = "no such column" if count == 0 else f"{count} such columns"
-            raise InputError.at(label, line=1, column=channel, found=found, expected="one column")
+            raise InputError.at(label, line=1, column=column, found=found, expected="one column")
     when = names.index("time_s") if names.count("time_s") == 1 else None
-    return [names.index(channel) for channel in channels], when
+    own = tuple(names.index(channel) for channel in channels)
+    return _Places(own, when, names.index(DEVICE) if device else None)
 
 
-def _parsed(lines: list[bytes], columns: list[int], when: int | None) -> Rows:
-    wanted = columns if when is None else [*columns, when]
+def _parsed(lines: list[bytes], places: _Places) -> Rows:
+    columns, when = places.channels, places.time
+    wanted = [*columns] if when is None else [*columns, when]
     try:
         table = np.loadtxt(lines, delimiter=",", usecols=wanted, ndmin=2, comments=None)
     except ValueError:
         table = np.array([_cells(line, wanted) for line in lines])
     values = np.ascontiguousarray(table[:, : len(columns)])
-    return Rows(values, None if when is None else np.ascontiguousarray(table[:, -1]))
+    times = None if when is None else np.ascontiguousarray(table[:, -1])
+    return Rows(values, times, _devices(lines, places.device))
+
+
+def _devices(lines: list[bytes], place: int | None) -> tuple[str, ...] | None:
+    """The device of each line; no name where a line is too short."""
+    if place is None:
+        return None
+    cells = (line.split(b",", place + 1)[place : place + 1] for line in lines)
+    return tuple(b"".join(cell).strip(b' \t\r"').decode("utf-8", "replace") for cell in cells)
 
 
 def _cells(line: bytes, wanted: list[int]) -> list[float]:
@@ -205,7 +242,7 @@ def _cells(line: bytes, wanted: list[int]) -> list[float]:
     return out
 
 
-def _parquet(name: str, channels: Sequence[str]) -> Iterator[Rows]:
+def _parquet(name: str, channels: Sequence[str], device: bool) -> Iterator[Rows]:
     try:
         parquet = importlib.import_module("pyarrow.parquet")
     except ImportError:
@@ -217,12 +254,15 @@ def _parquet(name: str, channels: Sequence[str]) -> Iterator[Rows]:
         found, expected = str(error).splitlines()[0], "a Parquet file of readings"
         raise InputError.at(name, found=found, expected=expected) from None
     names = list(file.schema_arrow.names)
-    _, when = _places(names, name, channels)
+    when = _places(names, name, channels, device).time
     wanted = [*channels] if when is None else [*channels, "time_s"]
-    for batch in file.iter_batches(batch_size=BATCH, columns=wanted):
+    asked = [*wanted, DEVICE] if device else wanted
+    for batch in file.iter_batches(batch_size=BATCH, columns=asked):
         columns = [_floats(batch.column(batch.schema.get_field_index(c))) for c in wanted]
         values = np.column_stack(columns[: len(channels)])
-        yield Rows(np.ascontiguousarray(values), None if when is None else columns[-1])
+        named = batch.column(batch.schema.get_field_index(DEVICE)).to_pylist() if device else None
+        own = None if named is None else tuple("" if one is None else str(one) for one in named)
+        yield Rows(np.ascontiguousarray(values), None if when is None else columns[-1], own)
 
 
 def _floats(column: Any) -> FloatArray:

@@ -79,6 +79,8 @@ class Alarm(Told, Record):
 
     format: str = ALARM
     """Kind of the line and version of its shape."""
+    device: str | None = None
+    """Whose alarm it is, of several devices in one stream; None of one."""
     since: float
     """When it began: time of the row [s], or its number where rows have no time."""
     since_row: int
@@ -128,7 +130,7 @@ class Alarm(Told, Record):
             words += f"; or {', '.join(dict.fromkeys(s.target for s in self.also_fits))}"
         if self.revises is not None:
             words += f" (this was named otherwise in row {self.revises})"
-        return words
+        return words if self.device is None else f"{self.device}: {words}"
 
     def __repr__(self) -> str:
         size = with_unit(f"{self.size:.3g} ± {1.96 * self.sd:.2g}", self.unit)
@@ -165,6 +167,11 @@ class Watch(Told, Record):
     """Noise at work over that of the calibration."""
     correlation: float
     """Correlation of neighbouring samples."""
+    devices: int | None = None
+    """Devices of which rows came, of several in one stream: noise and correlation are their
+    medians. None of one device."""
+    strange: int = 0
+    """Rows of devices without a result."""
 
     def text(self) -> str:
         """The summary as a few lines."""
@@ -174,14 +181,16 @@ class Watch(Told, Record):
             "late": self.late,
             "missing": self.missing,
             "outliers": self.outliers,
+            "of devices without a result": self.strange,
         }
         left = ", ".join(f"{count} {word}" for word, count in counted.items() if count)
         rate = f"{self.false_alarms:.3g} per sample"
         if self.false_alarms_per_hour is not None:
             rate += f", {self.false_alarms_per_hour:.3g} per hour"
+        of = "" if self.devices is None else f", {self.devices} devices"
         return "\n".join(
             [
-                f"{self.used} of {self.rows} rows tested" + (f" ({left})" if left else ""),
+                f"{self.used} of {self.rows} rows tested{of}" + (f" ({left})" if left else ""),
                 f"alarms   {self.alarms} (false ones expected: {rate})",
                 f"noise    {self.noise:.2f} of the calibration's, neighbours correlated by "
                 f"{self.correlation:.2f}",
@@ -469,6 +478,87 @@ def _rows(
     return (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
 
 
+class Kept:
+    """A monitor of one source of rows, with all that it knows in a file."""
+
+    def __init__(
+        self,
+        monitor: Monitor,
+        state: PathLike | None,
+        source: str | None,
+        lasting: bool = True,
+    ) -> None:
+        self.monitor = monitor
+        self._state, self._source = state, source
+        # A file that is for sleep alone is written then only.
+        self._lasting = lasting
+        self._digest = hashlib.sha256()
+        self._known: dict[str, Any] = {}
+        self._number = 0
+        self._saved = -math.inf
+        if state is not None and os.path.exists(state):
+            self._known = monitor.restore(state)
+        same = source is not None and self._known.get("source") == source
+        self._seen = self._known.get("rows", 0) if same else 0
+
+    def untold(self) -> list[Alarm]:
+        """Alarms that the watch before may not have told.
+
+        An alarm is in the file before it is told, so that none is lost; one that was being told
+        when the watch was ended may be told twice.
+        """
+        return [Alarm.from_dict(one) for one in self._known.get("untold", ())]
+
+    def take(self, rows: Rows) -> list[Alarm] | None:
+        """Alarms of the next rows; None where the watch before has seen them all."""
+        number = self._number
+        known = min(max(self._seen - number, 0), len(rows.values))
+        self._number += len(rows.values)
+        self._digest.update(rows.values[:known].tobytes())
+        if number < self._seen <= self._number:
+            self._is_same(self._digest.hexdigest() == self._known.get("digest"))
+        if known == len(rows.values):
+            return None
+        self._digest.update(rows.values[known:].tobytes())
+        times = None if rows.time_s is None else rows.time_s[known:]
+        alarms = self.monitor.update(rows.values[known:], times)
+        if self._lasting and (alarms or time.monotonic() - self._saved > SAVED_S):
+            self.save(alarms)
+            self._saved = -math.inf if alarms else time.monotonic()
+        return alarms
+
+    def sleep(self) -> None:
+        """Leave all that is known in the file, and the monitor to be forgotten."""
+        self.save([])
+        del self.monitor
+
+    def wake(self, monitor: Monitor) -> None:
+        """Go on from the file with a monitor of the same device."""
+        assert self._state is not None
+        monitor.restore(self._state)
+        self.monitor = monitor
+
+    def end(self) -> None:
+        """No more rows come."""
+        self._is_same(self._number >= self._seen)
+        if self._lasting:
+            self.save([])
+
+    def _is_same(self, same: bool) -> None:
+        """Refuse a file that has other rows than when the watch saw it."""
+        if not same:
+            found = f"the state of a watch that has seen other rows of {self._source}"
+            expected = "the same file, grown; remove the state to begin anew"
+            raise InputError.at(str(self._state), found=found, expected=expected)
+
+    def save(self, untold: list[Alarm]) -> None:
+        """Write all that is known, and the alarms that are about to be told."""
+        if self._state is not None:
+            told = [alarm.to_dict() for alarm in untold]
+            head = {"source": self._source, "rows": self._number}
+            self.monitor.save(self._state, **head, digest=self._digest.hexdigest(), untold=told)
+
+
 class Watching:
     """A watch that is under way: iterate over it for its alarms.
 
@@ -490,51 +580,20 @@ class Watching:
         self.monitor = monitor
         self.heard: Callable[[int], None] | None = None
         self._rows = rows
-        self._state, self._source = state, source
-        self._digest = hashlib.sha256()
-        self._known: dict[str, Any] = {}
-        if state is not None and os.path.exists(state):
-            self._known = monitor.restore(state)
+        self._kept = Kept(monitor, state, source)
 
     def __iter__(self) -> Iterator[Alarm]:
-        # An alarm is in the file before it is told, so that none is lost; one that was being told
-        # when the watch was ended may be told twice.
-        yield from map(Alarm.from_dict, self._known.get("untold", ()))
-        same = self._source is not None and self._known.get("source") == self._source
-        seen, number = (self._known.get("rows", 0) if same else 0), 0
-        saved = -math.inf
+        yield from self._kept.untold()
+        number = 0
         for rows in self._rows:
-            known = min(max(seen - number, 0), len(rows.values))
             number += len(rows.values)
-            self._digest.update(rows.values[:known].tobytes())
-            if number - len(rows.values) < seen <= number:
-                self._is_same(self._digest.hexdigest() == self._known.get("digest"))
-            if known == len(rows.values):
+            alarms = self._kept.take(rows)
+            if alarms is None:
                 continue
-            self._digest.update(rows.values[known:].tobytes())
-            times = None if rows.time_s is None else rows.time_s[known:]
-            alarms = self.monitor.update(rows.values[known:], times)
-            if alarms or time.monotonic() - saved > SAVED_S:
-                self._save(number, alarms)
-                saved = -math.inf if alarms else time.monotonic()
             yield from alarms
             if self.heard is not None:
                 self.heard(number)
-        self._is_same(number >= seen)
-        self._save(number, [])
-
-    def _is_same(self, same: bool) -> None:
-        """Refuse a file that has other rows than when the watch saw it."""
-        if not same:
-            found = f"the state of a watch that has seen other rows of {self._source}"
-            expected = "the same file, grown; remove the state to begin anew"
-            raise InputError.at(str(self._state), found=found, expected=expected)
-
-    def _save(self, rows: int, untold: list[Alarm]) -> None:
-        if self._state is not None:
-            told = [alarm.to_dict() for alarm in untold]
-            head = {"source": self._source, "rows": rows, "digest": self._digest.hexdigest()}
-            self.monitor.save(self._state, **head, untold=told)
+        self._kept.end()
 
     def __repr__(self) -> str:
         return f"<Watching of {self.monitor.mechanism.name!r}: iterate for its alarms>"
