@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -242,3 +243,30 @@ def test_the_samples_of_one_pose_take_time_in_proportion() -> None:
 
     seconds(1000)
     assert seconds(32_000) < 48.0 * max(seconds(2000), 0.02)
+
+
+REACHES = re.compile(
+    r"^\s*(?:import|from) (subprocess|webbrowser|socket|socketserver|http|urllib|ftplib|ssl)\b"
+    r"|import_module\(\"(distributed)\"\)",
+    re.M,
+)
+"""Modules that run programs or open connections."""
+
+
+def test_what_runs_programs_or_opens_connections_is_on_the_page_of_security() -> None:
+    package = Path(rsicalib.__file__).parent
+    found = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if REACHES.search(path.read_text(encoding="utf-8"))
+    }
+    options = {
+        "guide/server.py": "guide --host",
+        "guide/run.py": "--no-browser",
+        "guide/source.py": "guide --source COMMAND",
+        "guide/drive.py": "guide --drive COMMAND",
+        "fleets/engines.py": "fleet --dask",
+    }
+    assert found == set(options)
+    page = (Path(__file__).parents[1] / "SECURITY.md").read_text(encoding="utf-8")
+    assert [option for option in options.values() if option not in page] == []
