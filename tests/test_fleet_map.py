@@ -59,5 +59,5 @@ def test_why_of_a_traced_device_is_what_was_found() -> None:
     rows["verdict"][5] = "explained"
     rows["steps"][5] = json.dumps([{"term": "once_per_turn", "target": "a22"}])
     text = page(rows, "device", rsicalib.load_mechanism("rsi"))
-    assert "<td>no. 5</td><td>explained</td><td>once per turn of a22</td>" in text
+    assert '<td>no. 5</td><td>explained</td><td class="long">once per turn of a22</td>' in text
     assert '<figure id="map">' in text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -13,8 +13,11 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.fleets.map import map_figure
 from rsicalib.fleets.standing_out import Remark, Spread, remarks, spreads
-from rsicalib.report.figure import STYLE
-from rsicalib.report.words import name_of
+from rsicalib.plain_text import counted
+from rsicalib.report.figure import Figure
+from rsicalib.report.page import document, pictures, section, table
+from rsicalib.report.svg import Canvas, Chart
+from rsicalib.report.words import name_of, number, plus_minus
 
 __all__ = ["page"]
 
@@ -22,7 +25,7 @@ LISTED = 200
 """Devices that the page lists before it only counts."""
 
 BINS = 20
-WIDTH, HEIGHT, FOOT = 720.0, 160.0, 30.0
+HEIGHT = 220.0
 
 
 def page(
@@ -57,41 +60,22 @@ def page(
         f'<p class="verdict {good}">{escape(sentence)}</p>',
         *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
-        _map(spread, rows, by),
+        section("All at a glance", pictures([map_figure(spread, rows, by)])),
         _remarks(out, _found(rows, by)),
         _effects(rows),
-        _fits(rows),
+        section("Test of fit over the fleet", pictures([_fits(rows)])),
         _parameters(spread, rows, by),
         f'<p class="faint">rsicalib {escape(_core.__version__)}; every number is in '
         "<code>fleet.parquet</code>.</p>",
     ]
-    body = "\n".join(part for part in parts if part)
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>Fleet of {escape(mechanism.name)}: {count} devices</title>\n"
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
-    )
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    def cells(row: Sequence[str], tag: str) -> str:
-        return "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in row)
-
-    body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
-    head = f"<thead><tr>{cells(heads, 'th')}</tr></thead>"
-    return f'<div class="scroll"><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
+    name = f"Fleet of {mechanism.name}"
+    return document(f"{name}: {count} devices", parts, name)
 
 
 def _verdicts(rows: Mapping[str, Sequence[Any]]) -> str:
     counts = Counter(verdict or "refused" for verdict in rows["verdict"])
     words = ", ".join(f"{n} {verdict}" for verdict, n in counts.most_common())
     return f"<p>{escape(words)}.</p>"
-
-
-def _map(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:
-    figure = map_figure(spread, rows, by)
-    return f"<h2>All at a glance</h2>\n{figure.html()}" if figure is not None else ""
 
 
 def _found(rows: Mapping[str, Sequence[Any]], by: str) -> dict[str, str]:
@@ -109,7 +93,8 @@ def _remarks(out: Sequence[Remark], found: Mapping[str, str]) -> str:
     listed = [(str(r.device), r.verdict, r.why or found[str(r.device)]) for r in out[:LISTED]]
     more = f'<p class="faint">and {len(out) - LISTED} more</p>' if len(out) > LISTED else ""
     heads = ("device", "verdict", "why")
-    return f"<h2>Devices that stand out</h2>\n{_table(heads, listed)}{more}"
+    found_out = table(heads, listed, 3, "devices that stand out", long="why")
+    return section("Devices that stand out", found_out, more)
 
 
 def _effects(rows: Mapping[str, Sequence[Any]]) -> str:
@@ -121,38 +106,41 @@ def _effects(rows: Mapping[str, Sequence[Any]]) -> str:
     )
     if not found:
         return ""
-    listed = [(term, target, str(n)) for (term, target), n in found.most_common(20)]
-    return f"<h2>Effects found</h2>\n{_table(('term', 'target', 'devices'), listed)}"
+    listed = [(name_of(term), target, str(n)) for (term, target), n in found.most_common(20)]
+    heads = ("effect", "target", "devices")
+    return section("Effects found", table(heads, listed, 2, "effects found"))
 
 
-def _fits(rows: Mapping[str, Sequence[Any]]) -> str:
+def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
     """Histogram of the p-values, which is flat where the model lacks nothing."""
     known = [p for p in rows["p_value"] if p is not None and math.isfinite(p)]
     if len(known) < 2 * BINS:
-        return ""
+        return None
     counts = [0] * BINS
     for p in known:
         counts[min(int(p * BINS), BINS - 1)] += 1
-    most, wide = max(counts), WIDTH / BINS
-    bars = []
-    for k, n in enumerate(counts):
-        tall = (HEIGHT - FOOT) * n / most
-        box = f'x="{k * wide + 1:.1f}" y="{HEIGHT - FOOT - tall:.1f}"'
-        bars.append(f'<rect class="dot" {box} width="{wide - 2:.1f}" height="{tall:.1f}"/>')
-    level = HEIGHT - FOOT - (HEIGHT - FOOT) * len(known) / BINS / most
-    bars.append(f'<line class="axis" x1="0" x2="{WIDTH:g}" y1="{level:.1f}" y2="{level:.1f}"/>')
-    for at, words, anchor in ((0.0, "p = 0", "start"), (WIDTH, "1", "end")):
-        bars.append(f'<text x="{at:g}" y="{HEIGHT - 10:g}" text-anchor="{anchor}">{words}</text>')
     low, expected = counts[0], len(known) / BINS
-    words = f"{low} devices have p below {1 / BINS:g}; by chance {expected:.0f} would."
+
+    def draw(width: float) -> str:
+        canvas = Canvas(width, HEIGHT)
+        most = max(*counts, math.ceil(expected))
+        words = "p-value of the test of fit", "devices"
+        chart = Chart.on(canvas, (0.0, 1.0), (0.0, 1.05 * most), words, height=HEIGHT)
+        for k, n in enumerate(counts):
+            left, top = chart.at((k / BINS, n))
+            right, bottom = chart.at(((k + 1) / BINS, 0.0))
+            said = f"p from {k / BINS:g} to {(k + 1) / BINS:g}: {counted(n, 'device')}"
+            canvas.rect(left + 1.0, top, right - left - 2.0, bottom - top, "bar", said)
+        chart.curve([(0.0, expected), (1.0, expected)], "law thin")
+        return canvas.svg("histogram of p-values")
+
+    words = (
+        f"p-values of the test of fit. {low} devices have p below {1 / BINS:g}; by chance "
+        f"{expected:.0f} would, which the line shows."
+    )
     if low > expected + 4.0 * math.sqrt(expected):
         words += " The devices as a whole lack an effect that one device alone may not show."
-    return (
-        "<h2>Test of fit over the fleet</h2>\n<figure>"
-        f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="histogram of p-values" '
-        f'xmlns="http://www.w3.org/2000/svg">{"".join(bars)}</svg>'
-        f"<figcaption>p-values of the test of fit. {escape(words)}</figcaption></figure>"
-    )
+    return Figure("fits", draw, words)
 
 
 def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:
@@ -162,7 +150,7 @@ def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by:
     for one in spread:
         far = [0.0 if math.isnan(z) else abs(z) for z in one.far.tolist()]
         furthest = max(range(len(far)), key=far.__getitem__)
-        numbers = (f"{v:.6g}" for v in (one.median, one.between, one.within))
+        numbers = (plus_minus(one.median, one.within)[0], *map(number, (one.between, one.within)))
         listed.append((one.name, *numbers, f"{rows[by][furthest]} ({far[furthest]:.1f} sd)"))
     heads = ("parameter", "median", "sd between devices", "sd of one device", "furthest")
-    return f"<h2>Parameters over the fleet</h2>\n{_table(heads, listed)}"
+    return section("Parameters over the fleet", table(heads, listed, 1, "parameters"))
