@@ -51,8 +51,13 @@ def test_the_log_of_a_maslow_becomes_anchors_that_its_firmware_takes(tmp_path: P
     assert np.abs(np.array(points["top right"]) - corners[1]).max() < 1e-9  # as the lines say
 
 
-def printer(stops: np.ndarray, radius: float, rng: np.random.Generator) -> str:
-    """A configuration with nominal endstops, and probes of a printer with others [mm]."""
+def printer(
+    stops: np.ndarray, radius: float, rng: np.random.Generator, by_hand: float = 0.0
+) -> str:
+    """A configuration with nominal endstops, and probes of a printer with others [mm].
+
+    Every third height is measured by hand, with the nozzle up to `by_hand` above the bed.
+    """
     angles = np.radians([210.0, 330.0, 90.0])
     towers = radius * np.column_stack([np.cos(angles), np.sin(angles)])
     turn = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
@@ -61,7 +66,8 @@ def printer(stops: np.ndarray, radius: float, rng: np.random.Generator) -> str:
     )
     across = ((spots[:, None] - towers) ** 2).sum(axis=2)
     top = stops + np.sqrt(340.0**2 - radius**2)
-    steps = (top - np.sqrt(340.0**2 - across)) / (60 / 6400)
+    heights = np.where(np.arange(len(spots)) % 3 == 1, rng.uniform(0, 1, len(spots)), 0) * by_hand
+    steps = (top - np.sqrt(340.0**2 - across) - heights[:, None]) / (60 / 6400)
     steps += rng.standard_normal(steps.shape)
     lines = [
         "[printer]\nkinematics: delta\ndelta_radius: 172\n",
@@ -70,10 +76,30 @@ def printer(stops: np.ndarray, radius: float, rng: np.random.Generator) -> str:
         "arm_length: 340\n[delta_calibrate]\nradius: 110\n",
         "#*# <---------------------- SAVE_CONFIG ---------------------->\n#*# [delta_calibrate]\n",
     ]
-    for k, row in enumerate(steps):
-        lines.append(f"#*# height{k} = 0.0\n")
-        lines.append(f"#*# height{k}_pos = {row[0]:.3f},{row[1]:.3f},{row[2]:.3f}\n")
+    numbers = {"height": 0, "manual_height": 0}
+    for height, row in zip(heights, steps, strict=True):
+        kind = "manual_height" if height else "height"
+        name = f"{kind}{numbers[kind]}"
+        numbers[kind] += 1
+        lines.append(f"#*# {name} = {height:.6f}\n")
+        lines.append(f"#*# {name}_pos = {row[0]:.3f},{row[1]:.3f},{row[2]:.3f}\n")
     return "".join(lines)
+
+
+def test_heights_by_hand_are_of_the_same_printer(tmp_path: Path) -> None:
+    """The nozzle stood 0 to 5 mm above the bed; offsets are as true as from the bed alone."""
+    stops = np.array([331.2, 329.7, 330.4])
+    path = tmp_path / "printer.cfg"
+    path.write_text(printer(stops, 172.0, np.random.default_rng(2), by_hand=5.0))
+    log = rsicalib.import_log(path)
+    assert len(log.sessions[0]) == 25
+    assert any("8 of 25 probes are at another height than 0 mm" in f for f in log.findings)
+    found = rsicalib.calibrate(path)
+    assert found.verdict in ("adequate", "unjudged")
+    carriage = stops + np.sqrt(340.0**2 - 172.0**2)
+    for p, true in zip(found.parameters, carriage, strict=True):
+        assert p.value is not None and p.sd is not None
+        assert abs(p.value - true) < 4 * p.sd < 0.2
 
 
 def test_the_probes_of_a_printer_become_endstops_that_klipper_takes(tmp_path: Path) -> None:

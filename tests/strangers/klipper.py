@@ -28,7 +28,7 @@ FILES: dict[str, Made] = {
     "heights by hand beside the probes": (
         text("printer.cfg", PRINTER + probes(9) + MANUAL),
         {},
-        (9, "a"),
+        (12, "a"),
     ),
     "Windows line ends": (
         text("printer.cfg", (PRINTER + probes(9)).replace("\n", "\r\n")),

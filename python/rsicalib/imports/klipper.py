@@ -62,33 +62,36 @@ def read(source: str, asked: Asked) -> Log:
             column_word="",
         )
     height, _ = Counter(h for h, _, _ in probes).most_common(1)[0]
-    used = [(steps, line) for h, steps, line in probes if h == height]
-    values = np.array([steps for steps, _ in used])
+    # Towers are upright: a nozzle that is higher stands as one at the common height whose carriages
+    # are all that much lower. Gains of the drawing are good enough for the few millimetres.
+    steps_per_mm = [1.0 / _step(config, f"stepper_{tower}") for tower in TOWERS]
+    above = np.array([h for h, _, _ in probes]) - height
+    values = np.array([steps for _, steps, _ in probes]) + above[:, None] * steps_per_mm
     pose = np.arange(len(values), dtype=np.int64)
     labels = {name: [text] * len(pose) for name, text in asked.labels.items()}
     places = chosen(asked.channels, TOWERS, source, "tower")
     columns: dict[str, Column] = {"pose": pose, **labels}
     columns |= {channel: values[:, k] for channel, k in places.items()}
-    session = Session(columns, np.array([line for _, line in used]))
+    session = Session(columns, np.array([line for _, _, line in probes]))
     digest = hashlib.sha256("".join(map(str, config.values.items())).encode()).hexdigest()
-    findings = _findings(config, len(probes), len(used), height)
+    findings = _findings(config, len(probes), int(np.count_nonzero(above)), height)
     text = mechanism(config, height) if tuple(places) == TOWERS else None
     return Log(source, "delta printer of Klipper", (session,), text, findings, sha256=digest)
 
 
-def _findings(config: Config, probes: int, used: int, height: float) -> tuple[str, ...]:
+def _findings(config: Config, probes: int, elsewhere: int, height: float) -> tuple[str, ...]:
     out = []
-    if used < UNKNOWNS:
+    if probes < UNKNOWNS:
         out.append(
-            f"{used} probes for {UNKNOWNS} unknowns (endstops and radius, two angles, three arms): "
-            "they do not determine all of them; probe more points (points: in [delta_calibrate])"
+            f"{probes} probes for {UNKNOWNS} unknowns (endstops and radius, two angles, three "
+            "arms): they do not determine all of them; probe more points (points: in [delta_calibrate])"
         )
     if height:
         out.append(f"the nozzle is {height:g} mm above the bed at each probe: its offset")
-    if used < probes:
+    if elsewhere:
         out.append(
-            f"{probes - used} probes at another height than {height:g} mm are not used: a "
-            "mechanism has one bed, and no reading says how far a nozzle is above it"
+            f"{elsewhere} of {probes} probes are at another height than {height:g} mm: their "
+            "carriages are moved by the difference, as towers are upright"
         )
     if config.text("delta_calibrate", "distance0") is not None:
         out.append("distances of the printed object are not used: they need pairs of poses")
