@@ -84,7 +84,8 @@ def _findings(config: Config, probes: int, elsewhere: int, height: float) -> tup
     if probes < UNKNOWNS:
         out.append(
             f"{probes} probes for {UNKNOWNS} unknowns (endstops and radius, two angles, three "
-            "arms): they do not determine all of them; probe more points (points: in [delta_calibrate])"
+            "arms): they do not determine all of them; probe more points (points: in "
+            "[delta_calibrate])"
         )
     if height:
         out.append(f"the nozzle is {height:g} mm above the bed at each probe: its offset")
