@@ -245,8 +245,26 @@ def test_the_samples_of_one_pose_take_time_in_proportion() -> None:
     assert seconds(32_000) < 48.0 * max(seconds(2000), 0.02)
 
 
+@pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.trace])
+@pytest.mark.parametrize("option", ["terms", "closures"])
+def test_a_name_that_is_no_text_is_refused(verb: Callable[..., object], option: str) -> None:
+    r"""Bytes of a command line that are no UTF-8 come as lone surrogates."""
+    for name in ("\udcff", "a11\udce9"):
+        with pytest.raises(InputError, match=r"found .*\\udc"):
+            verb(DEMO / "readings.csv", rest=DEMO / "rest.csv", **{option: [name]})
+
+
+def test_a_name_of_a_file_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    """The part beside a file has a longer name: taking it away failed as well."""
+    with pytest.raises(InputError, match="where one cannot write"):
+        write_text(tmp_path / ("a" * 250), "text")
+    with pytest.raises(InputError, match="null byte"):
+        next(rows_of("a\0b", ["a11"]))
+
+
 REACHES = re.compile(
-    r"^\s*(?:import|from) (subprocess|webbrowser|socket|socketserver|http|urllib|ftplib|ssl)\b"
+    r"^\s*(?:import|from) "
+    r"(subprocess|webbrowser|socket|socketserver|http|urllib\.request|ftplib|ssl)\b"
     r"|import_module\(\"(distributed)\"\)",
     re.M,
 )

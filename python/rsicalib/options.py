@@ -129,7 +129,7 @@ def number(name: str, value: Any) -> Any:
 
 
 def checked(verb: Callable[P, T]) -> Callable[P, T]:
-    """Check the numbers that a verb is given before it begins.
+    """Check the numbers that a verb is given before it begins, and refuse what is no text.
 
     Which of its arguments are numbers is read from their annotations; one without bounds in
     `NUMBERS` is a KeyError where the verb is defined.
@@ -149,7 +149,11 @@ def checked(verb: Callable[P, T]) -> Callable[P, T]:
         for name, (bound, optional) in bounds.items():
             if name in given.arguments and not (optional and given.arguments[name] is None):
                 given.arguments[name] = bound.of(name, given.arguments[name])
-        return verb(*given.args, **given.kwargs)
+        try:
+            return verb(*given.args, **given.kwargs)
+        except UnicodeEncodeError as error:  # a byte of a command line that is no UTF-8
+            found = f"{quoted(error.object)}, which is no text of UTF-8"
+            raise InputError(f"found {found}, expected names as the mechanism has them") from None
 
     return run
 

@@ -57,7 +57,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[TextIO]:
         found = f"'{path}', where one cannot write ({error.strerror})"
         raise InputError(f"found {found}, expected a place for a file") from None
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # of a name that is too long there is no part
+            part.unlink(missing_ok=True)
         _parts.discard(part)
 
 

@@ -110,8 +110,8 @@ def _text(name: str, joints: dict[str, str], follow: bool, device: bool) -> Iter
             label = name
             try:
                 file = stack.enter_context(open(name, "rb", buffering=0))
-            except OSError as error:
-                found = error.strerror or str(error)
+            except (OSError, ValueError) as error:  # a NUL in the path
+                found = getattr(error, "strerror", None) or str(error)
                 raise InputError.at(name, found=found, expected="a file of readings") from None
             descriptor = file.fileno()
         parts = _parts(descriptor, label, follow and name != "-")
