@@ -12,7 +12,7 @@ from typing import Any
 
 from rsicalib.report.svg import NARROW, WIDE, Draw
 
-__all__ = ["STYLE", "Figure", "data_element"]
+__all__ = ["STYLE", "Figure", "data_element", "whole"]
 
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 """Style of pages and figures."""
@@ -50,7 +50,7 @@ class Figure:
         return (
             f'<figure id="{self.name}"><div class="desk">{self.draw(WIDE)}</div>'
             f'<div class="phone">{self.draw(NARROW)}</div>{self.more}'
-            f"<figcaption>{escape(self.caption)}</figcaption></figure>"
+            f"<figcaption>{whole(escape(self.caption))}</figcaption></figure>"
         )
 
     def svg(self) -> str:
@@ -58,6 +58,12 @@ class Figure:
         drawn = self.draw(WIDE)
         end = drawn.index(">") + 1
         return f"{drawn[:end]}\n<style><![CDATA[\n{OWN}]]></style>{drawn[end:]}\n"
+
+
+def whole(text: str) -> str:
+    """Text of a page: options of commands, numbers with a power of ten stay on one line."""
+    broken = r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+"
+    return re.sub(broken, r'<span class="whole">\g<0></span>', text)
 
 
 def data_element(name: str, data: Mapping[str, Any]) -> str:

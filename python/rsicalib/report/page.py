@@ -12,7 +12,7 @@ from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.plain_text import counted
 from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
 from rsicalib.report.effects import effect_figures, scores_figure
-from rsicalib.report.figure import STYLE, Figure, data_element
+from rsicalib.report.figure import STYLE, Figure, data_element, whole
 from rsicalib.report.mechanism import mechanism_figure, scene_of
 from rsicalib.report.plain import certainty_html, plain_words
 from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_figure
@@ -180,19 +180,13 @@ def section(title: str, *parts: str) -> str:
 
 def listed(items: Iterable[str], kind: str = "") -> str:
     """A list of sentences."""
-    inner = "\n".join(f"<li>{_whole(escape(item))}</li>" for item in items)
+    inner = "\n".join(f"<li>{whole(escape(item))}</li>" for item in items)
     return f"<ul{f' class={kind}' if kind else ''}>\n{inner}\n</ul>" if inner else ""
-
-
-def _whole(text: str) -> str:
-    """Options of commands and numbers with a power of ten are not broken over two lines."""
-    broken = r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+"
-    return re.sub(broken, r'<span class="whole">\g<0></span>', text)
 
 
 def _said(text: str) -> str:
     """A paragraph of plain words."""
-    return f"<p>{_whole(escape(text))}</p>"
+    return f"<p>{whole(escape(text))}</p>"
 
 
 def pictures(found: Iterable[Figure | None]) -> str:
@@ -214,9 +208,9 @@ def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
     said = "\n".join(
         [
             f"<h1>{escape(whose)}</h1>",
-            f'<p class="verdict {good}">{_whole(escape(plain_words(result, evidence)))}</p>',
+            f'<p class="verdict {good}">{whole(escape(plain_words(result, evidence)))}</p>',
             certainty_html(result),
-            f'<p class="experts">{_whole(escape(sentence(result)))}</p>',
+            f'<p class="experts">{whole(escape(sentence(result)))}</p>',
             note,
         ]
     )
@@ -224,7 +218,7 @@ def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
         [
             "" if is_garbage(result) else _heading(*_errors(result)),
             _heading("What to do next", listed(advice(result), "next")),
-            f'<p class="faint">{_whole(escape(_data(result)))}</p>',
+            f'<p class="faint">{whole(escape(_data(result)))}</p>',
         ]
     )
     if figure is None:

@@ -13,14 +13,14 @@ from rsicalib.report.words import listed_words, number, parameter_name
 
 __all__ = ["Shades", "workspace_figure"]
 
-FINEST = 1e-5
+FINEST = 1e-6
 """Where the scale of colours begins, as a share of the workspace's width."""
 
 ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 """Where a shade ends in each power of ten: steps of about a half."""
 
-SHADES = 25
-"""Four powers of ten, and what is beyond: as many as the style has colours."""
+SHADES = 31
+"""Five powers of ten, and what is beyond: as many as the style has colours."""
 
 
 class Shades:
