@@ -252,6 +252,8 @@ def test_a_name_that_is_no_text_is_refused(verb: Callable[..., object], option: 
     for name in ("\udcff", "a11\udce9"):
         with pytest.raises(InputError, match=r"found .*\\udc"):
             verb(DEMO / "readings.csv", rest=DEMO / "rest.csv", **{option: [name]})
+        with pytest.raises(InputError, match=r"found .*\\udc"):
+            rsicalib.suppose(DEMO / "readings.csv", ["curvature@a22.c2=0.02"], model=[name])
 
 
 def test_a_name_of_a_file_that_cannot_be_is_refused(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import hashlib
 import importlib
 from typing import Any
 
+from rsicalib import options
 from rsicalib._core import __version__
 from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
@@ -38,6 +39,7 @@ WRITERS = {
 """Module and function that write a kind."""
 
 
+@options.checked
 def export_result(
     calibration: CalibrationArg,
     to: str,

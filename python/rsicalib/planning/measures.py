@@ -145,6 +145,7 @@ class Observability(Tabular, Record):
         return "\n".join(lines) + "\n"
 
 
+@options.checked
 def observability(
     readings: ReadingsArg,
     mechanism: MechanismArg = "rsi",

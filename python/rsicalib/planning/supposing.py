@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib import options
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
@@ -166,6 +167,7 @@ class Supposition(Told, Record):
         return document(f"Suppose: {self.mechanism}", [words])
 
 
+@options.checked
 def suppose(
     readings: SessionsArg,
     terms: Sequence[str],

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rsicalib import _core
+from rsicalib import _core, options
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.shapes import Parameter
 from rsicalib.results.result import Calibration
@@ -18,6 +18,7 @@ from rsicalib.work.outcome import NOTHING, DateArg, about
 __all__ = ["fixture"]
 
 
+@options.checked
 def fixture(
     readings: ReadingsArg,
     mechanism: MechanismArg = "rsi",
