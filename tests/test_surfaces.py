@@ -29,6 +29,14 @@ def test_a_bent_table_is_not_hidden_in_joint_offsets(tmp_path: Path) -> None:
     assert sum(s.before > surfaces.WORSE * s.drawn + surfaces.SEEN for s in found) > TRIALS // 2
 
 
+def test_a_bend_is_found_beside_joints_that_start_elsewhere(tmp_path: Path) -> None:
+    # The turn of the arm with its table is held while the search tries the bend: where it ran away,
+    # the bend was refused.
+    found = of("bent", False, tmp_path)
+    assert all(s.named or s.tied for s in found)
+    assert not any(s.worse for s in found)
+
+
 def test_offsets_that_are_there_are_found_on_a_flat_table(tmp_path: Path) -> None:
     found = of("flat", False, tmp_path)
     assert all(s.verdict == "adequate" for s in found)

@@ -337,7 +337,8 @@ impl Side {
         // What noise and play seem to tell of conventions is nothing that more poses could add to.
         let told = old.select(&columns).gram();
         let Fit { model, beta, .. } = fit;
-        let here = Here { observations: session, model, priors: &fit.priors, beta };
+        let noise = &fit.assumed();
+        let here = Here { observations: session, model, priors: &fit.priors, beta, noise };
         let information = Conventions::of(here, &told).out_of(told) + &priors;
         let held = Unseen::of(&Mat::identity(n, n));
         Self { columns, theta, information, priors, held }

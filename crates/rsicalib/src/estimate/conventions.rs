@@ -12,21 +12,29 @@
 //! with `X_t` the columns of the device at other unknown places, `P` the projection that leaves
 //! those places free, and `X_g` at the places that were touched. Noise and play open the loops, and
 //! there a fit seems to tell such a direction: its Gram matrix is projected onto the others.
+//!
+//! What explains a session may act in some poses only, or give what stands a shape or a move. It is no
+//! part of the device: it follows as places do, and is at zero where directions are looked for. A shape
+//! is drawn along axes that stay while the whole turns, so that it seems to tell a little of where the
+//! whole is.
 
 use faer::linalg::solvers::Svd;
 use faer::{Mat, Side};
 
 use crate::Error;
+use crate::estimate::implicit::Implicit;
+use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::sparse::{Row, reduced};
 use crate::mechanism::Mechanism;
 use crate::model::configurations::{Configurations, linear};
-use crate::model::{Model, Prior};
+use crate::model::{Instance, Model, Prior};
+use crate::numerics::linearization::Problem;
 use crate::numerics::random::Random;
 use crate::numerics::rank::{Spaces, eliminated, scaled, unit};
 use crate::numerics::symmetric::{eigenvalues, invert};
 use crate::readings::Readings;
-use crate::terms::term::{Needs, Placed};
+use crate::terms::term::{Acts, Needs, Placed, Term};
 
 /// The most that misclosures, a thousandth of the machine at the most, tell of a convention: unit
 /// columns, squared.
@@ -55,10 +63,12 @@ pub(crate) struct Here<'a> {
     pub(crate) model: &'a Model,
     pub(crate) priors: &'a [Prior],
     pub(crate) beta: &'a [f64],
+    /// The noise of its Gram matrix, but for a common factor.
+    pub(crate) noise: &'a Noise,
 }
 
 impl Here<'_> {
-    /// The same model for other readings of a mechanism, at the estimates of its terms.
+    /// The same model for other readings of a mechanism, at the estimates of what is of the device.
     fn under(
         &self,
         mechanism: &Mechanism,
@@ -68,7 +78,22 @@ impl Here<'_> {
         let mut beta = model.nominal();
         let terms = model.term_parameters;
         beta[..terms].copy_from_slice(&self.beta[..terms]);
+        followers(self.model).into_iter().for_each(|i| beta[i] = 0.0);
         Ok((model, beta))
+    }
+
+    /// The Gram matrix where all that stands has the shape that it is drawn with; none where it has.
+    fn without_shapes(&self) -> Option<Mat<f64>> {
+        let shapes = columns_of(self.model, |term| matches!(term.acts(), Acts::Surface(_)));
+        if shapes.iter().all(|i| self.beta[*i] == 0.0) {
+            return None;
+        }
+        let mut beta = self.beta.to_vec();
+        shapes.into_iter().for_each(|i| beta[i] = 0.0);
+        let Observations { readings, weights, .. } = self.observations;
+        let part = Part { model: self.model, readings, weights: Some(weights) };
+        let problem = Implicit::new(vec![(part, self.noise.clone())], self.priors);
+        Some(problem.linearize(&beta).gram())
     }
 }
 
@@ -81,17 +106,28 @@ impl Conventions {
             return Self::default();
         }
         let norms: Vec<f64> = (0..n).map(|i| if norm(i) > 0.0 { norm(i) } else { 1.0 }).collect();
-        let one = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (norms[i] * norms[j]));
+        let scaled =
+            |gram: &Mat<f64>| Mat::from_fn(n, n, |i, j| gram[(i, j)] / (norms[i] * norms[j]));
+        let shaped = here.without_shapes();
+        let one = scaled(shaped.as_ref().unwrap_or(gram));
         let weak = |values: &[f64]| values.first() < values.last().map(|v| OPENED * v).as_ref();
         if !one.self_adjoint_eigenvalues(Side::Lower).is_ok_and(|values| weak(&values)) {
             return Self::default();
         }
+        let whole = shaped.map(|_| scaled(gram));
         let mut found = Self { rows: Vec::new(), norms, basis: Vec::new() };
         let random = &mut Random::new(0);
         found.of_places(here, &one, random).unwrap_or_default();
         found.of_device(here, &one, random).unwrap_or_default();
+        if let Some(whole) = whole {
+            found.with_shapes(here.model, &whole);
+        }
         found.without_what_is_told(here);
-        found.rows = reduced(found.basis.clone(), here.model.term_parameters, &[]);
+        // What follows holds nothing.
+        let followers = followers(here.model);
+        let terms = 0..here.model.term_parameters;
+        let device: Vec<usize> = terms.filter(|i| !followers.contains(i)).collect();
+        found.rows = reduced(found.basis.clone(), &device, &[]);
         found
     }
 
@@ -129,6 +165,18 @@ impl Conventions {
         self.rows.iter().map(hold).collect()
     }
 
+    /// Those of their parameters that terms have.
+    pub(crate) fn stay(&self, model: &Model) -> Vec<Stays> {
+        let of = |&(column, _): &Row| {
+            let own = |(instance, &first): (&Instance, &usize)| {
+                let number = column.checked_sub(first).filter(|n| *n < instance.width())?;
+                Some(Stays { of: *instance, number, norm: self.norms[column] })
+            };
+            model.instances.iter().zip(&model.first).find_map(own)
+        };
+        self.rows.iter().filter_map(of).collect()
+    }
+
     /// Parameters moved along them to what holds them.
     pub(crate) fn moved(&self, x: &[f64], holds: &[Prior]) -> Vec<f64> {
         let mut there = x.to_vec();
@@ -151,8 +199,34 @@ impl Conventions {
     }
 
     /// Adds a direction to the basis, unless the data do tell it, whatever random configurations say.
-    fn add(&mut self, mut column: Vec<f64>, one: &Mat<f64>) {
+    fn add(&mut self, column: Vec<f64>, one: &Mat<f64>) {
         let n = column.len();
+        let Some(column) = self.along(column) else { return };
+        let told = |i: usize| (0..n).map(|j| one[(i, j)] * column[j]).sum::<f64>() * column[i];
+        if (0..n).map(told).sum::<f64>() < OPENED {
+            self.basis.push(column);
+        }
+    }
+
+    /// Shapes turn with the whole: what follows each direction with the least that the data tell of it.
+    fn with_shapes(&mut self, model: &Model, whole: &Mat<f64>) {
+        let n = whole.nrows();
+        let columns = followers(model).into_iter().chain(model.term_parameters..n).collect();
+        // A little of each, so that no direction takes back itself.
+        let ridge = |i: usize, j: usize| f64::from(u8::from(i == j)) * OPENED;
+        let held = Mat::from_fn(n, n, |i, j| whole[(i, j)] + ridge(i, j));
+        let follow = Follow::of(columns, &held);
+        let moved = follow.by(whole, &(0..n).collect::<Vec<_>>());
+        for mut column in std::mem::take(&mut self.basis) {
+            let of = |k: usize| (0..n).map(|j| moved[(k, j)] * column[j]).sum::<f64>();
+            let step: Vec<f64> = (0..follow.columns.len()).map(of).collect();
+            follow.columns.iter().zip(step).for_each(|(&i, step)| column[i] -= step);
+            self.along(column).into_iter().for_each(|column| self.basis.push(column));
+        }
+    }
+
+    /// The part of a direction that the basis has not, of length one; none where there is none.
+    fn along(&self, mut column: Vec<f64>) -> Option<Vec<f64>> {
         // Twice, as rounding is of the length that it had.
         for other in self.basis.iter().chain(&self.basis) {
             let along: f64 = column.iter().zip(other).map(|(a, b)| a * b).sum();
@@ -160,10 +234,7 @@ impl Conventions {
         }
         let length = column.iter().map(|v| v * v).sum::<f64>().sqrt();
         column.iter_mut().for_each(|v| *v /= length);
-        let told = |i: usize| (0..n).map(|j| one[(i, j)] * column[j]).sum::<f64>() * column[i];
-        if length > 0.0 && (0..n).map(told).sum::<f64>() < OPENED {
-            self.basis.push(column);
-        }
+        (length > 0.0).then_some(column)
     }
 
     /// Directions of what is unknown alone: the second of (112) with `v_d = 0`.
@@ -176,7 +247,13 @@ impl Conventions {
         let (terms, n) = (here.model.term_parameters, one.nrows());
         // What no sample touches is not to be known, and no convention.
         let live: Vec<usize> = (terms..n).filter(|&i| one[(i, i)] > 0.0).collect();
-        let own = Mat::from_fn(live.len(), live.len(), |i, j| one[(live[i], live[j])]);
+        let follow = Follow::of(followers(here.model), one);
+        let pulled = follow.by(one, &live);
+        let own = Mat::from_fn(live.len(), live.len(), |i, j| {
+            let moved = |(k, &f): (usize, &usize)| one[(live[i], f)] * pulled[(k, j)];
+            one[(live[i], live[j])] - follow.columns.iter().enumerate().map(moved).sum::<f64>()
+        });
+        let own = Mat::from_fn(live.len(), live.len(), |i, j| 0.5 * (own[(i, j)] + own[(j, i)]));
         let Some((values, vectors)) = eigenvalues(own.as_ref()) else { return Ok(()) };
         let lost: Vec<usize> = (0..live.len()).filter(|&k| values[k] < OPENED).collect();
         if lost.is_empty() {
@@ -187,6 +264,10 @@ impl Conventions {
             live.iter().enumerate().for_each(|(i, &p)| {
                 candidates[(p, k)] = vectors[(i, lost)] / self.norms[p];
             });
+            for (f, &p) in follow.columns.iter().enumerate() {
+                let moved = (0..live.len()).map(|i| pulled[(f, i)] * vectors[(i, lost)]);
+                candidates[(p, k)] = -moved.sum::<f64>() / self.norms[p];
+            }
         }
         let readings = &here.observations.readings;
         let mechanism = &here.observations.mechanism;
@@ -226,8 +307,8 @@ impl Conventions {
         let free = others.mechanism().clone();
         let under = |readings: &Readings| here.under(&free, readings);
         let others = others.with_places(random, &under)?;
-        let foreign = foreign(here.model);
-        let own: Vec<usize> = (0..terms).filter(|i| !foreign.contains(i)).collect();
+        let followers = followers(here.model);
+        let own: Vec<usize> = (0..terms).filter(|i| !followers.contains(i)).collect();
         let each = 6 + (3 * own.len()).div_ceil(2 * others.combinations());
         let readings = others.closed_by(each, random, &under)?;
         let (model, mut beta) = under(&readings)?;
@@ -240,17 +321,17 @@ impl Conventions {
         let Some(spaces) = Spaces::of(&seen) else { return Ok(()) };
         // What is unknown follows the device, but not along directions of its own.
         let projected = self.projected(one);
-        let places = Mat::from_fn(n - terms, n - terms, |i, j| projected[(terms + i, terms + j)]);
-        let cross = Mat::from_fn(n - terms, terms, |i, j| projected[(terms + i, j)]);
-        let follow = invert(&places).0 * cross;
+        let follow = Follow::of(followers.into_iter().chain(terms..n).collect(), &projected);
+        let pulled = follow.by(&projected, &own);
         for k in 0..spaces.null.ncols() {
             let mut column = vec![0.0; n];
             for (j, &i) in own.iter().enumerate() {
                 let by = if by[j] > 0.0 { by[j] } else { 1.0 };
                 column[i] = spaces.null[(j, k)] * by * self.norms[i];
             }
-            for i in terms..n {
-                column[i] = -(0..terms).map(|j| follow[(i - terms, j)] * column[j]).sum::<f64>();
+            for (f, &i) in follow.columns.iter().enumerate() {
+                let moved = own.iter().enumerate().map(|(k, &j)| pulled[(f, k)] * column[j]);
+                column[i] = -moved.sum::<f64>();
             }
             self.add(column, one);
         }
@@ -299,6 +380,47 @@ impl Conventions {
     }
 }
 
+/// A parameter that holds a convention where it is while a search tries what may be added: along what no
+/// reading shows, no explanation may run away.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Stays {
+    of: Instance,
+    /// Its number there.
+    number: usize,
+    /// Length of its column.
+    norm: f64,
+}
+
+impl Stays {
+    /// What holds it in another model where it is in `x`; none where it is no parameter there.
+    pub(crate) fn held(&self, model: &Model, x: &[f64]) -> Option<Prior> {
+        let k = model.instances.iter().position(|i| *i == self.of)?;
+        let column = model.first[k] + self.number;
+        Some(Prior::Parameter { column, mean: x[column], sd: self.norm.recip() })
+    }
+}
+
+/// Columns that follow others, and the pseudo-inverse of their Gram matrix.
+struct Follow {
+    columns: Vec<usize>,
+    inverse: Mat<f64>,
+}
+
+impl Follow {
+    fn of(columns: Vec<usize>, one: &Mat<f64>) -> Self {
+        let n = columns.len();
+        let own = Mat::from_fn(n, n, |i, j| one[(columns[i], columns[j])]);
+        Self { inverse: invert(&own).0, columns }
+    }
+
+    /// How far they follow each of these columns, with the other sign.
+    fn by(&self, one: &Mat<f64>, moved: &[usize]) -> Mat<f64> {
+        let cross =
+            Mat::from_fn(self.columns.len(), moved.len(), |i, j| one[(self.columns[i], moved[j])]);
+        &self.inverse * cross
+    }
+}
+
 /// A model of the rest pose, and its reading; none where it is not part of the fit.
 pub(crate) fn held<'a>(
     observations: &'a Observations,
@@ -338,12 +460,19 @@ fn shared<'a>(other: &'a Model, model: &'a Model) -> impl Iterator<Item = (usize
     })
 }
 
-/// Parameters of what acts in some poses only, or by more than readings.
-fn foreign(model: &Model) -> Vec<usize> {
-    let own = |term: &dyn crate::terms::term::Term| {
-        matches!(term.info().needs, Needs::Nothing | Needs::Gravity | Needs::Masses)
+/// Parameters of what is no part of the device: it acts in some poses only, or by more than readings,
+/// or gives what stands a shape or a move.
+fn followers(model: &Model) -> Vec<usize> {
+    columns_of(model, |term| {
+        let device = matches!(term.info().needs, Needs::Nothing | Needs::Gravity | Needs::Masses)
             && term.placed() == Placed::Once
-    };
-    let instances = model.instances.iter().zip(&model.first).filter(|(i, _)| !own(i.term));
+            && !matches!(term.acts(), Acts::Surface(_) | Acts::End);
+        !device
+    })
+}
+
+/// Parameters of some terms.
+fn columns_of(model: &Model, some: impl Fn(&dyn Term) -> bool) -> Vec<usize> {
+    let instances = model.instances.iter().zip(&model.first).filter(|(i, _)| some(i.term));
     instances.flat_map(|(i, &first)| first..first + i.width()).collect()
 }

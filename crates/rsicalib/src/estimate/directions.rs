@@ -114,7 +114,8 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     let left = left_open(&fit.conventions.told_beside(&fit.gram), &kept);
     let rows =
         left.into_iter().map(|row| row.iter().zip(0..).map(|(v, i)| v * length(i)).collect());
-    let open = reduced(rows.collect(), fit.model.term_parameters, conventions);
+    let of_terms: Vec<usize> = (0..fit.model.term_parameters).collect();
+    let open = reduced(rows.collect(), &of_terms, conventions);
     let held = |(pivot, row): &Row| direction(row, Some(*pivot), &labels, &length);
     found.conventions = conventions.iter().map(held).collect();
     found.unobservable =

@@ -70,6 +70,7 @@ pub fn fit(
             tries: fit.starts.clone(),
             warnings: fit.warnings.clone(),
             adjusted: fit.adjusted.clone(),
+            stays: fit.stays.clone(),
         },
         None => begin(observations, &model, &guess),
     };
@@ -169,6 +170,11 @@ fn solve(
     start: Start,
     noise: Noise,
 ) -> Result<Fit, Error> {
+    if observations.judged {
+        let held = start.stays.iter().filter_map(|stays| stays.held(&model, &start.beta));
+        let holds: Vec<Prior> = held.collect();
+        return minimum(observations, model, priors, &holds, start, noise);
+    }
     let begun = start.clone();
     let known = conventions_at_start(observations, &model, &priors, &start, &noise);
     let holds = known.holds(&model, &start.beta);
@@ -200,13 +206,13 @@ fn conventions_at_start(
     noise: &Noise,
 ) -> Conventions {
     let sensors = model.instances.iter().all(|i| matches!(i.term.acts(), Acts::Sensor(_)));
-    if observations.judged || (sensors && model.unknowns.is_empty()) {
+    if sensors && model.unknowns.is_empty() {
         return Conventions::default();
     }
     let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
     let part = Part { model, readings, weights };
     let gram = Implicit::new(vec![(part, noise.clone())], priors).linearize(&start.beta).gram();
-    let here = Here { observations, model, priors, beta: &start.beta };
+    let here = Here { observations, model, priors, beta: &start.beta, noise };
     Conventions::of(here, &gram)
 }
 
@@ -462,12 +468,17 @@ fn conclude(
     }
     let n = gram.nrows();
     let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
-    let here = Here { observations, model: &model, priors: &priors, beta: &outcome.x };
+    let (beta, assumed) = (&outcome.x[..], &noise.assumed());
+    let here = Here { observations, model: &model, priors: &priors, beta, noise: assumed };
     let conventions = match observations.judged {
         true => Conventions::default(),
         false => Conventions::of(here, &gram),
     };
     let gram = conventions.out_of(gram);
+    let stays = match observations.judged {
+        true => start.stays,
+        false => conventions.stay(&model),
+    };
 
     let k = residuals.equations;
     let live: Vec<usize> =
@@ -510,6 +521,7 @@ fn conclude(
         noise,
         gram,
         conventions,
+        stays,
         covariance,
         unknowable,
         chi2,

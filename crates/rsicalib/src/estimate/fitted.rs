@@ -7,7 +7,7 @@ use faer::Mat;
 
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::between::Between;
-use crate::estimate::conventions::Conventions;
+use crate::estimate::conventions::{Conventions, Stays};
 use crate::estimate::noise::source::{LEAST_DOF, MINOR, NoiseEstimate, Source};
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
@@ -36,6 +36,8 @@ pub struct Fit {
     pub gram: Mat<f64>,
     /// What no reading could show: taken out of `gram`.
     pub(crate) conventions: Conventions,
+    /// What stays while a search tries what may be added.
+    pub(crate) stays: Vec<Stays>,
     /// Covariance of the parameters; a pseudo-inverse where directions are unobservable.
     pub covariance: Mat<f64>,
     /// Parameters that take part in an unobservable direction.
@@ -79,8 +81,7 @@ impl Fit {
     /// The noise, as an assumption of a further fit.
     #[must_use]
     pub fn assumed(&self) -> Noise {
-        let NoiseEstimate { weighed, weighed_play, seating, measured, .. } = self.noise.clone();
-        Noise { sigma: weighed, play: weighed_play, seating, measured }
+        self.noise.assumed()
     }
 
     /// These readings as the fit has settled them; none where it is no fit of a search, or of others.

@@ -10,24 +10,26 @@ const PART: f64 = 1e-6;
 /// deviations of each parameter alone.
 pub(crate) type Row = (usize, Vec<f64>);
 
-/// Directions, each with a parameter that no other has: the last that can be, among the first `terms`
-/// where one of those takes part. What is `beside` is taken out of them.
-pub(crate) fn reduced(mut rows: Vec<Vec<f64>>, terms: usize, beside: &[Row]) -> Vec<Row> {
+/// Directions, each with a parameter that no other has: the last that can be, of those `first` where
+/// one of these takes part. What is `beside` is taken out of them.
+pub(crate) fn reduced(mut rows: Vec<Vec<f64>>, first: &[usize], beside: &[Row]) -> Vec<Row> {
     for (pivot, other) in beside {
         rows.iter_mut().for_each(|row| eliminate(row, other, *pivot));
     }
     let n = rows.first().map_or(0, Vec::len);
+    let all: Vec<usize> = (0..n).collect();
     let mut pivots: Vec<usize> = Vec::new();
     for done in 0..rows.len() {
         let most = |i: usize| rows[done..].iter().map(|r| r[i].abs()).fold(0.0, f64::max);
         let sizes: Vec<f64> = (0..n).map(most).collect();
-        let last = |within: usize| {
-            let largest = sizes[..within].iter().copied().fold(0.0, f64::max);
-            let counts =
-                |i: &usize| sizes[*i] > LISTED * largest && sizes[*i] > PART && !pivots.contains(i);
-            (0..within).rev().find(counts)
+        let last = |of: &[usize]| {
+            let largest = of.iter().map(|i| sizes[*i]).fold(0.0, f64::max);
+            let counts = |i: &&usize| {
+                sizes[**i] > LISTED * largest && sizes[**i] > PART && !pivots.contains(*i)
+            };
+            of.iter().rev().find(counts).copied()
         };
-        let Some(pivot) = last(terms).or_else(|| last(n)) else { break };
+        let Some(pivot) = last(first).or_else(|| last(&all)) else { break };
         let size = |k: &usize| rows[*k][pivot].abs();
         let Some(best) = (done..rows.len()).max_by(|a, b| size(a).total_cmp(&size(b))) else {
             break;

@@ -70,7 +70,7 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
         warnings.push(Suspicion::NoStart { tried: tries.len() });
     }
     let beta = best.map_or_else(|| anchored(observations, model, &vec![1.0; channels]), |b| b.beta);
-    Start { beta, tries, warnings, adjusted: None }
+    Start { beta, tries, warnings, ..Start::default() }
 }
 
 /// What looks wrong with the wiring where the best end is not good, or where it disagrees with what

@@ -1,6 +1,7 @@
 //! Starts that were tried, and the best of them.
 
 use crate::estimate::adjusted::Adjusted;
+use crate::estimate::conventions::Stays;
 use crate::estimate::observations::AnchorKind;
 use crate::estimate::suspicion::Suspicion;
 
@@ -44,4 +45,6 @@ pub struct Start {
     pub warnings: Vec<Suspicion>,
     /// Readings as an earlier fit has settled them.
     pub(crate) adjusted: Option<Adjusted>,
+    /// What stays while a search tries what may be added.
+    pub(crate) stays: Vec<Stays>,
 }

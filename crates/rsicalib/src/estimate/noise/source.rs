@@ -82,6 +82,17 @@ pub struct NoiseEstimate {
 }
 
 impl NoiseEstimate {
+    /// The noise by which equations are weighed.
+    #[must_use]
+    pub fn assumed(&self) -> Noise {
+        Noise {
+            sigma: self.weighed.clone(),
+            play: self.weighed_play,
+            seating: self.seating.clone(),
+            measured: self.measured.clone(),
+        }
+    }
+
     /// Standard deviation of the loosest seating of which only the fit tells, length units.
     #[must_use]
     pub fn largest_seating(&self) -> Option<f64> {
