@@ -226,6 +226,8 @@ def _left_out(result: ResultShape, look: Look) -> list[str]:
 
 
 def _left(result: TraceShape, look: Look) -> list[str]:
+    if result.verdict == "implausible":
+        return []  # of readings of another mechanism nothing is left, and they hide nothing
     lines: list[str] = []
     # Where something is, it stands whole among what to do next.
     if result.unexplained is not None and result.unexplained.target is None:
