@@ -61,8 +61,8 @@ class Figure:
 
 
 def whole(text: str) -> str:
-    """Text of a page: options of commands, numbers with a power of ten stay on one line."""
-    broken = r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+"
+    """Text of a page: options of commands, dates, numbers with a power of ten stay on one line."""
+    broken = r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+|\b\d{4}-\d\d-\d\d\b"
     return re.sub(broken, r'<span class="whole">\g<0></span>', text)
 
 

@@ -162,9 +162,12 @@ def table(
         kinds = ["" if k < text else ' class="n"' for k in range(len(row))]
         if long in heads:
             kinds[heads.index(long)] = ' class="long"'
-        return "".join(
-            f"<{tag}{kind}>{escape(cell)}</{tag}>" for kind, cell in zip(kinds, row, strict=True)
-        )
+        out = []
+        for k, (kind, cell) in enumerate(zip(kinds, row, strict=True)):
+            # Numbers are never broken as it is.
+            words = k < text or heads[k] == long
+            out.append(f"<{tag}{kind}>{whole(escape(cell)) if words else escape(cell)}</{tag}>")
+        return "".join(out)
 
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
     head = f"<thead><tr>{cells(heads, 'th')}</tr></thead>"

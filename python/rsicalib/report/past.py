@@ -397,7 +397,7 @@ def _sparklines(history: History) -> str:
         "the band is ± 2. A red line is a jump. Rings below have a note, or an effect that was "
         "found: point at them."
     )
-    return Figure("sparklines", draw, caption).html()
+    return pictures([Figure("sparklines", draw, caption)])
 
 
 def _figure(one: Series) -> Figure:
