@@ -125,14 +125,14 @@ def excluded(seed: int, damage: Damage) -> list[rsicalib.facts.shapes.Excluded]:
     return list(found.excluded)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_a_single_bad_sample_is_named(seed: int) -> None:
     (one,) = excluded(seed, Damage(row=7, point=0.4, alone=True))
     assert (one.group, one.samples, one.pose) == ("left, B", 1, 3 * ROWS + 8)  # numbered from 1
     assert "sample 7 of its run" in one.reason
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 @pytest.mark.parametrize("row", [7, 12])
 def test_a_point_that_moved_half_way_is_named_with_the_row(seed: int, row: int) -> None:
     (one,) = excluded(seed, Damage(row=row, point=0.3))
@@ -141,7 +141,7 @@ def test_a_point_that_moved_half_way_is_named_with_the_row(seed: int, row: int) 
     assert f"between its samples {row - 1} and {row}" in one.reason
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_a_tool_that_slid_half_way_is_named_with_the_row(seed: int) -> None:
     found = excluded(seed, Damage(row=11, tool=0.5))
     assert {e.group for e in found} == {"left, B"}
@@ -151,7 +151,7 @@ def test_a_tool_that_slid_half_way_is_named_with_the_row(seed: int) -> None:
     assert sum(e.samples or 0 for e in found) == 9
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_a_placement_that_does_not_fit_is_left_out_whole(seed: int) -> None:
     (one,) = excluded(seed, Damage(run=("high", "A"), row=ROWS, loose=8.0))
     assert (one.group, one.pose, one.samples) == ("high", None, 2 * ROWS)
@@ -160,6 +160,6 @@ def test_a_placement_that_does_not_fit_is_left_out_whole(seed: int) -> None:
 
 def test_nothing_is_found_in_clean_readings() -> None:
     # One in 500 sessions is accused by design: two of 20 by chance once in 1300 runs.
-    seeds = range(100, 100 + sized(5, 20))
+    seeds = range(100, 100 + sized(3, 20))
     accused = sum(bool(excluded(seed, Damage(row=ROWS))) for seed in seeds)
-    assert accused <= 1
+    assert accused <= sized(0, 1)

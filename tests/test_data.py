@@ -22,6 +22,7 @@ from rsicalib.io.readings import Readings, load_readings
 from rsicalib.io.samples import Skipped
 from rsicalib.io.suspicions import suspicions
 from rsicalib.io.tables import File, numbers, table_of_file, table_of_numbers
+from tests.full import sized
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
 
@@ -825,7 +826,10 @@ def scratch(tmp_path_factory) -> Path:
 
 
 @settings(
-    max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
+    max_examples=sized(250, 1000),
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+    derandomize=True,
 )
 @given(data=malformed(), skip=st.booleans())
 def test_a_malformed_file_is_refused_or_loaded_as_it_stands(scratch, data, skip):
@@ -882,7 +886,7 @@ def nearly_plain(draw) -> bytes:
     return draw(st.sampled_from([b"", b"\xef\xbb\xbf"])) + text.encode("utf-8", "replace")
 
 
-@settings(max_examples=1000, deadline=None, derandomize=True)
+@settings(max_examples=sized(250, 1000), deadline=None, derandomize=True)
 @given(data=st.one_of(nearly_plain(), nearly_plain(), malformed()))
 def test_what_is_read_fast_is_read_alike_cell_by_cell(data):
     file = File("run.csv", data, "")

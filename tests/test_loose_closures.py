@@ -11,6 +11,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, Mechanism
 from tests import cone
+from tests.full import sized
 from tests.oracle import Array
 
 PLAY = 0.02
@@ -64,7 +65,7 @@ def test_a_later_clean_session_of_seatings_has_no_change(play: float | None) -> 
     """
     mechanism = at_known_cone(play)
     first = rsicalib.calibrate(cone.session(21).table, mechanism)
-    for seed in (22, 23, 24):
+    for seed in sized((22,), (22, 23, 24)):
         later = rsicalib.calibrate(cone.session(seed).table, mechanism, calibration=first)
         assert later.update is not None
         assert later.update.changes == ()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve, least_squares
 
+from tests.full import sized
 from tests.machines import files
 from tests.machines.__main__ import main
 from tests.machines.kit import Effect, Linear, Machine
@@ -163,8 +164,9 @@ THERE: tuple[str, ...] = ("delta", "fivebar", "legs")
 
 @pytest.mark.parametrize("name", THERE)
 def test_clean_machines_are_adequate_and_effects_are_among_the_named(name: str) -> None:
-    """The small form of `python -m tests.machines`: of six each, one may go wrong by chance."""
-    clean = [run(name, "clean", k, SEED) for k in range(6)]
-    assert sum(r.get("verdict") == "adequate" for r in clean) >= 5, clean
-    spoiled = [run(name, "effect", k, SEED) for k in range(6)]
-    assert sum(bool(r.get("among")) for r in spoiled) >= 5, spoiled
+    """The small form of `python -m tests.machines`: one of each may go wrong by chance."""
+    cases = sized(3, 6)
+    clean = [run(name, "clean", k, SEED) for k in range(cases)]
+    assert sum(r.get("verdict") == "adequate" for r in clean) >= cases - 1, clean
+    spoiled = [run(name, "effect", k, SEED) for k in range(cases)]
+    assert sum(bool(r.get("among")) for r in spoiled) >= cases - 1, spoiled
