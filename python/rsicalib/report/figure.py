@@ -47,9 +47,11 @@ class Figure:
 
     def html(self) -> str:
         """The figure in a page: the page shows the width that fits."""
+        # No pointer rests on a phone: what would be said there is not sent.
+        narrow = re.sub(r"<title>[^<]*</title>", "", self.draw(NARROW))
         return (
             f'<figure id="{self.name}"><div class="desk">{self.draw(WIDE)}</div>'
-            f'<div class="phone">{self.draw(NARROW)}</div>{self.more}'
+            f'<div class="phone">{narrow}</div>{self.more}'
             f"<figcaption>{whole(escape(self.caption))}</figcaption></figure>"
         )
 

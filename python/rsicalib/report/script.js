@@ -45,7 +45,7 @@
         dot.setAttribute("cy", (zero + unit * inside).toFixed(1));
         dot.classList.toggle("far", Math.abs(value) > 3.3);
         const said = dot.querySelector("title");
-        said.textContent = said.textContent.replace(/: [^:]*$/, `: ${value.toFixed(2)}`);
+        if (said) said.textContent = said.textContent.replace(/: [^:]*$/, `: ${value.toFixed(2)}`);
       });
     });
     each("#mechanism circle[data-p]", (dot) => {
@@ -54,7 +54,7 @@
       const size = Math.sqrt(row.reduce((sum, r) => sum + r * r, 0) / row.length);
       dot.setAttribute("class", `heat${(size > 1.5) + (size > 3)}`);
       const said = dot.querySelector("title");
-      said.textContent = said.textContent.replace(/[^ ]* σ$/, `${size.toFixed(1)} σ`);
+      if (said) said.textContent = said.textContent.replace(/[^ ]* σ$/, `${size.toFixed(1)} σ`);
     });
     status.textContent = words;
     document.dispatchEvent(new CustomEvent("hypothesis", { detail: fit.places ? fit : null }));
