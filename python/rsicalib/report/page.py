@@ -244,7 +244,7 @@ def _headline(result: ResultShape) -> str:
     words = row[0].removeprefix("position, ").removesuffix(f" [{unit}]")
     old = "" if row[1] == "–" else f"<del>{escape(row[1])}</del> → "
     now = f"<strong data-now>{escape(row[2])}</strong> {escape(unit)}"
-    return f'<p class="headline">{old}{now} <span>error at {escape(words)}</span></p>'
+    return f'<p class="headline">{old}{now} <span>off at {escape(words)} (rms)</span></p>'
 
 
 def _whose(result: ResultShape) -> str:
