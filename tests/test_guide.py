@@ -288,6 +288,29 @@ def test_who_shakes_and_sees_the_page_alone_is_done_in_few_poses(seed: int, tmp_
     assert claimed is not None and person.largest_error(operator, result) < 2.0 * claimed
 
 
+def test_a_channel_that_reads_the_same_in_all_poses_stops_the_session(tmp_path: Path) -> None:
+    operator = person.drawn(6)
+    mechanism = rsicalib.load_mechanism("rsi")
+    rng = np.random.default_rng(1)
+    poses = [np.repeat(p[None], 8, axis=0) for p in person.wide_poses(rng, operator.device, 3)]
+    for lost, word in ((None, "go"), (4, "stop")):
+        operator.lost = lost
+        log = Log(tmp_path / word, CHANNELS, False)
+        adviser = person.Adviser(mechanism, None)
+        state = person.Session(mechanism, adviser, log, person.Settings(0.01))
+        for held in poses:
+            rows = operator.read(held)
+            state.arrive([Sample(t, None, tuple(float(c) for c in codes)) for t, codes in rows])
+        while state.busy:
+            state.poll()
+            time.sleep(0.01)
+        order = state.state()["order"]
+        assert order["word"] == word, order
+        assert ("a22 has read the same" in order["text"]) == (lost is not None)
+        assert screen(state.state())[0].startswith("STOP") == (lost is not None)
+        state.finish()
+
+
 def test_a_hand_that_cannot_be_still_near_its_pose_is_borne_with(tmp_path: Path) -> None:
     """The limit is loosened for this pose, by the tremor that is there; elsewhere it is as ever."""
     mechanism = rsicalib.load_mechanism("rsi")

@@ -48,6 +48,8 @@ LITTLE = 0.02
 """A pose that makes the standard deviation smaller by less than this share adds little."""
 LATEST = 20
 """Samples of which the tremor of a hand is told."""
+MOVED = 0.02
+"""A channel has moved where it has by this share of what it can read."""
 WATCHED = 60
 """Samples over which a channel must change where others do."""
 SILENT_S = 3.0
@@ -338,7 +340,17 @@ class Session:
         if len(self._recent) < WATCHED:
             return []
         spread = np.ptp(np.array(self._recent), axis=0) / self.spans
-        if np.sort(spread)[len(spread) // 2] < 0.02:
+        if np.sort(spread)[len(spread) // 2] < MOVED:
+            return []
+        return [c.name for c, s in zip(self.channels, spread, strict=True) if s == 0.0]
+
+    def _dead(self) -> list[str]:
+        """Channels that have read one and the same number in poses in which others differ."""
+        if len(self.log.poses) < 2:
+            return []
+        every = np.array([s.values for samples in self.log.poses.values() for s in samples])
+        spread = np.ptp(every, axis=0) / self.spans
+        if np.sort(spread)[len(spread) // 2] < MOVED:
             return []
         return [c.name for c, s in zip(self.channels, spread, strict=True) if s == 0.0]
 
@@ -513,6 +525,9 @@ class Session:
         slipped = [_slipped(s) for s in result.steps if s.term == "slip"] if result else []
         if slipped:
             return slipped[0]
+        dead = self._dead()
+        if dead:
+            return f"{dead[0]} has read the same in all poses: connect it, and begin again"
         return None if self.done else self.ended
 
     def _bear_with(self, time_s: float) -> None:

@@ -69,9 +69,8 @@ def screen(state: dict[str, Any]) -> list[str]:
 
 
 def ended(state: dict[str, Any]) -> str:
-    """How a session has ended: `DONE`, or `STOP` and why."""
-    order = state["order"]
-    return "DONE" if order["word"] == "done" else f"STOP: {order['text']}"
+    """How a session has ended: `DONE`, or what is wrong."""
+    return "DONE" if state["order"]["word"] == "done" else headline(state)
 
 
 def _after(state: dict[str, Any]) -> str:
@@ -80,6 +79,8 @@ def _after(state: dict[str, Any]) -> str:
 
 def headline(state: dict[str, Any]) -> str:
     """What to do now."""
+    if state["order"]["word"] == "stop":
+        return f"STOP: {state['order']['text']}"
     if state["phase"] == "wait":
         return "Waiting for samples"
     if state["repeat"]:
