@@ -213,6 +213,8 @@ def noises(args: argparse.Namespace) -> None:
     print("| noise | alarms | promised |")
     print("|---|---|---|")
     for number, kind in enumerate(NOISES):
+        if args.noise and kind not in args.noise:
+            continue
         each = args.rows // args.devices
         found = [
             quiet([args.seed, number, n], kind, args.promise, each) for n in range(args.devices)
@@ -226,6 +228,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("what", choices=("changes", "noises"))
     parser.add_argument("--kind", nargs="+", choices=KINDS)
+    parser.add_argument("--noise", nargs="+", choices=NOISES)
     parser.add_argument("--devices", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--promise", type=float, default=1e-5)
