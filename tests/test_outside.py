@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rsicalib import Mechanism, trace
 from tests import outside
 from tests.blind import effects, trials
 from tests.blind.effects import CHANNELS, Effect
 from tests.blind.effects.outside import Strange
 from tests.blind.scene import Scene
+from tests.families import trials as families
 from tests.full import sized
 from tests.oracle import Array
 
@@ -181,6 +183,33 @@ def test_a_law_that_no_term_has_is_named_or_told_beside_what_was_found() -> None
     ]
     assert sum(one.wrong for one in told) <= 0.25 * len(told)
     assert sum(one.variables for one in told) >= 0.5 * len(told)
+
+
+def test_effects_in_whose_place_a_law_is_likelier_are_named_and_not_applied() -> None:
+    """What is likeliest is applied: of one session nothing else says what holds elsewhere."""
+    alone = 0
+    for family in ("ballbar", "drawwire", "gantry", "rps"):
+        for number in (0, 1, 2):
+            case, _ = outside.outside(family, number, 35)
+            mechanism = Mechanism.from_toml(case.text)
+            found = trace(families.readings_of(mechanism, case.session), mechanism)
+            if not found.rivals:
+                continue
+            likeliest = {(n.term, n.target) for n in found.rivals[0].terms}
+            by_law = outside.LAW in {term for term, _ in likeliest}
+            named = {(s.term, s.target): s.applied for s in found.steps}
+            fitted = {(p.term, p.target) for p in found.parameters}
+            left_out = {name for name, applied in named.items() if not applied}
+            assert not left_out & (likeliest | fitted)
+            assert by_law or not left_out
+            if left_out:
+                alone += 1
+                assert "a law that no term has is likelier" in found.summary(whole=True)
+                every = trace(
+                    families.readings_of(mechanism, case.session), mechanism, apply_all=True
+                )
+                assert left_out <= {(p.term, p.target) for p in every.parameters}
+    assert alone, "a quarter of such devices has one"
 
 
 def test_one_effect_of_the_catalogue_leaves_no_room_for_an_unknown_law() -> None:

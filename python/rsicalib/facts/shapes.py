@@ -616,7 +616,8 @@ class Step(Effect, Record):
     p_value: float | None
     """Probability by chance, corrected for the places looked at."""
     applied: bool = True
-    """False where the effect is named, and no part of `parameters`: it does not help elsewhere."""
+    """False where the effect is named, and no part of `parameters`: it does not help elsewhere, or
+    a law that no term has is likelier in its place."""
     chi2_rise: float | None = field(default=None, metadata=IF_KNOWN)
     """By how much χ² would rise without the term."""
     parameters: tuple[StepParameter, ...] = ()

@@ -18,7 +18,6 @@ from rsicalib.report.plain import certainty_html, plain_words
 from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_figure
 from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
-    NO_HELP,
     advice,
     between_words,
     comparison,
@@ -29,6 +28,7 @@ from rsicalib.report.words import (
     listed_words,
     name_of,
     noise_words,
+    not_applied,
     number,
     p_is,
     parameter_name,
@@ -342,7 +342,7 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
         own = evidence.effects[k] if evidence and k < len(evidence.effects) else None
         parts.append(f"<h3>{escape(subject(step))}: {escape(size_words(step))}</h3>")
         parts.append(_said(_cost(step, result.length_unit)))
-        parts += [] if step.applied else [f"<p>Not applied: {NO_HELP}.</p>"]
+        parts += [] if step.applied else [f"<p>{_capital(not_applied(result))}.</p>"]
         parts.append(pictures(effect_figures(step, own, f"effect{k + 1}")))
     if words := elsewhere_words(result):
         parts.append(_said(f"{_capital(words)}."))

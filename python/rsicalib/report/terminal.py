@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from rsicalib.facts.shapes import Parameter, ResultShape, TraceShape
 from rsicalib.plain_text import counted
 from rsicalib.report.words import (
-    NO_HELP,
     advice,
     between_words,
     comparison,
@@ -19,6 +18,7 @@ from rsicalib.report.words import (
     law_words,
     name_of,
     noise_words,
+    not_applied,
     number,
     parameter_name,
     plus_minus,
@@ -207,7 +207,7 @@ def _found(result: TraceShape, look: Look) -> list[str]:
             line += extra if look.whole or len(line) + len(extra) <= look.width else ""
         lines += _cut(line, look)
         if not step.applied:
-            lines += _cut(f"            not applied: {NO_HELP}", look)
+            lines += _cut(f"            {not_applied(result)}", look)
         if step.also_fits:
             names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
             shown = names if look.whole else names[:3]

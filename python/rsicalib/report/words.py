@@ -20,7 +20,6 @@ from rsicalib.facts.shapes import (
 from rsicalib.units import in_thousandths, with_unit
 
 __all__ = [
-    "NO_HELP",
     "advice",
     "between_words",
     "comparison",
@@ -31,6 +30,7 @@ __all__ = [
     "listed_words",
     "name_of",
     "noise_words",
+    "not_applied",
     "number",
     "parameter_name",
     "plus_minus",
@@ -43,7 +43,7 @@ __all__ = [
 ]
 
 NO_HELP = "nothing shows that it holds at other places"
-"""Why an effect is named, and no part of the parameters."""
+LESS_LIKELY = "a law that no term has is likelier in its place"
 
 WORDS = {
     "sensor": "sensor {target}",
@@ -308,6 +308,11 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, st
         rows.append((f"orientation, {poses} [rad]", turn[0], turn[1]))
     rows += _touched(result)
     return heads, [row for row in rows if row[1:] != ("–", "–")]
+
+
+def not_applied(result: TraceShape) -> str:
+    """Why an effect is named, and no part of the parameters: `elsewhere` decides, if there."""
+    return f"not applied: {LESS_LIKELY if result.elsewhere is None else NO_HELP}"
 
 
 def elsewhere_words(result: TraceShape) -> str:

@@ -72,8 +72,8 @@ def trace(
         Probability of naming anything where nothing is missing.
     apply_all : bool
         Apply every effect that is found. Else one that does not help on placements, sessions or
-        parts of the workspace that are left out is named, `step.applied` is False, and `parameters`
-        are without it.
+        parts of the workspace that are left out, or in whose place a law that no term has is
+        likelier, is named, `step.applied` is False, and `parameters` are without it.
     seed : int, optional
         Nothing is drawn at random here: the same readings give the same result.
     starts, max_iterations, xtol, progress : optional

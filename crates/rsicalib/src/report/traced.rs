@@ -104,7 +104,8 @@ pub struct StepReport {
     #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
     #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub p_value: f64,
-    /// False where the effect is named, and no part of `parameters`: it does not help elsewhere.
+    /// False where the effect is named, and no part of `parameters`: it does not help elsewhere, or a
+    /// law that no term has is likelier in its place.
     #[cfg_attr(feature = "serde", serde(default = "yes"))]
     pub applied: bool,
     /// By how much χ² would rise without the term.
@@ -303,8 +304,10 @@ pub fn traced(
     let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
     let residual = residual(&traced, &rises);
     let (elsewhere, applies) = elsewhere(&traced, search, &residual).unzip();
-    let applies = applies.filter(|_| !search.apply_all);
-    let applies = applies.unwrap_or_else(|| vec![true; traced.found.len()]);
+    let applies = match search.apply_all {
+        true => vec![true; traced.found.len()],
+        false => applies.unwrap_or_else(|| likeliest(&traced)),
+    };
     let applied = applied(&traced, &applies)?;
     let mut before = FitReport::of(&traced.before);
     let mut after = FitReport::of(&traced.after);
@@ -416,6 +419,13 @@ pub fn traced(
         session.options.progress = Progress::default();
     }
     Ok((report, traced))
+}
+
+/// Which effects are in what is likeliest of one session, which has nothing to predict: not those in
+/// whose place a law that no term has is likelier.
+fn likeliest(traced: &Traced) -> Vec<bool> {
+    let undone = |effect: &Instance| traced.unknown.as_ref().is_some_and(|law| law.undoes(effect));
+    traced.found.iter().map(|found| !undone(&found.instance)).collect()
 }
 
 /// The fit with the effects that are applied.

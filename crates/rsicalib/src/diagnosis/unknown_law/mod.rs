@@ -74,6 +74,14 @@ impl UnknownLaw {
     pub fn better(&self) -> bool {
         self.behind < -AS_WELL
     }
+
+    /// True for an effect that is not in what is likeliest: the law stands in its place, and holds
+    /// nothing of it.
+    #[must_use]
+    pub fn undoes(&self, effect: &Instance) -> bool {
+        let held = self.variables.iter().any(|quantity| is_over(effect, *quantity));
+        self.behind < 0.0 && self.replaces.contains(effect) && !held
+    }
 }
 
 /// Laws of one channel, each of its variables.
