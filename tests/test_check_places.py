@@ -132,3 +132,28 @@ def test_an_arm_on_planes_says_where_it_is(
     for table in (readings, seen):  # what is touched has no part in it
         where = rsicalib.forward(table, mechanism, calibration=found)
         assert where == pytest.approx(tip(job, read, offsets), abs=2e-4)  # as written
+
+
+def test_the_noise_of_known_poses_is_their_own_after_a_motion_of_the_instrument() -> None:
+    """Each pose is read by itself: a rigid motion takes six numbers of all, not all of each."""
+    p_values, ratios = [], []
+    for seed in range(4):
+        session = rsicalib.simulate(samples=2, check=1, seed=seed)
+        rng = np.random.default_rng(seed)
+        held = np.repeat(rng.uniform(-0.3, 0.3, (20, 6)) * [6, 6, 3, 1, 1, 1], 8, axis=0)
+        held[:, 2] -= 2.7
+        poses = held + rng.normal(0.0, [0.05] * 3 + [0.02] * 3, held.shape)  # a hand trembles
+        read = session.device.readings(poses)
+        read = np.rint(read + rng.normal(0.0, 1.0, read.shape))
+        known = {name: poses[:, k] for k, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))}
+        known |= {name: read[:, k] for k, name in enumerate(session.readings.channels)}
+        known["pose"] = np.repeat(np.arange(20), 8)
+        found = rsicalib.calibrate(session.readings, rest=session.rest, check=known, align=True)
+        for check in (found.fit.check, found.fit.aligned):
+            assert check is not None and check.predicted is not None
+            p_values.append(check.predicted.p_value)
+            ratios.append(check.position_rms / check.predicted.position_sd)
+    # Of eight values that are uniform: one in 250 is below this. Before, all were below 1e-10.
+    assert min(p_values) > 5e-4
+    # 20 poses of 8 samples, which share the errors of the parameters: a twelfth or more.
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.2)

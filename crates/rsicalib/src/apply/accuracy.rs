@@ -28,7 +28,6 @@ use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::estimate::{Fit, Observations};
 use crate::model::Model;
 use crate::numerics::distributions;
-use crate::numerics::symmetric::dot;
 use crate::readings::{Readings, Table, average, runs_of_poses};
 
 /// Rigid motions that move places by less than this fraction of the most are none: rounding.
@@ -109,7 +108,7 @@ pub fn predicted(
         placed,
         positions: 0..positions,
         turns: positions..coordinates,
-        samples: None,
+        samples: &[],
         moved: &[],
     };
     Ok(wanted.of(fit, &slopes))
@@ -123,8 +122,8 @@ pub(crate) struct Wanted<'a> {
     pub positions: std::ops::Range<usize>,
     /// Those of an orientation.
     pub turns: std::ops::Range<usize>,
-    /// Samples whose mean a reading is, where its noise counts.
-    pub samples: Option<f64>,
+    /// Samples whose mean the readings of each row are, where their noise counts; else none.
+    pub samples: &'a [f64],
     /// Where the positions are, from which a rigid motion of an instrument is taken out; none: it is not.
     pub moved: &'a [Vector3<f64>],
 }
@@ -149,42 +148,47 @@ impl Wanted<'_> {
         let covariance = fit.elsewhere();
         let sd: Vec<f64> = (0..terms).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
         let free: Vec<usize> = (0..terms).filter(|&i| sd[i] > 0.0).collect();
-        let correlation = Mat::from_fn(free.len(), free.len(), |i, j| {
+        let correlation = DMatrix::from_fn(free.len(), free.len(), |i, j| {
             covariance[(free[i], free[j])] / (sd[free[i]] * sd[free[j]])
         });
         let motions = rigid_motions(self.moved);
-        let square = |coordinates: &[std::ops::Range<usize>], unit: [f64; 2]| {
-            let channels = self.samples.map_or(0, |_| fit.noise.sigma.len());
-            let by_root = self.samples.unwrap_or(1.0).sqrt();
-            let each = |of: &dyn Fn(&Slopes, usize) -> f64| -> Vec<f64> {
-                let part = |(k, own): (usize, &std::ops::Range<usize>)| {
-                    let entries = slopes.iter().flat_map(|s| own.clone().map(move |i| (s, i)));
-                    let mut part = entries.map(|(s, i)| of(s, i) / unit[k]).collect::<Vec<f64>>();
-                    if k == 0 {
-                        take_out(&motions, &mut part);
-                    }
-                    part
-                };
-                coordinates.iter().enumerate().flat_map(part).collect()
+        let square = |coordinates: [&std::ops::Range<usize>; 2], unit: [f64; 2]| {
+            let each = coordinates[0].len() + coordinates[1].len();
+            let of: Vec<(usize, f64)> =
+                (0..2).flat_map(|k| coordinates[k].clone().map(move |i| (i, unit[k]))).collect();
+            let size = slopes.len() * each;
+            // A motion of the instrument is found from places alone.
+            let of_places = |row: usize| {
+                let (pose, i) = (row / each, row % each);
+                (i < coordinates[0].len()).then(|| pose * coordinates[0].len() + i)
             };
-            let parameter = |&p: &usize| each(&|s, i| s.by_parameter[(i, p)] * sd[p]);
-            let by_parameter: Vec<Vec<f64>> = free.iter().map(parameter).collect();
-            let noise = |c: usize| fit.noise.sigma[c] / by_root;
-            let reading = |c: usize| each(&|s, i| s.by_reading[(i, c)] * noise(c));
-            let by_reading: Vec<Vec<f64>> = (0..channels).map(reading).collect();
-            let size = slopes.len() * coordinates.iter().map(ExactSizeIterator::len).sum::<usize>();
-            (size > 0).then(|| Square::of(&by_parameter, &correlation, &by_reading, size))
+            let fits = motions.nrows() == slopes.len() * coordinates[0].len();
+            let columns = if fits { motions.ncols() } else { 0 };
+            let moved = DMatrix::from_fn(size, columns, |row, k| {
+                of_places(row).map_or(0.0, |place| motions[(place, k)])
+            });
+            let by_parameter = DMatrix::from_fn(size, free.len(), |row, k| {
+                let (i, unit) = of[row % each];
+                slopes[row / each].by_parameter[(i, free[k])] * sd[free[k]] / unit
+            });
+            let noisy = |(pose, samples): (usize, &f64)| {
+                DMatrix::from_fn(each, fit.noise.sigma.len(), |row, c| {
+                    let (i, unit) = of[row];
+                    slopes[pose].by_reading[(i, c)] * fit.noise.sigma[c] / samples.sqrt() / unit
+                })
+            };
+            let noisy = self.samples.iter().enumerate().map(noisy);
+            (size > 0).then(|| Square::of(by_parameter, &correlation, noisy, &moved))
         };
         // Nothing is predicted where no chain carries a point.
         let sd_of = |at: &std::ops::Range<usize>, k: usize| {
-            let both = if k == 0 { [at.clone(), 0..0] } else { [0..0, at.clone()] };
-            square(&both, [1.0; 2]).map(|square| square.mean.sqrt())
+            let both = if k == 0 { [at, &(0..0)] } else { [&(0..0), at] };
+            square(both, [1.0; 2]).map(|square| square.mean.sqrt())
         };
         let position_sd = sd_of(&self.positions, 0).unwrap_or(f64::NAN);
         let orientation_sd = sd_of(&self.turns, 1);
         let unit = [position_sd, orientation_sd.unwrap_or(1.0)].map(|u| u.max(f64::MIN_POSITIVE));
-        let both = [self.positions.clone(), self.turns.clone()];
-        let dof = square(&both, unit).unwrap_or_default().dof;
+        let dof = square([&self.positions, &self.turns], unit).unwrap_or_default().dof;
         Predicted { poses: slopes.len(), position_sd, orientation_sd, dof }
     }
 }
@@ -207,17 +211,6 @@ fn rigid_motions(places: &[Vector3<f64>]) -> DMatrix<f64> {
         .filter(|&k| parts.singular_values[k] > RANK * most)
         .collect();
     parts.u.map_or_else(|| DMatrix::zeros(0, 0), |u| u.select_columns(&kept))
-}
-
-/// Takes the span of orthonormal columns out of a vector; none of no columns.
-fn take_out(columns: &DMatrix<f64>, part: &mut [f64]) {
-    if part.is_empty() || columns.nrows() != part.len() {
-        return;
-    }
-    for column in columns.column_iter() {
-        let along: f64 = column.iter().zip(part.iter()).map(|(a, b)| a * b).sum();
-        part.iter_mut().zip(&column).for_each(|(value, unit)| *value -= along * unit);
-    }
 }
 
 /// Root mean square over the coordinates of positions, at the most `most` poses of a table, by a step
@@ -298,21 +291,38 @@ struct Square {
 }
 
 impl Square {
-    /// (97) for `size` coordinates, by parameters, and by readings that are independent.
-    fn of(moves: &[Vec<f64>], correlation: &Mat<f64>, noisy: &[Vec<f64>], size: usize) -> Self {
-        let n = moves.len();
-        let gram = Mat::from_fn(n, n, |i, j| dot(&moves[i], &moves[j]));
-        let product = correlation * &gram;
-        let (mut mean, mut squares) = (0.0, 0.0);
-        for i in 0..n {
-            mean += product[(i, i)];
-            squares += (0..n).map(|j| product[(i, j)] * product[(j, i)]).sum::<f64>();
+    /// (97) by parameters and by readings, whose noise `noisy` is pose by pose: what is along the
+    /// orthonormal columns `motions` is taken out of all of them together.
+    ///
+    /// Poses share the errors of the parameters and none of the readings, so that the covariance is
+    /// `J C Jᵀ + Σ` with a block of `Σ` for each pose, between projections `P = I - M Mᵀ`.
+    fn of(
+        mut moves: DMatrix<f64>,
+        correlation: &DMatrix<f64>,
+        noisy: impl Iterator<Item = DMatrix<f64>>,
+        motions: &DMatrix<f64>,
+    ) -> Self {
+        let size = moves.nrows();
+        if motions.ncols() > 0 {
+            moves -= motions * (motions.transpose() * &moves);
         }
-        for k in 0..size {
-            let variance: f64 = noisy.iter().map(|moved| moved[k] * moved[k]).sum();
-            mean += variance;
-            squares += variance * variance;
+        let product = correlation * (moves.transpose() * &moves);
+        let (mut mean, mut squares) = (product.trace(), (&product * &product).trace());
+        let mut along = DMatrix::zeros(motions.ncols(), motions.ncols());
+        let mut first = 0;
+        for noise in noisy {
+            let own = &noise * noise.transpose();
+            let part = motions.rows(first, own.nrows());
+            let by_parameter = noise.transpose() * moves.rows(first, own.nrows());
+            let both = &by_parameter * correlation;
+            mean += own.trace();
+            squares += own.norm_squared() - 2.0 * (&own * part).norm_squared();
+            squares += 2.0 * both.component_mul(&by_parameter).sum();
+            along += part.transpose() * &own * part;
+            first += own.nrows();
         }
+        mean -= along.trace();
+        squares += along.norm_squared();
         let dof = if squares > 0.0 { mean * mean / squares } else { 1.0 };
         Self { mean: mean / size as f64, dof }
     }

@@ -63,8 +63,7 @@ pub fn check(
     let (found, pairs) = compare(mechanism, known, align, |t| found(observations, fit, known, t))?;
     let channels = mechanism.channels.len();
     let parts = rows_of_known(&known.table, channels, &known.poses).concat();
-    let samples =
-        parts.iter().map(|rows| rows.len() as f64).sum::<f64>() / parts.len().max(1) as f64;
+    let samples: Vec<f64> = parts.iter().map(|rows| rows.len() as f64).collect();
     let carried = known.carried(mechanism)?;
     let placed = carried.is_none() && is_placed(observations, fit);
     let points = mechanism.points.iter().filter(|p| p.chain.is_some()).count();
@@ -74,12 +73,12 @@ pub fn check(
     };
     let moved: Vec<_> = pairs.iter().filter(|_| align).map(|(_, found)| at(found)).collect();
     let (seen, turns) = (average(&known.table, channels, &parts), found.orientation_rms);
-    let expected = |samples| {
+    let expected = |samples: &[f64]| {
         let turns = turns.filter(|_| placed).map_or(0..0, |_| 3..6);
         let wanted = Wanted { placed, positions: positions.clone(), turns, samples, moved: &moved };
         wanted.at(observations, fit, &seen)
     };
-    let (error, quiet) = (expected(Some(samples))?, expected(None)?);
+    let (error, quiet) = (expected(&samples)?, expected(&[])?);
     let (position, orientation) = (found.position_rms, found.orientation_rms);
     let judged = error.judge(position, orientation, fit.noise.dof);
     let finite = judged.chi2.is_finite() && judged.position_sd > 0.0 && found.poses > 0;
