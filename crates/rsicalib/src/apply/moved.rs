@@ -1,14 +1,12 @@
 //! Parameters beside those of an earlier result.
 
 use crate::apply::earlier::outlasts;
+use crate::estimate::significance::CLEAN;
 use crate::mechanism::Mechanism;
 use crate::model::Spec;
 use crate::numerics::distributions::two_sided_limit;
 use crate::terms;
 use crate::terms::term::{Outlasts, Role};
-
-/// Probability that chance alone makes any parameter of a device differ.
-pub const MOVED_LEVEL: f64 = 0.01;
 
 /// A parameter of a result, with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +39,7 @@ pub struct Compared {
 /// Parameters that both `earlier` and `now` know.
 ///
 /// The limit of what has moved is shared by all that both results have: chance makes one of them
-/// differ with probability [`MOVED_LEVEL`]. What is not determined is not compared, nor what belongs
+/// differ with probability [`CLEAN`]. What is not determined is not compared, nor what belongs
 /// to one session. A sensor that slipped in the earlier session has the offset that the slip left it.
 #[must_use]
 pub fn compared(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -> Vec<Compared> {
@@ -52,7 +50,7 @@ pub fn compared(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -
     let all = now.iter().enumerate().filter(|(_, new)| lasts(new));
     let pairs: Vec<(usize, &Estimate, &Estimate)> =
         all.filter_map(|(k, new)| Some((k, same(new)?, new))).collect();
-    let limit = two_sided_limit(MOVED_LEVEL, pairs.len());
+    let limit = two_sided_limit(CLEAN, pairs.len());
     let compare = |(parameter, old, new): (usize, &Estimate, &Estimate)| {
         let (shift, variance) = shifts(earlier, &old.spec);
         let (before, after) = (old.value? + shift, new.value?);

@@ -116,13 +116,7 @@ rules! {
     PointsStand = "points_stand",
 }
 
-/// Share of clean sessions that are called otherwise than adequate, search and judgement together.
-pub const CLEAN: f64 = 0.01;
-
-/// What is less probable than this by chance is significant: the residual, the error on poses left
-/// out in turn, and that on known poses. A session is looked at three times, by the search and the
-/// first two, and each look has its share of [`CLEAN`]; known poses have as much beside them.
-pub const LEVEL: f64 = CLEAN / 3.0;
+pub use crate::estimate::significance::{CLEAN, LEVEL};
 
 /// The search charges for all candidates that it looks at as if they were independent, and names
 /// something in a clean session so many times less often than that sum says:

@@ -27,6 +27,7 @@ use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
 use crate::estimate::progress::Heard;
 use crate::estimate::residuals::Residuals;
+use crate::estimate::significance::LEVEL;
 use crate::estimate::sized::sized;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Start;
@@ -545,12 +546,9 @@ fn conclude(
 /// Factor of the covariance beside the inverse of the Gram matrix: of correlated noise, and of a
 /// residual above the noise, which has moved the estimates, too.
 pub(crate) fn widening(noise: &NoiseEstimate, p_value: Option<f64>, per_dof: f64) -> f64 {
-    let left = if p_value.is_some_and(|p| p < WIDENING_LEVEL) { per_dof.max(1.0) } else { 1.0 };
+    let left = if p_value.is_some_and(|p| p <= LEVEL) { per_dof.max(1.0) } else { 1.0 };
     noise.slow * left
 }
-
-/// A residual with a smaller p-value than this widens the intervals.
-const WIDENING_LEVEL: f64 = 0.01;
 
 /// Number of parameters that the data determine: each prior takes over a part of a parameter, and
 /// what nothing tells is none. `gram` is the Gram matrix with priors, `inverse` its pseudo-inverse,

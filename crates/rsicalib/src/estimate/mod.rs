@@ -27,6 +27,7 @@ mod residuals;
 mod rewired;
 pub mod search;
 pub(crate) mod settle;
+pub mod significance;
 mod sized;
 mod sparse;
 pub mod start;
