@@ -626,9 +626,12 @@ pub fn absurdity(observations: &Observations, absurdity: &Absurdity) -> String {
         Absurdity::Noise { channel, sigma, span } => {
             let channel = &mechanism.channels[channel];
             format!(
-                "noise of {:.3} {} in {}, whose joint can move by {span:.4}: these readings are \
+                "noise of {} {unit} in {}, whose joint can move by {} {unit}: these readings are \
                  not of this mechanism, or not in its units",
-                sigma, channel.unit, channel.name
+                significant(sigma, 3),
+                channel.name,
+                significant(span, 4),
+                unit = channel.unit
             )
         }
         Absurdity::Misclosure { rms, length } => format!(
