@@ -65,30 +65,28 @@ impl Contrasts {
 
     /// `-2 ln L` and `φ` of `λ`.
     fn at(&self, lambda: f64) -> [f64; 2] {
-        let (mut left, mut volume) = (self.chi2, 0.0);
-        for [c, square] in &self.pairs {
-            left -= lambda * square / (1.0 + lambda * c);
-            volume += (lambda * c).ln_1p();
-        }
+        let (left, volume) = (self.left(lambda), self.volume(lambda));
         let noise = (left / self.dof).max(self.least).max(f64::MIN_POSITIVE);
         [self.dof * noise.ln() + left / noise + volume, noise]
     }
 
     /// `χ² - R` beside effects of a ratio `λ` to the noise.
-    pub(crate) fn left(&self, lambda: f64) -> f64 {
+    fn left(&self, lambda: f64) -> f64 {
         let taken = self.pairs.iter().map(|[c, square]| lambda * square / (1.0 + lambda * c));
         self.chi2 - taken.sum::<f64>()
     }
 
-    /// The likeliest `τ²` beside noise of the variance that is known of it, of effects no larger than
-    /// their typical sizes: what is left is theirs, and not larger noise.
-    pub(crate) fn likeliest(&self) -> f64 {
+    /// The least of what data say of `χ² - R` and of `Σ ln(1 + λ c)`, of effects no larger than their
+    /// typical sizes.
+    pub(crate) fn likeliest(&self, data: impl Fn(f64) -> f64) -> f64 {
         let tried = self.ratios().unwrap_or_default().into_iter().map(|[ratio, _]| ratio * ratio);
-        let volume =
-            |lambda: f64| self.pairs.iter().map(|[c, _]| (lambda * c).ln_1p()).sum::<f64>();
-        let cost = |lambda: f64| self.left(lambda) / self.least + volume(lambda);
-        let costs = tried.map(|lambda| (lambda, cost(lambda)));
-        costs.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |(lambda, _)| lambda)
+        let costs = tried.map(|lambda| data(self.left(lambda)) + self.volume(lambda));
+        costs.fold(data(self.chi2), f64::min)
+    }
+
+    /// `Σ ln(1 + λ c)`.
+    fn volume(&self, lambda: f64) -> f64 {
+        self.pairs.iter().map(|[c, _]| (lambda * c).ln_1p()).sum()
     }
 
     /// Ratios of standard deviations that are tried, each with the width that it stands for; none where
@@ -202,6 +200,11 @@ mod tests {
         }
         // They differ by a constant: what X alone gives.
         assert!(differences.iter().all(|d| (d - differences[0]).abs() < 1e-9), "{differences:?}");
+        // Beside a noise that is known, the least over all sizes up to the typical ones.
+        let of = |tau: f64| plain(&x, &z, &y, [tau, 1.0]) - plain(&x, &z, &y, [0.0, 1.0]);
+        let witness = (0..=2000).map(|k| of(f64::from(k) / 2000.0)).fold(f64::INFINITY, f64::min);
+        let least = found.likeliest(|chi2| chi2) - r.norm_squared();
+        assert!((least - witness).abs() < 1e-3 * (1.0 + witness.abs()), "{least} for {witness}");
         let component = found.component().expect("seen");
         let [low, high] = component.interval;
         assert!(low <= component.sd && component.sd <= high);

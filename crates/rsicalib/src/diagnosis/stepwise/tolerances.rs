@@ -9,8 +9,8 @@
 //! R = τ² uᵀ (1 + τ² M)⁻¹ u                                                         (116)
 //! ```
 //!
-//! of its χ². With the likeliest `τ` of the fit with what was found, (131), prices of both are those of
-//! `χ² - R`. Without structure `τ` is 0, and nothing changes.
+//! of its χ². The price of each is that of `χ² - R`, and `ln det(1 + τ² M)` with it, as in (131), at the
+//! `τ` that is likeliest beside it. Without structure `τ` is 0, and nothing changes.
 
 use faer::Mat;
 
@@ -62,9 +62,9 @@ impl Stepwise<'_> {
         let without = self.without(current, &later)?;
         let named = self.with(&without, &[own.instance])?;
         let Some(mine) = self.contrasts(&named)? else { return Ok(Vec::new()) };
-        let ratio = mine.likeliest();
-        let price =
-            |contrasts: &Contrasts, s: &Scored| self.data_of(contrasts.left(ratio)) + s.paid();
+        let price = |contrasts: &Contrasts, s: &Scored| {
+            contrasts.likeliest(|chi2| self.data_of(chi2)) + s.paid()
+        };
         let limit = price(&mine, &own) + AS_WELL;
         let mut as_well = Vec::new();
         for candidate in others {
