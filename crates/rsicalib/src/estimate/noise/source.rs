@@ -418,9 +418,10 @@ pub(crate) fn estimate_noise(
     }
     let differences = within;
     let within = scatter.within / dof.max(1.0) / shown;
-    // Samples that resemble their neighbours so much that few are left of them tell no noise: what
-    // is left changes more slowly than over the rows of a group, and may be no noise at all.
-    let told = dof.min(effective) >= LEAST_DOF && (!still || rounding > 0.0);
+    // Rows of a motion that resemble their neighbours so much that few are left of them tell no noise:
+    // what is left changes more slowly than over the rows of a group, and may be no noise at all.
+    let differ = if held { dof } else { dof.min(effective) };
+    let told = differ >= LEAST_DOF && (!still || rounding > 0.0);
     if told {
         let lasting = groups.lasting_rounding(observations) * share;
         // In a recording every row has a play of its own, and a length that is measured has its noise.
