@@ -15,9 +15,8 @@ find_python() {
     die "no Python of 3.11 or later with the module venv; set PYTHON to one"
 }
 
-# Python compiles a module when it is first imported: most of what is fetched never is.
 pip_install() {
-    .venv/bin/python -m pip --disable-pip-version-check install --quiet --no-compile "$@"
+    .venv/bin/python -m pip --disable-pip-version-check install --quiet "$@"
 }
 
 build() {
