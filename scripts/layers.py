@@ -1,4 +1,4 @@
-"""Check the layers of the two source trees: `python -m scripts.layers`.
+"""Check the layers of the source trees: `python -m scripts.layers`.
 
 A file may import from its own folder and from earlier layers, and no files may import each other
 in a circle. An import counts wherever it stands: in a function or under `TYPE_CHECKING` as well.
@@ -72,6 +72,26 @@ RUST = (
     "report",
 )
 """Modules and folders of `crates/rsicalib/src`, lowest first."""
+
+BINDINGS = (
+    "error",
+    "threads",
+    "numbers",
+    "mechanism",
+    "tables",
+    "options",
+    "apply",
+    "documents",
+    "experiments",
+    "faults",
+    "history",
+    "monitor",
+    "population",
+    "devices",
+    "observations",
+    "design",
+)
+"""Modules of `crates/rsicalib-py/src`, lowest first."""
 
 TOPS = ("__init__.py", "lib.rs")
 """Files that stand above all layers: they list what is public."""
@@ -164,10 +184,11 @@ def _shortest(start: str, by_file: dict[str, dict[str, Import]]) -> list[Import]
 
 
 def main() -> int:
-    """Check both trees; 1 if anything is wrong."""
+    """Check all trees; 1 if anything is wrong."""
     trees = [
         ("python/rsicalib", python_tree, PYTHON),
         ("crates/rsicalib/src", rust_tree, RUST),
+        ("crates/rsicalib-py/src", rust_tree, BINDINGS),
     ]
     wrong = 0
     for folder, read, layers in trees:

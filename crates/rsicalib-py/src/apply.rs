@@ -16,7 +16,7 @@ use rsicalib::model::Spec;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::observations::{PyKnown, PyTable, known_of, poses_of};
+use crate::tables::{PyKnown, PyTable, known_of, poses_of};
 use crate::threads::work;
 
 /// Term, target and place.

@@ -14,7 +14,8 @@ use rsicalib::readings::Table;
 use rsicalib::report::device::{DeviceOptions, DeviceReport, report};
 
 use crate::mechanism::PyMechanism;
-use crate::observations::{PyTable, fit_options};
+use crate::options::fit_options;
+use crate::tables::PyTable;
 use crate::threads::work;
 
 /// Readings of one device: a table, and readings of its rest pose.

@@ -12,7 +12,9 @@ mod mechanism;
 mod monitor;
 mod numbers;
 mod observations;
+mod options;
 mod population;
+mod tables;
 mod threads;
 
 use pyo3::PyClass;

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyTuple};
 use pythonize::pythonize;
@@ -14,10 +14,9 @@ use rsicalib::diagnosis::options::{Rule, SearchOptions};
 use rsicalib::diagnosis::trace::Traced;
 use rsicalib::estimate::directions::directions;
 use rsicalib::estimate::progress::Progress;
-use rsicalib::estimate::{Expected, Fit, FitOptions, Method, Observations};
+use rsicalib::estimate::{Expected, Fit, Observations};
 use rsicalib::mechanism::Mechanism;
 use rsicalib::monitor::compare::{Judged, compare};
-use rsicalib::readings::Table;
 use rsicalib::report::beside::{Beside, Touched};
 use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
@@ -33,7 +32,8 @@ use serde::Serialize;
 use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::population::PyExpected;
+use crate::options::{PyExpected, fit_options};
+use crate::tables::{PyKnown, PyTable, known_of};
 use crate::threads::work;
 
 /// Readings of one mechanism, with what is known beside them.
@@ -80,57 +80,8 @@ pub struct PyFit {
     pub fit: Arc<Fit>,
 }
 
-/// One table of readings, as Python holds it.
-#[derive(FromPyObject)]
-pub struct PyTable<'py> {
-    #[pyo3(item)]
-    values: PyReadonlyArray2<'py, f64>,
-    #[pyo3(item)]
-    pose: Option<PyReadonlyArray1<'py, i64>>,
-    #[pyo3(item)]
-    time: Option<PyReadonlyArray1<'py, f64>>,
-    #[pyo3(item)]
-    temperature: Option<PyReadonlyArray1<'py, f64>>,
-    #[pyo3(item)]
-    session: Option<Vec<usize>>,
-    #[pyo3(item)]
-    keys: Vec<Vec<String>>,
-    #[pyo3(item)]
-    columns: Vec<Vec<f64>>,
-}
-
-impl PyTable<'_> {
-    /// The same values, owned by Rust.
-    pub fn table(&self) -> Table {
-        let column =
-            |c: &Option<PyReadonlyArray1<'_, f64>>| c.as_ref().map(|c| c.as_array().to_vec());
-        Table {
-            values: self.values.as_array().iter().copied().collect(),
-            pose: self.pose.as_ref().map(|p| p.as_array().to_vec()),
-            time: column(&self.time),
-            temperature: column(&self.temperature),
-            session: self.session.clone(),
-            keys: self.keys.clone(),
-            columns: self.columns.clone(),
-        }
-    }
-}
-
-/// Poses, row by row.
-pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
-    poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
-}
-
 /// A calibration in the shape of the JSON, the fit, and the fit with what was left out.
 type Calibration<'py> = (Bound<'py, PyAny>, PyFit, Option<PyFit>);
-
-/// Known poses as Python gives them: a table, the poses, row by row, and the point whose places they are.
-pub type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>, Option<String>);
-
-/// The same, owned by Rust.
-pub fn known_of((table, poses, point): PyKnown<'_>, align: bool) -> Known {
-    Known { table: table.table(), poses: poses_of(&poses), point, align }
-}
 
 /// What is known beside the readings, as Python gives it: see [`Beside`].
 #[derive(FromPyObject)]
@@ -167,28 +118,6 @@ impl From<PyBeside<'_>> for Beside {
             touched: given.whole.map(touched),
         }
     }
-}
-
-/// Options of a fit by their names in Python; what is not given is as in Rust.
-pub fn fit_options(
-    terms: Option<Vec<String>>,
-    closures: Option<Vec<String>>,
-    method: Option<&str>,
-    noise: Option<Vec<f64>>,
-) -> Result<FitOptions, PyError> {
-    let method = match method {
-        None | Some("implicit_loop") => Method::ImplicitLoop,
-        Some("algebraic") => Method::Algebraic,
-        Some(other) => {
-            return Err(rsicalib::Error::Option {
-                name: "method",
-                found: other.into(),
-                expected: "implicit_loop or algebraic".into(),
-            }
-            .into());
-        }
-    };
-    Ok(FitOptions { terms, closures, noise, method, ..FitOptions::default() })
 }
 
 #[pymethods]

@@ -4,41 +4,19 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
 use pythonize::pythonize;
+use rsicalib::estimate::Expected;
 use rsicalib::estimate::directions::ParameterReport;
-use rsicalib::estimate::{Expectation, Expected};
 use rsicalib::model::Spec;
 use rsicalib::population::{Candidate, Share, Shift, Summed, middles};
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::observations::{PyTable, fit_options};
+use crate::options::{PyExpected, fit_options};
+use crate::tables::PyTable;
 use crate::threads::work;
-
-/// Term, target, name, mean and standard deviation of what is expected of a parameter.
-type PyExpectation = (String, Option<String>, Option<String>, f64, f64);
 
 /// Value and standard deviation of each parameter.
 type Values = Vec<(f64, f64)>;
-
-/// What is expected of parameters, and the readings at which offsets are meant.
-#[derive(FromPyObject)]
-pub struct PyExpected {
-    #[pyo3(item)]
-    centre: Vec<f64>,
-    #[pyo3(item)]
-    parameters: Vec<PyExpectation>,
-}
-
-impl From<PyExpected> for Expected {
-    fn from(given: PyExpected) -> Self {
-        let of = |(term, target, name, mean, sd)| {
-            let spec = Spec { term, target, place: None };
-            Expectation { spec, name, mean, sd }
-        };
-        let parameters = given.parameters.into_iter().map(of).collect();
-        Self { centre: given.centre, parameters }
-    }
-}
 
 /// What a device tells, as Python carries it: matrices as arrays, the rest as lists.
 #[derive(FromPyObject)]

@@ -1,0 +1,55 @@
+//! Tables of readings and of known poses, as Python holds them.
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use rsicalib::readings::Table;
+use rsicalib::report::result::Known;
+
+/// One table of readings, as Python holds it.
+#[derive(FromPyObject)]
+pub struct PyTable<'py> {
+    #[pyo3(item)]
+    values: PyReadonlyArray2<'py, f64>,
+    #[pyo3(item)]
+    pose: Option<PyReadonlyArray1<'py, i64>>,
+    #[pyo3(item)]
+    time: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(item)]
+    temperature: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(item)]
+    session: Option<Vec<usize>>,
+    #[pyo3(item)]
+    keys: Vec<Vec<String>>,
+    #[pyo3(item)]
+    columns: Vec<Vec<f64>>,
+}
+
+impl PyTable<'_> {
+    /// The same values, owned by Rust.
+    pub fn table(&self) -> Table {
+        let column =
+            |c: &Option<PyReadonlyArray1<'_, f64>>| c.as_ref().map(|c| c.as_array().to_vec());
+        Table {
+            values: self.values.as_array().iter().copied().collect(),
+            pose: self.pose.as_ref().map(|p| p.as_array().to_vec()),
+            time: column(&self.time),
+            temperature: column(&self.temperature),
+            session: self.session.clone(),
+            keys: self.keys.clone(),
+            columns: self.columns.clone(),
+        }
+    }
+}
+
+/// Poses, row by row.
+pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
+    poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
+}
+
+/// Known poses as Python gives them: a table, the poses, row by row, and the point whose places they are.
+pub type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>, Option<String>);
+
+/// The same, owned by Rust.
+pub fn known_of((table, poses, point): PyKnown<'_>, align: bool) -> Known {
+    Known { table: table.table(), poses: poses_of(&poses), point, align }
+}
