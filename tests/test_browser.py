@@ -15,6 +15,7 @@ from rsicalib import DEMO, Trace
 from rsicalib.facts.shapes import Excluded
 from rsicalib.facts.warned import Warned
 from rsicalib.report.poses import poses_html
+from rsicalib.report.workspace import Shades
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
 from rsicalib.reproduction.page import html as paper_html
 from tests.browser import look, needs_chromium
@@ -209,6 +210,54 @@ def test_every_hypothesis_shows_its_residual_its_error_and_where_it_puts_the_pla
         )
 
 
+FOLLOWS = """
+window.requestAnimationFrame = (act) => act();
+const cells = () => [...document.querySelectorAll("#workspace .desk [data-w]")]
+  .map((cell) => cell.getAttribute("class"));
+return [...document.querySelectorAll("#hypotheses input")].map((choice) => {
+  choice.click();
+  const laws = [...document.querySelectorAll("#effect1-law .desk [data-law]")];
+  const level = [...document.querySelectorAll("#mechanism .desk .cells path")]
+    .flatMap((p) => p.getAttribute("d").split("M").slice(1).map(() => p.getAttribute("class")));
+  return { cells: cells(), level: level.sort(),
+    picked: laws.filter((l) => l.classList.contains("picked")).map((l) => l.dataset.law),
+    faint: laws.filter((l) => l.classList.contains("unchosen")).map((l) => l.dataset.law) };
+});
+"""
+
+
+def test_the_law_and_the_workspace_follow_the_hypothesis(traced: Trace, tmp_path: Path) -> None:
+    states, errors = look(traced.report(), FOLLOWS, tmp_path)
+    assert errors == []
+    assert traced.evidence is not None
+    known, drawn = traced.evidence.hypotheses, traced.evidence.workspace
+    shades = Shades(drawn)
+    laws = {"curvature@a22", "once_per_turn@a22", "twice_per_turn@a22"}
+    for state, one in zip(states, known, strict=True):
+        there = [{cell[:2]: cell[2] for cell in part.cells} for part in one.workspace]
+        sd = [
+            part.get(cell[:2])
+            for part, base in zip(there, drawn, strict=True)
+            for cell in base.cells
+        ]
+        # Two digits of a number stand in the page: one that is an edge may have either shade.
+        expected = [{"usual"} if v is None else shown_shades(shades, v) for v in sd]
+        assert all(c in e for c, e in zip(state["cells"], expected, strict=True)), one.kind
+        level = sorted(state["cells"][: len(drawn[0].cells)])
+        assert state["level"] == [c for c in level if c != "usual"]
+        effects = {f"{n.term}@{n.target}" for n in one.effects}
+        if one.kind == "found":
+            assert state["picked"] == state["faint"] == []
+        else:
+            assert set(state["picked"]) == effects & laws
+            assert set(state["faint"]) == laws - effects
+
+
+def shown_shades(shades: Shades, sd: float) -> set[str]:
+    """Shades that a number may have, written in two digits or as it is."""
+    return {f"sd{shades.of(v)}" for v in (sd, float(f"{sd:.2g}"))}
+
+
 FADES = """
 const fader = document.getElementById("fader");
 const chosen = document.querySelector('#mechanism .desk [data-is="chosen"]');
@@ -266,14 +315,18 @@ const frame = (act) => { const all = []; window.requestAnimationFrame = (f) => a
   act(); all.forEach((f) => f()); };
 const at = () => [...view.querySelectorAll("circle[data-p]")].map((dot) =>
   [+dot.getAttribute("cx"), +dot.getAttribute("cy")]);
-const { scale, x, y } = view.querySelector(".scene").dataset;
+const { x, y } = view.querySelector(".scene").dataset;
 const first = at();
 frame(() => view.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" })));
 const turned = at();
 frame(() => document.querySelectorAll("#mechanism .views button")[1].click());
-const data = document.getElementById("mechanism-data").textContent;
-return { first, turned, above: at(), scale: +scale, x: +x, y: +y,
-  centre: JSON.parse(data).centre };
+const above = at();
+frame(() => view.dispatchEvent(new KeyboardEvent("keydown", { key: "Home" })));
+const data = JSON.parse(document.getElementById("mechanism-data").textContent);
+const bar = view.querySelector("[data-bar]");
+return { first, turned, above, back: at(), x: +x, y: +y, centre: data.centre,
+  radius: data.radius, tall: data.tall, margin: data.margin,
+  bar: [+bar.dataset.bar, +bar.getAttribute("d").match(/h([0-9.]+)/)[1]] };
 """
 
 
@@ -284,21 +337,30 @@ def test_keys_and_buttons_turn_the_mechanism(traced: Trace, tmp_path: Path) -> N
     assert traced.evidence is not None and traced.evidence.drawing is not None
     places = np.array(traced.evidence.drawing.places) - found["centre"]
 
+    def scale(elevation: float) -> float:
+        """All of it stands in a cylinder: its width, and its height where it is tilted."""
+        up = found["tall"] * np.cos(elevation) + found["radius"] * np.sin(elevation)
+        room = found["x"] - found["margin"], found["y"] - found["margin"]
+        return float(min(room[0] / found["radius"], room[1] / up))
+
     def seen(azimuth: float, elevation: float) -> np.ndarray:
         c, s = np.cos(azimuth), np.sin(azimuth)
         about_z = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # x to the viewer
         c, s = np.cos(elevation), np.sin(elevation)
         up = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-        at = found["scale"] * places @ (up @ about_z).T
+        at = scale(elevation) * places @ (up @ about_z).T
         return np.stack([found["x"] + at[:, 1], found["y"] - at[:, 2]], axis=1)
 
     for name, view in {
         "first": (35.0, 20.0),
         "turned": (30.0, 20.0),
         "above": (-90.0, 90.0),
+        "back": (35.0, 20.0),
     }.items():
         # Pixels are written to a tenth.
         np.testing.assert_allclose(found[name], seen(*np.radians(view)), atol=0.07, rtol=0.0)
+    length, pixels = found["bar"]
+    assert pixels == pytest.approx(length * scale(np.radians(20.0)), abs=0.06)
 
 
 def test_the_arrows_at_check_poses_are_the_errors_that_the_result_says(traced: Trace) -> None:
@@ -333,7 +395,9 @@ document.querySelectorAll(".save button").forEach((button) => {
 });
 const dot = document.querySelector("#residuals .desk [data-p='3']");
 dot.dispatchEvent(new PointerEvent("pointerover", { bubbles: true }));
+const scene = JSON.parse(document.getElementById("mechanism-data").textContent);
 return { given, figures: document.querySelectorAll("figure").length,
+  body: scene.ghosts[scene.poses.indexOf(3)].flat(),
   lit: [...document.querySelectorAll(".lit")].map((d) => [d.closest("figure").id, d.dataset.p]),
   words: document.getElementById("pose-words").textContent };
 """
@@ -345,7 +409,13 @@ def test_every_figure_can_be_saved_and_a_pose_lights_up_in_all(
     found, errors = look(traced.report(), SAVES, tmp_path)
     assert errors == []
     assert found["given"] == ["image/svg+xml"] * found["figures"]
-    assert {figure for figure, _ in found["lit"]} == {"mechanism", "residuals", "switched"}
+    everywhere = {"mechanism", "residuals", "switched", "normal", "reliability"}
+    everywhere |= {"effect1-law", "effect1-added"}
+    assert {figure for figure, _ in found["lit"]} == everywhere
+    # The mechanism itself goes to the pose: its first joint that moves.
+    assert traced.evidence is not None and traced.evidence.drawing is not None
+    row = traced.evidence.drawing.poses.index(3)
+    np.testing.assert_allclose(found["body"], traced.evidence.drawing.at[row], atol=1e-3)
     assert {p for _, p in found["lit"]} == {"3"}
     assert traced.evidence is not None
     label = traced.evidence.poses[3]
@@ -438,7 +508,7 @@ def test_the_page_of_the_paper_has_every_table_and_every_misprint(tmp_path: Path
     page = paper_html(Paper("rsicalib.paper/1", "0", 2, 0, tables, (misprint,)))
     probe = """
     const zero = +document.querySelector(".desk .zero").getAttribute("y1");
-    return [[...document.querySelectorAll("td")].map((cell) => cell.textContent),
+    return [[...document.querySelectorAll("tbody td")].map((cell) => cell.textContent),
       [...document.querySelectorAll(".desk circle")].map((c) => zero - c.getAttribute("cy"))];
     """
     (cells, heights), errors = look(page, probe, tmp_path)

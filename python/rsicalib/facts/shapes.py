@@ -781,6 +781,9 @@ class Law(Record):
     deviation."""
     per_dot: int
     """Poses whose weighted mean one dot is."""
+    poses: tuple[int, ...]
+    """Number of the pose of each dot, as in the drawing; empty where a dot is the mean of
+    several."""
     line: tuple[tuple[float, ...], ...]
     """The law: variable and correction."""
     alternatives: tuple[Alternative, ...]
@@ -831,6 +834,9 @@ class EffectEvidence(Record):
     noise."""
     per_dot: int
     """Equations whose mean one dot of `added_variable` is."""
+    of_pose: tuple[int, ...]
+    """Number of the pose of each dot of `added_variable`, as in the drawing; empty where a dot is
+    the mean of several."""
     scores: tuple[Score, ...]
     """Scores of all candidates without the effect, best first."""
 
@@ -1017,6 +1023,9 @@ class Hypothesis(Record):
     """`places` of the drawing with these effects [length unit]."""
     known: tuple[tuple[float, ...], ...]
     """Positions of the known poses with these effects [length unit]."""
+    workspace: tuple[Slice, ...]
+    """How well the calibration with these effects places what is carried, as `workspace` of the
+    evidence."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from rsicalib.plain_text import counted
 from rsicalib.planning.plans import Forecast, Plan
 from rsicalib.planning.worthwhile import worthwhile
 from rsicalib.poses.devices import Within
-from rsicalib.report.words import subject
+from rsicalib.report.words import UNKNOWN, subject
 from rsicalib.results.result import Result, Trace
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
 from rsicalib.work.job import Work
@@ -27,8 +27,6 @@ from rsicalib.work.outcome import described
 __all__ = ["Choice", "Sessions", "explanations", "plan_further", "plan_until"]
 
 UNKNOWN_POINT = "unknown_point"
-UNKNOWN_LAW = "unknown_law"
-"""A law that no term has: nothing can be predicted by it."""
 Explained = tuple[list[str], float, float]
 """Effects, penalised χ², probability."""
 
@@ -120,7 +118,8 @@ def explanations(result: Result) -> list[tuple[tuple[Name, ...], float, float]]:
     """Effects, penalised χ² and probability of each explanation by terms, the best first."""
     if not isinstance(result, Trace):
         return []
-    rivals = [r for r in result.rivals if all(t.term != UNKNOWN_LAW for t in r.terms)]
+    # Nothing can be predicted by a law that no term has.
+    rivals = [r for r in result.rivals if all(t.term != UNKNOWN for t in r.terms)]
     if rivals:
         return [(r.terms, r.chi2_penalised, r.probability) for r in rivals]
     steps = tuple(

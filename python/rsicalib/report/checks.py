@@ -88,7 +88,7 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
                 said += "none" if error is None else with_unit(number(error), own[c])
                 said += f", external reliability {number(harm)}"
                 kind = f"level{_level(error, middle.get(own[c], 1.0))}"
-                canvas.rect(left + size * p, 18.0 * c, size + 0.3, 17.0, kind, said)
+                canvas.rect(left + size * p, 18.0 * c, size + 0.3, 17.0, kind, said, p=p)
         y = 18.0 * len(names) + 14.0
         canvas.text(left, y, "pose, in the order of the readings", kind="label")
         words = ("half", "usual", "2 ×", "4 ×", "none")

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from rsicalib.facts.shapes import Against, EffectEvidence, Law, Score, Step
+from rsicalib.facts.shapes import Against, EffectEvidence, Law, Name, Score, Step
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
 from rsicalib.report.words import name_of, number, subject
 from rsicalib.units import axis_words, in_thousandths
 
-__all__ = ["effect_figures", "scores_figure"]
+__all__ = ["effect_figures", "effect_key", "scores_figure"]
 
 HEIGHT = 240.0
 
 BARS = 10
 """Candidates whose bar has a label; the others have thin bars."""
+
+
+def effect_key(effect: Step | Name) -> str:
+    """What an effect is called in the data of a page."""
+    return f"{effect.term}@{effect.target}"
 
 
 def effect_figures(step: Step, evidence: EffectEvidence | None, name: str) -> list[Figure]:
@@ -30,6 +36,11 @@ def effect_figures(step: Step, evidence: EffectEvidence | None, name: str) -> li
     figures.append(_added_variable_figure(step, evidence, name))
     scores = scores_figure(evidence.scores, f"{name}-scores")
     return [*figures, *([scores] if scores else [])]
+
+
+def of(pose: int | None) -> dict[str, Any]:
+    """The data of a dot that is of one pose: it lights up with all of that pose."""
+    return {} if pose is None else {"p": pose}
 
 
 def _per_dot(count: int, what: str) -> str:
@@ -77,25 +88,30 @@ def _law_figure(step: Step, law: Law, name: str) -> Figure:
     if step.curve and on_reading:
         lines[0] = [(row[0], times * row[1]) for row in step.curve]
     others = [subject(a.effect) for a in law.alternatives]
+    keys = [effect_key(step), *(effect_key(a.effect) for a in law.alternatives)]
+    # Of each dot the correction, and the number of its pose where it is of one.
+    of_pose = law.poses or (None,) * len(dots)
 
     def draw(width: float) -> str:
         canvas = Canvas(width, HEIGHT + 16.0 * (1 + len(others)))
         x = bounds(d[0] for d in dots)
         usual = sorted(d[2] for d in dots)[len(dots) // 2] if dots else 0.0
         shown = [d for d in dots if d[2] <= 3.0 * usual]
+        poses = [p for d, p in zip(dots, of_pose, strict=True) if d[2] <= 3.0 * usual]
         y = bounds([0.0, *(d[1] for d in shown), *(p[1] for line in lines for p in line)])
         words = axis_words(law.over, law.unit), axis_words(what, unit)
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         if upper:
             edge = [(u, min(max(v, y[0]), y[1])) for u, v in [*upper, *lower[::-1]]]
             canvas.path([chart.at(p) for p in edge], "band", closed=True)
-        for at, value, sd in shown:
+        for (at, value, sd), pose in zip(shown, poses, strict=True):
             px, py = chart.at((at, value))
             canvas.line(px, chart.y(value - sd), px, chart.y(value + sd), "whisker")
-            canvas.dot(px, py, 2.6, "dot" if sd <= 1.5 * usual else "dot faint")
+            kind = "dot" if sd <= 1.5 * usual else "dot faint"
+            canvas.dot(px, py, 2.6, kind, **of(pose))
         for k, line in enumerate(lines[1:]):
-            chart.curve(line, f"rival rival{k}")
-        chart.curve(lines[0], "law")
+            chart.curve(line, f"rival rival{k}", keys[k + 1])
+        chart.curve(lines[0], "law", keys[0])
         _legend(canvas, HEIGHT, [subject(step), *others])
         return canvas.svg(f"{subject(step)}: law and residual over {law.over}")
 
@@ -156,8 +172,8 @@ def _added_variable_figure(step: Step, evidence: EffectEvidence, name: str) -> F
         words = ("what it explains / noise", "residual without it / noise")
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         low, high = max(x[0], y[0]), min(x[1], y[1])
-        for dot in dots:
-            canvas.dot(*chart.at(dot), 2.4)
+        for dot, pose in zip(dots, evidence.of_pose or (None,) * len(dots), strict=True):
+            canvas.dot(*chart.at(dot), 2.4, **of(pose))
         chart.curve([(low, low), (high, high)], "law")
         return canvas.svg(f"added-variable plot of {subject(step)}")
 

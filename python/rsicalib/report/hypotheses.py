@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -9,10 +10,19 @@ from typing import Any
 import numpy as np
 
 from rsicalib.arrays import FloatArray
-from rsicalib.facts.shapes import Evidence, Hypothesis, ParameterName, SwitchFit
-from rsicalib.report.mechanism import Scene
+from rsicalib.facts.shapes import Evidence, Hypothesis, ParameterName, Rival, Slice, SwitchFit
+from rsicalib.report.effects import effect_key
+from rsicalib.report.plain import is_same
 from rsicalib.report.residuals import Dots
-from rsicalib.report.words import listed_words, number, plus_minus, probability, subject
+from rsicalib.report.scene import Scene
+from rsicalib.report.words import (
+    listed_words,
+    number,
+    percent,
+    plus_minus,
+    probability,
+    subject,
+)
 
 __all__ = ["choices_html", "fader_html", "fit_data", "hypothesis_data", "key_of", "residuals_of"]
 
@@ -67,6 +77,8 @@ def hypothesis_data(
     if one.check is not None:
         data["error"] += [number(one.check.position_rms), number(one.check.orientation_rms)]
     data |= {"words": words_of(one), "chi2": one.fit.chi2}
+    data["laws"] = [effect_key(name) for name in one.effects]
+    data["sd"] = None if one is found else deviations(one.workspace, found.workspace)
     if scene is None or len(one.places) != len(scene.places):
         return data
     digits = scene.digits
@@ -81,13 +93,35 @@ def hypothesis_data(
     return data
 
 
-def choices_html(evidence: Evidence) -> str:
+def deviations(own: Sequence[Slice], drawn: Sequence[Slice]) -> list[float | None]:
+    """Standard deviation in each cell that is drawn; None where the hypothesis has no such cell."""
+    out: list[float | None] = []
+    for one, other in zip(drawn, own, strict=False):
+        first, step = one.cells[0] if one.cells else (0.0, 0.0), one.step
+
+        def at(cell: Sequence[float], first: Sequence[float], step: Sequence[float]) -> Any:
+            return tuple(round((cell[k] - first[k]) / step[k]) for k in (0, 1))
+
+        there = {at(cell, first, step): cell[2] for cell in other.cells}
+        for cell in one.cells:
+            if math.isfinite(cell[2]):
+                sd = there.get(at(cell, first, step))
+                out.append(float(f"{sd:.2g}") if sd is not None and math.isfinite(sd) else None)
+    return out
+
+
+def _probability(one: Hypothesis, rivals: Sequence[Rival]) -> float | None:
+    """Probability of a hypothesis among the explanations, a law that no term has included."""
+    return next((r.probability for r in rivals if is_same(one, r)), None)
+
+
+def choices_html(evidence: Evidence, rivals: Sequence[Rival]) -> str:
     """The hypotheses to choose from, with their probabilities; what was found is chosen."""
     rows = []
     for one in evidence.hypotheses:
-        p = one.probability
+        p = _probability(one, rivals)
         share = "" if p is None else f'<span class="share" style="width:{100 * p:.1f}%"></span>'
-        words = "" if p is None else f"{100 * p:.0f} %"
+        words = "" if p is None else percent(p)
         mark = " checked" if one.kind == "found" else ""
         rows.append(
             f'<label><input type="radio" name="hypothesis"{mark}> {escape(words_of(one))}'

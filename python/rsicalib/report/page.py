@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -13,9 +14,10 @@ from rsicalib.plain_text import counted
 from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
 from rsicalib.report.effects import effect_figures, scores_figure
 from rsicalib.report.figure import STYLE, Figure, data_element, whole
-from rsicalib.report.mechanism import mechanism_figure, scene_of
+from rsicalib.report.mechanism import mechanism_figure
 from rsicalib.report.plain import certainty_html, plain_words
 from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_figure
+from rsicalib.report.scene import scene_of
 from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
     advice,
@@ -70,8 +72,13 @@ def html(result: ResultShape, evidence: Evidence | None = None, target: float | 
         The document.
     """
     if is_garbage(result):
-        parts = [_first_screen(result, None), _why_garbage(result), _warnings(result)]
-        return document(f"{result.mechanism}: {result.verdict}", [*parts, _about(result)])
+        parts = [
+            _garbage(result),
+            _warnings(result),
+            _folded("How it was computed", _about(result)),
+        ]
+        return document(f"{result.mechanism}: {result.verdict}", parts, _whose(result))
+    calm = result.verdict == "adequate" and not result.excluded and not result.warnings
     parts = [
         _residuals(result, evidence),
         _found(result, evidence) if isinstance(result, TraceShape) else "",
@@ -86,9 +93,10 @@ def html(result: ResultShape, evidence: Evidence | None = None, target: float | 
         _about(result),
     ]
     # Where nothing is the matter the first screen says it all.
-    if result.verdict == "adequate" and not result.excluded and not result.warnings:
-        parts = [_folded("Everything else: residuals, workspace, parameters", *parts)]
-    first = _first_screen(result, evidence)
+    if calm:
+        parts.insert(0, section(*_errors(result)))
+        parts = [_folded("Everything else: errors, residuals, workspace, parameters", *parts)]
+    first = _first_screen(result, evidence, calm=calm)
     title = f"{result.mechanism}: {result.verdict or 'calibrated'}"
     return document(title, [first, *parts], _whose(result))
 
@@ -166,7 +174,8 @@ def table(
         for k, (kind, cell) in enumerate(zip(kinds, row, strict=True)):
             # Numbers are never broken as it is.
             words = k < text or heads[k] == long
-            out.append(f"<{tag}{kind}>{whole(escape(cell)) if words else escape(cell)}</{tag}>")
+            own = tag if cell else "td"  # a head without words is none
+            out.append(f"<{own}{kind}>{whole(escape(cell)) if words else escape(cell)}</{own}>")
         return "".join(out)
 
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
@@ -203,37 +212,46 @@ def _folded(title: str, *parts: str) -> str:
     return f"<details><summary>{escape(title)}</summary>\n{inner}</details>" if inner else ""
 
 
-def _first_screen(result: ResultShape, evidence: Evidence | None) -> str:
+def _said_first(result: ResultShape, evidence: Evidence | None) -> str:
+    """What is the matter, in words for people and for experts, and how sure that is."""
     good = "good" if EXIT_CODES[result.verdict] == 0 else "bad"
-    whose = _whose(result)
-    note = f"<p>{escape(result.note)}</p>" if result.note else ""
+    parts = [
+        f"<h1>{escape(_whose(result))}</h1>",
+        f'<p class="verdict {good}">{whole(escape(plain_words(result, evidence)))}</p>',
+        certainty_html(result, evidence),
+        f'<p class="experts">{whole(escape(sentence(result)))}</p>',
+        f"<p>{escape(result.note)}</p>" if result.note else "",
+    ]
+    return "\n".join(parts)
+
+
+def _next(result: ResultShape) -> str:
+    advised = _heading("What to do next", listed(advice(result), "next"))
+    return f'{advised}\n<p class="faint">{whole(escape(_data(result)))}</p>'
+
+
+def _garbage(result: ResultShape) -> str:
+    """The first screen of readings that are not of this mechanism: why, and nothing else."""
+    return (
+        f'<header class="first"><div class="said">{_said_first(result, None)}</div>\n'
+        f'<div class="hero">{_why_garbage(result)}\n{_next(result)}</div></header>'
+    )
+
+
+def _first_screen(result: ResultShape, evidence: Evidence | None, *, calm: bool) -> str:
     figure = mechanism_figure(result, evidence, dots_of(result, evidence)) if evidence else None
-    said = "\n".join(
-        [
-            f"<h1>{escape(whose)}</h1>",
-            f'<p class="verdict {good}">{whole(escape(plain_words(result, evidence)))}</p>',
-            certainty_html(result),
-            f'<p class="experts">{whole(escape(sentence(result)))}</p>',
-            note,
-        ]
-    )
-    more = "\n".join(
-        [
-            "" if is_garbage(result) else _heading(*_errors(result)),
-            _heading("What to do next", listed(advice(result), "next")),
-            f'<p class="faint">{whole(escape(_data(result)))}</p>',
-        ]
-    )
+    said = _said_first(result, evidence)
+    more = ("" if calm else _heading(*_errors(result)) + "\n") + _next(result)
     if figure is None:
         return f"<header>{said}\n{more}</header>"
     return (
         f'<header class="first"><div class="said">{said}</div>\n'
-        f'<div class="hero">{_headline(result)}{figure.html()}</div>\n'
+        f'<div class="hero">{_headline(result, evidence)}{figure.html()}</div>\n'
         f'<div class="more">{more}</div></header>'
     )
 
 
-def _headline(result: ResultShape) -> str:
+def _headline(result: ResultShape, evidence: Evidence | None) -> str:
     """The error at known poses, in figures that are read first; `script.js` shows that of what is
     chosen.
     """
@@ -242,9 +260,20 @@ def _headline(result: ResultShape) -> str:
     if row is None:
         return ""
     words = row[0].removeprefix("position, ").removesuffix(f" [{unit}]")
-    old = "" if row[1] == "–" else f"<del>{escape(row[1])}</del> → "
+    first, drawn = row[1], ""
+    if first == "–" and (error := _as_drawn(evidence)):
+        first, drawn = error, " as drawn"
+    old = "" if first == "–" else f"<del>{escape(first)}</del>{drawn} → "
     now = f"<strong data-now>{escape(row[2])}</strong> {escape(unit)}"
     return f'<p class="headline">{old}{now} <span>off at {escape(words)} (rms)</span></p>'
+
+
+def _as_drawn(evidence: Evidence | None) -> str:
+    """Error at known poses with the mechanism as it is declared, rms of components."""
+    known = evidence.drawing.known if evidence is not None and evidence.drawing else ()
+    off = [b - a for k in known for a, b in zip(k.at, k.before, strict=True)]
+    size = math.sqrt(sum(v * v for v in off) / len(off)) if off else 0.0
+    return number(size) if math.isfinite(size) and size > 0.0 else ""
 
 
 def _whose(result: ResultShape) -> str:
@@ -269,7 +298,7 @@ def _why_garbage(result: ResultShape) -> str:
     reasons = [
         shape.replace("{}", listed_words(at), 1) if at else shape for shape, at in places.items()
     ]
-    return section("Why it cannot be used", listed(reasons))
+    return _heading("Why it cannot be used", listed(reasons))
 
 
 def _residuals(result: ResultShape, evidence: Evidence | None) -> str:
@@ -378,8 +407,9 @@ def _switchboard(result: ResultShape, evidence: Evidence | None) -> str:
     if evidence is None or dots is None or not (evidence.switchboard or evidence.hypotheses):
         return ""
     scene = scene_of(result, evidence)
-    unit = result.length_unit
-    return section("What if it were something else?", switchboard_html(evidence, dots, unit, scene))
+    return section(
+        "What if it were something else?", switchboard_html(result, evidence, dots, scene)
+    )
 
 
 def _workspace(result: ResultShape, evidence: Evidence | None, target: float | None) -> str:

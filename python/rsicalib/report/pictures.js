@@ -21,6 +21,7 @@
     if (lit !== null) each(`[data-p="${lit}"]`, (dot) => dot.classList.remove("lit"));
     lit = p;
     if (p !== null) each(`[data-p="${p}"]`, (dot) => dot.classList.add("lit"));
+    document.dispatchEvent(new CustomEvent("pose", { detail: p === null ? null : +p }));
     if (!told) return;
     told.hidden = p === null;
     told.textContent = p === null ? "" : poses[p] || `pose ${+p + 1}`;

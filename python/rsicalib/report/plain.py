@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from html import escape
 
-from rsicalib.facts.shapes import Evidence, ResultShape, Rival, Step, TraceShape
+from rsicalib.facts.shapes import Evidence, Hypothesis, ResultShape, Rival, Step, TraceShape
 from rsicalib.report.words import (
+    UNKNOWN,
     labelled,
     listed_words,
     name_of,
     number,
+    percent,
     size_words,
     subject,
     target_words,
 )
 
-__all__ = ["certainty_html", "plain_words"]
+__all__ = ["certainty_html", "is_same", "plain_words"]
 
 WRONG = {
     "sensor": "the {target} does not read true",
@@ -36,6 +39,15 @@ THIS = {
     "electronics": "the electronics",
 }
 """What is called so, by the class of an effect; a part of the mechanism else."""
+
+SHAPES = {
+    "curvature": "a parabola",
+    "cubic": "a cubic curve",
+    "once_per_turn": "a sine once a turn",
+    "twice_per_turn": "a sine twice a turn",
+    "free_curve": "a curve of another shape",
+}
+"""What a sensor's law looks like, where it is no word of everyday."""
 
 SURE = 0.95
 """Probability from which something is called certain."""
@@ -58,7 +70,8 @@ def plain_words(result: ResultShape, evidence: Evidence | None) -> str:
     if result.verdict == "unexplained":
         left = result.unexplained if isinstance(result, TraceShape) else None
         at = "" if left is None or left.target in (None, "all") else f" at {left.target}"
-        return f"Something is wrong{at}, and no known effect explains it.{right}"
+        used = right.replace(" It is", " Used as it is, the calibration is")
+        return f"Something is wrong{at}, and no known effect explains it.{used}"
     if result.verdict == "adequate":
         return f"The mechanism is calibrated, and nothing is missing.{right}"
     return f"The mechanism is calibrated.{right}"
@@ -111,16 +124,10 @@ def _found(result: TraceShape, step: Step) -> str:
 def _sure(result: TraceShape, step: Step) -> str:
     """How sure it is that it is this target, and what it is."""
     rivals = result.rivals
-    shape = name_of(step.term)
-    shapes = [shape, *(name_of(n.term) for n in step.also_fits if n.target == step.target)]
+    terms = [step.term, *(n.term for n in step.also_fits if n.target == step.target)]
     for rival in rivals:
-        shapes += [name_of(n.term) for n in rival.terms if n.target == step.target]
-    shapes = list(dict.fromkeys(shapes))
-    error = "It" if step.klass != "sensor" else "The error"
-    be = "is" if len(shapes) == 1 else "may be"
-    one = len(shapes) == 1 and len(step.parameters) == 1
-    size = f", {size_words(step).split(' = ')[-1]}" if one else ""
-    what = f"{error} {be} {_either(shapes[:4])}{size}."
+        terms += [n.term for n in rival.terms if n.target == step.target]
+    what = _what(step, list(dict.fromkeys(terms)))
     if not rivals:
         return what
     thing = THIS.get(_kind(step), "this part")
@@ -135,12 +142,29 @@ def _sure(result: TraceShape, step: Step) -> str:
     return f"That it is {thing} has a probability of {100 * here:.0f} %{or_at}. {what}"
 
 
+def _what(step: Step, terms: list[str]) -> str:
+    """What the error is, by the terms that it may be: with its size where it is one number."""
+    shapes = [SHAPES.get(term, name_of(term)) for term in terms]
+    size = size_words(step).split(" = ")[-1]
+    one = len(terms) == 1 and len(step.parameters) == 1
+    if one and step.term not in SHAPES and step.klass in ("sensor", "geometry"):
+        several = _kind(step) in ("sensors", "each sensor") or step.target.startswith("each")
+        return f"{'Their' if several else 'Its'} {shapes[0]} is off by {size}."
+    error = "It" if step.klass != "sensor" else "The error"
+    if len(terms) > 1:
+        return f"{error} may be {_either(shapes[:4])}."
+    return f"{error} is {shapes[0]}{f', {size}' if one else ''}."
+
+
 def _either(items: list[str]) -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} or {items[-1]}"
 
 
-def certainty_html(result: ResultShape) -> str:
-    """The explanations with their probabilities, as one bar; nothing where there are none."""
+def certainty_html(result: ResultShape, evidence: Evidence | None) -> str:
+    """The explanations with their probabilities, as one bar; nothing where there are none.
+
+    `script.js` lets each be chosen where it was fitted.
+    """
     rivals = result.rivals if isinstance(result, TraceShape) else ()
     if not rivals:
         return ""
@@ -152,20 +176,37 @@ def certainty_html(result: ResultShape) -> str:
         f'<span class="part{k}" style="flex:{max(p, 0.004):.4f}"></span>'
         for k, (_, p) in enumerate(rows)
     )
+    known = evidence.hypotheses if evidence is not None else ()
+    chosen = [_number(rival, known) for rival in shown] + [None] * (len(rows) - len(shown))
     keys = "".join(
-        f'<li><span class="key part{k}"></span>{escape(words)} <strong>{_percent(p)}</strong></li>'
-        for k, (words, p) in enumerate(rows)
+        f"<li{_choice(at)}>"
+        f'<span class="key part{k}"></span>{escape(words)} <strong>{percent(p)}</strong></li>'
+        for k, ((words, p), at) in enumerate(zip(rows, chosen, strict=True))
     )
-    said = ", ".join(f"{words} {_percent(p)}" for words, p in rows)
+    if any(at is not None for at in chosen) and known[0].kind == "nothing":
+        keys += f'<li{_choice(0)}><span class="key"></span>as if nothing were missing</li>'
+    said = ", ".join(f"{words} {percent(p)}" for words, p in rows)
     return (
         f'<div class="certainty"><div class="strip" role="img" aria-label="How sure: '
         f'{escape(said)}">{bar}</div><ul>{keys}</ul></div>'
     )
 
 
+def _choice(at: int | None) -> str:
+    return "" if at is None else f' data-choose="{at}"'
+
+
+def _number(rival: Rival, known: Sequence[Hypothesis]) -> int | None:
+    """Number of the hypothesis that is this explanation; None where it was not fitted."""
+    return next((k for k, one in enumerate(known) if is_same(one, rival)), None)
+
+
+def is_same(one: Hypothesis, rival: Rival) -> bool:
+    """True where both are the same effects; any curve stands for a law that no term has."""
+    unknown = one.kind == "any_curve"
+    own = {(UNKNOWN if unknown else n.term, n.target) for n in one.effects}
+    return {(n.term, n.target) for n in rival.terms} == own
+
+
 def _name(rival: Rival) -> str:
     return listed_words([subject(name) for name in rival.terms] or ["nothing"])
-
-
-def _percent(p: float) -> str:
-    return "< 1 %" if p < 0.01 else f"{100 * p:.0f} %"

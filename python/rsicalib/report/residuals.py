@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
@@ -233,13 +234,17 @@ def normal_figure(result: ResultShape) -> Figure | None:
     rows = result.after_residuals
     if rows is None or rows.size < 8:
         return None
-    values = np.sort(rows[np.isfinite(rows) & (rows != 0.0)].ravel())
+    used = np.isfinite(rows) & (rows != 0.0)
+    order = np.argsort(rows[used])
+    values, own = rows[used][order], np.nonzero(used)[0][order]
     if len(values) < 8:
         return None
+    single = len(rows) <= MOST_DOTS
     shares = (np.arange(len(values)) + 0.5) / len(values)
     some = np.unique(np.linspace(0, len(values) - 1, min(len(values), MOST_DOTS)).astype(int))
     quantile = NormalDist().inv_cdf
     points = [(quantile(float(shares[i])), float(values[i])) for i in some]
+    poses: list[dict[str, Any]] = [{"p": int(own[i])} if single else {} for i in some]
 
     def draw(width: float) -> str:
         canvas = Canvas(width, 240.0)
@@ -248,8 +253,8 @@ def normal_figure(result: ResultShape) -> Figure | None:
         chart = Chart.on(canvas, x, y, words, height=240.0)
         low, high = max(x[0], y[0]), min(x[1], y[1])
         chart.curve([(low, low), (high, high)], "law")
-        for point in points:
-            canvas.dot(*chart.at(point), 2.2)
+        for point, pose in zip(points, poses, strict=True):
+            canvas.dot(*chart.at(point), 2.2, **pose)
         return canvas.svg("normal probability plot of the residuals")
 
     return Figure(

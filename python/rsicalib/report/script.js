@@ -5,7 +5,7 @@
   const source = document.getElementById("switchboard-data");
   if (!source) return;
   const each = (query, act) => document.querySelectorAll(query).forEach(act);
-  const { fits, hypotheses, poses, equations, named } = JSON.parse(source.textContent);
+  const { fits, hypotheses, poses, equations, named, edges } = JSON.parse(source.textContent);
   const boxes = [...document.querySelectorAll("#switches input")];
   const choices = [...document.querySelectorAll("#hypotheses input")];
   const fader = document.getElementById("fader");
@@ -14,6 +14,7 @@
   // The same fit; the hypothesis knows the error at check poses as well.
   if (hypotheses.length) full.error = hypotheses[named].error;
   each("[data-now]", (cell) => { cell.dataset.now = cell.textContent; });
+  const shade = (sd) => edges.filter((edge) => edge <= sd).length;
   const write = (cell, text, before) => {
     cell.textContent = text;
     cell.classList.toggle("changed", text !== before);
@@ -57,7 +58,25 @@
       if (said) said.textContent = said.textContent.replace(/[^ ]* σ$/, `${size.toFixed(1)} σ`);
     });
     status.textContent = words;
-    document.dispatchEvent(new CustomEvent("hypothesis", { detail: fit.places ? fit : null }));
+    const other = fit !== full && fit !== hypotheses[named];
+    each("[data-law]", (law) => {
+      const own = !fit.laws || fit.laws.includes(law.dataset.law);
+      law.classList.toggle("unchosen", other && !own);
+      law.classList.toggle("picked", other && own && Boolean(fit.laws));
+    });
+    each("#workspace .contour", (part) => part.classList.toggle("unchosen", other && fit.sd));
+    each("#workspace [data-w]", (cell) => {
+      cell.dataset.first = cell.dataset.first || cell.getAttribute("class");
+      const sd = fit.sd ? fit.sd[cell.dataset.w] : null;
+      cell.setAttribute("class", !fit.sd ? cell.dataset.first : sd === null ? "usual" : `sd${shade(sd)}`);
+      const said = cell.querySelector("title");
+      if (!said) return;
+      said.dataset.first = said.dataset.first || said.textContent;
+      said.textContent = fit.sd ? said.dataset.first.replace(/: [^ ]*/, `: ${sd}`)
+        : said.dataset.first;
+    });
+    if (fit.sd && !fit.shades) fit.shades = fit.sd.map((sd) => sd === null ? null : shade(sd));
+    document.dispatchEvent(new CustomEvent("hypothesis", { detail: fit }));
   };
 
   const switched = () => {
@@ -102,6 +121,18 @@
       places: share !== 1 && none.places && none.places.map((v) => v.map((x) => (1 - share) * x)) },
       `${fader.value} % of what was found, to first order.`);
   };
+  // What the first screen lists can be chosen there.
+  const listed = [...document.querySelectorAll("[data-choose]")].map((item) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "choice";
+    button.append(...item.childNodes);
+    item.append(button);
+    button.addEventListener("click", () => choices[item.dataset.choose].click());
+    return [button, choices[item.dataset.choose]];
+  });
+  document.addEventListener("hypothesis", () => listed.forEach(([button, choice]) =>
+    button.setAttribute("aria-pressed", choice.checked)));
   boxes.forEach((box) => box.addEventListener("change", switched));
   choices.forEach((choice, k) => choice.addEventListener("change", () => choose(k)));
   if (fader) fader.addEventListener("input", () => fade(true));

@@ -126,20 +126,31 @@ class Canvas:
         self.parts.append(f"{head}><title>{escape(said)}</title></circle>" if said else f"{head}/>")
 
     def rect(
-        self, x: float, y: float, width: float, height: float, kind: str, said: str = ""
+        self,
+        x: float,
+        y: float,
+        width: float,
+        height: float,
+        kind: str,
+        said: str = "",
+        **data: int,
     ) -> None:
         """Draw a rectangle; `said` is shown where the pointer rests."""
+        more = "".join(f' data-{key}="{value}"' for key, value in data.items())
         head = (
             f'<rect class="{kind}" x="{x:.1f}" y="{y:.1f}" width="{max(width, 0.0):.1f}" '
-            f'height="{max(height, 0.0):.1f}"'
+            f'height="{max(height, 0.0):.1f}"{more}'
         )
         self.parts.append(f"{head}><title>{escape(said)}</title></rect>" if said else f"{head}/>")
 
-    def path(self, points: Iterable[Point], kind: str, *, closed: bool = False) -> None:
-        """Draw a line through points, or the area that they bound."""
+    def path(
+        self, points: Iterable[Point], kind: str, *, closed: bool = False, law: str = ""
+    ) -> None:
+        """Draw a line through points, or the area that they bound; `law` is whose law it is."""
         where = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        more = f' data-law="{escape(law)}"' if law else ""
         self.parts.append(
-            f'<{"polygon" if closed else "polyline"} class="{kind}" points="{where}"/>'
+            f'<{"polygon" if closed else "polyline"} class="{kind}"{more} points="{where}"/>'
         )
 
     def svg(self, words: str) -> str:
@@ -223,6 +234,6 @@ class Chart:
         width = self.x.end - self.x.start
         self.canvas.rect(self.x.start, self.y(high), width, self.y(low) - self.y(high), kind)
 
-    def curve(self, points: Iterable[Point], kind: str) -> None:
+    def curve(self, points: Iterable[Point], kind: str, law: str = "") -> None:
         """Draw a line through pairs of numbers."""
-        self.canvas.path([self.at(point) for point in points], kind)
+        self.canvas.path([self.at(point) for point in points], kind, law=law)

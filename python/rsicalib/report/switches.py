@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rsicalib.facts.shapes import Evidence, ParameterName, Switch
+from rsicalib.facts.shapes import Evidence, ParameterName, ResultShape, Switch, TraceShape
 from rsicalib.report.figure import Figure, data_element
 from rsicalib.report.hypotheses import (
     choices_html,
@@ -17,9 +17,10 @@ from rsicalib.report.hypotheses import (
     key_of,
     residuals_of,
 )
-from rsicalib.report.mechanism import Scene
 from rsicalib.report.residuals import Dots, draw_residuals
+from rsicalib.report.scene import Scene
 from rsicalib.report.words import name_of, number, subject
+from rsicalib.report.workspace import Shades
 
 __all__ = ["data_of", "switchboard_html", "words_of"]
 
@@ -48,6 +49,7 @@ def data_of(evidence: Evidence, dots: Dots, scene: Scene | None) -> dict[str, An
         "hypotheses": [hypothesis_data(one, dots, scene, known[named]) for one in known],
         "named": named,
         "poses": dots.size == 1,
+        "edges": Shades(evidence.workspace).edges if evidence.workspace else [],
         "equations": len(dots.equations),
     }
 
@@ -60,9 +62,12 @@ def _parameters(evidence: Evidence) -> list[ParameterName]:
     return list({key_of(p): p for p in every}.values())
 
 
-def switchboard_html(evidence: Evidence, dots: Dots, unit: str, scene: Scene | None) -> str:
+def switchboard_html(
+    result: ResultShape, evidence: Evidence, dots: Dots, scene: Scene | None
+) -> str:
     """What a reader can choose, what the fit says that was chosen, and the data of all fits."""
-    data = data_of(evidence, dots, scene)
+    data, unit = data_of(evidence, dots, scene), result.length_unit
+    rivals = result.rivals if isinstance(result, TraceShape) else ()
     board, known = evidence.switchboard, evidence.hypotheses
     fits = [*(board.fits if board else ()), *(one.fit for one in known)]
     full = known[data["named"]].fit if not board else board.fits[-1]
@@ -110,10 +115,10 @@ def switchboard_html(evidence: Evidence, dots: Dots, unit: str, scene: Scene | N
         f"back a reading, and see where it grows (the largest of all is {number(largest)} σ).",
     )
     return (
-        f'<div class="choose"><div>{choices_html(evidence)}{fader_html(evidence)}{switches}'
+        f'<div class="choose"><div>{choices_html(evidence, rivals)}{fader_html(evidence)}{switches}'
         '<p id="switched-words" role="status" aria-live="polite">All switches are on.</p>'
         f'<div class="scroll" role="region" aria-label="error as chosen" tabindex="0"><table>'
-        '<thead><tr><th></th><th class="n">as found</th><th class="n">as chosen</th></tr></thead>'
+        '<thead><tr><td></td><th class="n">as found</th><th class="n">as chosen</th></tr></thead>'
         f"<tbody>{errors}</tbody></table></div></div><div>{picture.html()}</div></div>"
         '<details class="as-chosen"><summary>Parameters as chosen</summary>'
         '<div class="scroll" role="region" aria-label="parameters as chosen" tabindex="0">'

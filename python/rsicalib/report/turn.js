@@ -1,30 +1,39 @@
-// The mechanism in space: turned by a finger, the mouse, keys and buttons; the same drawing as the
-// page has without a script. Shows the error of the hypothesis that is chosen.
+// The mechanism in the room: turned by a finger, the mouse, keys and buttons; the same drawing as the
+// page has without a script. Shows the error of the hypothesis that is chosen, and the pose that is
+// pointed at.
 "use strict";
 (() => {
   const source = document.getElementById("mechanism-data");
   if (!source) return;
   const scene = JSON.parse(source.textContent);
   const figure = document.getElementById("mechanism");
-  const HEAD = 5;
-  const STEP = Math.PI / 36;
-  let { azimuth, elevation } = scene;
-  let chosen = null;
+  const [HEAD, BOLD, LINE, STEP] = [5, 7.6, 14, Math.PI / 36];
+  const first = { azimuth: scene.azimuth, elevation: scene.elevation };
+  let { azimuth, elevation } = first;
+  let [chosen, lit] = [null, null];
 
   const add = (a, b) => a.map((v, k) => v + b[k]);
   const minus = (a, b) => a.map((v, k) => v - b[k]);
+  const pair = ([u, v]) => `${u.toFixed(1)} ${v.toFixed(1)}`;
+  const line = (a, b) => `M${pair(a)}L${pair(b)}`;
+  const closed = (points) => `M${points.map(pair).join("L")}Z`;
 
-  const draw = (svg) => {
-    const { scale, x, y } = svg.querySelector(".scene").dataset;
+  // Points as pixels, and pixels of a unit of length: nothing leaves the canvas, however it is turned.
+  const projection = (svg) => {
+    const { x, y } = svg.querySelector(".scene").dataset;
     const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation),
       Math.cos(elevation)];
+    const up = scene.tall * Math.abs(ce) + scene.radius * Math.abs(se) || 1e-9;
+    const scale = Math.min((x - scene.margin) / scene.radius, (y - scene.margin) / up);
     const flat = (point) => {
       const [px, py, pz] = minus(point, scene.centre);
-      return [+x + scale * (ca * py - sa * px),
-        +y - scale * (ce * pz - se * (ca * px + sa * py))];
+      return [+x + scale * (ca * py - sa * px), +y - scale * (ce * pz - se * (ca * px + sa * py))];
     };
-    const pair = ([u, v]) => `${u.toFixed(1)} ${v.toFixed(1)}`;
-    const line = (a, b) => `M${pair(a)}L${pair(b)}`;
+    return { flat, scale };
+  };
+
+  const draw = (svg) => {
+    const { flat, scale } = projection(svg);
     const arrow = (from, to) => {
       const [a, b] = [flat(from), flat(to)];
       const long = Math.hypot(b[0] - a[0], b[1] - a[1]);
@@ -41,15 +50,19 @@
       k % stride ? "" : arrow(from, add(from, by[k]))).join("");
     const bodies = (nodes, edges) =>
       edges.map(([a, b]) => line(flat(nodes[a]), flat(nodes[b]))).join("");
+    const body = scene.ghosts[lit] || scene.usual;
+    path("floor", scene.floor.map(([a, b]) => line(flat(a), flat(b))).join(""));
     path("ghosts", scene.ghosts.map((nodes) => bodies(nodes, scene.all)).join(""));
-    path("body", bodies(scene.usual, scene.edges));
-    path("culprit", bodies(scene.usual, scene.culprits));
+    path("halo", bodies(body, scene.all));
+    path("plate", closed(scene.plate.map((k) => flat(body[k]))));
+    path("body", bodies(body, scene.edges));
+    path("culprit", bodies(body, scene.culprits));
     path("before", arrows(scene.places, scene.before, scene.stride));
     path("weak", scene.places.map((at, k) => k % scene.stride ? "" :
       line(flat(add(at, scene.sd[k])), flat(minus(at, scene.sd[k])))).join(""));
-    path("chosen", chosen ? arrows(scene.places, chosen.places, scene.stride) : "");
+    path("chosen", chosen && chosen.places ? arrows(scene.places, chosen.places, scene.stride) : "");
     path("known-before", arrows(scene.known, scene.known_before));
-    path("known-after", arrows(scene.known, chosen ? chosen.known : scene.known_after));
+    path("known-after", arrows(scene.known, (chosen && chosen.known) || scene.known_after));
     const put = (dots, places) => dots.forEach((dot, k) => {
       const [u, v] = flat(places[k]);
       dot.setAttribute("cx", u.toFixed(1));
@@ -57,14 +70,58 @@
     });
     put(svg.querySelectorAll("circle[data-p]"), scene.places);
     put(svg.querySelectorAll("circle[data-c]"), scene.known);
-    svg.querySelectorAll("[data-n]").forEach((part) => {
-      const [u, v] = flat(scene.usual[part.dataset.n]);
-      const word = part.tagName === "text", right = u > scene.right * svg.viewBox.baseVal.width;
-      part.setAttribute(word ? "x" : "cx", (u + (word ? (right ? -10 : 10) : 0)).toFixed(1));
-      part.setAttribute(word ? "y" : "cy", (v + (word ? 4 : 0)).toFixed(1));
-      if (word) part.setAttribute("text-anchor", right ? "end" : "start");
+    put(svg.querySelectorAll("circle[data-n]"), [...svg.querySelectorAll("circle[data-n]")]
+      .map((dot) => body[dot.dataset.n]));
+    names(svg, body, flat);
+    svg.querySelectorAll("[data-axis]").forEach((word) => {
+      const [u, v] = flat(scene.axes[word.dataset.axis]);
+      word.setAttribute("x", u.toFixed(1));
+      word.setAttribute("y", (v + 4).toFixed(1));
+    });
+    svg.querySelectorAll("[data-bar]").forEach((bar) => {
+      const { x, y } = bar.dataset;
+      bar.setAttribute("d", `M${x} ${y - 3}v6m0 -3h${(scale * bar.dataset.bar).toFixed(1)}m0 -3v6`);
+    });
+    if (scene.cells) cells(svg, flat);
+  };
+
+  // Names stand on the outer side of what they name, below names that are there.
+  const names = (svg, body, flat) => {
+    const taken = [], { width } = svg.viewBox.baseVal;
+    svg.querySelectorAll("text[data-n]").forEach((word) => {
+      const [x, at] = flat(body[word.dataset.n]);
+      const long = BOLD * word.textContent.length;
+      const right = x > width / 2 ? x + 10 + long < width : x - 10 - long < 0;
+      const low = right ? x + 10 : x - 10 - long;
+      let y = at + 4;
+      taken.sort((a, b) => a[2] - b[2]).forEach(([start, end, other]) => {
+        if (low < end && start < low + long && Math.abs(y - other) < LINE) y = other + LINE;
+      });
+      taken.push([low, low + long, y]);
+      word.setAttribute("x", (right ? low : low + long).toFixed(1));
+      word.setAttribute("y", y.toFixed(1));
+      word.setAttribute("text-anchor", right ? "start" : "end");
     });
   };
+
+  const cells = (svg, flat) => {
+    const { at, half: [a, b], z } = scene.cells;
+    const { shades, first } = scene.cells;
+    const shade = (k) => chosen && chosen.shades ? chosen.shades[first + k] : shades[k];
+    const paths = new Map();
+    at.forEach(([x, y], k) => {
+      if (shade(k) === null) return;
+      const corners = [[x - a, y - b, z], [x + a, y - b, z], [x + a, y + b, z], [x - a, y + b, z]];
+      paths.set(shade(k), (paths.get(shade(k)) || "") + closed(corners.map(flat)));
+    });
+    svg.querySelector(".cells").replaceChildren(...[...paths].map(([shade, where]) => {
+      const part = document.createElementNS("http://www.w3.org/2000/svg", "path");
+      part.setAttribute("class", `sd${shade}`);
+      part.setAttribute("d", where);
+      return part;
+    }));
+  };
+
   const all = [...figure.querySelectorAll("svg")];
   let asked = false;
   const show = () => {
@@ -88,11 +145,21 @@
       show();
     });
   });
+  figure.querySelectorAll(".views [data-layer]").forEach((button) => {
+    button.addEventListener("click", () => {
+      const on = button.getAttribute("aria-pressed") !== "true";
+      button.setAttribute("aria-pressed", on);
+      figure.querySelectorAll(`.${button.dataset.layer}`).forEach((layer) => {
+        if (on) layer.removeAttribute("display");
+        else layer.setAttribute("display", "none");
+      });
+    });
+  });
   all.forEach((svg) => {
     const room = svg.parentElement;
     room.tabIndex = 0;
     room.setAttribute("role", "group");
-    room.setAttribute("aria-label", "The mechanism in space: arrow keys turn it");
+    room.setAttribute("aria-label", "The mechanism in the room: arrow keys turn it, Home turns it back");
     room.classList.add("turns");
     let last = null;
     svg.addEventListener("pointerdown", (e) => {
@@ -108,14 +175,22 @@
       svg.addEventListener(name, () => { last = null; }));
     room.addEventListener("keydown", (e) => {
       const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-      if (!by[e.key]) return;
+      if (e.key === "Home") ({ azimuth, elevation } = first);
+      else if (!by[e.key]) return;
       e.preventDefault();
-      turn(STEP * by[e.key][0], STEP * by[e.key][1]);
+      const [across, up] = by[e.key] || [0, 0];
+      turn(STEP * across, STEP * up);
     });
   });
   document.addEventListener("hypothesis", (e) => {
     if (chosen === e.detail) return;
     chosen = e.detail;
+    show();
+  });
+  document.addEventListener("pose", (e) => {
+    const at = scene.poses.indexOf(e.detail);
+    if (lit === (at < 0 ? null : at)) return;
+    lit = at < 0 ? null : at;
     show();
   });
 })();

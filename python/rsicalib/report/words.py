@@ -20,6 +20,7 @@ from rsicalib.facts.shapes import (
 from rsicalib.units import in_thousandths, with_unit
 
 __all__ = [
+    "UNKNOWN",
     "advice",
     "between_words",
     "comparison",
@@ -33,6 +34,7 @@ __all__ = [
     "not_applied",
     "number",
     "parameter_name",
+    "percent",
     "plus_minus",
     "predicted_words",
     "quality",
@@ -41,6 +43,9 @@ __all__ = [
     "subject",
     "target_words",
 ]
+
+UNKNOWN = "unknown_law"
+"""Id of what stands for a law that no term has."""
 
 NO_HELP = "nothing shows that it holds at other places"
 LESS_LIKELY = "a law that no term has is likelier in its place"
@@ -79,7 +84,14 @@ def plus_minus(value: float | None, half: float | None) -> tuple[str, str]:
 
 def name_of(term: str) -> str:
     """A term's id as people read it."""
-    return term.replace("_", " ")
+    return "a law that no term has" if term == UNKNOWN else term.replace("_", " ")
+
+
+def percent(p: float) -> str:
+    """A probability as people read it; what is not certain is not called so."""
+    if 0.0 < p < 0.01:
+        return "< 1 %"
+    return "> 99 %" if 0.99 < p < 1.0 else f"{100 * p:.0f} %"
 
 
 def parameter_name(term: str, name: str) -> str:
@@ -107,7 +119,8 @@ def subject(step: Step | Name) -> str:
     """A missing effect: `curvature of sensor a22 (elbow of arm 2)`."""
     at = f" (at {step.place})" if step.place else ""
     where = labelled(target_words(step.klass, step.target), step.label)
-    return f"{name_of(step.term)} of {where}{at}"
+    what = name_of(step.term) + "," * (step.term == UNKNOWN)
+    return f"{what} of {where}{at}"
 
 
 def listed_words(items: Sequence[str]) -> str:

@@ -59,13 +59,14 @@ def workspace_figure(
     values = [cell[2] for one in slices for cell in one.cells if math.isfinite(cell[2])]
     if not values:
         return None
-    low, high, shades = min(values), max(values), Shades(slices)
+    least, most, shades = min(values), max(values), Shades(slices)
 
     def draw(width: float) -> str:
         across = min(len(slices), 2) if width == WIDE else 1
         room = width / across
         height = 250.0
         canvas = Canvas(width, height * -(-len(slices) // across) + 36.0)
+        number_of = 0
         for k, one in enumerate(slices):
             part = Canvas(room, 0.0)
             x = _edges([c[0] for c in one.cells], one.step[0])
@@ -79,20 +80,22 @@ def workspace_figure(
                 right, bottom = chart.at((u + one.step[0] / 2, v - one.step[1] / 2))
                 said = f"{one.axes[0]} {number(u)}, {one.axes[1]} {number(v)}: {number(sd)} {unit}"
                 kind = f"sd{shades.of(sd)}"
-                part.rect(left, top, right - left + 0.3, bottom - top + 0.3, kind, said)
+                wide, high = right - left + 0.3, bottom - top + 0.3
+                part.rect(left, top, wide, high, kind, said, w=number_of)
+                number_of += 1
             for start, end in _contour(one, target) if target is not None else ():
                 part.line(*chart.at(start), *chart.at(end), "contour")
             column, row = k % across, k // across
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')
-        _scale(canvas, shades, shades.of(low), shades.of(high), unit)
+        _scale(canvas, shades, shades.of(least), shades.of(most), unit)
         return canvas.svg("standard deviation of what is carried, over the workspace")
 
     names = list(dict.fromkeys(one.of for one in slices if one.of is not None))
     what = listed_words(names) if names else "the platform"
     caption = (
         f"How well the calibration places {what}: standard deviation of a coordinate, noise of a "
-        f"reading not counted, from {number(low, 2)} to {number(high, 2)} {unit}"
+        f"reading not counted, from {number(least, 2)} to {number(most, 2)} {unit}"
     )
     if slices[0].value is not None and not names:
         caption += " at orientation zero. "

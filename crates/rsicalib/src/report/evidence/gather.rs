@@ -119,11 +119,18 @@ fn effect(traced: &Traced, found: &Found) -> Result<EffectEvidence, Error> {
     let (small, last) = (&traced.small, &traced.last);
     let law = law(small, found, last)?;
     let against = law.is_none().then(|| against(small, &found.instance, &found.without, last));
-    let (added_variable, per_dot) = added_variable(small, &found.without, last);
+    let added = added_variable(small, &found.without, last);
     let chosen: Vec<Instance> =
         std::iter::once(found.instance).chain(found.also.iter().copied()).collect();
     let scores = scores(small, &found.scores, &chosen);
-    Ok(EffectEvidence { law, against, added_variable, per_dot, scores })
+    Ok(EffectEvidence {
+        law,
+        against,
+        added_variable: added.dots,
+        per_dot: added.per_dot,
+        of_pose: added.rows,
+        scores,
+    })
 }
 
 /// Name of the closure of each equation.

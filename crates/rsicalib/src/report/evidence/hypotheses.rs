@@ -11,6 +11,7 @@ use crate::model::Instance;
 use crate::report::evidence::drawing::places;
 use crate::report::evidence::known::{place, positions};
 use crate::report::evidence::shapes::{Hypothesis, HypothesisKind, ParameterName, SwitchFit};
+use crate::report::evidence::workspace::workspace;
 use crate::report::result::Known;
 use crate::report::traced::Place;
 use crate::report::traced::by_pose;
@@ -28,7 +29,7 @@ const ANY_CURVE: &str = "free_curve";
 ///
 /// # Errors
 ///
-/// As [`check`].
+/// As [`check`] and [`workspace`].
 pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothesis>, Error> {
     let Traced { small, last, .. } = traced;
     let found: Vec<Instance> =
@@ -103,5 +104,6 @@ fn of_fit(traced: &Traced, one: &Fit, known: Option<&Known>) -> Result<Hypothesi
         check: checked,
         places: places(small, one, &one.beta),
         known: there.map(|p| p.found.iter().map(place).collect()).unwrap_or_default(),
+        workspace: workspace(small, one)?.0,
     })
 }

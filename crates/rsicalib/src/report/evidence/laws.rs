@@ -36,10 +36,11 @@ pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Opt
     let live: Vec<usize> = (0..observations.readings.samples)
         .filter(|&row| observations.weights[row] > 0.0 && variable[row].is_finite())
         .collect();
-    let mut dots: Vec<[f64; 3]> = acts.dots(&live, &variable, last);
-    dots.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let (groups, per_dot) = grouped(&dots);
+    let mut asked = acts.dots(&live, &variable, last);
+    asked.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    let (groups, per_dot) = grouped(&asked);
     let dots = groups.map(weighted).collect();
+    let poses = if per_dot == 1 { asked.iter().map(|dot| dot.0).collect() } else { Vec::new() };
     let mut order = live;
     order.sort_by(|a, b| variable[*a].total_cmp(&variable[*b]));
     let line = |value: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
@@ -68,13 +69,14 @@ pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Opt
     }
     let correction_unit = acts.unit(observations);
     let line = line(&|row| acts.law[row]);
-    Ok(Some(Law { over, unit, correction_unit, dots, per_dot, line, alternatives }))
+    Ok(Some(Law { over, unit, correction_unit, dots, per_dot, poses, line, alternatives }))
 }
 
 /// Mean of dots by their precision.
-fn weighted(group: &[[f64; 3]]) -> [f64; 3] {
-    let total: f64 = group.iter().map(|dot| dot[2].powi(-2)).sum();
-    let mean = |i: usize| group.iter().map(|dot| dot[i] * dot[2].powi(-2)).sum::<f64>() / total;
+fn weighted(group: &[(usize, [f64; 3])]) -> [f64; 3] {
+    let total: f64 = group.iter().map(|(_, dot)| dot[2].powi(-2)).sum();
+    let part = |dot: &[f64; 3], i: usize| dot[i] * dot[2].powi(-2);
+    let mean = |i: usize| group.iter().map(|(_, dot)| part(dot, i)).sum::<f64>() / total;
     [mean(0), mean(1), total.sqrt().recip()]
 }
 
@@ -129,8 +131,8 @@ impl Correction {
         }
     }
 
-    /// The variable, the correction that a sample asks for, and its standard deviation.
-    fn dots(&self, live: &[usize], variable: &[f64], last: &Fit) -> Vec<[f64; 3]> {
+    /// Row by row the variable, the correction that a sample asks for, and its standard deviation.
+    fn dots(&self, live: &[usize], variable: &[f64], last: &Fit) -> Vec<(usize, [f64; 3])> {
         let (k, c) = (last.residuals.equations, self.channels);
         let of = |&row: &usize| {
             let (mut rs, mut ss) = (0.0, 0.0);
@@ -144,7 +146,8 @@ impl Correction {
         let sums: Vec<(usize, f64, f64)> = live.iter().map(of).collect();
         let most = sums.iter().map(|sum| sum.2).fold(0.0, f64::max);
         let seen = sums.into_iter().filter(|(.., ss)| *ss > most * BLIND * BLIND);
-        seen.map(|(row, rs, ss)| [variable[row], self.law[row] - rs / ss, ss.sqrt().recip()])
+        let asks = |row: usize, rs: f64, ss: f64| self.law[row] - rs / ss;
+        seen.map(|(row, rs, ss)| (row, [variable[row], asks(row, rs, ss), ss.sqrt().recip()]))
             .collect()
     }
 

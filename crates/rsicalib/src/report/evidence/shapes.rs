@@ -51,6 +51,9 @@ pub struct EffectEvidence {
     pub added_variable: Vec<[f64; 2]>,
     /// Equations whose mean one dot of `added_variable` is.
     pub per_dot: u64,
+    /// Number of the pose of each dot of `added_variable`, as in the drawing; empty where a dot is
+    /// the mean of several.
+    pub of_pose: Vec<usize>,
     /// Scores of all candidates without the effect, best first.
     pub scores: Vec<Score>,
 }
@@ -69,6 +72,8 @@ pub struct Law {
     pub dots: Vec<[f64; 3]>,
     /// Poses whose weighted mean one dot is.
     pub per_dot: u64,
+    /// Number of the pose of each dot, as in the drawing; empty where a dot is the mean of several.
+    pub poses: Vec<usize>,
     /// The law: variable and correction.
     pub line: Vec<[f64; 2]>,
     /// What these poses cannot tell from it, each with the offset and gain of its own fit.
@@ -178,6 +183,9 @@ pub struct Hypothesis {
     pub places: Vec<[f64; 3]>,
     /// Positions of the known poses with these effects [length unit].
     pub known: Vec<[f64; 3]>,
+    /// How well the calibration with these effects places what is carried, as `workspace` of the
+    /// evidence.
+    pub workspace: Vec<Slice>,
 }
 
 /// What a hypothesis is.
