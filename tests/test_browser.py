@@ -14,6 +14,7 @@ import rsicalib
 from rsicalib import DEMO, Trace
 from rsicalib.facts.shapes import Excluded
 from rsicalib.facts.warned import Warned
+from rsicalib.report.page import mechanism_page
 from rsicalib.report.poses import poses_html
 from rsicalib.report.workspace import Shades
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
@@ -384,6 +385,39 @@ def test_the_arrows_at_check_poses_are_the_errors_that_the_result_says(traced: T
     nothing = evidence.hypotheses[0]
     assert nothing.check is not None
     assert np.sqrt(np.mean((before - at) ** 2)) == pytest.approx(nothing.check.position_rms)
+
+
+MOVES = """
+const all = [];
+window.requestAnimationFrame = (act) => all.push(act);
+const button = document.querySelector(".moves");
+const at = () => document.querySelector("#mechanism .desk circle[data-p]").getAttribute("cx");
+const words = [button.textContent];
+button.click();
+words.push(button.textContent);
+const held = at();
+button.click();
+const step = (now) => all.splice(0).forEach((act) => act(now));
+[0, 100, 200].forEach(step);
+const moved = at();
+document.querySelector("#mechanism .desk").dispatchEvent(
+  new KeyboardEvent("keydown", { key: "ArrowUp", bubbles: true }));
+words.push(button.textContent);
+const stopped = at();
+[300, 400].forEach(step);
+return { words, held, moved, stopped, last: at() };
+"""
+
+
+def test_the_mechanism_by_itself_turns_until_it_is_held(traced: Trace, tmp_path: Path) -> None:
+    assert traced.evidence is not None
+    found, errors = look(mechanism_page(traced, traced.evidence), MOVES, tmp_path)
+    assert errors == []
+    assert found["words"] == ["hold still", "turn", "turn"]
+    assert found["held"] != found["moved"]
+    # A key that tilts leaves the azimuth, and nothing turns on.
+    assert found["stopped"] == found["moved"]
+    assert float(found["last"]) == pytest.approx(float(found["stopped"]), abs=40.0)
 
 
 SAVES = """

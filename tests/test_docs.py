@@ -36,6 +36,22 @@ def test_the_page_of_terms_is_what_the_registry_says() -> None:
         assert path.read_text(encoding="utf-8") == made, f"{path.name}: run scripts.make_terms"
 
 
+def test_the_site_has_a_page_for_each_term_and_a_thumbnail_that_leads_there() -> None:
+    pytest.importorskip("mkdocs")
+    from scripts.site_pages import term_pages, thumbnails
+
+    pages = term_pages()
+    assert set(pages) == {term["id"] for term in rsicalib.terms()}
+    for name, text in pages.items():
+        assert text.startswith(f"# {name}\n")
+        for link in re.findall(r"\]\((?!https?:)([^)#]+)", text):
+            assert (ROOT / "docs/terms" / link).is_file(), f"{name}: {link}"
+    cards = thumbnails((ROOT / "docs/gallery.md").read_text("utf-8"))
+    shown = re.findall(r"gallery/(\w+)\.svg.*\]\(terms/(\w+)\.md\)", cards)
+    assert len(shown) == len(list((ROOT / "docs/gallery").glob("*.svg")))
+    assert all(picture == page and page in pages for picture, page in shown)
+
+
 def test_every_number_that_is_claimed_stands_on_the_page_that_it_names() -> None:
     rows = re.findall(r"^\|.*\*\*.*\|$", (ROOT / "docs/claims.md").read_text("utf-8"), re.M)
     assert rows

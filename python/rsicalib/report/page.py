@@ -42,7 +42,16 @@ from rsicalib.report.words import (
 from rsicalib.report.workspace import workspace_figure
 from rsicalib.units import with_unit
 
-__all__ = ["document", "figures", "html", "listed", "pictures", "section", "table"]
+__all__ = [
+    "document",
+    "figures",
+    "html",
+    "listed",
+    "mechanism_page",
+    "pictures",
+    "section",
+    "table",
+]
 
 FEW = 3
 """Sentences of a list that are not folded."""
@@ -99,6 +108,26 @@ def html(result: ResultShape, evidence: Evidence | None = None, target: float | 
     first = _first_screen(result, evidence, calm=calm)
     title = f"{result.mechanism}: {result.verdict or 'calibrated'}"
     return document(title, [first, *parts], _whose(result))
+
+
+def mechanism_page(result: ResultShape, evidence: Evidence) -> str:
+    """Write a page of the mechanism alone, which turns by itself until it is held.
+
+    Parameters
+    ----------
+    result, evidence
+        As in `html`.
+
+    Returns
+    -------
+    str
+        The document; empty where nothing is carried.
+    """
+    figure = mechanism_figure(result, evidence, dots_of(result, evidence))
+    if figure is None:
+        return ""
+    drawn = figure.html().replace('<figure id="mechanism"', '<figure id="mechanism" data-moving', 1)
+    return document(f"{result.mechanism} in its poses", [_headline(result, evidence), drawn])
 
 
 def figures(

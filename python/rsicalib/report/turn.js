@@ -155,6 +155,31 @@
       });
     });
   });
+  // On a page of its own it turns by itself, until it is held: nobody has to look at what moves.
+  if (figure.dataset.moving !== undefined) {
+    const button = document.createElement("button");
+    let [before, moving] = [null, false];
+    const step = (now) => {
+      if (!moving) return;
+      azimuth += before === null ? 0 : 2.5e-4 * Math.min(now - before, 100);
+      before = now;
+      all.forEach(draw);
+      requestAnimationFrame(step);
+    };
+    const move = (on) => {
+      [before, moving] = [null, on];
+      button.textContent = on ? "hold still" : "turn";
+      if (on) requestAnimationFrame(step);
+    };
+    button.type = "button";
+    button.className = "moves";
+    button.addEventListener("click", () => move(!moving));
+    figure.querySelector(".views").prepend(button);
+    ["pointerdown", "keydown"].forEach((name) => figure.addEventListener(name, (e) => {
+      if (e.target !== button) move(false);
+    }));
+    move(!window.matchMedia("(prefers-reduced-motion: reduce)").matches);
+  }
   all.forEach((svg) => {
     const room = svg.parentElement;
     room.tabIndex = 0;
