@@ -133,6 +133,17 @@ def test_a_counter_that_begins_again_in_a_motion_makes_no_repeats() -> None:
         assert "the readings move on in between" in warning.text
 
 
+def test_held_poses_with_a_number_for_every_sample_are_said() -> None:
+    taken = cone.session(6, poses=12)
+    own = mechanism(None, PLAY)
+    table = {**taken.table, "sample": np.tile(np.arange(1, 9), 12)}
+    apart = {**table, "pose": np.arange(1, 97)}
+    (warning,) = rsicalib.load_readings(apart, own).warnings
+    assert warning.kind == "unlabelled_repeats"
+    assert "sample begins again 11 times" in warning.text
+    assert not rsicalib.load_readings(table, own).warnings
+
+
 @pytest.mark.parametrize("kind", ["single poses", "motion", "counts that stand still"])
 def test_rows_that_are_no_repeats_are_not_said_to_be(kind: str) -> None:
     rng = np.random.default_rng(7)

@@ -219,7 +219,7 @@ def names(name: str, given: Sequence[str] | None, *, none: bool = False) -> list
     if given is None:
         return None
     if isinstance(given, str):
-        raise InputTypeError(f"{name}: found {given!r}, expected names such as [{given!r}]")
+        raise InputTypeError(f"{name}: found {given!r}, expected names such as {given.split(',')}")
     try:
         found = list(given)
     except TypeError:

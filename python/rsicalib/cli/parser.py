@@ -55,16 +55,36 @@ class _Parser(argparse.ArgumentParser):
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse all words; one that is no option is refused with the one that may be meant."""
-        found, rest = self.parse_known_args(args, namespace)
+        words = [str(word) for word in (sys.argv[1:] if args is None else args)]
+        try:
+            found, rest = self.parse_known_args(words, namespace)
+        except InputError:
+            # What is missing may stand behind a misspelt option.
+            verb = words[0] if words else ""
+            options = (word.split("=", 1)[0] for word in words[1:] if word.startswith("--"))
+            known = self._options(verb)
+            for word in options if known else ():
+                if not any(option.startswith(word) for option in known):
+                    self._refuse(verb, word)
+            raise
         if rest:
-            word = rest[0].split("=", 1)[0]
-            verbs = next(a for a in self._actions if isinstance(a, argparse._SubParsersAction))
-            verb = verbs.choices[found.verb]
-            known = [option for action in verb._actions for option in action.option_strings]
-            verb.error(
-                f"found {quoted(word)}{meant(word, known)}, expected an option of {found.verb}"
-            )
+            self._refuse(found.verb, rest[0].split("=", 1)[0])
         return found
+
+    def _verbs(self) -> dict[str, argparse.ArgumentParser]:
+        actions = (a for a in self._actions if isinstance(a, argparse._SubParsersAction))
+        return dict(next(actions).choices)
+
+    def _options(self, verb: str) -> list[str]:
+        """Return the options of a verb; none of what is no verb."""
+        of = self._verbs().get(verb)
+        return [] if of is None else [o for action in of._actions for o in action.option_strings]
+
+    def _refuse(self, verb: str, word: str) -> NoReturn:
+        """Refuse a word that is no option of a verb, with the one that may be meant."""
+        hint = meant(word, self._options(verb))
+        message = f"found {quoted(word)}{hint}, expected an option of {verb}"
+        raise InputError(f"{message}. See `{self.prog} {verb} --help`.")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print help; argparse's own would hide that standard output is full."""

@@ -229,6 +229,8 @@ def _unusable(
         return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
         return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
+    if name == "time_s":
+        return bad, f"{expected} (seconds)"
     return bad, expected
 
 

@@ -12,10 +12,20 @@ import numpy.typing as npt
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.tables import Table, table_of_arrays
 
-__all__ = ["Cells", "Columns", "TableArg", "columns_of", "in_memory", "table_in_memory"]
+__all__ = [
+    "Cells",
+    "Columns",
+    "TableArg",
+    "as_table",
+    "columns_of",
+    "in_memory",
+    "table_in_memory",
+]
 
 Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
 Columns: TypeAlias = dict[str, Cells]
+
+EXPECTED = "a path, readings, a data frame, an array, or a dictionary of columns"
 
 SOURCE = "data in memory"
 """What messages call them."""
@@ -46,6 +56,54 @@ def in_memory(given: object) -> bool:
     return any(hasattr(given, name) for name in ("__arrow_c_stream__", "__dataframe__"))
 
 
+def as_table(given: Any) -> Any:
+    """Rows as plain lists of numbers, or as dictionaries, as one table; anything else as it is.
+
+    Raises
+    ------
+    InputError
+        Rows that are dictionaries differ in their names.
+    InputTypeError
+        It is what was read from a file, or the open file, in the place of its path; or one column.
+    """
+    if isinstance(given, str):
+        if "\n" in given:
+            raise InputTypeError("readings: found the text of a file, expected its path")
+        return given
+    if isinstance(given, bytes | bytearray) or hasattr(given, "readline"):
+        raise InputTypeError(f"readings: found {_kind(given)}, expected {EXPECTED}")
+    if in_memory(given):
+        if not isinstance(given, np.ndarray) and getattr(given, "ndim", 2) == 1:
+            raise InputTypeError(f"readings: found {_kind(given)}, expected {EXPECTED}")
+        return given
+    if not isinstance(given, list | tuple) or not given:
+        return given
+    if all(isinstance(row, Mapping) and not any(map(_holds, row.values())) for row in given):
+        names = list(given[0])
+        if odd := next((n for row in given for n in row.keys() ^ given[0].keys()), None):
+            found, expected = f"rows with and without {odd!r}", "the same names in all rows"
+            raise InputError.at(SOURCE, found=found, expected=expected)
+        return {str(name): [row[name] for row in given] for name in names}
+    if all(isinstance(row, list | tuple) and row and all(map(_number, row)) for row in given):
+        if len({len(row) for row in given}) > 1:
+            raise InputTypeError(f"readings: found rows of unlike lengths, expected {EXPECTED}")
+        return np.asarray(given)
+    return given
+
+
+def _kind(given: object) -> str:
+    return f"a value of type {type(given).__name__}"
+
+
+def _holds(cell: object) -> bool:
+    """Whether a cell holds several values, as a column does."""
+    return np.ndim(cell) > 0 if isinstance(cell, list | tuple | np.ndarray) else False
+
+
+def _number(cell: object) -> bool:
+    return isinstance(cell, int | float | np.number)
+
+
 def table_in_memory(given: object, channels: Sequence[str]) -> Table:
     """A table from memory; an array has the columns of the channels, in their order.
 
@@ -62,13 +120,17 @@ def table_in_memory(given: object, channels: Sequence[str]) -> Table:
     InputError
         The columns are not of one length, or of a type that holds neither numbers nor text.
     """
+    given = as_table(given)
     if isinstance(given, np.ndarray | Sequence):
-        given = np.asarray(given)
+        try:
+            given = np.asarray(given)
+        except ValueError:
+            found = f"{_kind(given)} whose entries differ in length"
+            raise InputTypeError(f"readings: found {found}, expected {EXPECTED}") from None
         given = given[np.newaxis] if given.ndim == 1 else given  # one reading
         return table_of_arrays([(list(channels), given)], SOURCE)
     if not in_memory(given):
-        expected = "a path, readings, a data frame, an array, or a dictionary of columns"
-        raise InputTypeError(f"readings: found {given!r}, expected {expected}")
+        raise InputTypeError(f"readings: found {given!r}, expected {EXPECTED}")
     columns = columns_of(given)
     if not columns:
         raise InputError.at(SOURCE, found="no columns", expected="one for each channel")

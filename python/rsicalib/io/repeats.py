@@ -10,7 +10,7 @@ from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
 from rsicalib.io.suspicions import places, resolution
 
-__all__ = ["numbered"]
+__all__ = ["numbered", "numbered_apart"]
 
 APART = 30.0
 """Rows that repeat differ by so many times less than poses: in motion all sizes between occur."""
@@ -73,6 +73,31 @@ def numbered(readings: Samples, mechanism: MechanismLike) -> tuple[IntArray | No
         "number the poses in the column pose, or the rows, if each is a pose of its own"
     )
     return pose, [Warned("unlabelled_repeats", None, text)]
+
+
+def numbered_apart(readings: Samples) -> list[Warned]:
+    """What to say where every row has a pose of its own, and `sample` counts held ones.
+
+    Parameters
+    ----------
+    readings : Samples
+        With the column `pose`.
+
+    Returns
+    -------
+    list of Warned
+        At most one.
+    """
+    apart = len(readings) >= 4 and bool((np.diff(readings.pose) != 0).all())
+    again = _again(readings.sample)
+    if not apart or not len(again) or not _stands_between(_steps(readings.values), again):
+        return []
+    text = (
+        f"every row has a pose of its own, and sample begins again {len(again)} times, between "
+        "which the readings stand still: rows of a held pose have one number in the column pose, "
+        "and show the noise that everything is judged by"
+    )
+    return [Warned("unlabelled_repeats", None, text)]
 
 
 def _steps(values: FloatArray) -> FloatArray:

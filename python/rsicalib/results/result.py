@@ -189,6 +189,8 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
         The file is not such a result.
     """
     name = os.fspath(path)
+    if isinstance(path, str) and path.lstrip().startswith("{"):
+        raise InputError("calibration: found the text of a file, expected its path, or a result")
     text = read_text(path, "a result of `rsicalib calibrate --json` or `rsicalib trace --json`")
     try:
         data = _core.read_result(text)

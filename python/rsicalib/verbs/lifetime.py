@@ -14,7 +14,7 @@ import numpy as np
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError
+from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.readings import Readings
 from rsicalib.plain_text import meant
 from rsicalib.planning.measures import parameters_of
@@ -68,6 +68,9 @@ def history(
     InputError
         There is no such folder, or no result in it that can be used.
     """
+    if not isinstance(folder, str | os.PathLike):
+        found = f"a value of type {type(folder).__name__}"
+        raise InputTypeError(f"folder: found {found}, expected a path")
     place = Path(folder)
     if not os.path.isdir(place):
         raise InputError.at(str(folder), found="no such folder", expected="a folder of results")

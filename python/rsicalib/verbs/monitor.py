@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
-from rsicalib.errors import InputError
+from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.records import Record, to_json
 from rsicalib.facts.shapes import Rms
 from rsicalib.imports.kinds import KINDS, format_of
@@ -453,6 +453,9 @@ def watch(
         The readings or the result cannot be used.
     """
     result, opened = earlier_result(calibration, open_mechanism(mechanism))
+    if not isinstance(readings, str | os.PathLike | Readings):
+        found, expected = f"a value of type {type(readings).__name__}", "a path or readings"
+        raise InputTypeError(f"readings: found {found}, expected {expected}")
     if isinstance(readings, Readings):
         rows: Iterator[Rows] = iter([Rows(readings.values, readings.time_s)])
     else:

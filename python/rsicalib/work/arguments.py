@@ -15,7 +15,7 @@ from rsicalib.imports.kinds import format_of
 from rsicalib.imports.log import Log
 from rsicalib.imports.opening import import_log
 from rsicalib.io.builtin import BUILTIN
-from rsicalib.io.frames import TableArg, in_memory
+from rsicalib.io.frames import TableArg, as_table, in_memory
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.plain_text import meant
 from rsicalib.results.result import Result, load_calibration
@@ -62,8 +62,8 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[R
     Refused if it is of another mechanism, in another length unit, or lacks a value.
     """
     if not isinstance(calibration, str | os.PathLike | Result):
-        expected = "a path or a result"
-        raise InputTypeError(f"calibration: found {calibration!r}, expected {expected}")
+        found, expected = f"a value of type {type(calibration).__name__}", "a path or a result"
+        raise InputTypeError(f"calibration: found {found}, expected {expected}")
     result = calibration if isinstance(calibration, Result) else load_calibration(calibration)
     where = "calibration" if result is calibration else os.fspath(calibration)  # type: ignore[arg-type]
     if result.mechanism != mechanism.name:
@@ -123,6 +123,8 @@ def with_logs(
 
     A mechanism that such a log brings along is the one that holds where none was chosen.
     """
+    if not isinstance(readings, Readings | Log):
+        readings = as_table(readings)
     single = isinstance(readings, str | os.PathLike | Readings | Log) or in_memory(readings)
     if not single and not isinstance(readings, Iterable):
         return readings, mechanism  # refused where readings are taken
