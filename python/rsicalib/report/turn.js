@@ -208,8 +208,10 @@
     });
   });
   document.addEventListener("hypothesis", (e) => {
-    if (chosen === e.detail) return;
-    chosen = e.detail;
+    // What was found is what is drawn already.
+    const other = e.detail.places || e.detail.shades ? e.detail : null;
+    if (chosen === other) return;
+    chosen = other;
     show();
   });
   document.addEventListener("pose", (e) => {
