@@ -60,10 +60,9 @@ def page(
         f'<p class="verdict {good}">{escape(sentence)}</p>',
         *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
-        section("All at a glance", pictures([map_figure(spread, rows, by)])),
+        section("All at a glance", pictures([map_figure(spread, rows, by), _fits(rows)])),
         _remarks(out, _found(rows, by)),
         _effects(rows),
-        section("Test of fit over the fleet", pictures([_fits(rows)])),
         _parameters(spread, rows, by),
         f'<p class="faint">rsicalib {escape(_core.__version__)}; every number is in '
         "<code>fleet.parquet</code>.</p>",
