@@ -261,7 +261,7 @@ fn own(base: &Fit, mechanism: &Mechanism, target: Target) -> f64 {
     known.sum::<usize>() as f64
 }
 
-fn channels_of(mechanism: &Mechanism, target: Target) -> Vec<usize> {
+pub(crate) fn channels_of(mechanism: &Mechanism, target: Target) -> Vec<usize> {
     match target {
         Target::Channel(channel) => vec![channel],
         Target::Chain(chain) => mechanism.channels_of(chain),

@@ -1,6 +1,7 @@
 //! From the residual to the effect that the model lacks.
 
 pub(crate) mod as_drawn;
+pub(crate) mod beam;
 pub mod calibrate;
 pub(crate) mod curve;
 pub(crate) mod curve_law;

@@ -80,6 +80,14 @@ macro_rules! rules {
 }
 
 rules! {
+    /// The stepwise search, in place of the beam.
+    Stepwise = "stepwise",
+    /// Noise that nobody knows of, as an item of an explanation.
+    UnknownNoise = "unknown_noise",
+    /// A free shape by its marginal likelihood.
+    Marginal = "marginal",
+    /// Every parameter costs as much.
+    Charge = "charge",
     /// One channel in place of a whole pose.
     OneChannel = "one_channel",
     /// One effect for two.

@@ -71,6 +71,37 @@ pub fn item(parameters: f64, places: f64) -> f64 {
     CHARGE * parameters + 2.0 * places.ln().max(0.0)
 }
 
+/// Amplitudes that an effect may have: doublings of that which noise alone would give it.
+const AMPLITUDES: i32 = 12;
+
+/// What `k` parameters cost of which `χ²` falls by a score `T`: their marginal likelihood, any amplitude
+/// being as likely beforehand,
+///
+/// ```text
+/// charge = T - 2 ln mean exp(-½ (k ln(1 + g) - T g/(1 + g))),    g = 1, 4, 16, …               (118)
+/// ```
+///
+/// where the parameters are normal with `g` times the covariance of their estimates.
+#[must_use]
+pub fn charge(k: f64, score: f64) -> f64 {
+    let of = |j: i32| {
+        let g = 4.0_f64.powi(j);
+        (k * g.ln_1p() - score * g / (1.0 + g), 1.0)
+    };
+    score + mean((0..AMPLITUDES).map(of))
+}
+
+/// `-2 ln` of the mean of `exp(-price/2)`, each with its weight.
+pub fn mean(prices: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    let least = prices.clone().map(|(price, _)| price).fold(f64::INFINITY, f64::min);
+    let (mut sum, mut all) = (0.0, 0.0);
+    for (price, weight) in prices {
+        sum += weight * (0.5 * (least - price)).exp();
+        all += weight;
+    }
+    least - 2.0 * (sum / all).ln()
+}
+
 /// Scores are first order: this much refitting may change.
 #[must_use]
 pub fn room(score: f64) -> f64 {
@@ -135,6 +166,25 @@ mod tests {
         let sum: f64 =
             (0..=n).map(|k| weight(k) * (log(low + step * f64::from(k)) - peak).exp()).sum();
         -2.0 * (peak + (sum * step / 3.0).ln())
+    }
+
+    #[test]
+    fn parameters_cost_what_their_marginal_likelihood_says() {
+        // One parameter z with an estimate of 5 standard deviations: ∫ N(5; z, 1) N(z; 0, g) dz over
+        // N(5; 0, 1), by Simpson's rule, averaged over the amplitudes.
+        let ratio = |g: f64| -> f64 {
+            let n = 20_000;
+            let (low, high) = (-60.0, 60.0);
+            let step = (high - low) / f64::from(n);
+            let at = |z: f64| (-0.5 * ((5.0 - z).powi(2) - 25.0 + z * z / g)).exp();
+            let weight = |k: i32| if k == 0 || k == n { 1.0 } else { 2.0 * f64::from(1 + k % 2) };
+            let sum: f64 = (0..=n).map(|k| weight(k) * at(low + step * f64::from(k))).sum();
+            sum * step / 3.0 / (std::f64::consts::TAU * g).sqrt()
+        };
+        let all: f64 = (0..super::AMPLITUDES).map(|j| ratio(4.0_f64.powi(j))).sum();
+        let wanted = 25.0 - 2.0 * (all / f64::from(super::AMPLITUDES)).ln();
+        let got = super::charge(1.0, 25.0);
+        assert!((got - wanted).abs() < 1e-6 * wanted, "{got} for {wanted}");
     }
 
     #[test]

@@ -13,6 +13,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::diagnosis::as_drawn::{likelier, without_offsets};
+use crate::diagnosis::beam::answers::search_effects;
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
@@ -20,7 +21,7 @@ use crate::diagnosis::score::bodies::{Bodies, is_move};
 use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::stepwise::moves::Stepwise;
-use crate::diagnosis::stepwise::search::{FoundEffect, Searched, search_effects};
+use crate::diagnosis::stepwise::search::{FoundEffect, Searched};
 use crate::diagnosis::stretches::Stretches;
 use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::diagnosis::verdict::Determined;

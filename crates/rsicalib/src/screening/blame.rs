@@ -7,7 +7,7 @@ use crate::numerics::credible_set::{SURE, probabilities};
 const WORTH_NAMING: f64 = 0.1;
 
 /// Whose reading is wrong, as far as it can be told.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Blame {
     /// The channel, where that is [`SURE`].
     pub channel: Option<usize>,

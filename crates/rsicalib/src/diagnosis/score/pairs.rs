@@ -13,7 +13,7 @@ use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::Error;
-use crate::diagnosis::price::room;
+use crate::diagnosis::price::{item, room};
 use crate::diagnosis::score::projection::{self, Projected};
 use crate::diagnosis::score::scored::{self, Family, Judge, Scored};
 use crate::estimate::{Fit, Observations};
@@ -52,7 +52,8 @@ pub fn pairs(
     fit: &Fit,
     judge: &Judge,
     named: &[Instance],
-    alpha: f64,
+    alpha: Option<f64>,
+    charge: &(dyn Fn(f64, f64) -> f64 + Sync),
     needed: f64,
 ) -> Result<Vec<Pair>, Error> {
     let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
@@ -64,8 +65,13 @@ pub fn pairs(
     let tests = named.len() as f64;
     // Probabilities cost more than scores do: for each width the score that stands out.
     let widest = widths.iter().copied().max().unwrap_or(0);
-    let level = alpha / scored::named_places(tests);
-    let least: Vec<f64> = (0..=widest).map(|w| judge.least_score(level, w as f64)).collect();
+    let places = scored::named_places(tests);
+    let level = alpha.map_or(1.0, |alpha| alpha / places);
+    let least_of = |width: f64| match alpha {
+        Some(_) => judge.least_score(level, width),
+        None => item(0.0, places),
+    };
+    let least: Vec<f64> = (0..=widest).map(|w| least_of(w as f64)).collect();
     let worth = |(a, b): (&Unit, &Unit)| {
         let score = together.score(a, b)?;
         let added = [(a, score - b.score), (b, score - a.score)];
@@ -75,11 +81,13 @@ pub fn pairs(
         let pair = Pair {
             both: added.map(|(unit, added)| {
                 let (instance, width) = (named[unit.candidate], unit.columns.len() as f64);
-                Scored::of(instance, Family::Named, added, width, level, tests)
+                let one = Scored::of(instance, Family::Named, added, width, level, tests);
+                Scored { charge: charge(width, added), ..one }
             }),
             score,
         };
-        (pair.charged() + room(score) > needed)
+        let stands = alpha.is_some() || pair.both.iter().all(|one| one.charged() > 0.0);
+        (stands && pair.charged() + room(score) > needed)
             .then(|| Pair { both: pair.both.map(|one| one.judged(judge)), ..pair })
     };
     let units = &together.units;

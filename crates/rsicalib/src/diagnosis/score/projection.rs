@@ -3,6 +3,7 @@
 use faer::Mat;
 
 use crate::Error;
+use crate::diagnosis::price::mean;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::model::Instance;
@@ -272,7 +273,11 @@ pub fn score(
         if width > 0.0 {
             let family = family(instance);
             let places = places[usize::from(family == Family::Free)];
-            scored.push(Scored::of(*instance, family, score, width, p_value, places));
+            let mut one = Scored::of(*instance, family, score, width, p_value, places);
+            if family == Family::Free {
+                one.marginal = score + evidence(observations, *instance, &candidate);
+            }
+            scored.push(one);
         }
     }
     Ok(scored)
@@ -317,4 +322,64 @@ fn judge_projected(
     let scale = second / width;
     let dof = width / scale;
     (score, width, judge.p_value(score / scale, dof))
+}
+
+/// Amplitudes of a free shape that are averaged over: halvings of its typical sizes.
+const HALVINGS: i32 = 12;
+
+/// `-2 ln` of the marginal likelihood of a free shape over that of none, its amplitude any of
+/// [`HALVINGS`] of its typical sizes:
+///
+/// ```text
+/// -2 ln L(τ) = Σ ln(1 + τ² m_k) - τ² u_k² / (1 + τ² m_k)                           (117)
+/// ```
+///
+/// with the eigenvalues `m_k` of `M` in typical sizes, and `u` along their directions.
+fn evidence(observations: &Observations, instance: Instance, candidate: &Projected) -> f64 {
+    let d = candidate.gradient.len();
+    let typical = targets::typical(&observations.mechanism, instance.term, instance.target);
+    let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
+    let gradient: Vec<f64> = candidate.gradient.iter().zip(&typical).map(|(u, t)| u * t).collect();
+    averaged(&square, &gradient)
+}
+
+/// (117) of `M` and `u` in typical sizes.
+fn averaged(square: &Mat<f64>, gradient: &[f64]) -> f64 {
+    let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return 0.0 };
+    let along =
+        |k: usize| gradient.iter().enumerate().map(|(i, u)| vectors[(i, k)] * u).sum::<f64>();
+    let pairs: Vec<[f64; 2]> =
+        (0..gradient.len()).map(|k| [values[k].max(0.0), along(k).powi(2)]).collect();
+    let of = |tau2: f64| -> f64 {
+        let each =
+            pairs.iter().map(|[m, square]| (tau2 * m).ln_1p() - tau2 * square / (1.0 + tau2 * m));
+        each.sum()
+    };
+    mean((0..HALVINGS).map(|k| (of(0.25_f64.powi(k)), 1.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use faer::Mat;
+    use nalgebra::{DMatrix, DVector};
+
+    use super::{HALVINGS, averaged};
+
+    #[test]
+    fn a_free_shape_costs_what_the_density_of_the_residuals_says() {
+        let odd = |i: usize, j: usize| ((1 + i * i + 7 * i * j + j) as f64).sin();
+        let z = DMatrix::from_fn(14, 3, |i, j| 3.0 * odd(i, j));
+        let r = DVector::from_fn(14, |i, _| 2.0 * odd(i, 7) + z[(i, 1)]);
+        let (m, u) = (z.transpose() * &z, z.transpose() * &r);
+        let got = averaged(&Mat::from_fn(3, 3, |i, j| m[(i, j)]), u.as_slice());
+        // By the inverse and the determinant of the whole covariance, at each amplitude.
+        let ratios = (0..HALVINGS).map(|k| {
+            let cover = DMatrix::identity(14, 14) + &z * z.transpose() * 0.25_f64.powi(k);
+            let log = cover.determinant().ln();
+            let inverse = cover.try_inverse().expect("an inverse");
+            (-0.5 * (log + (r.transpose() * inverse * &r)[(0, 0)] - r.norm_squared())).exp()
+        });
+        let wanted = -2.0 * (ratios.sum::<f64>() / f64::from(HALVINGS)).ln();
+        assert!((got - wanted).abs() < 1e-9 * wanted.abs(), "{got} for {wanted}");
+    }
 }

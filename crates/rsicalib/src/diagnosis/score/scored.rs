@@ -28,6 +28,10 @@ pub struct Scored {
     pub places: f64,
     /// `p_value` times `places`.
     pub corrected: f64,
+    /// What its parameters cost.
+    pub charge: f64,
+    /// What the parameters of a free shape cost by its marginal likelihood, (117).
+    pub marginal: f64,
 }
 
 impl Scored {
@@ -40,7 +44,18 @@ impl Scored {
         tests: f64,
     ) -> Self {
         let places = tests / prior(family);
-        Self { instance, family, score, width, p_value, places, corrected: p_value * places }
+        let (corrected, charge) = (p_value * places, price::CHARGE * width);
+        Self {
+            instance,
+            family,
+            score,
+            width,
+            p_value,
+            places,
+            corrected,
+            charge,
+            marginal: charge,
+        }
     }
 
     /// The same with the probability of its score.
@@ -52,7 +67,7 @@ impl Scored {
     /// What its parameters and its places cost.
     #[must_use]
     pub fn paid(&self) -> f64 {
-        price::item(self.width, self.places)
+        self.charge + price::item(0.0, self.places)
     }
 
     /// What is left of the score after they are paid for.

@@ -4,7 +4,7 @@ mod alternatives;
 mod exchange;
 mod known;
 pub mod moves;
-mod orders;
+pub(crate) mod orders;
 mod prune;
 pub mod rivals;
 pub mod search;

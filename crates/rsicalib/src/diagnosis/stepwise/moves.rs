@@ -7,7 +7,7 @@ use std::slice;
 use crate::Error;
 use crate::diagnosis::isolation::belongs;
 use crate::diagnosis::options::{LEVEL, Rule, SearchOptions};
-use crate::diagnosis::price::{Data, Scale, room};
+use crate::diagnosis::price::{CHARGE, Data, Scale, room};
 use crate::diagnosis::score::pairs::{self, Pair};
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose, one_place_each};
 use crate::diagnosis::score::{candidates, scan};
@@ -234,7 +234,7 @@ impl<'a> Stepwise<'a> {
         let named: Vec<_> = fits.iter().map(named_at).collect();
         let (small, alpha) = (&self.small, self.search.alpha);
         let score = |((fit, needed), (named, judge)): (&(Fit, f64), &(Vec<Instance>, Judge))| {
-            pairs::pairs(small, fit, judge, named, alpha, *needed)
+            pairs::pairs(small, fit, judge, named, Some(alpha), &|width, _| CHARGE * width, *needed)
         };
         workers::map(fits.iter().zip(&named), score)
     }
@@ -335,7 +335,7 @@ impl<'a> Stepwise<'a> {
     /// All joints that give under the links' weight, as one effect: what one joint gives
     /// is not told without what the others do. Those that do not stand out are left out,
     /// and those that would have to give against their load.
-    fn yielding(
+    pub(crate) fn yielding(
         &self,
         current: &Fit,
         scored: &[Scored],
@@ -366,7 +366,7 @@ impl<'a> Stepwise<'a> {
                 }
             }
             match weakest {
-                Some((_, k)) if joints[k].corrected > self.search.alpha => joints.remove(k),
+                Some((_, k)) if self.fails(&joints[k]) => joints.remove(k),
                 _ => {
                     let gain = self.gain(current, &refit, &joints);
                     return Ok(gain.is_finite().then_some((gain, joints, refit)));
@@ -374,6 +374,14 @@ impl<'a> Stepwise<'a> {
             };
         }
         Ok(None)
+    }
+
+    /// True for a joint of those that give together that is no longer needed.
+    fn fails(&self, joint: &Scored) -> bool {
+        match self.search.uses(Rule::Stepwise) {
+            true => joint.corrected > self.search.alpha,
+            false => joint.charged() <= 0.0,
+        }
     }
 
     /// The one channel that explains as much as leaving its whole pose out does: scores are

@@ -47,7 +47,7 @@ pub struct Searched {
     /// Explanations that are nearly as good as the best, itself included.
     pub rivals: Vec<Explanation>,
     /// It ended because there were enough, not because nothing scored.
-    more: bool,
+    pub(crate) more: bool,
 }
 
 impl Searched {
@@ -80,12 +80,12 @@ impl Searched {
     }
 
     /// True where what is left is noise.
-    fn quiet(&self, stepwise: &Stepwise) -> bool {
+    pub(crate) fn quiet(&self, stepwise: &Stepwise) -> bool {
         stepwise.judge(&self.current).lack_of_fit(&self.current).is_none_or(|p| p > LEVEL)
     }
 
     /// True where nothing is left, and nothing that was found is in doubt.
-    fn settled(&self, stepwise: &Stepwise) -> bool {
+    pub(crate) fn settled(&self, stepwise: &Stepwise) -> bool {
         let (found, rises): (Vec<_>, Vec<_>) = self
             .effects()
             .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))
@@ -96,22 +96,8 @@ impl Searched {
     }
 }
 
-/// The search, and once more where the declared noise is a bound by what it found.
-pub fn search_effects(
-    stepwise: &mut Stepwise,
-    start: &Fit,
-) -> Result<(Searched, Option<Isolated>), Error> {
-    let weights = stepwise.small.weights.clone();
-    let explained = search_and_isolate(stepwise, start)?;
-    if explained.0.found.is_empty() || !stepwise.bounded_by(&explained.0.current) {
-        return Ok(explained);
-    }
-    stepwise.release(weights);
-    search_and_isolate(stepwise, start)
-}
-
 /// The search, and once more where one thing is at fault alone.
-fn search_and_isolate(
+pub fn search_and_isolate(
     stepwise: &mut Stepwise,
     start: &Fit,
 ) -> Result<(Searched, Option<Isolated>), Error> {

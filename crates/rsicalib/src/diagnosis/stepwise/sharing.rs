@@ -90,7 +90,7 @@ impl Stepwise<'_> {
     }
 
     /// The instances of the single chains that a shared one stands for; none for another.
-    fn parts_of(&self, instance: &Instance) -> Option<Vec<Instance>> {
+    pub(crate) fn parts_of(&self, instance: &Instance) -> Option<Vec<Instance>> {
         let shared = instance.target.is_shared();
         shared.then(|| {
             let parts = self.small.mechanism.parts(instance.target).into_iter();

@@ -13,7 +13,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::price::Data;
+use crate::diagnosis::price::{Data, mean};
 use crate::diagnosis::unknown_law::variables::SAME;
 use crate::estimate::at_fit::{AtFit, add_scaled};
 use crate::numerics::symmetric::dot;
@@ -152,17 +152,6 @@ pub struct Evidence {
     pub smooth: f64,
     /// The square of the likeliest amplitude.
     pub tau2: f64,
-}
-
-/// `-2 ln` of the mean of `exp(-price/2)`, each with its weight.
-pub fn mean(prices: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
-    let least = prices.clone().map(|(price, _)| price).fold(f64::INFINITY, f64::min);
-    let (mut sum, mut all) = (0.0, 0.0);
-    for (price, weight) in prices {
-        sum += weight * (0.5 * (least - price)).exp();
-        all += weight;
-    }
-    least - 2.0 * (sum / all).ln()
 }
 
 /// Polynomials of one or two variables, the constant left out.

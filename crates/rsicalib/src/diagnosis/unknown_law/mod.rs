@@ -10,10 +10,10 @@ mod evidence;
 pub mod variables;
 
 use crate::Error;
-use crate::diagnosis::price::{Data, Family, prior};
+use crate::diagnosis::price::{Data, Family, mean, prior};
 use crate::diagnosis::score::scored::{self, Scored};
 use crate::diagnosis::stepwise::moves::{Stepwise, cost};
-use crate::diagnosis::unknown_law::evidence::{Errors, Evidence, mean};
+use crate::diagnosis::unknown_law::evidence::{Errors, Evidence};
 use crate::diagnosis::unknown_law::variables::{Quantity, Variable, variables};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Observations};
