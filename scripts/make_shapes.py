@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import textwrap
+from collections.abc import Mapping
 from importlib.machinery import ExtensionFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -30,6 +31,9 @@ _core = _compiled()
 
 RENAMED = {"class": "klass", "from": "origin"}
 """Keys that are words of Python, or say little as the name of an attribute."""
+
+OWN = {"Parameter": {"interval": "profile"}}
+"""The same of one class: `Estimate.interval` has bounds whether they are in the JSON or follow."""
 
 MIXINS = {
     "Parameter": "Estimate",
@@ -99,7 +103,8 @@ def shapes() -> str:
     parts = []
     for name in _ordered(records):
         bases = f"{MIXINS[name]}, Record" if name in MIXINS else "Record"
-        fields = _fields(records[name], set(written[name]), records)
+        renamed = RENAMED | OWN.get(name, {})
+        fields = _fields(records[name], set(written[name]), records, renamed=renamed)
         options = "frozen=True, repr=False" if name in MIXINS else "frozen=True"
         parts.append(_class(name, bases, records[name], fields, options))
     options = "frozen=True, eq=False, repr=False, kw_only=True"
@@ -155,14 +160,16 @@ def _fields(
     written: set[str],
     records: dict[str, Any],
     only: list[str] | None = None,
+    renamed: Mapping[str, str] | None = None,
 ) -> str:
     out = []
+    renamed = RENAMED if renamed is None else renamed
     for key, value in schema["properties"].items():
         if only is not None and key not in only:
             continue
         kind, empty = _kind(key, value, records)
         metadata = []
-        if key in RENAMED:
+        if key in renamed:
             metadata.append(f'"key": "{key}"')
         arguments = []
         if "default" in value or key not in written:
@@ -171,17 +178,21 @@ def _fields(
             own = isinstance(default, str | bool)
             arguments.append(f"default={plain}" if own else empty)
         omit = "OMIT" if empty != "default=None" else "IF_KNOWN"
+        if metadata and key not in written:
+            metadata.append(f"**{omit}")
         if metadata:
             arguments.append(f"metadata={{{', '.join(metadata)}}}")
         elif key not in written:
             arguments.append(f"metadata={omit}")
-        name = RENAMED.get(key, key)
+        name = renamed.get(key, key)
         if not arguments:
             line = f"    {name}: {kind}"
         elif len(arguments) == 1 and arguments[0].startswith("default="):
             line = f"    {name}: {kind} = {arguments[0].removeprefix('default=')}"
         else:
             line = f"    {name}: {kind} = field({', '.join(arguments)})"
+        if len(line) > 100:
+            line = f"    {name}: {kind} = field(\n        {', '.join(arguments)}\n    )"
         out.append(line + "\n" + _field_doc(value.get("description", "")))
     return "".join(out)
 

@@ -91,6 +91,8 @@ class Counts:
     within: list[bool] = field(default_factory=list)
     interval: list[bool] = field(default_factory=list)
     small: list[bool] = field(default_factory=list)
+    halves: list[float] = field(default_factory=list)
+    """χ² of the difference of the halves, per parameter."""
 
 
 def one(mechanism: rsicalib.Mechanism, seed: int, placements: int, sd: float, into: Counts) -> None:
@@ -111,6 +113,8 @@ def one(mechanism: rsicalib.Mechanism, seed: int, placements: int, sd: float, in
     into.mean += list(np.abs(off) < 1.96 * sd_between)
     into.interval.append(between.interval[0] <= sd <= between.interval[1])
     into.small.append(between.p_value < 0.05)
+    if between.halves is not None:
+        into.halves.append(between.halves.chi2_between)
     covariance = np.array(between.covariance, dtype=float)[:7, :7]
     elsewhere = covariance + np.diag([p.sd**2 for p in between.parameters])
     near = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0]) + rng.uniform(-0.6, 0.6, (4, 6))

@@ -50,6 +50,7 @@ def damaged(result: dict[str, Any], keys: tuple[str | int, ...], value: Any) -> 
         (("parameters", 3), ..., "covariance"),
         (("parameters", 3, "target"), None, r"parameters\[3\]\.target"),
         (("parameters", 3, "sd"), -1.0, r"parameters\[3\]\.sd"),
+        (("parameters", 3, "interval"), [1e5, 2e5], r"parameters\[3\]\.interval"),
         (("covariance", 0), ..., "covariance"),
         (("covariance", 0, 0), "1", r"covariance\[0\]\[0\]"),
         (("reference", "span"), [], r"reference\.span"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
@@ -50,6 +51,7 @@ class Estimate:
     sd: float | None
     unit: str
     place: str | None
+    profile: tuple[float | None, ...] | None
 
     if TYPE_CHECKING:
 
@@ -66,9 +68,12 @@ class Estimate:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Bounds of 95 %, in `unit`."""
+        """Bounds of 95 %, in `unit`; infinite where the readings set none."""
         if self.value is None or self.sd is None:
             return None
+        if self.profile is not None:
+            low, high = self.profile
+            return (-math.inf if low is None else low), (math.inf if high is None else high)
         return self.value - 1.96 * self.sd, self.value + 1.96 * self.sd
 
     @property
@@ -87,7 +92,10 @@ class Estimate:
         return parameter_key(self.spec, self.term, self.name)
 
     def __repr__(self) -> str:
-        return f"<{self.key} = {estimate_words(self.value, self.sd, self.unit)}>"
+        words = estimate_words(self.value, self.sd, self.unit)
+        if self.profile is not None and self.interval is not None:
+            words += " (" + " to ".join(f"{end:.4g}" for end in self.interval) + ")"
+        return f"<{self.key} = {words}>"
 
 
 class Size(Protocol):

@@ -245,7 +245,9 @@ class Before(Record):
 
 @dataclass(frozen=True, repr=False)
 class Parameter(Estimate, Record):
-    """An estimate: `value` ± 1.96 `sd` covers the truth 95 times in 100."""
+    """An estimate: `interval`, or `value` ± 1.96 `sd` where there is none, covers the truth 95
+    times in 100.
+    """
 
     term: str
     """Id of the term."""
@@ -259,11 +261,19 @@ class Parameter(Estimate, Record):
     """Standard deviation; null where these poses cannot determine the parameter."""
     unit: str
     """Unit of both."""
+    profile: tuple[float | None, ...] | None = field(
+        default=None, metadata={"key": "interval", **IF_KNOWN}
+    )
+    """Bounds of 95 % where `value` ± 1.96 `sd` are not: few degrees of freedom of the noise, or
+    readings that bend within it, by profile likelihood. A bound is null where the readings set
+    none."""
     sd_between: float | None = field(default=None, metadata=IF_KNOWN)
     """Standard deviation of the mean over groups, as of `between.covariance`; null where there are
     none."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
     """Where a searched term acts: a pose, or another channel."""
+    place_interval: tuple[str, ...] | None = field(default=None, metadata=IF_KNOWN)
+    """First and last pose at which something may have happened that has acted ever since, 95 %."""
     note: str | None = field(default=None, metadata=IF_KNOWN)
     """What keeps the parameter from being what its term is called."""
     earlier: Before | None = field(default=None, metadata=IF_KNOWN)

@@ -38,6 +38,7 @@ from rsicalib.report.words import (
     sentence,
     size_words,
     subject,
+    with_bounds,
 )
 from rsicalib.report.workspace import workspace_figure
 from rsicalib.units import with_unit
@@ -491,10 +492,12 @@ def _parameters(result: ResultShape) -> str:
     heads += ["with what was left out"] * bool(whole)
     rows = []
     for p in result.parameters:
-        value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
+        value, half = with_bounds(p)
         name = parameter_name(p.term, p.name)
         target = labelled(p.target, result.labels.get(p.target))
-        target = target if p.place is None else f"{target} at {p.place}"
+        times = dict.fromkeys(p.place_interval or ())
+        within = f" ({' to '.join(times)})" if len(times) > 1 else ""
+        target = target if p.place is None else f"{target} at {p.place}{within}"
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
         earlier = _earlier(p) if superseding else ()

@@ -24,6 +24,7 @@ from rsicalib.report.words import (
     plus_minus,
     sentence,
     size_words,
+    with_bounds,
 )
 from rsicalib.units import axis_words, with_unit
 
@@ -292,8 +293,8 @@ def _unit(parameter: Parameter) -> str:
 def _estimate(parameter: Parameter) -> str:
     scale = 1e3 if parameter.unit == "rad/count" else 1.0
     value = None if parameter.value is None else scale * parameter.value
-    half = None if parameter.sd is None else 1.96 * scale * parameter.sd
-    found = " ± ".join(plus_minus(value, half))
+    shown, half = with_bounds(parameter, scale)
+    found = f"{shown} ({half})" if half[-1:].isdigit() and " " in half else f"{shown} ± {half}"
     wide = parameter.sd_between
     if wide is None or parameter.sd is None or wide < WIDER * parameter.sd:
         return found

@@ -12,6 +12,7 @@ from rsicalib.facts.shapes import (
     Excluded,
     FitQuality,
     Name,
+    Parameter,
     Reason,
     ResultShape,
     Step,
@@ -42,6 +43,7 @@ __all__ = [
     "size_words",
     "subject",
     "target_words",
+    "with_bounds",
 ]
 
 UNKNOWN = "unknown_law"
@@ -80,6 +82,28 @@ def plus_minus(value: float | None, half: float | None) -> tuple[str, str]:
     if places > 7 or max(abs(value), half) >= 1e6:
         return f"{value:.6e}", f"{half:.1e}"
     return f"{value:z.{max(places, 0)}f}", f"{half:.{max(places, 0)}f}"
+
+
+EVEN = 0.1
+"""Two sides of an interval that differ by less are shown as one: half a width has two digits."""
+
+
+def with_bounds(parameter: Parameter, times: float = 1.0) -> tuple[str, str]:
+    """A value and its 95 %: half a width, or from where to where, if the sides differ."""
+    value, ends = parameter.value, parameter.interval
+    if value is None or ends is None:
+        return plus_minus(None if value is None else times * value, None)
+    below, above = (times * abs(end - value) for end in ends)
+    narrow, wide = sorted((below, above))
+    if parameter.profile is None or wide - narrow <= EVEN * narrow:
+        return plus_minus(times * value, 0.5 * (below + above))
+    if math.isinf(narrow):
+        return plus_minus(times * value, None)
+    shown = plus_minus(times * value, narrow)[0]
+    low, high = (plus_minus(times * end, narrow)[0] for end in ends)
+    if math.isinf(below):
+        return shown, f"up to {high}"
+    return shown, f"from {low}" if math.isinf(above) else f"{low} to {high}"
 
 
 def name_of(term: str) -> str:

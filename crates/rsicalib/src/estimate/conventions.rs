@@ -177,6 +177,14 @@ impl Conventions {
         self.rows.iter().filter_map(of).collect()
     }
 
+    /// True where a combination of the parameters changes along one of them.
+    pub(crate) fn moves(&self, row: &[f64]) -> bool {
+        let parts = || row.iter().zip(&self.norms).map(|(row, norm)| row / norm);
+        let whole: f64 = parts().map(f64::abs).sum();
+        let along = |basis: &Vec<f64>| parts().zip(basis).map(|(part, b)| part * b).sum::<f64>();
+        self.basis.iter().any(|basis| along(basis).abs() > SHOWN * whole)
+    }
+
     /// Parameters moved along them to what holds them.
     pub(crate) fn moved(&self, x: &[f64], holds: &[Prior]) -> Vec<f64> {
         let mut there = x.to_vec();

@@ -279,7 +279,7 @@ pub struct Before {
     pub sd: f64,
 }
 
-/// An estimate: `value` ± 1.96 `sd` covers the truth 95 times in 100.
+/// An estimate: `interval`, or `value` ± 1.96 `sd` where there is none, covers the truth 95 times in 100.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(
     feature = "serde",
@@ -302,6 +302,10 @@ pub struct ParameterReport {
     pub sd: Option<f64>,
     /// Unit of both.
     pub unit: String,
+    /// Bounds of 95 % where `value` ± 1.96 `sd` are not: few degrees of freedom of the noise, or readings
+    /// that bend within it, by profile likelihood. A bound is null where the readings set none.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub interval: Option<[Option<f64>; 2]>,
     /// Standard deviation of the mean over groups, as of `between.covariance`; null where there are
     /// none.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
@@ -309,6 +313,9 @@ pub struct ParameterReport {
     /// Where a searched term acts: a pose, or another channel.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
+    /// First and last pose at which something may have happened that has acted ever since, 95 %.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub place_interval: Option<[String; 2]>,
     /// What keeps the parameter from being what its term is called.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub note: Option<String>,
@@ -404,9 +411,11 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
                 term: instance.term.info().id.into(),
                 target: instance.target.name(mechanism),
                 place: place(observations, instance),
+                place_interval: None,
                 name: parameter.name.into(),
                 value: f64::NAN,
                 sd: None,
+                interval: None,
                 sd_between: None,
                 unit: unit(observations, instance, parameter.unit),
                 note: None,
@@ -420,9 +429,11 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
                 term: unknown.thing.term().into(),
                 target: unknown.name.clone(),
                 place: None,
+                place_interval: None,
                 name: name.into(),
                 value: f64::NAN,
                 sd: None,
+                interval: None,
                 sd_between: None,
                 unit: if length { mechanism.length_unit.clone() } else { "rad".into() },
                 note: None,

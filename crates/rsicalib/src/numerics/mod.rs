@@ -15,6 +15,7 @@ pub(crate) mod normal_equations;
 pub(crate) mod normals;
 #[cfg(feature = "serde")]
 pub(crate) mod nullable;
+pub mod profile;
 pub mod random;
 pub mod rank;
 pub(crate) mod schur;

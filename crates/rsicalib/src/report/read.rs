@@ -168,6 +168,17 @@ fn check_parameters(result: &impl Parts) -> Result<(), Refused> {
         if let Some(sd) = p.sd.filter(|sd| !(*sd >= 0.0 && bounds::usable(*sd))) {
             return refuse(&format!("parameters[{k}].sd"), sd.to_string(), "0 or more, or null");
         }
+        let [low, high] = p.interval.unwrap_or_default().map(|bound| bound.filter(|b| !b.is_nan()));
+        let apart = low.is_some_and(|low| low > p.value) || high.is_some_and(|high| high < p.value);
+        if apart || [low, high].into_iter().flatten().any(|bound| !bounds::usable(bound)) {
+            let text = |bound: Option<f64>| bound.map_or("null".into(), |b| b.to_string());
+            let expected = format!("bounds on both sides of {}, or null", p.value);
+            return refuse(
+                &format!("parameters[{k}].interval"),
+                format!("{} to {}", text(low), text(high)),
+                expected,
+            );
+        }
     }
     Ok(())
 }

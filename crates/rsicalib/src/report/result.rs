@@ -12,7 +12,7 @@ use crate::estimate::directions::{
     Directions, ParameterReport, covariance_as_reported, parameter_names, reported,
 };
 use crate::estimate::noise::source::Source;
-use crate::estimate::{Fit, Observations, Part};
+use crate::estimate::{Fit, Observations, Part, intervals, times};
 use crate::readings::Readings;
 use crate::report::between::{self, BetweenReport};
 use crate::report::named::Named;
@@ -261,7 +261,19 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
     let names = || mechanism.channels.iter().map(|c| c.name.clone());
     let sigma = names().zip(fit.noise.sigma.iter().copied());
     let unit = names().zip(mechanism.channels.iter().map(|c| c.unit.clone()));
-    let parameters = parameters(observations, fit);
+    let mut parameters = parameters(observations, fit);
+    for (p, ends) in parameters.iter_mut().zip(intervals(observations, fit)) {
+        let bound = |end: f64| Some(p.value + end).filter(|bound| bound.is_finite());
+        p.interval = ends.map(|ends| ends.map(bound));
+    }
+    let labels = &observations.readings.labels;
+    let instances = fit.model.instances.iter().zip(&fit.model.first);
+    for ((instance, first), times) in instances.zip(times(observations, fit)) {
+        let names = times.map(|ends| ends.map(|pose| labels[pose].to_string()));
+        for p in &mut parameters[*first..first + instance.width()] {
+            p.place_interval.clone_from(&names);
+        }
+    }
     Estimates {
         noise: NoiseReport {
             kind: fit.noise.source,
