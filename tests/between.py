@@ -3,9 +3,9 @@
 `python -m tests.between --arms 400` prints, for 3, 5 and 8 placements, how many 95 % intervals of
 the parameters hold the mean arm, and how many of predicted positions hold an arm at a placement
 that was not recorded; beside them what intervals within placements hold, the share of arms whose
-interval of the component holds the truth, and how often p is below 5 %. At each placement a ball on
-the tool rests in one cone in 30 poses; offsets and the ball differ by `--sd` typical sizes from
-placement to placement.
+interval of the component holds the truth, how often p is below 5 %, and χ² of the halves. At each
+placement a ball on the tool rests in one cone in 30 poses; offsets and the ball differ by `--sd`
+typical sizes from placement to placement.
 """
 
 from __future__ import annotations
@@ -159,10 +159,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for placements in options.placements:
             found = counted(options.arms, placements, sd, options.seed)
             share = {name: 100.0 * float(np.mean(held)) for name, held in vars(found).items()}
+            halves = np.array(found.halves)
+            spread = halves.std() / np.sqrt(max(len(halves), 1))
             print(
                 f"sd {sd}, {placements} placements: mean arm {share['mean']:.1f} %, elsewhere "
                 f"{share['elsewhere']:.1f} % (within {share['within']:.1f} %), interval of the "
-                f"component {share['interval']:.1f} %, p < .05 in {share['small']:.1f} %",
+                f"component {share['interval']:.1f} %, p < .05 in {share['small']:.1f} %; halves "
+                f"differ by χ² per parameter {halves.mean():.2f} ± {spread:.2f}, "
+                f"{np.median(halves):.2f} in the median",
                 flush=True,
             )
 
