@@ -21,6 +21,7 @@ from rsicalib.fleets.dataset import Dataset
 from rsicalib.fleets.page import page
 from rsicalib.fleets.standing_out import limit, remarks, spreads
 from rsicalib.io.frames import columns_of
+from rsicalib.io.tables import chunks, read_table
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -228,6 +229,55 @@ def test_a_device_is_in_one_partition_only(frame: dict[str, list[Any]], dataset:
     assert sum(len(part.frame["device"]) for part in parts) == len(frame["device"])
 
 
+def test_pieces_hold_each_device_once_and_give_the_rows_that_partitions_give(
+    frame: dict[str, list[Any]], dataset: Path
+) -> None:
+    source = Dataset(dataset, "device")
+    pieces = source.pieces(2)
+    assert pieces is not None
+    labels = [label for piece in pieces for label in piece.labels]
+    assert labels == [f"d{k}" for k in range(COUNT)]
+    parts = [part for piece in pieces for part in piece.read()]
+    assert [label for part in parts for label in part.labels] == labels
+    assert all(len(part.labels) <= 2 for part in parts)
+    told = [cell for part in parts for cell in part.frame["a11"]]
+    assert told == [float(cell) for cell in frame["a11"]]
+    # Rows of all devices everywhere: each piece would read the whole file.
+    order = np.argsort(np.tile(np.arange(len(frame["device"]) // COUNT), COUNT), kind="stable")
+    scattered = {name: [cells[k] for k in order] for name, cells in frame.items()}
+    parquet.write_table(pa.table(scattered), dataset, row_group_size=12)
+    assert Dataset(dataset, "device").pieces(2) is None
+
+
+def test_a_large_csv_file_is_read_some_rows_at_a_time(
+    frame: dict[str, list[Any]], tmp_path: Path
+) -> None:
+    path = tmp_path / "all.csv"
+    rows = zip(*frame.values(), strict=True)
+    path.write_text("\n".join([",".join(frame), *(",".join(map(str, r)) for r in rows)]) + "\n")
+    whole, parts = read_table(path), list(chunks(path, 2_000))
+    assert len(parts) > 3
+    assert np.concatenate([p.lines for p in parts]).tolist() == whole.lines.tolist()
+    for k, cells in enumerate(whole.columns):
+        assert [cell for part in parts for cell in part.columns[k]] == list(cells)
+    path.write_text(path.read_text().replace("d0", '"d0"', 1))
+    assert len(list(chunks(path, 2_000))) == 1  # a quoted cell may hold the end of a line
+
+
+def test_a_folder_without_readings_is_a_row_and_a_row_names_its_file(
+    sessions: list[Any], tmp_path: Path
+) -> None:
+    for k in (0, 2):
+        sessions[k].save(tmp_path / "devices" / f"d{k}")
+    (tmp_path / "devices" / "d1").mkdir()
+    rsicalib.fleet(tmp_path / "devices", out=tmp_path / "out")
+    rows = read(tmp_path / "out")
+    assert rows["device"] == ["d0", "d1", "d2"]
+    assert rows["verdict"][1] is None and "no such file" in rows["message"][1]
+    assert rows["file"] == [str(tmp_path / "devices" / d / "readings.csv") for d in rows["device"]]
+    assert rows["file"][1] in (tmp_path / "out" / "fleet.html").read_text(encoding="utf-8")
+
+
 def test_folders_of_devices_are_read_as_simulate_writes_them(
     sessions: list[Any], frame: dict[str, list[Any]], tmp_path: Path
 ) -> None:
@@ -273,17 +323,19 @@ def test_an_interrupted_run_is_resumed_with_the_rows_that_it_has(
 
     def stop(_: str, done: int, total: int) -> None:
         calls.append(done)
-        if done == 3:
+        if done >= 3:  # a piece is a row group at least, of two or three devices
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         rsicalib.fleet(dataset, out=out, workers=1, progress=stop)
-    assert len(list((out / "parts").glob("*.parquet"))) == 3
+    parts = [parquet.read_table(path) for path in (out / "parts").glob("*.parquet")]
+    kept = sum(part.num_rows for part in parts)
+    assert kept == calls[-1] < COUNT
     with pytest.raises(InputError, match="expected --resume"):
         rsicalib.fleet(dataset, out=out)
     calls.clear()
     rsicalib.fleet(dataset, out=out, resume=True, progress=lambda *n: calls.append(n[1]))
-    assert len(calls) == COUNT - 3
+    assert calls[-1] == COUNT - kept
     rsicalib.fleet(dataset, out=tmp_path / "whole")
     assert read(out) == read(tmp_path / "whole")
     assert not (out / "parts").exists()

@@ -19,6 +19,7 @@ import rsicalib
 from rsicalib import DEMO, InputError, Monitor
 from rsicalib.io.stream import rows_of
 from tests import oracle
+from tests.machines import belt, files
 from tests.oracle import Array
 from tests.watch import table
 from tests.watch.device import RATE_HZ, Change, Work, calibrated
@@ -424,3 +425,91 @@ def test_the_command_watches_a_folder_of_results(shared: dict[str, Any]) -> None
     *alarms, summary = [json.loads(line) for line in done.stdout.splitlines()]
     assert {alarm["device"] for alarm in alarms} == {"a/1", "ä"}
     assert summary["devices"] == 2
+
+
+@pytest.mark.parametrize("kind", ["gain", "creeping gain", "reference", "creeping reference"])
+def test_what_is_multiplied_is_one_alarm_with_its_name(kind: str) -> None:
+    found = table.said(kind, (1, table.KINDS.index(kind), 0), 1e-5)
+    assert (found.early, found.alarms, found.right) == (False, 1, True)
+
+
+def test_a_gain_is_named_with_its_share() -> None:
+    calibration, values, truth = table.at_work("gain", (1, table.KINDS.index("gain"), 0))
+    last = Monitor(calibration).update(values)[-1]
+    assert truth.right([last]) and last.unit == "1"
+    # Of 1 to 3 per cent: the counts are multiplied, so the gain is divided.
+    assert 0.0095 < abs(last.size) < 0.0312 and last.sd < 0.001
+
+
+def test_a_stuck_channel_is_one_alarm_and_its_chain_says_nothing_more() -> None:
+    calibration, values, truth = table.at_work("stuck", (1, table.KINDS.index("stuck"), 0))
+    alarms = Monitor(calibration).update(values)
+    last = alarms[-1]
+    assert truth.right(alarms) and last.action == "stop"
+    assert sum(a.revises is None for a in alarms) == 1
+    channel = int(np.flatnonzero(np.ptp(values[table.BEFORE :], axis=0) == 0)[0])
+    assert last.target == NAMES[channel] and last.parameters[0].value == values[-1, channel]
+    assert abs(last.since_row - table.BEFORE) <= 2 and "is stuck since" in last.text()
+    # Saved in the midst of it, and gone on with.
+    for cut in (3010, 3100, 4000):
+        one = Monitor(calibration)
+        begun = one.update(values[:cut])
+        again = pickle.loads(pickle.dumps(one))
+        assert [*begun, *again.update(values[cut:])] == [
+            *begun,
+            *one.update(values[cut:]),
+        ]
+
+
+def test_a_loose_bearing_is_named_with_how_far_its_end_moves() -> None:
+    calibration, values, truth = table.at_work("loose bearing", (1, 9, 0))
+    alarms = Monitor(calibration).update(values)
+    assert truth.right(alarms)
+    last = alarms[-1]
+    assert (last.term, last.action, last.unit) == ("loose", "stop", "in")
+    assert abs(last.size - 0.02) < 4 * last.sd  # in each direction, from row to row
+
+
+def test_what_has_no_name_is_said_once_and_then_nothing() -> None:
+    device, found, rng = calibrated(17)
+    values = Work(device, rng).rows(20_000)
+    # Every channel takes a step of 3 to 14 counts every 300 rows: no single change explains that.
+    for row in range(4000, 20_000, 300):
+        values[row:] += rng.choice((-1.0, 1.0), 9) * rng.integers(3, 15, 9)
+    monitor = Monitor(found)
+    alarms = monitor.update(values)
+    assert alarms[0].row >= 4000
+    assert [a.term for a in alarms].count("unnamed") == 1
+    last = alarms[-1]
+    assert (last.term, last.action) == ("unnamed", "stop")
+    assert sum(a.revises is None for a in alarms) <= 8
+    assert "no name for" in last.text()
+    seen = monitor.summary()
+    assert seen.silent > 5000
+    assert seen.rows == seen.used + seen.silent + seen.outliers + seen.repeated
+    assert monitor.update(values[:100]) == []
+
+
+def test_an_alarm_says_what_to_do(step: dict[str, Any]) -> None:
+    large = Monitor(step["calibration"]).update(step["values"])[-1]
+    assert large.action == "recalibrate" and large.text().endswith("calibrate again")
+    device, found, rng = calibrated(18)
+    # A third of a count: the noise of one sample moves the platform by more.
+    work = Work(device, rng, change=Change("a22", 0.5e-3, since=3000))
+    small = Monitor(found).update(work.rows(20_000))
+    assert small and small[-1].action == "go_on" and small[-1].text().endswith("go on")
+
+
+def test_a_sled_on_belts_is_watched(tmp_path: Path) -> None:
+    machine = belt.draw(np.random.default_rng(3), 3_080)
+    read = machine.observe(np.random.default_rng(4))
+    csv_, mechanism = files.write(machine, read[:80], tmp_path)
+    found = rsicalib.calibrate(csv_, mechanism)
+    work = read[80:]
+    assert Monitor(found, mechanism).update(work) == []
+    work[1500:, 1] += 3.0  # mm, of the belt tr
+    alarms = Monitor(found, mechanism).update(work)
+    assert alarms and 1500 <= alarms[0].row < 1600
+    assert alarms[-1].target in ("tr", "belt tr")
+    assert sum(a.revises is None for a in alarms) == 1
+    assert abs(abs(alarms[-1].size) - 3.0) < 4 * alarms[-1].sd

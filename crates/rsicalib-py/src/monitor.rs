@@ -172,5 +172,6 @@ fn plain<'py>(py: Python<'py>, alarm: &Alarm) -> PyResult<Bound<'py, PyDict>> {
     });
     out.set_item("also_fits", also.collect::<PyResult<Vec<_>>>()?)?;
     out.set_item("revises", alarm.revises)?;
+    out.set_item("action", pythonize(py, &alarm.action)?)?;
     Ok(out)
 }

@@ -14,10 +14,10 @@ import numpy as np
 from rsicalib.errors import InputError
 from rsicalib.fleets.frames import Runs, joined, runs_of, select
 from rsicalib.io.frames import Columns, columns_of
-from rsicalib.io.tables import PARQUET, Table, read_table, text
+from rsicalib.io.tables import PARQUET, Table, chunks, read_table, text
 from rsicalib.plain_text import encodable
 
-__all__ = ["Dataset", "Partition", "pyarrow_modules"]
+__all__ = ["Dataset", "Partition", "Piece", "pyarrow_modules"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,53 @@ class Partition:
     """Devices whose files cannot be read, and why."""
     apart: bool = False
     """True where each device has files of its own: a missing column is then its own fault."""
+    by: str = "device"
+    """The column that names the device."""
+    place: str = ""
+    """Where it is in the dataset: texts sort as the rows do."""
+    files: dict[Any, str] = field(default_factory=dict)
+    """The file of a device, where each has its own."""
+
+    @property
+    def labels(self) -> list[Any]:
+        """The devices, in order."""
+        found = [*runs_of(self.frame[self.by]), *self.refused]
+        return sorted(found, key=list(self.files).index) if self.files else found
+
+    def read(self) -> Iterator[Partition]:
+        """Itself: its rows are here."""
+        yield self
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Devices whose rows whoever calibrates them reads, from row groups of Parquet files."""
+
+    places: tuple[tuple[str, int], ...]
+    """Files, and numbers of the row groups in them."""
+    labels: list[Any]
+    """The devices, in order."""
+    rest: Columns | None
+    by: str
+    size: int
+    """Devices that are calibrated at a time."""
+    place: str = ""
+    """Where it is in the dataset."""
+
+    def read(self) -> Iterator[Partition]:
+        """Its rows, some devices at a time."""
+        _, parquet = pyarrow_modules(self.places[0][0])
+        groups = [parquet.ParquetFile(file).read_row_group(group) for file, group in self.places]
+        frame = joined([columns_of(group) for group in groups])
+        devices = _by_device(frame, self.by)
+        rests = {} if self.rest is None else _by_device(self.rest, self.by)
+        for start in range(0, len(self.labels), self.size):
+            labels = self.labels[start : start + self.size]
+            at_rest = None
+            if self.rest is not None:
+                at_rest = select(self.rest, (run for own in labels for run in rests.get(own, [])))
+            own = select(frame, (run for label in labels for run in devices[label]))
+            yield Partition(own, at_rest, by=self.by, place=f"{self.place}.{start:09}")
 
 
 class Dataset:
@@ -72,6 +119,12 @@ class Dataset:
         self.parquet = [p for p in tables if p.suffix.lower() in PARQUET]
         self.folders = sorted(p.parent for p in tables if p.name == "readings.csv")
         self.csv = [p for p in tables if p.suffix.lower() == ".csv"] if not self.folders else []
+        self.empty: list[Path] = []
+        if self.folders and not path.is_file():
+            inside = {folder for own in self.folders for folder in (own, *own.parents)}
+            tops = {own.parent for own in self.folders}
+            subs = (sub for top in tops for sub in top.iterdir() if sub.is_dir())
+            self.empty = sorted(sub for sub in subs if sub not in inside)
         kinds = [kind for kind in (self.parquet, self.folders, self.csv) if kind]
         if len(kinds) != 1:
             found = "Parquet and CSV files" if kinds else "no Parquet and no CSV file"
@@ -87,13 +140,43 @@ class Dataset:
             return self._cut(_row_groups(self.parquet, self.by), size)
         if self.folders:
             return self._of_folders(size)
-        first = read_table(self.csv[0])
-        if self.by in first.names:
-            tables = [first, *(read_table(path) for path in self.csv[1:])]
-            frames = [_columns(table, self.by) for table in tables]
-            last = dict.fromkeys((label for f in frames for label in _labels(f, self.by)), 0)
-            return self._cut([(joined(frames), last)], size)
+        if self.by in next(chunks(self.csv[0])).names:
+            return self._cut(self._csv_groups(), size)
         return self._of_files(((encodable(p.stem), p, None) for p in self.csv), size)
+
+    def pieces(self, size: int) -> list[Piece] | None:
+        """The devices by the row groups that they are in, at least `size` together.
+
+        None where there are no row groups, or where devices are so scattered over them that they
+        would be read more than twice.
+        """
+        if not self.parquet:
+            return None
+        places, first, last = _ends(self.parquet, self.by)
+        ending: list[list[Any]] = [[] for _ in places]
+        for label, group in last.items():
+            ending[group].append(label)
+        pieces: list[Piece] = []
+        read = 0
+        labels: list[Any] = []
+        for group, more in enumerate(ending):
+            labels += more
+            if (len(labels) < size and group + 1 < len(places)) or not labels:
+                continue
+            begin = min(first[label] for label in labels)
+            read += group + 1 - begin
+            # More devices at once than asked for, out of more than a row group and the one before.
+            scattered = len(labels) > 2 * size and group - begin > 1
+            if scattered or read > 2 * len(places):
+                return None
+            own = tuple((str(file), number) for file, number in places[begin : group + 1])
+            rest = None
+            if self.rest is not None:
+                runs = _by_device(self.rest, self.by)
+                rest = select(self.rest, (run for own in labels for run in runs.get(own, [])))
+            pieces.append(Piece(own, labels, rest, self.by, size))
+            labels = []
+        return pieces
 
     def _cut(
         self, groups: Iterable[tuple[Columns, dict[Any, int]]], size: int
@@ -114,17 +197,33 @@ class Dataset:
                 if rest is not None and self.rest is not None:
                     of_rest = (run for label in labels for run in rest.get(label, []))
                     at_rest = select(self.rest, of_rest)
-                yield Partition(frame, at_rest)
+                yield Partition(frame, at_rest, by=self.by)
             for label in whole[:count]:
                 del devices[label]
             waiting = select(waiting, (run for runs in devices.values() for run in runs))
+
+    def _csv_groups(self) -> Iterator[tuple[Columns, dict[Any, int]]]:
+        """Rows of CSV files, some at a time, and the number of the last part of every device."""
+        last: dict[Any, int] = {}
+        count = 0
+        for path in self.csv:
+            for table in chunks(path):
+                last |= dict.fromkeys(_labels(_columns(table, self.by), self.by), count)
+                count += 1
+        names: list[str] | None = None
+        for path in self.csv:
+            for table in chunks(path):
+                frame = _columns(table, self.by)
+                names = names or list(frame)
+                yield {name: frame[name] for name in names}, last
 
     def _of_folders(self, size: int) -> Iterator[Partition]:
         def rest(folder: Path) -> Path | None:
             return folder / "rest.csv" if (folder / "rest.csv").is_file() else None
 
+        folders = sorted([*self.folders, *self.empty])
         return self._of_files(
-            ((encodable(f.name), f / "readings.csv", rest(f)) for f in self.folders), size
+            ((encodable(f.name), f / "readings.csv", rest(f)) for f in folders), size
         )
 
     def _of_files(
@@ -134,11 +233,17 @@ class Dataset:
         frames: list[Columns] = []
         rests: list[Columns] = []
         refused: dict[Any, str] = {}
+        files: dict[Any, str] = {}
 
         def made() -> Partition:
             of_rest = joined(rests) if rests else self._rest_of(frames)
             return Partition(
-                joined(frames) if frames else {self.by: []}, of_rest, dict(refused), True
+                joined(frames) if frames else {self.by: []},
+                of_rest,
+                dict(refused),
+                apart=True,
+                by=self.by,
+                files=dict(files),
             )
 
         for label, file, at_rest in devices:
@@ -148,13 +253,14 @@ class Dataset:
                 if at_rest is not None:
                     resting = _labelled(read_table(at_rest), self.by, label)
             except InputError as error:
-                refused[label] = error.message
+                refused[label], files[label] = error.message, str(file)
                 continue
             unlike = any(list(frame) != list(f) for f in frames[:1])
             unlike |= any(resting is not None and list(resting) != list(r) for r in rests[:1])
             if unlike or len(frames) == size:
                 yield made()
-                frames, rests, refused = [], [], {}
+                frames, rests, refused, files = [], [], {}, {}
+            files[label] = str(file)
             frames.append(frame)
             if resting is not None:
                 rests.append(resting)
@@ -186,9 +292,12 @@ def pyarrow_modules(source: str) -> tuple[Any, Any]:
         ) from None
 
 
-def _row_groups(files: Sequence[Path], by: str) -> Iterator[tuple[Columns, dict[Any, int]]]:
-    """Rows of each row group, and the number of the last row group of every device."""
+def _ends(
+    files: Sequence[Path], by: str
+) -> tuple[list[tuple[Path, int]], dict[Any, int], dict[Any, int]]:
+    """All row groups, and the numbers of the first and the last one of every device."""
     pyarrow, parquet = pyarrow_modules(str(files[0]))
+    first: dict[Any, int] = {}
     last: dict[Any, int] = {}
     places: list[tuple[Path, int]] = []
     for file in files:
@@ -199,11 +308,21 @@ def _row_groups(files: Sequence[Path], by: str) -> Iterator[tuple[Columns, dict[
                 raise InputError.at(str(file), found=found, expected="one that names the device")
             for group in range(opened.num_row_groups):
                 column = opened.read_row_group(group, columns=[by]).column(0)
-                last |= dict.fromkeys(column.unique().to_pylist(), len(places))
+                here = dict.fromkeys(column.unique().to_pylist(), len(places))
+                last |= here
+                for label in here:
+                    first.setdefault(label, len(places))
                 places.append((file, group))
         except (pyarrow.ArrowException, OSError) as error:
             found = f"what pyarrow cannot read ({error})"
             raise InputError.at(str(file), found=found, expected="a Parquet file") from None
+    return places, first, last
+
+
+def _row_groups(files: Sequence[Path], by: str) -> Iterator[tuple[Columns, dict[Any, int]]]:
+    """Rows of each row group, and the number of the last row group of every device."""
+    _, parquet = pyarrow_modules(str(files[0]))
+    places, _, last = _ends(files, by)
     for file, group in places:
         yield columns_of(parquet.ParquetFile(file).read_row_group(group)), last
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -12,14 +13,27 @@ from typing import Any, Protocol, TypeAlias
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.fleets.dataset import Partition
+from rsicalib.fleets.dataset import Partition, Piece
 from rsicalib.fleets.devices import calibrate_devices
 from rsicalib.fleets.frames import joined_rows
 
-__all__ = ["Job", "Rows", "Task", "over_dask", "over_threads"]
+__all__ = ["Job", "Part", "Rows", "Task", "over_dask", "over_threads"]
 
 Rows: TypeAlias = dict[str, Any]
 """Results by column, each of length n."""
+
+
+Part: TypeAlias = Partition | Piece
+"""What is handed out: rows, or where they are."""
+
+
+def _work(job: Task, part: Part) -> Rows:
+    """Rows of the devices of a part, which is read where this runs."""
+    return joined_rows(*(job(partition) for partition in part.read()))
+
+
+def _reaches(paths: list[str]) -> bool:
+    return all(os.path.exists(path) for path in paths)
 
 
 class Task(Protocol):
@@ -59,7 +73,13 @@ class Job:
                 if not partition.apart:
                     raise
                 refused |= dict.fromkeys(frame[self.by], error.message)
-        return joined_rows(rows, self.refuse(refused))
+        made = joined_rows(rows, self.refuse(refused))
+        place = {label: k for k, label in enumerate(partition.labels)}
+        order = sorted(range(len(place)), key=lambda k: place[made[self.by][k]])
+        made = {name: [cells[k] for k in order] for name, cells in made.items()}
+        if partition.files:
+            made["file"] = [partition.files.get(label) for label in made[self.by]]
+        return made
 
     def refuse(self, refused: Mapping[Any, str]) -> Rows:
         """Rows of devices that cannot be calibrated."""
@@ -71,16 +91,16 @@ AHEAD = 2
 
 
 def over_threads(
-    job: Task, partitions: Iterable[Partition], workers: int
-) -> Iterator[tuple[Partition, Rows]]:
+    job: Task, partitions: Iterable[Part], workers: int
+) -> Iterator[tuple[Part, Rows]]:
     """Results as they are ready, computed by threads of this process."""
     source = iter(partitions)
     with ThreadPoolExecutor(workers) as pool:
-        running: dict[Future[Rows], Partition] = {}
+        running: dict[Future[Rows], Part] = {}
         try:
             while True:
                 for partition in islice(source, AHEAD * workers - len(running)):
-                    running[pool.submit(job, partition)] = partition
+                    running[pool.submit(_work, job, partition)] = partition
                 if not running:
                     return
                 for done in wait(running, return_when=FIRST_COMPLETED).done:
@@ -89,13 +109,12 @@ def over_threads(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def over_dask(
-    job: Task, partitions: Iterable[Partition], address: str
-) -> Iterator[tuple[Partition, Rows]]:
+def over_dask(job: Task, partitions: Iterable[Part], address: str) -> Iterator[tuple[Part, Rows]]:
     """Results as they are ready, computed by the workers of a Dask cluster.
 
-    A partition travels with its task, so the scheduler gives it to another worker where one
-    dies. A partition that kills worker after worker becomes rows that say so.
+    Workers read row groups themselves where all of them reach the files; else rows travel with
+    their task. Where a worker dies, the scheduler gives its task to another one. A partition that
+    kills worker after worker becomes rows that say so.
     """
     try:
         distributed: Any = importlib.import_module("distributed")
@@ -108,14 +127,14 @@ def over_dask(
         found = f"{address!r}, where no scheduler answers ({error})"
         raise InputError(f"--dask: found {found}, expected the address of one") from None
     with client:
-        source = iter(partitions)
-        running: dict[str, Partition] = {}
+        source = _sent(partitions, client)
+        running: dict[str, Part] = {}
         ready = distributed.as_completed()
         threads = sum(client.nthreads().values()) or 1
 
         def submit(count: int) -> None:
             for partition in islice(source, count):
-                future = client.submit(job, partition, pure=False)
+                future = client.submit(_work, job, partition, pure=False)
                 running[future.key] = partition
                 ready.add(future)
 
@@ -130,14 +149,28 @@ def over_dask(
                 rows = future.result() if failure is None else {}
             if isinstance(failure, distributed.KilledWorker):
                 why = f"every worker that tried its partition died ({failure})"
-                labels = [*dict.fromkeys(partition.frame[job.by]), *partition.refused]
-                yield partition, job.refuse({label: why for label in labels})
+                yield partition, job.refuse({label: why for label in partition.labels})
             elif failure is not None:
                 raise failure
             else:
                 yield partition, rows
             with _connected(address):
                 submit(1)
+
+
+def _sent(partitions: Iterable[Part], client: Any) -> Iterator[Part]:
+    """What travels: where rows are, if every worker reaches them, else the rows."""
+    reached: dict[str, bool] = {}
+    for part in partitions:
+        if isinstance(part, Piece):
+            new = [path for path in dict.fromkeys(p for p, _ in part.places) if path not in reached]
+            if new:
+                there = all(client.run(_reaches, new).values())
+                reached |= dict.fromkeys(new, there)
+            if not all(reached[path] for path, _ in part.places):
+                yield from part.read()
+                continue
+        yield part
 
 
 @contextmanager

@@ -16,7 +16,7 @@ __all__ = ["TEXT", "Frame", "Runs", "frame_like", "joined", "joined_rows", "runs
 Frame: TypeAlias = Any
 """A pandas or Polars DataFrame, a pyarrow Table or RecordBatch, or a mapping of names to arrays."""
 
-TEXT = ("verdict", "message", "steps", "sha256")
+TEXT = ("verdict", "message", "steps", "sha256", "file")
 """Columns of results that hold text; the other columns hold numbers, NaN where unknown."""
 
 

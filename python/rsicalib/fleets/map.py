@@ -30,10 +30,14 @@ def map_figure(
     """Draw the devices that are farthest from the usual one; None where nothing is compared."""
     if not spread:
         return None
-    far: FloatArray = np.array([one.far for one in spread]).T
-    harm = np.nanmax(np.abs(np.where(np.isfinite(far), far, 0.0)), axis=1)
+    labels = rows[by]
+    harm: FloatArray = np.zeros(len(labels))
+    for one in spread:
+        away = np.abs(one.distances(rows)[0])
+        harm = np.maximum(harm, np.where(np.isfinite(away), away, 0.0))
     order = np.argsort(-harm, kind="stable")[:MOST].tolist()
-    names = [str(label) for label in rows[by]]
+    names = [str(labels[device]) for device in order]
+    far: FloatArray = np.array([one.distances(rows)[0][order] for one in spread]).T
 
     def draw(width: float) -> str:
         left = 110.0 if width == WIDE else 74.0
@@ -47,12 +51,12 @@ def map_figure(
                 f'<g transform="rotate(-90 {x:.1f} {HEAD - 6:.1f})">'
                 f"{_text(x, HEAD - 2.0, one.name)}</g>"
             )
-        for r, device in enumerate(order):
+        for r, name in enumerate(names):
             y = HEAD + ROW * r
-            canvas.text(left - 6.0, y + 10.0, names[device][:letters], anchor="end")
+            canvas.text(left - 6.0, y + 10.0, name[:letters], anchor="end")
             for k, one in enumerate(spread):
-                sd = float(far[device, k])
-                said = f"{names[device]}, {one.name}: "
+                sd = float(far[r, k])
+                said = f"{name}, {one.name}: "
                 said += f"{sd:+.1f} sd" if math.isfinite(sd) else "not known"
                 kind = _kind(sd)
                 canvas.rect(left + wide * k, y, wide - 0.5, ROW - 0.5, kind, said)
@@ -64,7 +68,7 @@ def map_figure(
         "standard deviations of the usual device (of its own estimate, where that is larger). "
         "Those first that are farthest"
     )
-    caption += f"; {len(names) - MOST} more are nearer." if len(names) > MOST else "."
+    caption += f"; {len(labels) - MOST} more are nearer." if len(labels) > MOST else "."
     return Figure("map", draw, caption)
 
 

@@ -52,6 +52,7 @@ def page(
     spread = spreads(rows)
     out = remarks(rows, by, spread)
     devices = {remark.device for remark in out}
+    listed = {str(remark.device) for remark in out[:LISTED]}
     good = "bad" if devices else "good"
     count = len(rows[by])
     sentence = f"{len(devices) or 'None'} of {count} devices stand{'s' * (len(devices) < 2)} out."
@@ -61,7 +62,7 @@ def page(
         *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
         section("All at a glance", pictures([map_figure(spread, rows, by), _fits(rows)])),
-        _remarks(out, _found(rows, by)),
+        _remarks(out, _found(rows, by, listed), _files(rows, by, listed)),
         _effects(rows),
         _parameters(spread, rows, by),
         f'<p class="faint">rsicalib {escape(_core.__version__)}; every number is in '
@@ -77,22 +78,38 @@ def _verdicts(rows: Mapping[str, Sequence[Any]]) -> str:
     return f"<p>{escape(words)}.</p>"
 
 
-def _found(rows: Mapping[str, Sequence[Any]], by: str) -> dict[str, str]:
-    """What was traced in each device, as words."""
+def _found(rows: Mapping[str, Sequence[Any]], by: str, listed: set[str]) -> dict[str, str]:
+    """What was traced in each of some devices, as words."""
     found = {}
     for device, steps in zip(rows[by], rows["steps"], strict=True):
+        if str(device) not in listed:
+            continue
         names = [f"{name_of(s['term'])} of {s['target']}" for s in json.loads(steps or "[]")]
         found[str(device)] = ", ".join(names)
     return found
 
 
-def _remarks(out: Sequence[Remark], found: Mapping[str, str]) -> str:
+def _files(rows: Mapping[str, Sequence[Any]], by: str, listed: set[str]) -> dict[str, str]:
+    """The file of each of some devices, where each has its own."""
+    if "file" not in rows:
+        return {}
+    pairs = zip(rows[by], rows["file"], strict=True)
+    return {str(device): file or "" for device, file in pairs if str(device) in listed}
+
+
+def _why(remark: Remark, found: Mapping[str, str], files: Mapping[str, str]) -> tuple[str, ...]:
+    """Why a device stands out, and the file to open where it has one of its own."""
+    device = str(remark.device)
+    return (remark.why or found[device], *([files[device]] if files else []))
+
+
+def _remarks(out: Sequence[Remark], found: Mapping[str, str], files: Mapping[str, str]) -> str:
     if not out:
         return ""
-    listed = [(str(r.device), r.verdict, r.why or found[str(r.device)]) for r in out[:LISTED]]
+    listed = [(str(r.device), r.verdict, *_why(r, found, files)) for r in out[:LISTED]]
     more = f'<p class="faint">and {len(out) - LISTED} more</p>' if len(out) > LISTED else ""
-    heads = ("device", "verdict", "why")
-    found_out = table(heads, listed, 3, "devices that stand out", long="why")
+    heads = ("device", "verdict", "why", *(["file"] if files else []))
+    found_out = table(heads, listed, len(heads), "devices that stand out", long="why")
     return section("Devices that stand out", found_out, more)
 
 
@@ -145,11 +162,10 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
 def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:
     if not spread:
         return ""
-    listed = []
+    listed, labels = [], rows[by]
     for one in spread:
-        far = [0.0 if math.isnan(z) else abs(z) for z in one.far.tolist()]
-        furthest = max(range(len(far)), key=far.__getitem__)
+        furthest, far = one.furthest
         numbers = (plus_minus(one.median, one.within)[0], *map(number, (one.between, one.within)))
-        listed.append((one.name, *numbers, f"{rows[by][furthest]} ({far[furthest]:.1f} sd)"))
+        listed.append((one.name, *numbers, f"{labels[furthest]} ({far:.1f} sd)"))
     heads = ("parameter", "median", "sd between devices", "sd of one device", "furthest")
     return section("Parameters over the fleet", table(heads, listed, 1, "parameters"))

@@ -13,7 +13,7 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.devices import devices_of
-from rsicalib.fleets.engines import Rows
+from rsicalib.fleets.engines import Part, Rows
 from rsicalib.options import names
 from rsicalib.work.arguments import noise_of_channels
 from rsicalib.work.prior import FORMAT
@@ -23,7 +23,7 @@ __all__ = ["ShareJob", "first_line", "joint", "sentences", "tolerances_of"]
 ROUNDS = 3
 """Linearisations: what the fleet has in common is where the next one is made."""
 
-Run = Callable[["ShareJob"], Iterable[tuple[Partition, Rows]]]
+Run = Callable[["ShareJob"], Iterable[tuple[Part, Rows]]]
 """Hands the partitions of the dataset to a job, and its rows back."""
 
 LEVEL = 0.01

@@ -14,8 +14,7 @@ from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Dataset, Partition
 from rsicalib.fleets.devices import digests, without
-from rsicalib.fleets.engines import Job, Rows, Task, over_dask, over_threads
-from rsicalib.fleets.frames import runs_of
+from rsicalib.fleets.engines import Job, Part, Rows, Task, over_dask, over_threads
 from rsicalib.fleets.page import page
 from rsicalib.fleets.population import first_line, joint, sentences, tolerances_of
 from rsicalib.fleets.store import Store
@@ -37,8 +36,8 @@ class Fleet(Tabular):
 
     Attributes
     ----------
-    rows : dict of str to list
-        Columns of `fleet.parquet`, a row for each device.
+    rows : mapping of str to list
+        Columns of `fleet.parquet`, a row for each device; each is read when it is asked for.
     by : str
         The column that names the device.
     files : tuple of Path
@@ -50,7 +49,7 @@ class Fleet(Tabular):
         What the devices share, as `population.json` has it.
     """
 
-    rows: Rows
+    rows: Mapping[str, list[Any]]
     by: str
     files: tuple[Path, ...]
     first: dict[str, Any]
@@ -59,8 +58,8 @@ class Fleet(Tabular):
     def __len__(self) -> int:
         return len(self.rows[self.by])
 
-    def _table(self) -> Rows:
-        return self.rows
+    def _table(self) -> dict[str, list[Any]]:
+        return dict(self.rows)
 
     def __repr__(self) -> str:
         verdicts = ", ".join(f"{count} {words}" for words, count in self.verdicts.items())
@@ -170,38 +169,45 @@ def fleet(
     order: dict[Any, int] = {}
     kept: list[Any] = []
 
-    def new() -> Iterator[Partition]:
-        for partition in source.partitions(PARTITION):
-            for label in (*runs_of(partition.frame[by]), *partition.refused):
-                order.setdefault(label, len(order))
-            part, same = _unknown(partition, known, job)
-            kept.extend(same)
-            if len(part.frame[by]) or part.refused:
-                yield part
+    def all_parts() -> Iterator[Part]:
+        # Where rows are kept, the digest of each device's readings decides, which is told here.
+        pieces = None if known else source.pieces(PARTITION)
+        return source.partitions(PARTITION) if pieces is None else iter(pieces)
 
-    def over(task: Task, partitions: Iterator[Partition]) -> Iterator[tuple[Partition, Rows]]:
+    def new() -> Iterator[Part]:
+        for number, partition in enumerate(all_parts()):
+            for label in partition.labels:
+                order.setdefault(label, len(order))
+            part = partition
+            if isinstance(part, Partition):
+                part, same = _unknown(part, known, job)
+                kept.extend(same)
+            if part.labels:
+                yield replace(part, place=f"{store.number + number:09}")
+
+    def over(task: Task, partitions: Iterator[Part]) -> Iterator[tuple[Part, Rows]]:
         if dask is None:
             return over_threads(task, partitions, workers or available_cores())
         return over_dask(task, partitions, dask)
 
     done = 0
-    for _, rows in over(job, new()):
-        store.keep(rows)
+    for part, rows in over(job, new()):
+        store.keep(part.place, rows)
         done += len(rows[by])
         if progress is not None:
             progress("devices", done, max(len(order) - len(kept), done))
-    rows = store.finish(order)
-    if not rows.get(by):
+    table = store.finish(order)
+    if not order:
         raise InputError.at(str(dataset), found="no device", expected="at least one")
-    first, found = first_line(rows, job.mechanism), None
+    first, found = first_line(table, job.mechanism), None
     files: tuple[Path, ...] = ()
     if population:
         used = {name: options[name] for name in ("closures", "noise")}
-        again = lambda task: over(task, source.partitions(PARTITION))  # noqa: E731
+        again = lambda task: over(task, iter(all_parts()))  # noqa: E731
         found, devices = joint(job.mechanism, by, tolerances, used, again)
         files = store.write_population(found, devices)
-    html = page(rows, by, job.mechanism, sentences(first, found))
-    return Fleet(rows, by, (*store.write_page(html), *files), first, found)
+    html = page(table, by, job.mechanism, sentences(first, found))
+    return Fleet(table, by, (*store.write_page(html), *files), first, found)
 
 
 def _unknown(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -21,6 +21,8 @@ FALSE = 0.01
 
 WEAK = 4.0
 """A parameter is hardly determined where its standard deviation is so many times the usual."""
+
+UNDETERMINED = "undetermined"
 
 FINE = {"adequate", "explained", "unjudged"}
 
@@ -50,19 +52,26 @@ class Spread:
         median.
     within : float
         Median standard deviation of the estimate of one device.
-    far : ndarray, shape (n,)
-        Distance of each device from the median in units of the larger of `between` and the
-        device's own standard deviation; NaN where unknown.
-    weak : ndarray, shape (n,)
-        The device's standard deviation over `within`.
+    furthest : tuple of int and float
+        The device that is farthest from the median, and how far.
     """
 
     name: str
     median: float
     between: float
     within: float
-    far: FloatArray
-    weak: FloatArray
+    furthest: tuple[int, float]
+
+    def distances(self, rows: Mapping[str, Sequence[Any]]) -> tuple[FloatArray, FloatArray]:
+        """Of each device: how far it is from the median, and how weakly it is known.
+
+        The first in units of the larger of `between` and the device's own standard deviation, NaN
+        where unknown; the second its standard deviation over `within`. Shape (n,). They are not
+        kept: a fleet may have a million devices.
+        """
+        value, sd = _numbers(rows[self.name]), _numbers(rows[f"{self.name}_sd"])
+        scale = np.fmax(np.fmax(self.between, sd), np.finfo(np.float64).tiny)
+        return (value - self.median) / scale, sd / self.within
 
 
 def spreads(rows: Mapping[str, Sequence[Any]]) -> list[Spread]:
@@ -78,8 +87,9 @@ def spreads(rows: Mapping[str, Sequence[Any]]) -> list[Spread]:
         between = 1.4826 * float(np.median(np.abs(value[known] - median)))
         finite = known & np.isfinite(sd)
         within = float(np.median(sd[finite])) if finite.any() else np.nan
-        scale = np.fmax(np.fmax(between, sd), np.finfo(np.float64).tiny)
-        out.append(Spread(name, median, between, within, (value - median) / scale, sd / within))
+        one = Spread(name, median, between, within, (0, 0.0))
+        far = np.nan_to_num(np.abs(one.distances(rows)[0]))
+        out.append(replace(one, furthest=(int(far.argmax()), float(far.max()))))
     return out
 
 
@@ -97,34 +107,35 @@ def limit(tests: int) -> float:
 
 
 def _by_verdict(rows: Mapping[str, Sequence[Any]], by: str) -> Iterator[Remark]:
+    labels, chi2, dof, messages = (rows[name] for name in (by, "chi2", "dof", "message"))
     for i, verdict in enumerate(rows["verdict"]):
         if verdict in ("adequate", "unjudged"):
             continue
-        chi2, dof = rows["chi2"][i], rows["dof"][i]
-        size = chi2 / dof if chi2 is not None and dof else 0.0
-        why = rows["message"][i] or ""
-        yield Remark(rows[by][i], float(size), verdict or "refused", why)
+        size = chi2[i] / dof[i] if chi2[i] is not None and dof[i] else 0.0
+        yield Remark(labels[i], float(size), verdict or "refused", messages[i] or "")
 
 
 def _by_parameter(
     rows: Mapping[str, Sequence[Any]], by: str, spread: Sequence[Spread]
 ) -> Iterator[Remark]:
-    count = len(rows[by])
-    far = limit(count * len(spread))
+    labels, verdicts = rows[by], rows["verdict"]
+    most = limit(len(labels) * len(spread))
     for one in spread:
-        for i in np.flatnonzero((np.abs(one.far) > far) | (one.weak > WEAK)).tolist():
-            verdict = rows["verdict"][i]
-            if verdict is None:
+        far, weak = one.distances(rows)
+        odd = np.flatnonzero((np.abs(far) > most) | (weak > WEAK)).tolist()
+        values = rows[one.name] if odd else []
+        for i in odd:
+            # Of an undetermined device its verdict says so, once for all of its parameters.
+            if verdicts[i] is None or (verdicts[i] == UNDETERMINED and abs(far[i]) <= most):
                 continue
-            value = rows[one.name][i]
-            if abs(one.far[i]) > far:
+            if abs(far[i]) > most:
                 why = (
-                    f"{one.name} = {value:.6g}: {abs(one.far[i]):.1f} standard deviations from the "
+                    f"{one.name} = {values[i]:.6g}: {abs(far[i]):.1f} standard deviations from the "
                     f"fleet's {one.median:.6g}"
                 )
             else:
-                why = f"{one.name} is known {one.weak[i]:.1f} times worse than usual"
-            yield Remark(rows[by][i], float(abs(one.far[i])), verdict, why)
+                why = f"{one.name} is known {weak[i]:.1f} times worse than usual"
+            yield Remark(labels[i], float(abs(far[i])), verdicts[i], why)
 
 
 def _numbers(cells: Sequence[Any]) -> FloatArray:

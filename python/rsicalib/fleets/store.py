@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,42 @@ from rsicalib.fleets.frames import TEXT
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_json
 
-__all__ = ["Store"]
+__all__ = ["OnDisk", "Store"]
+
+GROUP = 10_000
+"""Rows of a row group of `fleet.parquet`."""
+
+
+class OnDisk(Mapping[str, list[Any]]):
+    """Columns of a Parquet file, each read when it is asked for and kept by whoever asked.
+
+    Parameters
+    ----------
+    path : path
+        The file; without it there are no columns.
+    parquet : module
+        `pyarrow.parquet`.
+    """
+
+    def __init__(self, path: Path, parquet: Any) -> None:
+        self._path, self._parquet = path, parquet
+        self._names: list[str] = parquet.read_schema(path).names if path.exists() else []
+
+    def __getitem__(self, name: str) -> list[Any]:
+        if name not in self._names:
+            raise KeyError(name)
+        cells = self._parquet.ParquetFile(self._path).read(columns=[name]).column(0)
+        found: list[Any] = cells.to_pylist()
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
 
 
 class Store:
@@ -41,6 +76,7 @@ class Store:
         self.table = folder / "fleet.parquet"
         self.arrow, self.parquet = pyarrow_modules(str(self.table))
         self.number = 0
+        self.resumed = False
 
     def begin(self, resume: bool) -> dict[Any, str]:
         """Open the folder; the digest of each device whose row is kept."""
@@ -70,9 +106,11 @@ class Store:
             old = []
         elif self.table.exists():
             old.append(self.table)
+        self.resumed = bool(old)
         write_text(self.folder / "run.json", to_json(self.run))
-        numbers = [int(p.stem) for p in old if p.stem.isdigit()]
-        self.number = max(numbers, default=0)
+        # New parts come after those that are there.
+        heads = [p.stem.split(".")[0] for p in old]
+        self.number = 1 + max((int(head) for head in heads if head.isdigit()), default=0)
         known: dict[Any, str] = {}
         for path in old:
             rows = self.parquet.read_table(path, columns=[self.by, "sha256"]).to_pydict()
@@ -91,10 +129,9 @@ class Store:
         except InputError:
             return None
 
-    def keep(self, rows: Rows) -> None:
-        """Write the rows of a partition."""
-        self.number += 1
-        self._write(rows, self.parts / f"{self.number:06}.parquet")
+    def keep(self, place: str, rows: Rows) -> None:
+        """Write the rows of a partition, by its place in the dataset."""
+        self._write(rows, self.parts / f"{place}.parquet")
 
     def _write(self, rows: Rows, path: Path) -> None:
         names = list(rows)
@@ -103,9 +140,14 @@ class Store:
             self.arrow.array(rows[name], kind, from_pandas=True)
             for name, kind in zip(names, types, strict=True)
         ]
+        table = self.arrow.table(arrays, names=names)
+        self._whole(path, lambda part: self.parquet.write_table(table, part))
+
+    def _whole(self, path: Path, write: Callable[[Path], None]) -> None:
+        """Write a file that takes its place when it is whole."""
         part = path.with_suffix(".part")
         try:
-            self.parquet.write_table(self.arrow.table(arrays, names=names), part)
+            write(part)
             part.replace(path)
         except OSError as error:
             found = f"'{path}', where one cannot write ({error.strerror})"
@@ -118,22 +160,49 @@ class Store:
             return None
         return self.arrow.string() if name in TEXT else self.arrow.float64()
 
-    def finish(self, order: Mapping[Any, int]) -> Rows:
-        """All rows of devices that are in the dataset, in its order, as the one file."""
-        files = [self.table] if self.table.exists() else []
-        files += sorted(self.parts.glob("*.parquet"))
-        if not files:
-            return {}
-        tables = [self.parquet.read_table(path) for path in files]
-        rows: Rows = self.arrow.concat_tables(tables, promote_options="permissive").to_pydict()
-        last = {label: i for i, label in enumerate(rows[self.by]) if label in order}
-        picked = [last[label] for label in sorted(last, key=lambda label: order[label])]
-        rows = {name: [cells[i] for i in picked] for name, cells in rows.items()}
-        self._write(rows, self.table)
+    def finish(self, order: Mapping[Any, int]) -> OnDisk:
+        """All rows of devices that are in the dataset, in its order, as the one file.
+
+        Parts of one run stand in the order of the dataset, and are copied one after the other.
+        """
+        parts = sorted(self.parts.glob("*.parquet"))
+        if self.table.exists() or self.resumed:
+            self._write(self._merged([self.table, *parts], order), self.table)
+        elif parts:
+            self._whole(self.table, lambda part: self._copied(parts, part))
         for path in self.parts.glob("*"):
             path.unlink()
         self.parts.rmdir()
-        return rows
+        return OnDisk(self.table, self.parquet)
+
+    def _merged(self, files: Sequence[Path], order: Mapping[Any, int]) -> Rows:
+        """The last row of each device of some files."""
+        tables = [self.parquet.read_table(path) for path in files if path.exists()]
+        if not tables:
+            return {}
+        rows: Rows = self.arrow.concat_tables(tables, promote_options="permissive").to_pydict()
+        last = {label: i for i, label in enumerate(rows[self.by]) if label in order}
+        picked = [last[label] for label in sorted(last, key=lambda label: order[label])]
+        return {name: [cells[i] for i in picked] for name, cells in rows.items()}
+
+    def _copied(self, files: Sequence[Path], path: Path) -> None:
+        """Rows of files one after the other, a row group at a time."""
+        schemas = [self.parquet.read_schema(file) for file in files]
+        schema = self.arrow.unify_schemas(schemas, promote_options="permissive")
+        schema = schema.remove_metadata()
+        with self.parquet.ParquetWriter(path, schema) as out:
+            waiting: list[Any] = []
+            for k, file in enumerate(files):
+                waiting.append(self.parquet.read_table(file))
+                rows = sum(table.num_rows for table in waiting)
+                if rows >= GROUP or k + 1 == len(files):
+                    table = self.arrow.concat_tables(waiting, promote_options="permissive")
+                    for name in schema.names:
+                        if name not in table.column_names:
+                            empty = self.arrow.nulls(table.num_rows, schema.field(name).type)
+                            table = table.append_column(name, empty)
+                    out.write_table(table.select(schema.names).cast(schema))
+                    waiting = []
 
     def write_population(self, found: Mapping[str, Any], devices: Rows) -> tuple[Path, ...]:
         """Write what the devices share, and a row for each with it."""

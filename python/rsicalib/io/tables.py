@@ -10,8 +10,8 @@ import importlib
 import io
 import math
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
 
@@ -28,6 +28,7 @@ __all__ = [
     "File",
     "Ragged",
     "Table",
+    "chunks",
     "is_blank",
     "numbers",
     "quoted",
@@ -40,6 +41,9 @@ __all__ = [
 ]
 
 PARQUET = {".parquet", ".pq"}
+CHUNK = 1 << 25
+"""Bytes of a CSV file that are read at a time."""
+
 BOM = b"\xef\xbb\xbf"
 HINT = "Save the file as CSV in UTF-8."
 
@@ -142,6 +146,51 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         There is no such file, or it is no such table.
     """
     return table_of_file(read_file(path))
+
+
+def chunks(path: str | os.PathLike[str], size: int = CHUNK) -> Iterator[Table]:
+    """Read a CSV file some rows at a time; there is at least one table.
+
+    A file that is not plain (quotes, packed, comments, semicolons) is one table: where its rows
+    end is told by all of it.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no such table.
+    """
+    source = os.fsdecode(path)
+    try:
+        large = os.path.getsize(path) > size
+    except (OSError, ValueError):
+        large = False
+    if not large:
+        yield read_table(path)
+        return
+    if not _is_plain(source):
+        yield read_table(path)
+        return
+    with open(source, "rb") as file:
+        header = file.readline()
+        line = 1
+        while data := file.read(size):
+            data += file.readline()
+            table = table_of_file(File(source, header + data, ""))
+            yield replace(table, lines=table.lines + (line - 1))
+            line += data.count(b"\n")
+
+
+def _is_plain(source: str) -> bool:
+    """Whether lines of a file are rows, with commas between cells."""
+    with open(source, "rb") as file:
+        header = file.readline()
+        if b"," not in header or header.startswith((b"#", b"\x1f\x8b")) or not header.strip():
+            return False
+        file.seek(0)
+        while data := file.read(CHUNK):
+            if b'"' in data or (b"\r" in data and b"\r\n" not in data):
+                return False
+    return True
 
 
 def table_of_file(file: File) -> Table:

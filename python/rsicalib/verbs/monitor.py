@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,10 @@ from rsicalib.work.state import read_state, write_state
 __all__ = ["Alarm", "Change", "Monitor", "Suspect", "Watch", "watch"]
 
 ALARM = "rsicalib.alarm/1"
+
+ACTIONS = {"go_on": "go on", "recalibrate": "calibrate again", "stop": "stop"}
+"""Words for what an alarm asks for."""
+
 WATCH = "rsicalib.watch/1"
 
 RESULTS: dict[str, type[Result]] = {kind.FORMAT: kind for kind in (Calibration, Trace)}
@@ -90,13 +94,18 @@ class Alarm(Told, Record):
     time_s: float | None
     """Time of that row [s]."""
     term: str
-    """What has changed: `offset` of a channel, `distance` of a closure, `link_frame` of a bent
-    link, `point_position` of the point at the end of a chain."""
+    """What has changed: `offset` or `gain` of a channel, `reference` of all that a converter reads,
+    `distance` of a closure, `link_frame` of a bent link, `point_position` of the point at the end
+    of a chain; `noise` of a channel that scatters, `stuck` of one that repeats its reading, `loose`
+    of a chain whose end moves from row to row; `unnamed` where alarms follow each other and no
+    change explains them."""
     target: str
-    """Where: `a22`, `wrist1-wrist2`, `arm2/2`, `arm2`."""
+    """Where: `a22`, `wrist1-wrist2`, `arm2/2`, `arm2`, `all`."""
     size: float
     """How large: the value of a single parameter, or the length of a displacement; of a drift, by
-    how much it has moved until this row."""
+    how much it has moved until this row; of a gain or the reference, its share; of what scatters or
+    is loose, the standard deviation; of what is stuck, the rows that repeat; without a name, the
+    alarms."""
     sd: float
     """Standard deviation of the size."""
     unit: str
@@ -114,13 +123,30 @@ class Alarm(Told, Record):
     """Changes that the readings cannot tell from it, or not yet."""
     revises: int | None = None
     """`row` of an earlier alarm whose name this one corrects; None for a new change."""
+    action: Literal["go_on", "recalibrate", "stop"] = "recalibrate"
+    """What to do: `go_on` where it moves the platform by less than the noise of one sample does;
+    `recalibrate`; `stop` where the readings cannot be trusted and no calibration mends that."""
 
     def text(self) -> str:
         """The alarm as a sentence."""
         when = f"row {self.since_row}" if self.time_s is None else f"{self.since:.6g} s"
-        what = "has changed" if self.rate is None else "drifts"
-        size = with_unit(f"{self.size:.3g} ± {self.sd:.1g}", self.unit)
-        words = f"{self.target} {what} since {when}: {self.term} by {size}"
+        unit = "" if self.unit == "1" else self.unit
+        size = with_unit(f"{self.size:.3g} ± {self.sd:.1g}", unit)
+        if self.term == "unnamed":
+            place = "" if self.target == "all" else f" at {self.target}"
+            words = f"something has changed{place} since {when} that the watch has no name for"
+            words += f" ({self.size:.0f} alarms); it is silent from here on"
+        elif self.term == "stuck":
+            words = (
+                f"{self.target} is stuck since {when}: it repeats {self.parameters[0].value:.6g}"
+            )
+        elif self.term == "noise":
+            words = f"{self.target} scatters since {when} by {size}"
+        elif self.term == "loose":
+            words = f"{self.target} is loose since {when}: its end moves by {size} from row to row"
+        else:
+            what = "has changed" if self.rate is None else "drifts"
+            words = f"{self.target} {what} since {when}: {self.term} by {size}"
         if self.rate is not None:
             rate = f"{self.rate.value:.3g} ± {self.rate.sd:.1g}"
             words += f", now {with_unit(rate, self.rate.unit)}"
@@ -130,6 +156,7 @@ class Alarm(Told, Record):
             words += f"; or {', '.join(dict.fromkeys(s.target for s in self.also_fits))}"
         if self.revises is not None:
             words += f" (this was named otherwise in row {self.revises})"
+        words += f" - {ACTIONS[self.action]}"
         return words if self.device is None else f"{self.device}: {words}"
 
     def __repr__(self) -> str:
@@ -157,6 +184,8 @@ class Watch(Told, Record):
     """Rows that were not there when due, told by gaps in time."""
     outliers: int
     """Rows far outside that no later row confirmed."""
+    silent: int = 0
+    """Rows that were not tested, as the device has changed in a way that has no name."""
     alarms: int
     """Alarms that were raised."""
     false_alarms: float
@@ -181,6 +210,7 @@ class Watch(Told, Record):
             "late": self.late,
             "missing": self.missing,
             "outliers": self.outliers,
+            "after a change without a name": self.silent,
             "of devices without a result": self.strange,
         }
         left = ", ".join(f"{count} {word}" for word, count in counted.items() if count)

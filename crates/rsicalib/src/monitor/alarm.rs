@@ -15,7 +15,8 @@ pub struct Alarm {
     pub since_row: u64,
     /// Time of that row (s).
     pub since: Option<f64>,
-    /// The term and what it acts on: `offset@a22`, `link_frame@arm2/2`, `distance@wrist1-wrist2`.
+    /// The term and what it acts on: `offset@a22`, `link_frame@arm2/2`, `distance@wrist1-wrist2`,
+    /// `gain@a22`, `reference@all`; `noise@a22`, `stuck@a22`, `loose@arm2`; `unnamed@arm2`.
     pub spec: Spec,
     /// How large: the value of a single parameter, or the length of a displacement; of a drift, by
     /// how much it has moved until this row.
@@ -38,6 +39,21 @@ pub struct Alarm {
     /// Row of an earlier alarm that this one corrects: since then the readings have told what it
     /// was. None for a new change.
     pub revises: Option<u64>,
+    /// What to do about it.
+    pub action: Action,
+}
+
+/// What a change asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+pub enum Action {
+    /// It moves the platform by less than the noise of one sample does: go on.
+    GoOn,
+    /// It is known, and larger: calibrate again.
+    #[default]
+    Recalibrate,
+    /// What the readings say of the platform cannot be trusted, and no calibration mends that: stop.
+    Stop,
 }
 
 /// One parameter of a change.

@@ -5,15 +5,16 @@ use nalgebra::DMatrix;
 use crate::monitor::alarm::Alarm;
 use crate::monitor::drift::{Drift, sums_since};
 use crate::monitor::naming::Suspect;
-use crate::monitor::open::{Kind, Open, Suspected};
+use crate::monitor::open::{Kind, Kinds, Open, Suspected};
 use crate::monitor::recent::{Kept, numbered};
 use crate::monitor::score::MOST_COLUMNS;
+use crate::monitor::unsteady::Unsteady;
 use crate::monitor::watch::Monitor;
 use crate::monitor::watched::Watched;
-use crate::monitor::windows::Sums;
+use crate::monitor::windows::{Mark, Sums};
 
 /// Standard deviation of a change beforehand, in typical sizes.
-const TYPICAL: f64 = 3.0;
+pub(super) const TYPICAL: f64 = 3.0;
 
 /// Standard deviation of a rate beforehand, in sizes of the change over the rows since its onset.
 const FASTER: f64 = 3.0;
@@ -89,7 +90,7 @@ impl Monitor {
         self.state.set(beta.as_slice(), &(&map * joint * map.transpose()));
         let mut known = DMatrix::zeros(size, size);
         known.view_mut((0, 0), (m, m)).copy_from(&old);
-        let named = Kind { candidate: suspects.first()?.candidate, drifts: false };
+        let named = Kind { candidate: suspects.first()?.candidate, drifts: false }.into();
         Some(Open { suspects, named, places, width, was, known, alarm: Alarm::default() })
     }
 
@@ -114,6 +115,7 @@ impl Monitor {
             let Some(drift) = self.watched.candidates[suspect.candidate].drift else { continue };
             let Watched { at, order, drifts, .. } = &mut self.watched;
             let drift = &mut drifts[drift];
+            self.windows.all_live();
             let Some(rows) = drift.age(since) else {
                 drift.since = Some(since);
                 continue;
@@ -124,13 +126,15 @@ impl Monitor {
         }
     }
 
-    /// Estimates the suspects from the rows since the onset, linearised about the estimate of one
-    /// of them alone; false where those rows are gone, and nothing was done.
-    pub(super) fn refit(&mut self, open: &Open, kind: Kind, last: u64) -> bool {
-        let Some(rows) = self.recent.between(open.alarm.since_row, last) else { return false };
-        let alone = open.prior(open.columns(kind));
+    /// Estimates the suspects from the rows since the onset, linearised about the estimate of
+    /// what is named alone; what that leaves of these rows. None where they are gone, and nothing was
+    /// done.
+    pub(super) fn refit(&mut self, open: &Open, kinds: Kinds, last: u64) -> Option<Rest> {
+        let rows = self.recent.between(open.alarm.since_row, last)?;
+        let alone = open.prior(open.all_columns(kinds));
+        let mut rest = Rest::default();
         for _ in 0..LINEARISATIONS {
-            self.pass(open, &alone, &rows);
+            rest = self.pass(open, &alone, &rows);
             for (k, mean) in self.state.mean.iter_mut().enumerate() {
                 self.watched.at[self.watched.order[k]] += *mean * self.watched.scale[k];
                 *mean = 0.0;
@@ -138,20 +142,86 @@ impl Monitor {
         }
         self.pass(open, &open.prior(0..open.places.len()), &rows);
         self.restart();
-        true
+        Some(rest)
     }
 
-    /// The state after some rows, with this covariance before the change.
-    fn pass(&mut self, open: &Open, prior: &DMatrix<f64>, rows: &[Kept]) {
+    /// The state after some rows, with this covariance before the change, and what it leaves of them.
+    fn pass(&mut self, open: &Open, prior: &DMatrix<f64>, rows: &[Kept]) -> Rest {
         let width = self.watched.order.len();
         let mean: Vec<f64> = (0..prior.nrows()).map(|k| -open.moved(&self.watched, k)).collect();
         self.state.set(&mean, prior);
-        let Self { again, watched, whitening, state, .. } = self;
+        let mut rest = Rest::default();
+        let Self { again, watched, whitening, state, unsteady, whitener, .. } = self;
+        let most = self.outside;
         whitening.interrupt();
-        again.each(watched, &numbered(rows), |_, r, g| {
+        again.each(watched, &numbered(rows), |place, r, g| {
+            whitener.row(watched, unsteady, rows[place].0, r, g);
+            whitening.filter(r, g);
+            let squared = state.compare(r, g, width) / self.scale;
+            rest.add(squared.min(most));
+            state.absorb();
+        });
+        rest
+    }
+
+    /// Begins again with the rows since the onset of a change, from before it: with these suspects
+    /// only. None where the rows are gone.
+    pub(super) fn begin_again(
+        &mut self,
+        open: &Open,
+        beside: &[Suspect],
+        last: u64,
+    ) -> Option<Open> {
+        let rows = self.recent.between(open.alarm.since_row, last)?;
+        let (first, time, _) = rows.first()?;
+        self.watched.at.clone_from(&open.was);
+        self.state.set(&[], &open.known);
+        self.restart();
+        let width = self.watched.order.len();
+        let mut begin = Sums::new(width);
+        begin.mark = Mark { samples: 0, row: *first, time: *time };
+        (self.windows.now.mark, self.windows.began) = (begin.mark, *first);
+        let Self { again, watched, whitening, state, unsteady, whitener, windows, .. } = self;
+        again.each(watched, &numbered(&rows), |place, r, g| {
+            let (row, time, _) = rows[place];
+            whitener.row(watched, unsteady, row, r, g);
             whitening.filter(r, g);
             state.compare(r, g, width);
             state.absorb();
+            windows.add(r, g, row, time);
+            windows.keep();
         });
+        let found = self.take_over(beside, &begin)?;
+        // The same rows again tell nothing new of what was before them.
+        let (size, before) = (found.known.nrows(), open.known.nrows());
+        let mut known = DMatrix::zeros(size, size);
+        known.view_mut((0, 0), (before, before)).copy_from(&open.known);
+        let (alarm, was) = (open.alarm.clone(), open.was.clone());
+        Some(Open { alarm, was, known, ..found })
+    }
+
+    /// Goes on from before a change, with a place that is unsteady since then; false where the rows
+    /// since its onset are gone, and nothing was done.
+    pub(super) fn go_on_with(&mut self, open: &Open, own: Unsteady, last: u64) -> bool {
+        let Some(rows) = self.recent.between(open.alarm.since_row, last) else { return false };
+        self.watched.at.clone_from(&open.was);
+        self.unsteady.push(own);
+        self.pass(open, &open.known.clone(), &rows);
+        self.restart();
+        true
+    }
+}
+
+/// What is left of some rows.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Rest {
+    pub(super) squares: f64,
+    pub(super) rows: f64,
+}
+
+impl Rest {
+    fn add(&mut self, squared: f64) {
+        self.squares += squared;
+        self.rows += 1.0;
     }
 }

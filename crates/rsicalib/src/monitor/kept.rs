@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::model::Spec;
-use crate::monitor::alarm::{Alarm, Change};
+use crate::monitor::alarm::{Action, Alarm, Change};
 
 /// Bytes that are written, or read.
 pub(crate) struct Bytes {
@@ -194,7 +194,19 @@ impl Keep for Alarm {
     fn keep(&mut self, bytes: &mut Bytes) {
         fields!(bytes, self.row, self.time, self.since_row, self.since, self.spec, self.size);
         fields!(bytes, self.sd, self.unit, self.rate, self.parameters, self.platform_rms);
-        fields!(bytes, self.p_value, self.also_fits, self.revises);
+        fields!(bytes, self.p_value, self.also_fits, self.revises, self.action);
+    }
+}
+
+impl Keep for Action {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        let all = [Self::GoOn, Self::Recalibrate, Self::Stop];
+        let mut place = all.iter().position(|one| one == self).unwrap_or_default();
+        place.keep(bytes);
+        match all.get(place) {
+            Some(own) => *self = *own,
+            None => bytes.damaged = true,
+        }
     }
 }
 

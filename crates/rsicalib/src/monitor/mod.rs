@@ -39,12 +39,16 @@
 //! | M, u, T | `score` | score test of one candidate in one window |
 //! | θ | `open`, `naming`, `estimating` | the change that is named, and corrected when later rows tell |
 //! | ρ | `drift` | its rate, (106) |
+//! | φ | `factor` | a gain, or the reference of all, (133) |
+//! | τ, S | `unsteady` | what has another size in every row, (134) |
+//! | | `weighing` | two changes in one row, what is stuck, what has no name |
 
 pub mod alarm;
 pub mod closing;
 pub mod compare;
 mod drift;
 mod estimating;
+mod factor;
 mod kept;
 mod naming;
 mod onsets;
@@ -60,12 +64,14 @@ mod state;
 mod tails;
 mod telling;
 mod thresholds;
+mod unsteady;
 mod watch;
 mod watched;
+mod weighing;
 mod whitening;
 mod windows;
 
-pub use alarm::{Alarm, Change};
+pub use alarm::{Action, Alarm, Change};
 pub use options::{MonitorOptions, Quiet};
 pub use order::Counts;
 pub use watch::Monitor;

@@ -6,7 +6,8 @@
 //! distance has a rate beside its step ([`super::drift`]), so what drifts is named once.
 
 use crate::monitor::alarm::Alarm;
-use crate::monitor::open::{Kind, Name, Open};
+use crate::monitor::estimating::Rest;
+use crate::monitor::open::{Kind, Kinds, Name, Open};
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watch::{Monitor, Tested};
 use crate::monitor::windows::Sums;
@@ -32,19 +33,68 @@ pub(super) struct Suspect {
     log_p: f64,
 }
 
+impl Suspect {
+    /// A candidate of which nothing else is known.
+    pub(super) fn of(candidate: usize) -> Self {
+        Self { candidate, onset: 0, statistic: 0.0, rank: 0, log_p: 0.0 }
+    }
+}
+
 impl Monitor {
-    /// Names a change, and goes on with it.
+    /// Names a change, or corrects the name of the last one, and goes on with it.
     pub(super) fn raise(&mut self, tested: Tested) {
         let broken = (std::mem::take(&mut self.held) > 0).then_some(self.waiting[0]);
         if let Some(first) = broken {
             self.absorb_waiting(first, tested.row);
         }
-        if let Some(alarm) = self.name(tested, broken) {
-            self.counts.alarms += 1;
-            self.alarms.push(alarm);
+        let corrected = self.correct(tested);
+        if corrected.is_empty() {
+            let alarms = self.name(tested, broken);
+            self.counts.alarms += u64::from(!alarms.is_empty());
+            match self.too_many(tested, &alarms) {
+                Some(alarm) => self.alarms.push(alarm),
+                None => self.alarms.extend(alarms),
+            }
         }
+        self.alarms.extend(corrected);
         self.restart();
         self.age = 0;
+    }
+
+    /// Where a test exceeds its threshold soon after a change: the lines that say that this was
+    /// another one than was named.
+    fn correct(&mut self, tested: Tested) -> Vec<Alarm> {
+        if self.open.is_none() {
+            return Vec::new();
+        }
+        let before = self.state();
+        let corrected = self.corrected(tested);
+        if corrected.is_empty() {
+            // The next change is named as if nothing had been tried: these bytes are of this watch.
+            let _same = self.restore(before);
+        }
+        corrected
+    }
+
+    fn corrected(&mut self, tested: Tested) -> Vec<Alarm> {
+        let Some(open) = self.open.take() else { return Vec::new() };
+        let mut open = self.refreshed(open, tested.row);
+        let (names, rest) = self.compare(&open, tested.row);
+        let revises = Some(open.alarm.row);
+        let corrected = self.reconsider(&open, &names, rest, tested, revises);
+        if let Some(corrected) = corrected {
+            return corrected;
+        }
+        // Two in one row that leave nothing of it are no third change.
+        let best = names.first().filter(|name| name.kinds.second.is_some());
+        let explained = rest.is_some_and(|rest| !self.leaves(rest.squares, rest.rows));
+        let mut corrected = Vec::new();
+        if let Some(best) = best.filter(|best| explained && best.kinds != open.named) {
+            open.named = best.kinds;
+            corrected = self.alarms_of(&open, &names, tested, revises);
+        }
+        self.open = Some(open);
+        corrected
     }
 
     /// Takes over the samples that waited, from the row `first` on. Each was filtered as if those
@@ -65,17 +115,24 @@ impl Monitor {
         self.whitening.interrupt();
     }
 
-    fn name(&mut self, tested: Tested, broken: Option<u64>) -> Option<Alarm> {
+    fn name(&mut self, tested: Tested, broken: Option<u64>) -> Vec<Alarm> {
         self.settle();
-        let onsets = self.onsets(tested.row, broken);
+        let mut onsets = self.onsets(tested.row, broken);
+        if let Some(first) = broken {
+            // What is far outside began with the first row that is.
+            let begins = |onset: &Sums| onset.mark.row == first;
+            if onsets.iter().any(begins) {
+                onsets.retain(begins);
+            }
+        }
         let suspects = self.suspects(&onsets);
-        let best = *suspects.first()?;
+        let Some(best) = suspects.first().copied() else { return Vec::new() };
         let begin = &onsets[best.onset];
         let since = begin.mark;
         let behind = |s: &Suspect| 2.0 * (s.log_p - best.log_p);
         let limit = BESIDE.0.max(-2.0 * BESIDE.1 * best.log_p);
         let beside: Vec<Suspect> = suspects.into_iter().filter(|s| behind(s) < limit).collect();
-        let mut open = self.take_over(&beside, begin)?;
+        let Some(mut open) = self.take_over(&beside, begin) else { return Vec::new() };
         open.alarm = Alarm {
             row: tested.row,
             time: tested.time,
@@ -84,34 +141,45 @@ impl Monitor {
             p_value: self.thresholds.p_value(best.rank, best.statistic, self.dof),
             ..Alarm::default()
         };
-        let names = self.compare(&open, tested.row);
-        open.named = names.first().map_or(open.named, |name| name.kind);
-        let alarm = self.alarm(&open, &names, tested);
+        let (names, rest) = self.compare(&open, tested.row);
+        open.named = names.first().map_or(open.named, |name| name.kinds);
+        if let Some(alarms) = self.reconsider(&open, &names, rest, tested, None) {
+            return alarms;
+        }
+        let alarms = self.alarms_of(&open, &names, tested, None);
         self.open = Some(open);
-        Some(alarm)
+        alarms
     }
 
     /// Corrects the name of the last change where later rows have told it.
     pub(super) fn look_again(&mut self, tested: Tested) {
-        let Some(mut open) = self.open.take() else { return };
-        let names = self.compare(&open, tested.row);
-        let of = |kind| names.iter().find(|n| n.kind == kind).copied();
+        let Some(open) = self.open.take() else { return };
+        let mut open = self.refreshed(open, tested.row);
+        let (names, rest) = self.compare(&open, tested.row);
+        let revises = Some(open.alarm.row);
+        if let Some(alarms) = self.reconsider(&open, &names, rest, tested, revises) {
+            return self.alarms.extend(alarms);
+        }
+        let of = |kinds| names.iter().find(|n| n.kinds == kinds).copied();
         let (Some(best), Some(now)) = (names.first().copied(), of(open.named)) else { return };
         if best.evidence > now.evidence + AS_WELL {
-            open.named = best.kind;
-            let revises = Some(open.alarm.row);
-            let alarm = self.alarm(&open, &names, tested);
-            self.alarms.push(Alarm { row: tested.row, time: tested.time, revises, ..alarm });
+            open.named = best.kinds;
+            self.alarms.extend(self.alarms_of(&open, &names, tested, revises));
         }
-        let Kind { candidate, .. } = open.named;
-        let other = |n: &&Name| n.kind.candidate != candidate;
+        let named = open.named;
+        let other = |n: &&Name| n.kinds.each().any(|kind| !named.has(kind.candidate));
         let excluded = |n: &Name| n.fit < now.fit - BESIDE.0;
-        let alone = best.kind.candidate == candidate && names.iter().filter(other).all(excluded);
+        let narrow = named.second.is_none()
+            && best.kinds.first.candidate == named.first.candidate
+            && best.kinds.second.is_none();
+        // A second change beside the named one always fits better.
+        let single = names.iter().filter(|n| n.kinds.second.is_none());
+        let alone = narrow && single.filter(other).all(excluded);
         self.open = Some(open);
         if self.age >= CERTAIN_AFTER {
             self.settle();
         } else if alone {
-            self.narrow(candidate);
+            self.narrow(named.first.candidate);
         }
     }
 
@@ -128,10 +196,10 @@ impl Monitor {
         let drifts = self.watched.drift(candidate).is_some();
         let widest = Kind { candidate, drifts };
         if drifts && open.suspects.len() > 1 {
-            self.leave(&open, widest);
+            self.leave(&open, widest.into());
         }
         if !drifts {
-            return self.leave(&open, widest);
+            return self.leave(&open, widest.into());
         }
         let own = open.columns(widest);
         open.places = open.places[own.clone()].to_vec();
@@ -141,8 +209,8 @@ impl Monitor {
     }
 
     /// Goes on with one name only.
-    fn leave(&mut self, open: &Open, kind: Kind) {
-        if let Some((mean, covariance)) = open.alone(&self.watched, &self.state, kind) {
+    fn leave(&mut self, open: &Open, kinds: Kinds) {
+        if let Some((mean, covariance)) = open.alone(&self.watched, &self.state, kinds) {
             let mean: Vec<f64> =
                 mean.iter().enumerate().map(|(k, m)| m - open.moved(&self.watched, k)).collect();
             self.state.set(&mean, &covariance);
@@ -150,25 +218,27 @@ impl Monitor {
     }
 
     /// Names by their evidence, the best first, linearised about the estimate of the best as long
-    /// as the rows since the onset are there.
-    fn compare(&mut self, open: &Open, last: u64) -> Vec<Name> {
+    /// as the rows since the onset are there; and what the best leaves of these.
+    pub(super) fn compare(&mut self, open: &Open, last: u64) -> (Vec<Name>, Option<Rest>) {
         let mut names = self.names(open);
+        let mut rest = None;
         for _ in 0..TRIED {
-            let Some(best) = names.first().map(|n| n.kind) else { break };
-            if !self.refit(open, best, last) {
+            let Some(best) = names.first().map(|n| n.kinds) else { break };
+            rest = self.refit(open, best, last);
+            if rest.is_none() {
                 break;
             }
             names = self.names(open);
-            if names.first().is_some_and(|n| n.kind == best) {
+            if names.first().is_some_and(|n| n.kinds == best) {
                 break;
             }
         }
-        names
+        (names, rest)
     }
 
     fn names(&self, open: &Open) -> Vec<Name> {
         let told = open.told(&self.watched, &self.state, self.scale);
-        told.map_or(Vec::new(), |told| open.names(&told))
+        told.map_or(Vec::new(), |told| open.names(&told, &self.watched))
     }
 
     /// Every candidate at its best onset, the least probable by chance first.

@@ -47,10 +47,11 @@ impl Monitor {
         let rows = self.recent.between(fill, last);
         let rows = rows.or_else(|| self.recent.between(first, last)).unwrap_or_default();
         let mut found = Vec::new();
-        let Self { again, watched, whitening, .. } = self;
+        let Self { again, watched, whitening, unsteady, whitener, .. } = self;
         whitening.interrupt();
         again.each(watched, &numbered(&rows), |place, r, g| {
             let (row, time, _) = rows[place];
+            whitener.row(watched, unsteady, row, r, g);
             if broken == Some(row) {
                 whitening.interrupt();
             }

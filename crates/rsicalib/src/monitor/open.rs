@@ -10,6 +10,9 @@
 //! 2 ln Z = hᵀ Σ (1 + Λ Σ)⁻¹ h - ln |1 + Λ Σ|                             (105)
 //! ```
 //!
+//! A name may be of two steps in one row, too; it is charged as if the second were drawn from all candidates, by
+//! twice the logarithm of their number.
+//!
 //! The first part is the fit, by how much `χ²` falls. The second charges it for what it could also
 //! have fitted; a drift is charged [`AS_WELL`] more. Mean and covariance of the state under this name are `Σ (1 + Λ Σ)⁻¹ h` and
 //! `Σ (1 + Λ Σ)⁻¹`.
@@ -27,7 +30,7 @@ pub(crate) struct Open {
     /// Candidates that are estimated together.
     pub(crate) suspects: Vec<Suspected>,
     /// What is named.
-    pub(crate) named: Kind,
+    pub(crate) named: Kinds,
     /// Their columns, candidate by candidate, and the rate of one that may drift at its end, as
     /// places in the state.
     pub(crate) places: Vec<usize>,
@@ -56,10 +59,38 @@ pub(crate) struct Kind {
     pub(crate) drifts: bool,
 }
 
+/// What a name is of: one candidate, or two that have changed in one row.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Kinds {
+    pub(crate) first: Kind,
+    pub(crate) second: Option<Kind>,
+}
+
+impl From<Kind> for Kinds {
+    fn from(first: Kind) -> Self {
+        Self { first, second: None }
+    }
+}
+
+impl Kinds {
+    pub(crate) fn each(self) -> impl Iterator<Item = Kind> {
+        std::iter::once(self.first).chain(self.second)
+    }
+
+    /// True where the candidate is one of them.
+    pub(crate) fn has(self, candidate: usize) -> bool {
+        self.each().any(|kind| kind.candidate == candidate)
+    }
+
+    fn drift(self) -> bool {
+        self.each().any(|kind| kind.drifts)
+    }
+}
+
 /// One name for a change.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Name {
-    pub(crate) kind: Kind,
+    pub(crate) kinds: Kinds,
     /// By how much `χ²` falls.
     pub(crate) fit: f64,
     /// Twice the logarithm of the evidence.
@@ -70,8 +101,9 @@ impl Name {
     /// True where the rows cannot tell this name from `named`: by its evidence, or as it fits as
     /// well. A link bent in one direction can be the same as an offset of its sensor.
     pub(crate) fn ties(&self, named: &Self) -> bool {
-        let fits = self.kind.drifts == named.kind.drifts && self.fit > named.fit - AS_WELL;
-        fits || self.evidence > named.evidence - AS_WELL
+        let alike = self.kinds.drift() == named.kinds.drift()
+            && self.kinds.second.is_some() == named.kinds.second.is_some();
+        (alike && self.fit > named.fit - AS_WELL) || self.evidence > named.evidence - AS_WELL
     }
 }
 
@@ -115,6 +147,11 @@ impl Open {
         first..first
     }
 
+    /// The columns of all that is named.
+    pub(crate) fn all_columns(&self, kinds: Kinds) -> impl Iterator<Item = usize> {
+        kinds.each().flat_map(|kind| self.columns(kind))
+    }
+
     /// All that a suspect can be named.
     pub(crate) fn kinds(&self) -> impl Iterator<Item = Kind> {
         let kind = |one: &Suspected, drifts| Kind { candidate: one.candidate, drifts };
@@ -151,14 +188,33 @@ impl Open {
         Some(Told { live, information, score })
     }
 
-    /// Names by their evidence, the best first.
-    pub(crate) fn names(&self, told: &Told) -> Vec<Name> {
-        let name = |kind: Kind| {
-            let (fit, evidence, ..) = told.under(&self.prior(self.columns(kind)))?;
-            let charged = if kind.drifts { AS_WELL } else { 0.0 };
-            Some(Name { kind, fit, evidence: evidence - charged })
+    /// Twice the logarithm of the evidence that nothing has changed.
+    pub(crate) fn unchanged(&self, told: &Told) -> f64 {
+        told.under(&self.known).map_or(f64::NEG_INFINITY, |(_, evidence, ..)| evidence)
+    }
+
+    /// Names by their evidence, the best first: one of the candidates has changed, or two that are
+    /// not of one place.
+    pub(crate) fn names(&self, told: &Told, watched: &Watched) -> Vec<Name> {
+        let second = 2.0 * (watched.candidates.len() as f64).ln();
+        let name = |kinds: Kinds| {
+            let (fit, evidence, ..) = told.under(&self.prior(self.all_columns(kinds)))?;
+            let drift = if kinds.drift() { AS_WELL } else { 0.0 };
+            let charged = drift + if kinds.second.is_some() { second } else { 0.0 };
+            Some(Name { kinds, fit, evidence: evidence - charged })
         };
-        let mut names: Vec<Name> = self.kinds().filter_map(name).collect();
+        let apart = |one: usize, other: usize| {
+            let target = |k: usize| &watched.candidates[k].spec.target;
+            target(one) != target(other)
+        };
+        let step = |one: &Suspected| Kind { candidate: one.candidate, drifts: false };
+        let pairs = self.suspects.iter().enumerate().flat_map(|(n, one)| {
+            let others = self.suspects[..n].iter();
+            let others = others.filter(|other| apart(one.candidate, other.candidate));
+            others.map(move |other| Kinds { first: step(other), second: Some(step(one)) })
+        });
+        let mut names: Vec<Name> =
+            self.kinds().map(Kinds::from).chain(pairs).filter_map(name).collect();
         names.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         names
     }
@@ -169,10 +225,10 @@ impl Open {
         &self,
         watched: &Watched,
         state: &State,
-        kind: Kind,
+        kinds: Kinds,
     ) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let told = self.told(watched, state, 1.0)?;
-        let prior = self.prior(self.columns(kind));
+        let prior = self.prior(self.all_columns(kinds));
         let (.., mean, covariance) = told.under(&prior)?;
         let n = state.size;
         let (mut all, mut square) = (DVector::zeros(n), DMatrix::zeros(n, n));

@@ -22,6 +22,8 @@ pub struct Counts {
     pub missing: u64,
     /// Rows far outside that no later row confirmed: bad readings.
     pub outliers: u64,
+    /// Rows that were not tested, as the device has changed in a way that has no name.
+    pub silent: u64,
     /// Alarms raised.
     pub alarms: u64,
 }
@@ -132,6 +134,6 @@ impl Keep for Order {
 impl Keep for Counts {
     fn keep(&mut self, bytes: &mut Bytes) {
         fields!(bytes, self.rows, self.used, self.unreadable, self.repeated, self.late);
-        fields!(bytes, self.missing, self.outliers, self.alarms);
+        fields!(bytes, self.missing, self.outliers, self.silent, self.alarms);
     }
 }

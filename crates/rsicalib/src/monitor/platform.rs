@@ -55,13 +55,55 @@ impl Seen {
         if model.mechanism.platform.is_empty() {
             return None;
         }
-        let table = Table { values: self.rows.clone(), ..Table::default() };
-        let readings = Readings::beside(&model.mechanism, table, &watched.under.readings).ok()?;
-        let poses = |beta: &[f64]| poses_of(model, &readings, beta, noise);
-        let pairs: Vec<_> = poses(before).into_iter().zip(poses(after)).collect();
-        let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
-        Some(PlatformRms { position: position_rms, orientation: orientation_rms? })
+        let poses = |beta: &[f64]| self.poses(watched, noise, beta, None);
+        between(poses(before)?, poses(after)?)
     }
+
+    /// What the noise of one sample does to the platform; none without a platform.
+    pub(crate) fn noise(
+        &self,
+        watched: &Watched,
+        noise: &Noise,
+        at: &[f64],
+    ) -> Option<PlatformRms> {
+        if watched.under.model.mechanism.platform.is_empty() {
+            return None;
+        }
+        let still = self.poses(watched, noise, at, None)?;
+        let (mut position, mut orientation) = (0.0, 0.0);
+        for channel in 0..self.channels {
+            let moved = self.poses(watched, noise, at, Some(channel))?;
+            let own = between(still.clone(), moved)?;
+            position += own.position.powi(2);
+            orientation += own.orientation.powi(2);
+        }
+        Some(PlatformRms { position: position.sqrt(), orientation: orientation.sqrt() })
+    }
+
+    /// Poses of the rows, with one channel moved by its standard deviation.
+    fn poses(
+        &self,
+        watched: &Watched,
+        noise: &Noise,
+        at: &[f64],
+        moved: Option<usize>,
+    ) -> Option<Vec<[f64; 6]>> {
+        let model = &watched.under.model;
+        let mut values = self.rows.clone();
+        if let Some(channel) = moved {
+            let by = noise.sigma.get(channel).copied().unwrap_or_default();
+            values.iter_mut().skip(channel).step_by(self.channels).for_each(|v| *v += by);
+        }
+        let table = Table { values, ..Table::default() };
+        let readings = Readings::beside(&model.mechanism, table, &watched.under.readings).ok()?;
+        Some(poses_of(model, &readings, at, noise))
+    }
+}
+
+fn between(before: Vec<[f64; 6]>, after: Vec<[f64; 6]>) -> Option<PlatformRms> {
+    let pairs: Vec<_> = before.into_iter().zip(after).collect();
+    let Check { position_rms, orientation_rms, .. } = error_of(&pairs, false);
+    Some(PlatformRms { position: position_rms, orientation: orientation_rms? })
 }
 
 impl Keep for Seen {

@@ -38,6 +38,12 @@ impl Recent {
         self.next = (self.next + 1) % KEPT_ROWS;
     }
 
+    /// Time of a row that is there (s).
+    pub(crate) fn time_of(&self, number: u64) -> Option<f64> {
+        let at = self.numbers.iter().position(|n| *n == Some(number))?;
+        self.times[at]
+    }
+
     /// Leaves out a row that turned out to be bad.
     pub(crate) fn leave_out(&mut self, number: u64) {
         if let Some(found) = self.numbers.iter_mut().find(|n| **n == Some(number)) {

@@ -34,6 +34,11 @@ impl Rows {
         }
     }
 
+    /// The reading of a channel in a lane.
+    pub(crate) fn reading(&self, channel: usize, lane: usize) -> f64 {
+        self.raw[channel].0[lane]
+    }
+
     /// Linearises all lanes about the present parameters in a row, (51) and (52).
     pub(crate) fn linearise(&mut self, watched: &Watched, row: u64) {
         let under = &watched.under;
@@ -117,6 +122,15 @@ impl Rows {
             *r = w.0[lane];
             for ((g, column), scale) in g.iter_mut().zip(&watched.order).zip(&watched.scale) {
                 *g = x.get(*column).map_or(0.0, |x| -x.0[lane] * scale);
+            }
+        }
+        for factor in &watched.factors {
+            let x = self.room.ws.x.chunks_exact(width.max(1));
+            for (g, x) in g.chunks_exact_mut(columns).zip(x) {
+                let parts = factor.parts.iter();
+                let along: f64 =
+                    parts.map(|(part, by)| x.get(*part).map_or(0.0, |x| x.0[lane]) * by).sum();
+                g[factor.own] = -along * watched.scale[factor.own];
             }
         }
         for drift in &watched.drifts {

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::monitor::alarm::Alarm;
 use crate::monitor::drift::Drift;
 use crate::monitor::kept::{Bytes, Keep, fields};
-use crate::monitor::open::{Kind, Open, Suspected};
+use crate::monitor::open::{Kind, Kinds, Open, Suspected};
 use crate::monitor::watch::Monitor;
 
 impl Monitor {
@@ -32,10 +32,12 @@ impl Monitor {
         let own = self.watched.uncertain;
         let size = self.state.size;
         let fits = own <= self.watched.order.len()
+            && self.windows.fits()
             && size == own
             && self.state.mean.len() == size
             && self.state.covariance.len() == size * size
             && self.held < self.waiting.len()
+            && self.unsteady.iter().all(|one| one.place < self.watched.places.len())
             && self.open.as_ref().is_none_or(|open| self.holds(open));
         if shape != self.shape() || !fits {
             return Err(Error::option("state", "that of another watch", "one of this calibration"));
@@ -54,13 +56,14 @@ impl Monitor {
         shape.extend(self.windows.lengths());
         shape.extend(self.recent.lengths());
         shape.extend(self.tails.lengths());
+        shape.extend(self.runs.lengths());
         shape
     }
 
     /// True where a change whose name is open is one of what is watched.
     fn holds(&self, open: &Open) -> bool {
         let all = self.watched.candidates.len();
-        open.named.candidate < all
+        open.named.each().all(|kind| kind.candidate < all)
             && open.suspects.iter().all(|s| s.candidate < all)
             && open.was.len() == self.watched.at.len()
             && open.places.len() == open.width.len()
@@ -76,10 +79,12 @@ impl Keep for Monitor {
         for candidate in &mut watched.candidates {
             candidate.columns.keep(bytes);
         }
+        watched.factors.iter_mut().for_each(|factor| factor.own.keep(bytes));
         watched.drifts.iter_mut().for_each(|drift| drift.keep(bytes));
         fields!(bytes, self.order, self.counts, self.whitening, self.windows, self.seen);
         fields!(bytes, self.state.size, self.state.mean, self.state.covariance);
-        fields!(bytes, self.scale, self.dof, self.waiting, self.held, self.age);
+        fields!(bytes, self.runs, self.unsteady, self.lately, self.silent);
+        fields!(bytes, self.spread, self.scale, self.dof, self.waiting, self.held, self.age);
         fields!(bytes, self.recent, self.open, self.tails);
     }
 }
@@ -96,6 +101,12 @@ impl Keep for Kind {
     }
 }
 
+impl Keep for Kinds {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.first, self.second);
+    }
+}
+
 impl Keep for Suspected {
     fn keep(&mut self, bytes: &mut Bytes) {
         fields!(bytes, self.candidate, self.columns, self.drifts);
@@ -106,7 +117,7 @@ impl Default for Open {
     fn default() -> Self {
         Self {
             suspects: Vec::new(),
-            named: Kind::default(),
+            named: Kinds::default(),
             places: Vec::new(),
             width: Vec::new(),
             was: Vec::new(),

@@ -2,16 +2,30 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::apply::change::PlatformRms;
 use crate::model::Spec;
-use crate::monitor::alarm::{Alarm, Change};
-use crate::monitor::open::{Name, Open};
+use crate::monitor::alarm::{Action, Alarm, Change};
+use crate::monitor::open::{Kind, Name, Open};
 use crate::monitor::watch::{Monitor, Tested};
 
 impl Monitor {
-    /// The alarm that says what is named in a row, and what the rows cannot tell from it.
-    pub(super) fn alarm(&self, open: &Open, names: &[Name], tested: Tested) -> Alarm {
+    /// The alarms that say what is named in a row, and what the rows cannot tell from it: of two changes
+    /// the first takes the place of the one that is corrected.
+    pub(super) fn alarms_of(
+        &self,
+        open: &Open,
+        names: &[Name],
+        tested: Tested,
+        revises: Option<u64>,
+    ) -> Vec<Alarm> {
+        let now = (tested.row, tested.time);
+        let told = open.named.each().map(|kind| self.alarm(open, kind, names, tested));
+        told.map(|alarm| Alarm { row: now.0, time: now.1, revises, ..alarm }).collect()
+    }
+
+    fn alarm(&self, open: &Open, kind: Kind, names: &[Name], tested: Tested) -> Alarm {
         let watched = &self.watched;
-        let places = &open.places[open.columns(open.named)];
+        let places = &open.places[open.columns(kind)];
         let n = self.state.size;
         let (mean, covariance) = open
             .alone(watched, &self.state, open.named)
@@ -27,37 +41,48 @@ impl Monitor {
             after[watched.order[place]] += value * watched.scale[place];
         }
         let mut rate = None;
-        if let (true, &[_, own]) = (open.named.drifts, places) {
+        if let (true, &[_, own]) = (kind.drifts, places) {
             let column = watched.order[own];
             before[column] = 0.0;
             values[1] = after[column] / watched.scale[own];
-            rate = Some(self.rate(open, values[1], covariance[(1, 1)].sqrt()));
+            rate = Some(self.rate_of(kind, values[1], covariance[(1, 1)].sqrt()));
             let age = tested.row as f64 - open.alarm.since_row as f64;
             let now = DMatrix::from_row_slice(1, 2, &[1.0, age]);
             (values, covariance) = (&now * values, &now * covariance * now.transpose());
         }
-        let named = &watched.candidates[open.named.candidate];
+        let named = &watched.candidates[kind.candidate];
         let (parameters, [size, sd], unit) = named.changes(&values, &covariance);
         let in_row = |at| watched.in_row(at, tested.row);
-        let platform_rms =
-            self.seen.change(watched, &watched.under.noise, &in_row(&before), &in_row(&after));
+        let noise = &watched.under.noise;
+        let platform_rms = self.seen.change(watched, noise, &in_row(&before), &in_row(&after));
+        let least = self.seen.noise(watched, noise, &in_row(&before));
+        let small = |own: &PlatformRms, least: &PlatformRms| {
+            own.position < least.position && own.orientation < least.orientation
+        };
+        let small = platform_rms.as_ref().zip(least.as_ref()).is_some_and(|(a, b)| small(a, b));
+        let action = match small && rate.is_none() {
+            true => Action::GoOn,
+            false => Action::Recalibrate,
+        };
         let spec = |candidate: usize| watched.candidates[candidate].spec.clone();
-        let now = names.iter().find(|n| n.kind == open.named);
+        let now = names.iter().find(|n| n.kinds == open.named);
         let mut also_fits: Vec<Spec> = Vec::new();
-        for name in names.iter().filter(|n| n.kind.candidate != open.named.candidate) {
-            let other = spec(name.kind.candidate);
-            if now.is_some_and(|now| name.ties(now)) && !also_fits.contains(&other) {
-                also_fits.push(other);
+        for name in names.iter().filter(|name| now.is_some_and(|now| name.ties(now))) {
+            for other in name.kinds.each().filter(|k| !open.named.has(k.candidate)) {
+                let other = spec(other.candidate);
+                if !also_fits.contains(&other) {
+                    also_fits.push(other);
+                }
             }
         }
-        let spec = spec(open.named.candidate);
+        let spec = spec(kind.candidate);
         let alarm = open.alarm.clone();
-        Alarm { spec, size, sd, unit, parameters, rate, platform_rms, also_fits, ..alarm }
+        Alarm { spec, size, sd, unit, parameters, rate, platform_rms, also_fits, action, ..alarm }
     }
 
     /// A rate per row, in units of the named candidate, as an alarm has it.
-    fn rate(&self, open: &Open, value: f64, sd: f64) -> Change {
-        let named = &self.watched.candidates[open.named.candidate];
+    fn rate_of(&self, kind: Kind, value: f64, sd: f64) -> Change {
+        let named = &self.watched.candidates[kind.candidate];
         let (name, unit) = &named.parameters[0];
         let (rows, per) = match self.order.interval {
             Some(interval) => (3600.0 / interval, "h"),

@@ -14,7 +14,8 @@ use crate::monitor::score::Score;
 use crate::monitor::state::{State, dot};
 use crate::monitor::tails::Tails;
 use crate::monitor::thresholds::{Thresholds, as_chi2, quantile};
-use crate::monitor::watched::{Watched, changes};
+use crate::monitor::unsteady::{Runs, Unsteady, Whitener};
+use crate::monitor::watched::Watched;
 use crate::monitor::whitening::Whitening;
 use crate::monitor::windows::Windows;
 use crate::numerics::lanes::{WIDTH, dispatch};
@@ -94,6 +95,18 @@ pub struct Monitor {
     pub(super) recent: Recent,
     /// Room to linearise them.
     pub(super) again: Rows,
+    /// Variance of a sample's squared innovation, over that of normal noise.
+    pub(super) spread: f64,
+    /// Promised rate of false alarms per sample.
+    pub(super) rate: f64,
+    pub(super) runs: Runs,
+    /// What has another size in every row.
+    pub(super) unsteady: Vec<Unsteady>,
+    pub(super) whitener: Whitener,
+    /// Rows, times and places of the last alarms.
+    pub(super) lately: Vec<(u64, (Option<f64>, String))>,
+    /// True since it was told that what happens has no name: nothing is tested any more.
+    pub(super) silent: bool,
     /// The last change, as long as its name is open.
     pub(super) open: Option<Open>,
     pub(super) r: Vec<f64>,
@@ -129,8 +142,7 @@ impl Monitor {
         options: &MonitorOptions,
     ) -> Result<Self, Error> {
         options.check()?;
-        let watched =
-            Watched::new(mechanism, applied, Some(covariance), changes(mechanism))?.with_drifts();
+        let watched = Watched::at_work(mechanism, applied, covariance)?;
         if watched.uncertain == 0 {
             let what = "the covariance of the calibration".into();
             return Err(Error::Shape { what, found: 0, expected: applied.parameters.len().pow(2) });
@@ -145,11 +157,19 @@ impl Monitor {
             rows: Rows::new(&watched, &watched.under.noise),
             whitening: Whitening::new(options.quiet.correlation, CORRELATION, equations, width),
             state,
-            windows: Windows::new(width, LEVELS, watched.tested()),
+            windows: Windows::new(width, LEVELS, watched.tested())
+                .with_live(width - watched.drifts.len()),
             thresholds,
             tails: Tails::new(LEVELS),
             score: Score::new(width),
             seen: Seen::new(mechanism.channels.len()),
+            spread: 1.0,
+            rate: options.false_alarms,
+            runs: Runs::new(mechanism.channels.len()),
+            unsteady: Vec::new(),
+            whitener: Whitener::new(equations, width),
+            lately: Vec::new(),
+            silent: false,
             scale: 1.0,
             dof: options.quiet.dof.unwrap_or(DECLARED),
             outside: quantile(OUTSIDE, equations as f64),
@@ -258,14 +278,44 @@ impl Monitor {
         }
     }
 
+    /// Counts what repeats; true where a channel has done so for longer than chance allows since this
+    /// row, while the name of a change is open.
+    fn see_runs(&mut self, lane: usize, row: u64) -> bool {
+        for channel in 0..self.watched.under.model.scales.len() {
+            let place = |one: &Unsteady| {
+                one.stuck && self.watched.places[one.place].channel == Some(channel)
+            };
+            let stuck = self.unsteady.iter().position(place);
+            let moved =
+                self.runs.see(channel, self.rows.reading(channel, lane), row, stuck.is_some());
+            if let (true, Some(ended)) = (moved, stuck) {
+                self.unsteady.remove(ended);
+            }
+        }
+        let Some(open) = &self.open else { return false };
+        self.long_run(open.alarm.since_row).is_some_and(|(place, _)| {
+            let channel = self.watched.places[place].channel.unwrap_or_default();
+            self.runs.rows(channel).is_power_of_two()
+        })
+    }
+
     /// Tests the row in a lane; true where the parameters have moved.
     fn test(&mut self, lane: usize, tested: Tested) -> bool {
+        if self.silent {
+            self.counts.silent += 1;
+            return false;
+        }
         match tested.gap {
             None => {}
             Some(None) => self.whitening.interrupt(),
             Some(Some(missing)) => self.whitening.skip(missing),
         }
+        let rare = self.see_runs(lane, tested.row);
         self.rows.read(lane, &self.watched, tested.row, &mut self.r, &mut self.g);
+        if !self.unsteady.is_empty() {
+            let Self { whitener, watched, unsteady, r, g, .. } = self;
+            whitener.row(watched, unsteady, tested.row, r, g);
+        }
         let crossed = dispatch(
             #[inline(always)]
             || self.advance(tested),
@@ -278,10 +328,13 @@ impl Monitor {
             return false;
         }
         self.age += 1;
-        let due = self.age >= LOOK_AGAIN && self.age.is_power_of_two();
+        let due = rare || (self.age >= LOOK_AGAIN && self.age.is_power_of_two());
         if due {
             self.recentre();
             self.look_again(tested);
+            if !self.unsteady.is_empty() {
+                self.retune(tested.row);
+            }
         }
         due
     }
@@ -329,6 +382,9 @@ impl Monitor {
         let equations = self.r.len() as f64;
         let squared = squared.min(CLIP * equations) * self.scale;
         self.scale = (self.scale * self.dof + squared) / (self.dof + equations);
+        let far = (squared / self.scale - equations).powi(2) / (2.0 * equations);
+        let known = self.dof / equations;
+        self.spread = (self.spread * known + far) / (known + 1.0);
         self.dof = (self.dof + equations).min(MEMORY);
         let (state, size) = (&self.state, self.state.size);
         self.whitening.learn(|g| dot(&g[..size], &state.mean));

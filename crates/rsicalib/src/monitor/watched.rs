@@ -7,7 +7,9 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::Spec;
 use crate::monitor::alarm::Change;
 use crate::monitor::drift::Drift;
+use crate::monitor::factor::{Factor, Multiplied, factors, gains};
 use crate::monitor::score::MOST_COLUMNS;
+use crate::monitor::unsteady::{Place, places};
 use crate::numerics::random::Random;
 use crate::readings::Table;
 use crate::terms::targets::typical;
@@ -31,8 +33,12 @@ pub(crate) struct Watched {
     pub(crate) prior: Vec<f64>,
     /// What may change.
     pub(crate) candidates: Vec<Candidate>,
+    /// Factors of the candidates that are one.
+    pub(crate) factors: Vec<Factor>,
     /// Rates of the candidates that may drift.
     pub(crate) drifts: Vec<Drift>,
+    /// What may have another size in every row.
+    pub(crate) places: Vec<Place>,
 }
 
 /// A change that is tested.
@@ -60,8 +66,33 @@ impl Watched {
         covariance: Option<&[f64]>,
         specs: Vec<Spec>,
     ) -> Result<Self, Error> {
+        Self::build(mechanism, applied, covariance, specs, &[])
+    }
+
+    /// As [`Watched::new`], with all that may change at work, at once or little by little.
+    pub(crate) fn at_work(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        covariance: &[f64],
+    ) -> Result<Self, Error> {
+        let (specs, more) = (changes(mechanism), gains(mechanism));
+        let own = Self::build(mechanism, applied, Some(covariance), specs, &more)?;
+        let mut own = own.with_factors(mechanism).with_drifts();
+        own.places = places(mechanism, &own);
+        Ok(own)
+    }
+
+    /// The model has the terms `more`, too, which are no candidates.
+    fn build(
+        mechanism: &Mechanism,
+        applied: &Applied,
+        covariance: Option<&[f64]>,
+        specs: Vec<Spec>,
+        more: &[Spec],
+    ) -> Result<Self, Error> {
         refuse(mechanism)?;
-        let under = Under::with_terms(mechanism, applied, spread(mechanism, applied), &specs)?;
+        let terms: Vec<Spec> = specs.iter().chain(more).cloned().collect();
+        let under = Under::with_terms(mechanism, applied, spread(mechanism, applied), &terms)?;
         refuse_context(&under)?;
         let internal = internal_covariance(&under, covariance)?;
         let model = &under.model;
@@ -108,13 +139,35 @@ impl Watched {
             let (needs, why) = ("parameter that may change", "the watch tests what has changed");
             return Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why });
         }
-        let (at, drifts) = (under.internal(&under.values), Vec::new());
-        Ok(Self { at, order, scale, uncertain, prior, candidates, drifts, under })
+        let at = under.internal(&under.values);
+        let (factors, drifts, places) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { at, order, scale, uncertain, prior, candidates, factors, drifts, places, under })
+    }
+
+    /// With the factors that a converter's readings may have: each is a column behind those of the
+    /// model.
+    fn with_factors(mut self, mechanism: &Mechanism) -> Self {
+        for Multiplied { spec, size, parts } in factors(mechanism, &self.under.model, &self.at) {
+            let own = self.order.len();
+            self.candidates.push(Candidate {
+                spec,
+                columns: vec![own],
+                parameters: vec![("gain", "1".into())],
+                scale: vec![size],
+                typical: vec![1.0],
+                drift: None,
+            });
+            self.factors.push(Factor { own, parts });
+            self.order.push(self.at.len());
+            self.scale.push(size);
+            self.at.push(0.0);
+        }
+        self
     }
 
     /// Lets candidates of one parameter drift: each has a column for its rate, behind those of the
     /// model.
-    pub(crate) fn with_drifts(mut self) -> Self {
+    fn with_drifts(mut self) -> Self {
         for candidate in &mut self.candidates {
             let [base] = candidate.columns[..] else { continue };
             candidate.drift = Some(self.drifts.len());
@@ -141,9 +194,18 @@ impl Watched {
     /// As [`Watched::in_row`], without new memory.
     pub(crate) fn put_in_row(&self, at: &[f64], row: u64, out: &mut [f64]) {
         out.copy_from_slice(&at[..out.len()]);
+        for factor in &self.factors {
+            factor
+                .parts
+                .iter()
+                .for_each(|(part, by)| out[*part] += by * at[self.order[factor.own]]);
+        }
         for drift in &self.drifts {
-            if let Some(age) = drift.age(row) {
-                out[self.order[drift.base]] += age * at[self.order[drift.own]];
+            let Some(age) = drift.age(row) else { continue };
+            let moved = age * at[self.order[drift.own]];
+            match self.factors.iter().find(|factor| factor.own == drift.base) {
+                Some(factor) => factor.parts.iter().for_each(|(part, by)| out[*part] += by * moved),
+                None => out[self.order[drift.base]] += moved,
             }
         }
     }
@@ -163,7 +225,8 @@ impl Watched {
         self.scale.swap(position, first);
         let columns = self.candidates.iter_mut().flat_map(|c| &mut c.columns);
         let drifts = self.drifts.iter_mut().flat_map(|d| [&mut d.own, &mut d.base]);
-        for column in columns.chain(drifts) {
+        let factors = self.factors.iter_mut().map(|f| &mut f.own);
+        for column in columns.chain(drifts).chain(factors) {
             *column = match *column {
                 own if own == position => first,
                 other if other == first => position,

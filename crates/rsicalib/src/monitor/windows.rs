@@ -40,6 +40,8 @@ pub(crate) struct Windows {
     levels: usize,
     /// Columns that candidates have: only their rows of the products are needed.
     tested: Vec<usize>,
+    /// Columns that may be other than zero: rates of what has never changed are behind them.
+    live: usize,
     /// The first row since the start.
     pub(crate) began: u64,
     pub(crate) now: Sums,
@@ -55,14 +57,20 @@ impl Sums {
     }
 
     /// Takes in one sample, with these columns of the candidates.
-    #[inline(always)]
     pub(crate) fn take(&mut self, y: &[f64], g: &[f64], tested: &[usize]) {
+        self.take_first(y, g, tested, self.scores.len());
+    }
+
+    /// As [`Sums::take`], where only the first `live` columns are not zero.
+    #[inline(always)]
+    fn take_first(&mut self, y: &[f64], g: &[f64], tested: &[usize], live: usize) {
         let width = self.scores.len();
         for (y, g) in y.iter().zip(g.chunks_exact(width)) {
+            let g = &g[..live];
             axpy(*y, g, &mut self.scores);
             for &row in tested {
                 if g[row] != 0.0 {
-                    axpy(g[row], g, &mut self.products[row * width..(row + 1) * width]);
+                    axpy(g[row], g, &mut self.products[row * width..row * width + live]);
                 }
             }
         }
@@ -94,12 +102,23 @@ impl Windows {
     /// `2^(levels + 2)` samples.
     pub(crate) fn new(width: usize, levels: usize, tested: Vec<usize>) -> Self {
         let past = (0..levels * KEPT).map(|_| Sums::new(width)).collect();
-        Self { width, levels, tested, began: 0, now: Sums::new(width), past }
+        Self { width, levels, tested, live: width, began: 0, now: Sums::new(width), past }
     }
 
     /// How often a window of a level ends, in samples.
     pub(crate) fn step(level: usize) -> f64 {
         2.0_f64.powi(level as i32 + 2)
+    }
+
+    /// With so many columns that may be other than zero, the first of all.
+    pub(crate) fn with_live(mut self, live: usize) -> Self {
+        self.live = live;
+        self
+    }
+
+    /// Counts from here on that all columns may be other than zero.
+    pub(crate) fn all_live(&mut self) {
+        self.live = self.width;
     }
 
     /// Starts again after the last row, with these columns of the candidates.
@@ -115,7 +134,7 @@ impl Windows {
     /// Adds one sample.
     #[inline(always)]
     pub(crate) fn add(&mut self, y: &[f64], g: &[f64], row: u64, time: Option<f64>) {
-        self.now.take(y, g, &self.tested);
+        self.now.take_first(y, g, &self.tested, self.live);
         (self.now.mark.row, self.now.mark.time) = (row + 1, time);
     }
 
@@ -165,6 +184,11 @@ impl Windows {
 }
 
 impl Windows {
+    /// True where a state that was read can be gone on from.
+    pub(crate) fn fits(&self) -> bool {
+        self.live <= self.width && self.tested.iter().all(|column| *column < self.width)
+    }
+
     /// Lengths that a state cannot change.
     pub(crate) fn lengths(&self) -> impl Iterator<Item = usize> {
         let own = |sums: &Sums| [sums.products.len(), sums.scores.len()];
@@ -174,7 +198,7 @@ impl Windows {
 
 impl Keep for Windows {
     fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.tested, self.began, self.now);
+        fields!(bytes, self.tested, self.live, self.began, self.now);
         for sums in &mut self.past {
             // What was begun and dropped is not looked at again.
             sums.mark.keep(bytes);

@@ -1,0 +1,362 @@
+//! What has another size in every row: a bearing that is loose, a sensor that is noisy or stuck.
+//!
+//! A change `θ` of (101) stands still, or goes on evenly. The end of a chain in a loose bearing is
+//! elsewhere in each row, `θ_t ~ N(0, τ²)`, and so is what a sensor with a broken wire says. With the
+//! columns `Z_t` of that place the whitened misclosure has the covariance `S_t = 1 + τ² Z_t Z_tᵀ`, and
+//! against a sound device the evidence of rows since an onset is
+//!
+//! ```text
+//! 2 ln Z = Σ r_tᵀ (1 - S_t⁻¹) r_t - ln |S_t|                             (134)
+//! ```
+//!
+//! averaged over `τ` from what one row just shows to a thousand times that, evenly in its logarithm.
+//! A row is made white again by `S_t^(-1/2)`, one column after the other, and the watch goes on: of
+//! what is unsteady it knows that much less.
+
+use crate::mechanism::Mechanism;
+use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::onsets::Linearised;
+use crate::monitor::state::{axpy, dot};
+use crate::monitor::watched::{Candidate, Watched};
+
+/// Standard deviation, in typical sizes, of where the end of a chain is that a stuck channel moves.
+const FREE: f64 = 1e3;
+
+/// Terms of what is unsteady.
+pub(crate) const NOISE: &str = "noise";
+pub(crate) const LOOSE: &str = "loose";
+pub(crate) const STUCK: &str = "stuck";
+
+/// Deviations that are weighed: so many, each `√2` times the one before.
+const DEVIATIONS: i32 = 20;
+
+/// A place that may be unsteady: a channel, or the end of a chain.
+#[derive(Debug, Clone)]
+pub(crate) struct Place {
+    pub(crate) term: &'static str,
+    pub(crate) target: String,
+    /// The channel, if it is one.
+    pub(crate) channel: Option<usize>,
+    /// The candidate whose columns move it, and how many of these.
+    pub(crate) candidate: usize,
+    pub(crate) columns: usize,
+    pub(crate) unit: String,
+    /// The candidate that moves the end of the chain of a channel.
+    pub(crate) end: Option<usize>,
+}
+
+/// A place that has become unsteady.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Unsteady {
+    pub(crate) place: usize,
+    /// `τ`, in the place's unit.
+    pub(crate) deviation: f64,
+    pub(crate) since: u64,
+    /// The channel repeats its reading.
+    pub(crate) stuck: bool,
+}
+
+/// What rows say of an unsteady place.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Found {
+    /// Twice the logarithm of the evidence.
+    pub(crate) evidence: f64,
+    /// Deviation that is likeliest, and its standard deviation.
+    pub(crate) deviation: f64,
+    pub(crate) sd: f64,
+    /// Squares that it leaves.
+    pub(crate) rest: f64,
+}
+
+/// Places of what is watched.
+pub(crate) fn places(mechanism: &Mechanism, watched: &Watched) -> Vec<Place> {
+    let numbered = || watched.candidates.iter().enumerate();
+    let called = |k: &Candidate| k.spec.target.clone().unwrap_or_default();
+    let mut places = Vec::new();
+    for (candidate, own) in numbered().filter(|(_, k)| k.spec.term == "offset") {
+        let target = called(own);
+        let channel = mechanism.channels.iter().position(|c| c.name == target);
+        let unit = own.parameters[0].1.clone();
+        let chain = channel.and_then(|c| mechanism.chain_of(c)).map(|c| &*mechanism.chains[c].name);
+        let end = chain.and_then(|chain| numbered().rfind(|(_, k)| of_chain(k, chain)));
+        let end = end.map(|(end, _)| end);
+        places.push(Place { term: NOISE, target, channel, candidate, columns: 1, unit, end });
+    }
+    for chain in &mechanism.chains {
+        let own = numbered().rfind(|(_, k)| of_chain(k, &chain.name));
+        let Some((candidate, own)) = own else { continue };
+        let unit = own.parameters[0].1.clone();
+        let along = own.parameters.iter().take_while(|(_, other)| *other == unit);
+        let columns = along.count().min(own.columns.len());
+        let target = chain.name.clone();
+        let (channel, end) = (None, None);
+        places.push(Place { term: LOOSE, target, channel, candidate, columns, unit, end });
+    }
+    places
+}
+
+/// True for a change of a link of a chain, or of the point at its end.
+fn of_chain(candidate: &Candidate, chain: &str) -> bool {
+    let target = candidate.spec.target.as_deref().unwrap_or_default();
+    target.split('/').next() == Some(chain)
+}
+
+/// Room to make rows white again.
+#[derive(Debug, Clone)]
+pub(crate) struct Whitener {
+    column: Vec<f64>,
+    along: Vec<f64>,
+}
+
+impl Whitener {
+    /// For rows of so many equations and columns.
+    pub(crate) fn new(equations: usize, width: usize) -> Self {
+        Self { column: vec![0.0; equations], along: vec![0.0; width] }
+    }
+
+    /// Makes a row white where one column of `G`, in its unit, has this standard deviation, in place;
+    /// `ln |S|` of it.
+    pub(crate) fn apply(
+        &mut self,
+        column: usize,
+        deviation: f64,
+        r: &mut [f64],
+        g: &mut [f64],
+    ) -> f64 {
+        let width = g.len() / r.len().max(1);
+        for (z, row) in self.column.iter_mut().zip(g.chunks_exact(width)) {
+            *z = row[column] * deviation;
+        }
+        let z = &self.column[..r.len()];
+        let square = dot(z, z);
+        if square == 0.0 {
+            return 0.0;
+        }
+        // (1 + z zᵀ)^(-1/2) = 1 - f z zᵀ
+        let factor = (1.0 - 1.0 / (1.0 + square).sqrt()) / square;
+        let along = &mut self.along[..width];
+        along.fill(0.0);
+        for (z, row) in z.iter().zip(g.chunks_exact(width)) {
+            axpy(*z, row, along);
+        }
+        let own = factor * dot(z, r);
+        for ((z, row), r) in z.iter().zip(g.chunks_exact_mut(width)).zip(r) {
+            axpy(-factor * z, along, row);
+            *r -= own * z;
+        }
+        square.ln_1p()
+    }
+
+    /// Makes a row white under all that is unsteady in it.
+    pub(crate) fn row(
+        &mut self,
+        watched: &Watched,
+        unsteady: &[Unsteady],
+        row: u64,
+        r: &mut [f64],
+        g: &mut [f64],
+    ) {
+        for one in unsteady.iter().filter(|one| row >= one.since) {
+            let place = &watched.places[one.place];
+            for (column, scale) in watched.columns_of(place) {
+                self.apply(column, one.deviation / scale, r, g);
+            }
+            // What a stuck channel should say is far from what it says, and turns all that it moves:
+            // what closes with its chain says nothing.
+            let end = place.end.filter(|_| one.stuck).map(|end| &watched.candidates[end]);
+            let free = end.map(|end| end.columns.iter().zip(&end.typical));
+            for (column, typical) in free.into_iter().flatten() {
+                self.apply(*column, FREE * typical, r, g);
+            }
+        }
+    }
+}
+
+impl Watched {
+    /// Columns of a place, with their units.
+    fn columns_of(&self, place: &Place) -> impl Iterator<Item = (usize, f64)> {
+        let own = &self.candidates[place.candidate];
+        own.columns.iter().copied().zip(own.scale.iter().copied()).take(place.columns)
+    }
+
+    /// What rows say of a place in noise of the variance `scale`; none where they show nothing of it,
+    /// or where one half of them does not speak for it.
+    pub(crate) fn unsteady(&self, place: &Place, rows: &[Linearised], scale: f64) -> Option<Found> {
+        let equations = rows.first()?.2.len();
+        let columns: Vec<(usize, f64)> = self.columns_of(place).collect();
+        let q = columns.len();
+        // Columns of the place alone, in its unit over the noise.
+        let own: Vec<(Vec<f64>, Vec<f64>)> = rows
+            .iter()
+            .map(|(.., r, g)| {
+                let width = g.len() / equations;
+                let r: Vec<f64> = r.iter().map(|v| v / scale.sqrt()).collect();
+                let z = g.chunks_exact(width).flat_map(|row| {
+                    columns.iter().map(|(column, unit)| row[*column] / (unit * scale.sqrt()))
+                });
+                (r, z.collect())
+            })
+            .collect();
+        let squares: f64 = own.iter().flat_map(|(_, z)| z).map(|z| z * z).sum();
+        if squares <= 0.0 {
+            return None;
+        }
+        let least = (rows.len() as f64 * q as f64 / squares).sqrt();
+        let mut whitener = Whitener::new(equations, q);
+        // Evidence of the first and of the second half, and squares that are left.
+        let mut weigh = |deviation: f64| {
+            let mut found = [0.0; 3];
+            for (n, (r, z)) in own.iter().enumerate() {
+                let (mut left, mut z) = (r.clone(), z.clone());
+                let logs: f64 =
+                    (0..q).map(|k| whitener.apply(k, deviation, &mut left, &mut z)).sum();
+                let rest = dot(&left, &left);
+                found[usize::from(2 * n >= own.len())] += dot(r, r) - rest - logs;
+                found[2] += rest;
+            }
+            found
+        };
+        let all: Vec<(f64, [f64; 3])> = (0..DEVIATIONS)
+            .map(|k| least * 2.0_f64.powf(0.5 * f64::from(k)))
+            .map(|deviation| (deviation, weigh(deviation)))
+            .collect();
+        let sum = |found: &[f64; 3]| found[0] + found[1];
+        let (deviation, best) = all.iter().max_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
+        if best[0] <= 0.0 || best[1] <= 0.0 {
+            return None;
+        }
+        let weights = all.iter().map(|(_, found)| (0.5 * (sum(found) - sum(best))).exp());
+        let mean = weights.sum::<f64>() / f64::from(DEVIATIONS);
+        let evidence = sum(best) + 2.0 * mean.ln();
+        let sd = deviation / (2.0 * (rows.len() * q) as f64).sqrt();
+        Some(Found { evidence, deviation: deviation * scale.sqrt(), sd, rest: best[2] })
+    }
+}
+
+/// Readings that repeat: how long each channel has, while others move.
+#[derive(Debug, Clone)]
+pub(crate) struct Runs {
+    last: Vec<f64>,
+    /// Rows of the present run, the first one counted, and number of the first.
+    length: Vec<u64>,
+    began: Vec<u64>,
+    /// Of the runs that have ended: rows that repeated the one before, and rows at which a run of
+    /// two or more might have ended, or did.
+    repeats: Vec<f64>,
+    chances: Vec<f64>,
+}
+
+impl Runs {
+    pub(crate) fn new(channels: usize) -> Self {
+        Self {
+            last: vec![f64::NAN; channels],
+            length: vec![0; channels],
+            began: vec![0; channels],
+            // As if one of two had repeated: nothing is known of the converter's steps.
+            repeats: vec![1.0; channels],
+            chances: vec![2.0; channels],
+        }
+    }
+
+    /// Takes in the reading of one channel in a row; nothing is learned from a run of a channel that
+    /// is known to be stuck. True where the reading is another one.
+    pub(crate) fn see(&mut self, channel: usize, reading: f64, row: u64, stuck: bool) -> bool {
+        if reading == self.last[channel] {
+            self.length[channel] += 1;
+            return false;
+        }
+        let length = self.length[channel];
+        if length >= 2 && !stuck {
+            self.repeats[channel] += (length - 2) as f64;
+            self.chances[channel] += (length - 1) as f64;
+        }
+        (self.last[channel], self.length[channel], self.began[channel]) = (reading, 1, row);
+        true
+    }
+
+    /// First row of the present run of a channel, and the logarithm of the probability that a run of
+    /// two goes on for so long by chance.
+    pub(crate) fn of(&self, channel: usize) -> (u64, f64) {
+        let more = self.length[channel].saturating_sub(2) as f64;
+        let again = self.repeats[channel] / self.chances[channel];
+        (self.began[channel], more * again.ln())
+    }
+
+    /// Rows of the present run.
+    pub(crate) fn rows(&self, channel: usize) -> u64 {
+        self.length[channel]
+    }
+
+    /// The reading that is repeated.
+    pub(crate) fn reading(&self, channel: usize) -> f64 {
+        self.last[channel]
+    }
+
+    /// Lengths that a state cannot change.
+    pub(crate) fn lengths(&self) -> [usize; 5] {
+        let Self { last, length, began, repeats, chances } = self;
+        [last.len(), length.len(), began.len(), repeats.len(), chances.len()]
+    }
+}
+
+impl Keep for Runs {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.last, self.length, self.began, self.repeats, self.chances);
+    }
+}
+
+impl Keep for Unsteady {
+    fn keep(&mut self, bytes: &mut Bytes) {
+        fields!(bytes, self.place, self.deviation, self.since, self.stuck);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::random::Random;
+    use nalgebra::{DMatrix, DVector};
+
+    #[test]
+    fn a_row_is_made_white_and_its_determinant_told() {
+        let (k, width) = (3, 5);
+        let mut random = Random::new(8);
+        let mut draw = || random.uniform(-1.0, 1.0);
+        let g = DMatrix::from_fn(k, width, |_, _| draw());
+        let r = DVector::from_fn(k, |_, _| draw());
+        let mut values: Vec<f64> = g.transpose().as_slice().to_vec();
+        let mut left: Vec<f64> = r.as_slice().to_vec();
+        let mut whitener = Whitener::new(k, width);
+        let deviations = [(1, 2.0), (4, 0.7)];
+        let logs: f64 =
+            deviations.iter().map(|(c, d)| whitener.apply(*c, *d, &mut left, &mut values)).sum();
+        let mut s = DMatrix::identity(k, k);
+        for (column, deviation) in deviations {
+            let z = g.column(column) * deviation;
+            s += &z * z.transpose();
+        }
+        assert!((logs - s.determinant().ln()).abs() < 1e-12);
+        let inverse = s.try_inverse().expect("positive definite");
+        let expected = r.dot(&(&inverse * &r));
+        assert!((dot(&left, &left) - expected).abs() < 1e-12);
+        // Columns go the same way: G S⁻¹ r is the same for all of them.
+        let found = DMatrix::from_row_slice(k, width, &values).transpose()
+            * DVector::from_column_slice(&left);
+        assert!((found - g.transpose() * inverse * r).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_run_is_as_rare_as_the_channel_has_repeated_before() {
+        let mut runs = Runs::new(1);
+        // Three of a kind, then another: a run of three goes on once of two chances.
+        for row in 0..4_000_u64 {
+            runs.see(0, (row / 3) as f64, row, false);
+        }
+        (4_000..4_010).for_each(|row| {
+            runs.see(0, -1.0, row, false);
+        });
+        let (began, chance) = runs.of(0);
+        assert_eq!((began, runs.rows(0)), (4_000, 10));
+        assert!((chance - 8.0 * 0.5_f64.ln()).abs() < 0.01, "{chance}");
+    }
+}
