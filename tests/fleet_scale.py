@@ -1,9 +1,9 @@
 """The client of a fleet over a cluster: its processor time, and its memory.
 
-`python -m tests.fleet_scale time` calibrates devices on a local cluster, whose workers and scheduler
-are processes of their own, and prints the client's processor time beside theirs. `python -m
-tests.fleet_scale memory --devices 100000` has workers make rows up, which costs them nothing: what
-the client reads, keeps, sums up and draws is that of a fleet of so many, and its memory is printed.
+`python -m tests.fleet_scale time` calibrates devices on a local cluster, whose workers and
+scheduler run in other processes, and prints the client's processor time beside theirs. With `memory
+--devices 100000` workers make rows up, which costs them nothing: what the client reads, keeps, sums
+up and draws is that of a fleet of so many, and its memory is printed.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::monitor::alarm::Alarm;
 use crate::monitor::drift::{Drift, sums_since};
 use crate::monitor::naming::Suspect;
-use crate::monitor::open::{Kind, Kinds, Open, Suspected};
+use crate::monitor::open::{Kind, Kinds, Open, Rest, Suspected};
 use crate::monitor::recent::{Kept, numbered};
 use crate::monitor::score::MOST_COLUMNS;
 use crate::monitor::unsteady::Unsteady;
@@ -209,19 +209,5 @@ impl Monitor {
         self.pass(open, &open.known.clone(), &rows);
         self.restart();
         true
-    }
-}
-
-/// What is left of some rows.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Rest {
-    pub(super) squares: f64,
-    pub(super) rows: f64,
-}
-
-impl Rest {
-    fn add(&mut self, squared: f64) {
-        self.squares += squared;
-        self.rows += 1.0;
     }
 }

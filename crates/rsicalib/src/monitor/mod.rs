@@ -55,6 +55,7 @@ mod onsets;
 mod open;
 pub mod options;
 mod order;
+mod place;
 mod platform;
 mod recent;
 mod rows;

@@ -6,8 +6,7 @@
 //! distance has a rate beside its step ([`super::drift`]), so what drifts is named once.
 
 use crate::monitor::alarm::Alarm;
-use crate::monitor::estimating::Rest;
-use crate::monitor::open::{Kind, Kinds, Name, Open};
+use crate::monitor::open::{Kind, Kinds, Name, Open, Rest};
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watch::{Monitor, Tested};
 use crate::monitor::windows::Sums;

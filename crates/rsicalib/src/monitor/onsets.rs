@@ -1,6 +1,6 @@
 //! Onsets of a change: row by row among the last, on the grid of the windows before.
 
-use crate::monitor::recent::numbered;
+use crate::monitor::recent::{Linearised, numbered};
 use crate::monitor::watch::Monitor;
 use crate::monitor::windows::{Mark, Sums};
 
@@ -9,9 +9,6 @@ const ROW_BY_ROW: u64 = 64;
 
 /// Rows before these that fill the filter which makes the residual white.
 const FILL: u64 = 2;
-
-/// Number and time (s) of a row, with its `r` and `G`.
-pub(super) type Linearised = (u64, Option<f64>, Vec<f64>, Vec<f64>);
 
 impl Monitor {
     /// The sums before each onset that is possible, marked with the first row of the change.

@@ -87,6 +87,20 @@ impl Kinds {
     }
 }
 
+/// What is left of some rows.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Rest {
+    pub(crate) squares: f64,
+    pub(crate) rows: f64,
+}
+
+impl Rest {
+    pub(crate) fn add(&mut self, squared: f64) {
+        self.squares += squared;
+        self.rows += 1.0;
+    }
+}
+
 /// One name for a change.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Name {

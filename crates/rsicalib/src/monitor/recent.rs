@@ -8,6 +8,9 @@ const KEPT_ROWS: usize = 512;
 /// Number, time (s) and readings of a row.
 pub(crate) type Kept = (u64, Option<f64>, Vec<f64>);
 
+/// Number and time (s) of a row, with its `r` and `G`.
+pub(crate) type Linearised = (u64, Option<f64>, Vec<f64>, Vec<f64>);
+
 /// Number and readings of rows.
 pub(crate) fn numbered(rows: &[Kept]) -> Vec<(u64, &[f64])> {
     rows.iter().map(|(number, _, readings)| (*number, &**readings)).collect()

@@ -15,7 +15,8 @@
 
 use crate::mechanism::Mechanism;
 use crate::monitor::kept::{Bytes, Keep, fields};
-use crate::monitor::onsets::Linearised;
+use crate::monitor::place::Place;
+use crate::monitor::recent::Linearised;
 use crate::monitor::state::{axpy, dot};
 use crate::monitor::watched::{Candidate, Watched};
 
@@ -29,21 +30,6 @@ pub(crate) const STUCK: &str = "stuck";
 
 /// Deviations that are weighed: so many, each `√2` times the one before.
 const DEVIATIONS: i32 = 20;
-
-/// A place that may be unsteady: a channel, or the end of a chain.
-#[derive(Debug, Clone)]
-pub(crate) struct Place {
-    pub(crate) term: &'static str,
-    pub(crate) target: String,
-    /// The channel, if it is one.
-    pub(crate) channel: Option<usize>,
-    /// The candidate whose columns move it, and how many of these.
-    pub(crate) candidate: usize,
-    pub(crate) columns: usize,
-    pub(crate) unit: String,
-    /// The candidate that moves the end of the chain of a channel.
-    pub(crate) end: Option<usize>,
-}
 
 /// A place that has become unsteady.
 #[derive(Debug, Clone, Copy, Default)]

@@ -14,7 +14,7 @@ use crate::monitor::score::Score;
 use crate::monitor::state::{State, dot};
 use crate::monitor::tails::Tails;
 use crate::monitor::thresholds::{Thresholds, as_chi2, quantile};
-use crate::monitor::unsteady::{Runs, Unsteady, Whitener};
+use crate::monitor::unsteady::{Runs, Unsteady, Whitener, places};
 use crate::monitor::watched::Watched;
 use crate::monitor::whitening::Whitening;
 use crate::monitor::windows::Windows;
@@ -142,7 +142,8 @@ impl Monitor {
         options: &MonitorOptions,
     ) -> Result<Self, Error> {
         options.check()?;
-        let watched = Watched::at_work(mechanism, applied, covariance)?;
+        let mut watched = Watched::at_work(mechanism, applied, covariance)?;
+        watched.places = places(mechanism, &watched);
         if watched.uncertain == 0 {
             let what = "the covariance of the calibration".into();
             return Err(Error::Shape { what, found: 0, expected: applied.parameters.len().pow(2) });

@@ -8,8 +8,8 @@ use crate::model::Spec;
 use crate::monitor::alarm::Change;
 use crate::monitor::drift::Drift;
 use crate::monitor::factor::{Factor, Multiplied, factors, gains};
+use crate::monitor::place::Place;
 use crate::monitor::score::MOST_COLUMNS;
-use crate::monitor::unsteady::{Place, places};
 use crate::numerics::random::Random;
 use crate::readings::Table;
 use crate::terms::targets::typical;
@@ -77,9 +77,7 @@ impl Watched {
     ) -> Result<Self, Error> {
         let (specs, more) = (changes(mechanism), gains(mechanism));
         let own = Self::build(mechanism, applied, Some(covariance), specs, &more)?;
-        let mut own = own.with_factors(mechanism).with_drifts();
-        own.places = places(mechanism, &own);
-        Ok(own)
+        Ok(own.with_factors(mechanism).with_drifts())
     }
 
     /// The model has the terms `more`, too, which are no candidates.

@@ -15,10 +15,10 @@
 
 use crate::model::Spec;
 use crate::monitor::alarm::{Action, Alarm, Change};
-use crate::monitor::estimating::{Rest, TYPICAL};
+use crate::monitor::estimating::TYPICAL;
 use crate::monitor::naming::Suspect;
-use crate::monitor::onsets::Linearised;
-use crate::monitor::open::{Name, Open};
+use crate::monitor::open::{Name, Open, Rest};
+use crate::monitor::recent::Linearised;
 use crate::monitor::state::State;
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::unsteady::{Found, NOISE, STUCK, Unsteady};
