@@ -153,7 +153,10 @@ class Alarm(Told, Record):
         if self.platform_rms is not None and self.platform_rms.position is not None:
             words += f", the platform by {self.platform_rms.position:.2g}"
         if self.also_fits:
-            words += f"; or {', '.join(dict.fromkeys(s.target for s in self.also_fits))}"
+            also = (
+                f"its {s.term}" if s.target == self.target else s.target for s in self.also_fits
+            )
+            words += f"; or {', '.join(dict.fromkeys(also))}"
         if self.revises is not None:
             words += f" (this was named otherwise in row {self.revises})"
         words += f" - {ACTIONS[self.action]}"
