@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +18,7 @@ import pytest
 
 import rsicalib
 from rsicalib import Mechanism
+from tests import cone
 from tests.families.device import Device, Session, observe, stage
 from tests.families.trials import readings_of, toml
 from tests.machines import files
@@ -186,3 +188,98 @@ def test_a_unit_that_is_written_otherwise_is_asked_for(found: str, meant: str) -
     values = changed(lambda c: c.update(unit=found))
     with pytest.raises(rsicalib.InputError, match=f"unit '?\"?{found}.*{meant}"):
         Mechanism(values)
+
+
+LARGE = np.radians([90.0, -90.0, 45.0, 30.0, 180.0, -135.0])
+
+
+def arm(offsets: Any, unit: str = "rad", tell: bool = True) -> Mechanism:
+    """The arm at a cone with encoders of which these offsets are written."""
+    values = tomllib.loads(cone.mechanism(2e-5 if tell else None, 0.02))
+    for channel, offset in zip(values["channel"], offsets, strict=True):
+        channel |= {"unit": unit, "offset": float(offset)}
+        del channel["limits"]
+    return Mechanism(values)
+
+
+def seated(factor: float = 1.0) -> dict[str, Any]:
+    """A session whose encoders read zero far from the zero of the drawing."""
+    table = cone.session(7).table
+    own = {name: np.array(table[name]) - off for name, off in zip(JOINTS, LARGE, strict=True)}
+    return {**table, **{name: values * factor for name, values in own.items()}}
+
+
+JOINTS = [f"q{k}" for k in range(1, 7)]
+
+
+def test_large_offsets_in_degrees_are_named() -> None:
+    """Angles return after a turn: 90 rad is 1.04 rad as well, and 90 is far from neither."""
+    found = rsicalib.calibrate(seated(), arm(np.degrees(LARGE)))
+    (warning,) = (w for w in found.warnings if w.kind == "degrees")
+    assert "offsets of" in warning.text
+    right = rsicalib.calibrate(seated(), arm(LARGE))
+    assert "degrees" not in {w.kind for w in right.warnings}
+
+
+def test_offsets_in_radians_of_channels_in_degrees_are_named_and_the_readings_are_not() -> None:
+    """A loop also closes with readings that hardly move, and these were accused."""
+    table = seated(180.0 / np.pi)
+    found = rsicalib.calibrate(table, arm(LARGE, "deg", tell=False))
+    texts = [w.text for w in found.warnings if w.kind == "degrees"]
+    assert texts and all("offsets" in text for text in texts), texts
+    assert found.exit_code == 4
+    right = rsicalib.calibrate(table, arm(np.degrees(LARGE), "deg", tell=False))
+    assert right.exit_code == 0 and "degrees" not in {w.kind for w in right.warnings}
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_random_poses_are_not_called_in_degrees(seed: int) -> None:
+    """Offsets of nine channels from anywhere were all within 5 % of 57.3 times what is declared."""
+    codes = np.random.default_rng(seed).integers(300, 3800, (40, 9)).astype(float)
+    own = rsicalib.load_mechanism("rsi")
+    readings = rsicalib.Readings.from_arrays(own, codes, pose=np.arange(40))
+    found = rsicalib.calibrate(readings, own)
+    assert "degrees" not in {w.kind for w in found.warnings}
+
+
+@pytest.mark.parametrize("gain", [180.0 / np.pi, np.pi / 180.0])
+def test_a_gain_in_degrees_a_radian_is_named(gain: float) -> None:
+    unit = "rad" if gain > 1.0 else "deg"
+    values = arm(np.zeros(6), unit, tell=False).to_dict()
+    for channel in values["channel"]:
+        channel["gain"] = gain
+    table = cone.session(7).table
+    for name in JOINTS:
+        table[name] = np.array(table[name]) * (1.0 if unit == "rad" else 180.0 / np.pi)
+    found = rsicalib.calibrate(table, Mechanism(values))
+    texts = [w.text for w in found.warnings if w.kind == "degrees"]
+    assert texts and all("gains of" in text and "gain = 1.0" in text for text in texts), texts
+
+
+@pytest.mark.parametrize("place", ["twist", "rotation", "workspace", "rest"])
+def test_an_angle_of_a_drawing_of_more_than_a_turn_is_refused(place: str) -> None:
+    values = rsicalib.load_mechanism("rsi").to_dict()
+    row = values["chain"][0]["dh"][1]
+    match place:
+        case "twist":
+            row["alpha"] = 90.0
+        case "rotation":
+            row["rpy"] = [0.0, -90.0, 0.0]
+        case "workspace":
+            values["workspace"]["rx"] = [-30.0, 30.0]
+        case _:
+            values["rest"]["pose"] = [*values["rest"]["pose"][:5], 30.0]
+    with pytest.raises(rsicalib.InputError, match=r"radians within a turn: -?[39]0 degrees are"):
+        Mechanism(values)
+
+
+def test_gains_that_are_all_off_by_one_number_are_named() -> None:
+    """Ten bits of a converter of twelve: the calibration is right, and the file is not."""
+    made = rsicalib.simulate(poses=40, samples=4, seed=5)
+    rest = made.rest
+    quarter = [replace(one, values=np.floor(one.values / 4.0)) for one in (made.readings, rest)]
+    found = rsicalib.calibrate(quarter[0], rest=quarter[1])
+    (warning,) = (w for w in found.warnings if w.kind == "units")
+    assert "another converter" in warning.text
+    right = rsicalib.calibrate(made.readings, rest=rest)
+    assert "units" not in {w.kind for w in right.warnings}

@@ -144,6 +144,14 @@ def test_held_poses_with_a_number_for_every_sample_are_said() -> None:
     assert not rsicalib.load_readings(table, own).warnings
 
 
+def test_one_number_for_all_poses_is_said() -> None:
+    taken = cone.session(6, poses=12)
+    own = mechanism(None, PLAY)
+    table = {**taken.table, "pose": np.ones(96)}
+    (warning,) = rsicalib.load_readings(table, own).warnings
+    assert warning.kind == "moved_pose" and "all rows are of pose 1" in warning.text
+
+
 @pytest.mark.parametrize("kind", ["single poses", "motion", "counts that stand still"])
 def test_rows_that_are_no_repeats_are_not_said_to_be(kind: str) -> None:
     rng = np.random.default_rng(7)

@@ -67,6 +67,33 @@ def test_check_poses_beyond_what_is_predicted_contradict(verb: Any) -> None:
     assert fit_of(found).p_value == fit_of(clean).p_value
 
 
+@both
+@pytest.mark.parametrize("how", ["millimetres", "degrees", "order"])
+def test_known_poses_that_are_misread_are_said_to_be(verb: Any, how: str) -> None:
+    """With the unit or the order that is meant they agree; the reason is of what is off most."""
+    case = trials.staged([31, 0])
+    poses = np.array(case.check["poses"], copy=True)
+    if how == "millimetres":
+        poses[:, :3] *= 25.4
+    elif how == "degrees":
+        poses[:, 3:] = np.degrees(poses[:, 3:])
+    else:
+        poses = np.roll(poses, 8, axis=0)  # samples of a pose
+    found = said(verb, replace(case, check={**case.check, "poses": poses}))
+    (warning,) = (w for w in found.warnings if w.kind == "known_poses")
+    words = {"millimetres": "25.4 times", "degrees": "in radians", "order": "another order"}
+    assert words[how] in warning.text
+    reasons = [reason for reason in found.reasons if reason.kind.startswith("check")]
+    own = fit_of(found).check
+    if how == "degrees":
+        assert [reason.kind for reason in reasons] == ["check_orientation"]
+        assert reasons[0].found == own.orientation_rms
+        assert reasons[0].expected == own.predicted.orientation_sd
+        assert " rad" in found.summary().splitlines()[0]
+    assert found.exit_code == 4
+    assert "known_poses" not in {w.kind for w in said(verb, case).warnings}
+
+
 def test_the_first_line_is_of_the_reason_that_says_most() -> None:
     """Of the demo, which lacks an effect, poses left out in turn were said to contradict."""
     found = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from scripts.mistakes.damage import (
     Damage,
     askew,
     cell,
+    chained,
+    column,
     comma_twice,
     decimal_commas,
     drop,
@@ -26,6 +29,7 @@ from scripts.mistakes.damage import (
     repeated,
     result,
     reversed_sensor,
+    rolled,
     short_curve,
     write,
 )
@@ -116,6 +120,92 @@ MISTAKES = [
         4,
         "there is no column pose, and sample begins again",
         edit("readings.csv", (r"^[^,]*,", "")),
+    ),
+    Mistake("names in capitals", CALIBRATE, 2, "A11", edit("readings.csv", ("a11", "A11"))),
+    Mistake(
+        "a header without its line",
+        CALIBRATE,
+        2,
+        "put a header line above it",
+        edit("readings.csv", (r"\Apose.*\n", "")),
+    ),
+    Mistake(
+        "two logs pasted into one",
+        CALIBRATE,
+        2,
+        "found 'pose'",
+        line(9, lambda text: "pose,sample" + text[3:]),
+    ),
+    Mistake(
+        "strokes between columns",
+        CALIBRATE,
+        2,
+        "separate columns by commas",
+        edit("readings.csv", (",", "|")),
+    ),
+    Mistake(
+        "hexadecimal counts", CALIBRATE, 2, "0x", column("a", lambda value, _: hex(int(value)))
+    ),
+    Mistake(
+        "volts for counts",
+        CALIBRATE,
+        3,
+        "are they in volts",
+        column("a", lambda value, _: f"{value * 5 / 4095:.4f}"),
+    ),
+    Mistake(
+        "ten bits for twelve",
+        CALIBRATE,
+        0,
+        "another converter",
+        column("a", lambda value, _: f"{value // 4:.0f}"),
+    ),
+    Mistake(
+        "dates for seconds",
+        CALIBRATE,
+        2,
+        "(seconds)",
+        column("time_s", lambda value, _: f"2026-01-05T12:{value // 60:02.0f}:00"),
+    ),
+    Mistake(
+        "one number for all poses",
+        CALIBRATE,
+        3,
+        "all rows are of pose 1",
+        column("pose", lambda *_: "1"),
+    ),
+    Mistake(
+        "a pose for every sample",
+        CALIBRATE,
+        0,
+        "every row has a pose of its own",
+        column("pose", lambda _, row: str(row + 1)),
+    ),
+    Mistake(
+        "known poses in millimetres",
+        f"{CALIBRATE} --check check.csv",
+        4,
+        "25.4 times",
+        chained(
+            *(column(axis, lambda value, _: f"{value * 25.4:.6f}", "check.csv") for axis in "xyz")
+        ),
+    ),
+    Mistake(
+        "known angles in degrees",
+        f"{CALIBRATE} --check check.csv",
+        4,
+        "known angles are in radians",
+        column("r", lambda value, _: f"{math.degrees(value):.6f}", "check.csv"),
+    ),
+    Mistake(
+        "known poses in another order",
+        f"{CALIBRATE} --check check.csv",
+        4,
+        "in another order",
+        rolled,
+    ),
+    Mistake(
+        "another mechanism", f"{CALIBRATE} --mechanism maslow", 2, "'tl' (a channel of 'maslow')"
     ),
     Mistake(
         "a session for the rest pose",
@@ -220,6 +310,23 @@ MISTAKES = [
         edit("rsi.toml", (r"value = 2\.5", "value = -2.5"), count=1),
     ),
     # Options.
+    Mistake(
+        "a twist in degrees",
+        "mechanism rsi.toml",
+        2,
+        "90 degrees are 1.5708",
+        edit("rsi.toml", (r"alpha = 1\.57\d*", "alpha = 90.0"), count=1),
+    ),
+    Mistake(
+        "a workspace in degrees",
+        "mechanism rsi.toml",
+        2,
+        "radians within a turn",
+        edit("rsi.toml", (r"^rx = .*", "rx = [-30, 30]")),
+    ),
+    Mistake(
+        "a misspelt option, and no file", "calibrate --rset rest.csv", 2, "did you mean '--rest'"
+    ),
     Mistake("a misspelt verb", "calibarte readings.csv", 2, "did you mean 'calibrate'"),
     Mistake("a misspelt option", "calibrate readings.csv --rset rest.csv", 2, "'--rest'"),
     Mistake("a plan of 10^20 poses", "plan --poses 99999999999999999999", 2, "1 to 10000"),

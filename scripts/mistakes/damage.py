@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shutil
@@ -26,6 +27,16 @@ def edit(name: str, *changes: tuple[str, str], count: int = 0) -> Damage:
     return damage
 
 
+def chained(*changes: Damage) -> Damage:
+    """One change after the other."""
+
+    def damage(folder: Path) -> None:
+        for change in changes:
+            change(folder)
+
+    return damage
+
+
 def line(number: int, new: Callable[[str], str], name: str = "readings.csv") -> Damage:
     """Change one line of a file, from 1."""
 
@@ -46,6 +57,37 @@ def cell(number: int, column: int, value: str, name: str = "readings.csv") -> Da
         return ",".join(cells)
 
     return line(number, changed, name)
+
+
+def column(prefix: str, change: Callable[[float, int], str], name: str = "readings.csv") -> Damage:
+    """Change the cells of all columns whose name begins so, by value and row, from 0."""
+
+    def damage(folder: Path) -> None:
+        with (folder / name).open(encoding="utf-8", newline="") as file:
+            head, *rows = csv.reader(file)
+        at = [k for k, title in enumerate(head) if title.startswith(prefix)]
+        for number, row in enumerate(rows):
+            for k in at:
+                row[k] = change(float(row[k]), number)
+        with (folder / name).open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([head, *rows])
+
+    return damage
+
+
+def rolled(folder: Path) -> None:
+    """Known poses, each in the rows of the pose before."""
+    path = folder / "check.csv"
+    with path.open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    at = head.index("x")
+    assert head[at : at + 6] == ["x", "y", "z", "rx", "ry", "rz"]
+    poses = [row[at : at + 6] for row in rows]
+    samples = sum(row[0] == rows[0][0] for row in rows)
+    for row, pose in zip(rows, poses[samples:] + poses[:samples], strict=True):
+        row[at : at + 6] = pose
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([head, *rows])
 
 
 def result(change: Callable[[dict[str, object]], object]) -> Damage:

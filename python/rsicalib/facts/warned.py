@@ -17,6 +17,7 @@ WarnedKind: TypeAlias = Literal[
     "same_readings",
     "follow",
     "degrees",
+    "units",
     "coarse",
     "noise",
     "unphysical_sign",
@@ -35,6 +36,7 @@ WarnedKind: TypeAlias = Literal[
     "imported",
     "open_loops",
     "as_drawn",
+    "known_poses",
     "other",
 ]
 """What a warning is about; the schema of the results says what each of them means."""

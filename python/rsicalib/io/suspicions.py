@@ -24,6 +24,10 @@ __all__ = ["places", "resolution", "suspicions"]
 
 RARE = 1e-6
 """How often a rule may speak up in clean data, per file."""
+MOVED = 0.05
+"""Part of a channel's range by which no held pose moves: the guide takes 2 % of it for a tremor."""
+NARROW = 0.01
+"""Part of their range that all channels together never stay within: a session moves its joints."""
 LISTED = 5
 """Places a message names before it only counts."""
 
@@ -52,6 +56,8 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[Warned]:
         *_faults(readings, mechanism),
         *_saturated_codes(readings, mechanism),
         *_moved_poses(readings, mechanism),
+        *_unheld(readings, mechanism),
+        *_narrow(readings, mechanism),
         *_stale_rows(readings),
         *_copied_poses(readings),
     ]
@@ -155,6 +161,62 @@ def _moved_poses(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned
     if len(moved) > LISTED:
         more = len(moved) - LISTED
         yield Warned("moved_pose", None, f"{more} more poses scatter far beyond the typical")
+
+
+def _unheld(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
+    """Poses within which joints go through a good part of their range: they are not held."""
+    starts, counts = _runs(readings.pose)
+    if not readings.held or not (counts > 1).any():
+        return
+    values = readings.values
+    spans = np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
+    parts = (spans[counts > 1] / _ranges(mechanism)).max(axis=1)
+    part = float(np.median(parts))
+    if part <= MOVED:
+        return
+    poses = len(counts)
+    which = f"all rows are of pose {readings.pose[0]}, in which" if poses == 1 else "within a pose"
+    yield Warned(
+        "moved_pose",
+        None,
+        f"{which} channels move by {100.0 * part:.0f} % of their range: rows of a pose are samples "
+        "while the joints stand still; give every place a number of its own, or leave the column "
+        "pose out of a recording of motion",
+    )
+
+
+def _ranges(mechanism: MechanismLike) -> FloatArray:
+    """What a channel reads from end to end; a turn, or no end, where it has no range."""
+    turn = {"rad", "deg", "count"}
+    return np.array(
+        [
+            channel.range[1] - channel.range[0]
+            if channel.range is not None
+            else math.tau / abs(channel.gain)
+            if channel.unit in turn
+            else math.inf
+            for channel in mechanism.channels
+        ]
+    )
+
+
+def _narrow(readings: Samples, mechanism: MechanismLike) -> Iterator[Warned]:
+    """Decimals within a hundredth of the range where whole counts are declared."""
+    counts = [k for k, c in enumerate(mechanism.channels) if is_count(c.unit) and c.range]
+    if not counts or readings.n_poses < 5:
+        return
+    values = readings.values[:, counts]
+    part = (np.ptp(values) / _ranges(mechanism)[counts]).max()
+    if part > NARROW or 2 * np.mean(values == np.rint(values)) > 1:
+        return
+    low, high = values.min(), values.max()
+    yield Warned(
+        "units",
+        "+".join(readings.channels[k] for k in counts),
+        f"readings from {low:.4g} to {high:.4g} with decimals, where whole counts are declared and "
+        f"the range is {1.0 / part:.0f} times as wide: are they in volts, or in radians? Write "
+        "the counts, or declare unit, range and gain of what is written",
+    )
 
 
 def resolution(values: FloatArray, mechanism: MechanismLike) -> FloatArray:

@@ -490,6 +490,8 @@ def advice(result: ResultShape) -> list[str]:
 ADVICE = {
     "check": "Check poses are off by more than predicted: trace the residual, record poses like "
     "them, and see whether the known poses are as good as they are taken for.",
+    "check_orientation": "Check poses are turned by more than predicted: trace the residual, and "
+    "see whether the known orientations are as good as they are taken for.",
     "check_declared": "Do not use it: known poses are better off with the mechanism as it is "
     "declared. Record more poses, from all of the workspace, or fit fewer --terms.",
     "check_before": "What was found makes known poses worse: record more poses, and see whether it "
@@ -530,7 +532,8 @@ def _elsewhere(result: ResultShape) -> list[Reason]:
 def reason_words(result: ResultShape, reason: Reason) -> str:
     """What readings say that a fit has not seen, with the numbers."""
     what, than = REASONS[reason.kind]
-    unit = "" if reason.kind.startswith("held_out") else f" {result.length_unit}"
+    units = {"held_out": "", "held_out_before": "", "check_orientation": " rad"}
+    unit = units.get(reason.kind, f" {result.length_unit}")
     found, expected = (f"{number(value)}{unit}" for value in (reason.found, reason.expected))
     p = "" if reason.p_value is None else f" ({p_is(reason.p_value)})"
     return f"{what} {found}, and {expected} {than}{p}"
@@ -538,6 +541,7 @@ def reason_words(result: ResultShape, reason: Reason) -> str:
 
 REASONS = {
     "check": ("check poses are off by", "is predicted"),
+    "check_orientation": ("check poses are turned by", "is predicted"),
     "check_declared": ("check poses are off by", "with the mechanism as it is declared"),
     "check_before": ("check poses are off by", "without what was found"),
     "groups_declared": (

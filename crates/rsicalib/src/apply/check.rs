@@ -5,6 +5,8 @@ use nalgebra::{Rotation3, Vector3};
 use crate::Error;
 use crate::apply::accuracy::{Expected, Wanted, is_placed};
 use crate::apply::known::{Known, rows_of_known};
+pub(crate) use crate::apply::misread::Pair;
+use crate::apply::misread::{Misread, misread};
 use crate::apply::poses::{carried_points, platform_poses, short_way};
 use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
@@ -28,6 +30,9 @@ pub struct Check {
     /// The same as a calibration predicts it; none of what has no covariance.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub predicted: Option<Expected>,
+    /// What would make known poses agree that do not.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub misread: Option<Misread>,
 }
 
 /// The largest errors of the platform pose, and what noise of the readings does to each.
@@ -94,7 +99,12 @@ pub fn check(
             .and_then(|(all, parameters)| noise(all, parameters)),
         ..largest
     });
-    Ok(Check { predicted: finite.then_some(judged), largest, ..found })
+    let errors = |pairs: &[Pair]| {
+        let Check { position_rms, orientation_rms, .. } = error_of(pairs, align);
+        (position_rms, orientation_rms)
+    };
+    let misread = misread(&pairs, errors, !align);
+    Ok(Check { predicted: finite.then_some(judged), largest, misread, ..found })
 }
 
 /// Where a fit puts what is known, row by row of a table: places have no orientation.
@@ -151,9 +161,6 @@ pub(crate) fn compare(
     Ok((Check { poses: runs.len(), ..error_of(&pairs, align) }, pairs))
 }
 
-/// A known pose, and where it was found.
-pub(crate) type Pair = ([f64; 6], [f64; 6]);
-
 fn at(p: &[f64; 6]) -> Vector3<f64> {
     Vector3::new(p[0], p[1], p[2])
 }
@@ -205,5 +212,6 @@ pub fn error_of(pairs: &[Pair], align: bool) -> Check {
         orientation_rms: posed.then(|| (orientation / components).sqrt()),
         largest: (!pairs.is_empty()).then_some(largest),
         predicted: None,
+        misread: None,
     }
 }

@@ -10,6 +10,7 @@ pub mod export;
 pub mod fixture;
 pub mod groups;
 pub(crate) mod known;
+pub mod misread;
 pub mod moved;
 pub mod placer;
 pub mod places;

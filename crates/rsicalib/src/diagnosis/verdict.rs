@@ -6,6 +6,7 @@ use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::options::LEVEL;
 use crate::estimate::Fit;
 use crate::estimate::directions::Directions;
+use crate::estimate::suspicion::Suspicion;
 
 /// What is said of a calibration, in one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,10 +91,19 @@ impl Determined {
             // Along an open direction iterations run out: the direction is the reason.
             () if !directions.unobservable.is_empty() && fit.dof >= 1.0 => Self::Unobservable,
             () if !(fit.termination.converged() && fit.plausible) => Self::NotConverged,
+            // No start led anywhere: that the loop closes where it ended is no evidence.
+            () if without_start(fit) && !fit.p_value.is_some_and(|p| p <= LEVEL) => {
+                Self::NotConverged
+            }
             () if fit.dof < 1.0 => Self::NothingLeft,
             () => Self::Yes,
         }
     }
+}
+
+/// True where no start led to a fit in which every joint moves.
+fn without_start(fit: &Fit) -> bool {
+    fit.warnings.iter().any(|suspicion| matches!(suspicion, Suspicion::NoStart { .. }))
 }
 
 /// How far off something is under a calibration, and under another one.
@@ -181,6 +191,8 @@ pub enum Why {
     Doubtful,
     /// Known poses are off by more than the calibration predicts.
     Check,
+    /// Known orientations are off by more than the calibration predicts, and positions are not.
+    CheckOrientation,
     /// Known poses are off by more than with the mechanism as it is declared.
     CheckDeclared,
     /// Known poses are off by more than without the effects found.
@@ -294,9 +306,16 @@ pub fn open_loop(poses: usize, check: Option<Check>, nominal: Option<Check>) -> 
 fn against(evidence: &Evidence) -> Vec<Reason> {
     let found = |compared: Option<Compared>| compared.filter(|_| evidence.found);
     let check = evidence.check.and_then(|check| {
-        let expected = check.predicted?.position_sd;
-        let p_value = check.predicted.map(|p| p.p_value);
-        Reason::beyond(Why::Check, LEVEL, [check.position_rms, expected], p_value)
+        let predicted = check.predicted?;
+        let positions = [check.position_rms, predicted.position_sd];
+        let turns = check.orientation_rms.zip(predicted.orientation_sd).map(<[f64; 2]>::from);
+        let [found, other] = positions;
+        let off = Compared { found, other, errors: 3.0 * check.poses as f64 }.worse();
+        let (kind, numbers) = match turns {
+            Some(turns) if !off => (Why::CheckOrientation, turns),
+            _ => (Why::Check, positions),
+        };
+        Reason::beyond(kind, LEVEL, numbers, Some(predicted.p_value))
     });
     // Known poses all share the errors of the parameters: what is off by no more than these predict
     // says nothing of an effect.

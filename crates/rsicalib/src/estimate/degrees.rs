@@ -1,11 +1,14 @@
-//! Degrees where radians are meant, and the other way round: what is off by a factor of 57.3.
+//! Degrees where radians are meant, and the other way round: what is off by a factor of 57.3, or by
+//! another one that all channels have.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use crate::Error;
 use crate::estimate::observations::Observations;
-use crate::estimate::rewired::{DECISIVE, OTHER_UNIT, Rewired};
-use crate::estimate::suspicion::{Closes, InDegrees, Suspicion};
+use crate::estimate::rewired::{DECISIVE, NEAR, OTHER_UNIT, Rewired, apart, stays};
+use crate::estimate::significance::LEVEL;
+use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Suspicion};
 use crate::mechanism::Channel;
 use crate::model::Model;
 use crate::terms::term::Role;
@@ -16,10 +19,6 @@ const BEYOND: f64 = 3.0;
 
 /// Part beyond the limits of a joint that readings may lie: limits are drawn in round numbers.
 const ROUND: f64 = 1.1;
-
-/// Part by which offsets in another unit may differ from what is declared: a machine is built to a
-/// few hundredths of a radian, and an offset is of the size of one.
-const NEAR: f64 = 0.05;
 
 /// Degrees in a radian, where a factor is that, or radians in a degree.
 #[must_use]
@@ -116,57 +115,104 @@ pub(crate) fn of_fit(observations: &Observations, model: &Model, beta: &[f64]) -
     let wrong: Vec<usize> = turning()
         .filter(|&c| gain(c).is_some_and(|ratio| degrees_in(ratio.abs()).is_some()))
         .collect();
+    let ratios: Vec<(usize, f64)> =
+        (0..mechanism.channels.len()).filter_map(|c| Some((c, gain(c)?))).collect();
     if !wrong.is_empty() {
         found.push(Suspicion::Degrees { channels: wrong, of: InDegrees::Gain });
+    } else if let Some(times) = one_for_all(ratios.iter().map(|(_, ratio)| *ratio)) {
+        let channels = ratios.into_iter().map(|(c, _)| c).collect();
+        found.push(Suspicion::Gains { channels, times });
     }
-    let declared = |c: &usize| mechanism.channels[*c].offset != 0.0 && offset(*c).is_some();
-    let channels: Vec<usize> = turning().filter(declared).collect();
+    // What a convention holds stays where it is drawn, and tells nothing.
+    let told = |c: &usize| {
+        let moved = fitted(Role::Offset, *c);
+        mechanism.channels[*c].offset != 0.0 && moved.is_some_and(|moved| moved != 0.0)
+    };
+    let channels: Vec<usize> = turning().filter(told).collect();
     let other = |c: usize, factor: f64| {
         let (own, found) = (mechanism.channels[c].offset, offset(c).unwrap_or_default());
-        let near = |to: f64| apart(found, to) <= NEAR * own.abs().max(to.abs());
-        near(own * factor) && !near(own)
+        let to = own * factor;
+        let near = |to: f64| apart(found, to) <= NEAR * own.abs().max(to.abs()).min(PI);
+        near(to) && !near(own)
     };
-    let one = 1.0_f64.to_degrees();
-    let all = |factor: f64| channels.iter().all(|&c| other(c, factor));
-    if !channels.is_empty() && [one, 1.0 / one].into_iter().any(all) {
-        found.push(Suspicion::Degrees { channels, of: InDegrees::Offset });
+    for factor in OTHER_UNIT {
+        let hits: Vec<usize> = channels.iter().copied().filter(|&c| other(c, factor)).collect();
+        if by_chance(hits.len(), channels.len()) <= LEVEL {
+            found.push(Suspicion::Degrees { channels: hits, of: InDegrees::Offset });
+        }
     }
     found
 }
 
-/// Readings in the other unit, where the loop closes with it and by far not as declared: `left` is χ²
-/// per degree of freedom, and `refit` that of a fit of other readings.
+/// Gains are built to a part of themselves: what all of them are off by is twice at the least, and
+/// [`BUILT`] is by how much they then differ from each other.
+const TWICE: f64 = 2.0;
+
+/// Factor by which gains of one kind of sensor differ.
+const BUILT: f64 = 1.25;
+
+/// The number by which gains are all multiplied; none where they are not, or are few.
+fn one_for_all(ratios: impl Iterator<Item = f64>) -> Option<f64> {
+    let logs: Vec<f64> = ratios.map(|ratio| ratio.abs().ln()).collect();
+    let mean = logs.iter().sum::<f64>() / logs.len() as f64;
+    let alike = logs.iter().all(|log| (log - mean).abs() <= BUILT.ln());
+    (logs.len() >= 3 && alike && mean.abs() >= TWICE.ln()).then(|| mean.exp())
+}
+
+/// Probability that so many offsets of all are, each by chance, within [`NEAR`] of what is declared in
+/// another unit: angles are anywhere in a turn. A joint that readings hardly tell stays as declared.
+fn by_chance(hits: usize, all: usize) -> f64 {
+    let ways = |k: usize| (0..k).map(|i| (all - i) as f64 / (i + 1) as f64).product::<f64>();
+    let probability =
+        |k: usize| ways(k) * NEAR.powi(k as i32) * (1.0 - NEAR).powi((all - k) as i32);
+    (hits..=all).map(probability).sum()
+}
+
+/// A fit of other observations.
+pub(crate) struct Again {
+    /// χ² per degree of freedom.
+    pub(crate) left: f64,
+    /// Its model.
+    pub(crate) model: Arc<Model>,
+    /// Its parameters.
+    pub(crate) beta: Vec<f64>,
+}
+
+/// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:
+/// `left` is χ² per degree of freedom, and `refit` a fit of other observations.
 pub(crate) fn in_other_unit(
     observations: &Observations,
     left: f64,
-    refit: impl Fn(&Observations) -> Result<f64, Error>,
+    refit: impl Fn(&Observations) -> Result<Again, Error>,
 ) -> Option<Suspicion> {
     if observations.is_long() || left.is_nan() || left < DECISIVE {
         return None;
     }
-    let left_of = |Rewired { readings, observations: of }: Rewired| {
+    let again = |Rewired { readings, observations: of }: Rewired| {
         let (table, rest) = (readings.table, of.rest.clone());
         let there = Observations::new(&of.mechanism, table, rest, of.options.clone()).ok()?;
         refit(&Observations { weights: of.weights, judged: true, ..there }).ok()
     };
-    let with = |times: f64| {
+    let suspicion = |channels, what, times, with| {
+        let of = InDegrees::Loop { what, times, closes: Closes { with, declared: left } };
+        (with, Suspicion::Degrees { channels, of })
+    };
+    let readings = |times: f64| {
         let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
         // Only what moves less may close by chance; where no fit of other poses starts, they do not.
         let others = (times < 1.0).then(|| other.of_other_poses().ok()).flatten();
-        let by_chance = others.and_then(left_of).unwrap_or(f64::INFINITY);
-        let with = left_of(other)?;
-        if with * DECISIVE >= left.min(by_chance) {
-            return None;
-        }
-        let of = InDegrees::Loop { times, closes: Closes { with, declared: left } };
-        Some((with, Suspicion::Degrees { channels, of }))
+        let by_chance = others.and_then(again).map_or(f64::INFINITY, |fit| fit.left);
+        let with = again(other)?.left;
+        let closes = with * DECISIVE < left.min(by_chance);
+        closes.then(|| suspicion(channels, Scaled::Readings, times, with))
     };
-    let found = OTHER_UNIT.into_iter().filter_map(with);
-    found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)
-}
-
-/// Angle between two directions.
-fn apart(a: f64, b: f64) -> f64 {
-    let turn = (a - b).rem_euclid(TAU);
-    turn.min(TAU - turn)
+    let offsets = |times: f64| {
+        let (other, channels) = Rewired::offsets(observations, &observations.readings, times)?;
+        let fit = again(other)?;
+        let drawn = vec![0.0; fit.beta.len()];
+        let (with, there) = (fit.left, stays(&fit.model, &channels, [&drawn, &fit.beta]));
+        (there && with * DECISIVE < left).then(|| suspicion(channels, Scaled::Offsets, times, with))
+    };
+    let found = OTHER_UNIT.into_iter().flat_map(|times| [readings(times), offsets(times)]);
+    found.flatten().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)
 }

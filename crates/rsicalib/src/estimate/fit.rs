@@ -385,7 +385,8 @@ fn minimum(
             }
             let terms = || fit.model.instances.clone();
             let refit = |other: &Observations| {
-                self::fit(other, terms(), None).map(|found| found.chi2 / found.dof)
+                let Fit { chi2, dof, model, beta, .. } = self::fit(other, terms(), None)?;
+                Ok(degrees::Again { left: chi2 / dof, model, beta })
             };
             let other = degrees::in_other_unit(observations, fit.chi2 / fit.dof, refit);
             fit.warnings.extend(other);

@@ -4,14 +4,16 @@
 //! Where gains have priors, these and a held rest pose are equations, too: a wrong wire then
 //! costs χ². A mistake is named only where it is the only one that explains the poses.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use crate::Error;
 use crate::estimate::observations::Observations;
 use crate::estimate::search::{End, StartSearch, anchored};
-use crate::estimate::suspicion::{Closes, InDegrees, Suspicion};
+use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Suspicion};
 use crate::mechanism::Mechanism;
+use crate::model::Model;
 use crate::readings::{Readings, Table};
+use crate::terms::term::Role;
 
 /// χ² must fall by this factor before a mistake is named.
 pub(crate) const DECISIVE: f64 = 20.0;
@@ -78,6 +80,22 @@ impl Rewired {
         let undo = |row: &mut [f64]| channels.iter().for_each(|&c| row[c] *= times);
         Some((Self::new(observations, readings, undo).ok()?, channels))
     }
+
+    /// The same readings beside a mechanism whose offsets of joints that turn are in the other unit;
+    /// none where no offset is declared.
+    pub(crate) fn offsets(
+        observations: &Observations,
+        readings: &Readings,
+        times: f64,
+    ) -> Option<(Self, Vec<usize>)> {
+        let Mechanism { channels, .. } = &observations.mechanism;
+        let declared = |c: &usize| observations.mechanism.turns(*c) && channels[*c].offset != 0.0;
+        let turning: Vec<usize> = (0..channels.len()).filter(declared).collect();
+        let mut observations = observations.clone();
+        turning.iter().for_each(|&c| observations.mechanism.channels[c].offset *= times);
+        let readings = readings.clone();
+        (!turning.is_empty()).then_some((Self { readings, observations }, turning))
+    }
 }
 
 impl Rewired {
@@ -105,6 +123,23 @@ impl Rewired {
         let readings = Readings::beside(&observations.mechanism, table, &self.readings)?;
         Ok(Self { readings, observations })
     }
+}
+
+/// Part by which offsets in another unit may differ from what is declared: a machine is built to a
+/// few hundredths of a radian, and an offset is of the size of one.
+pub(crate) const NEAR: f64 = 0.05;
+
+/// True where a fit from one set of offsets ends at offsets near them: a start elsewhere may lead to
+/// any minimum, and these offsets are what it is about.
+pub(crate) fn stays(model: &Model, channels: &[usize], [from, to]: [&[f64]; 2]) -> bool {
+    let columns = channels.iter().filter_map(|&c| model.column(Role::Offset, c));
+    columns.into_iter().all(|column| apart(from[column], to[column]) <= NEAR * PI)
+}
+
+/// Angle between two directions.
+pub(crate) fn apart(a: f64, b: f64) -> f64 {
+    let turn = (a - b).rem_euclid(TAU);
+    turn.min(TAU - turn)
 }
 
 /// What readings in the other unit are multiplied by.
@@ -172,7 +207,8 @@ impl<'a> Poses<'a> {
         let scaled = OTHER_UNIT.into_iter().filter_map(|times| {
             let (rewired, channels) = Rewired::scaled(observations, readings, times)?;
             let with = self.without(&rewired);
-            let of = InDegrees::Loop { times, closes: Closes { with, declared } };
+            let closes = Closes { with, declared };
+            let of = InDegrees::Loop { what: Scaled::Readings, times, closes };
             Some((with, Suspicion::Degrees { channels, of }, rewired))
         });
         let mut found: Vec<_> = exchanged.chain(reversed).chain(scaled).collect();

@@ -50,6 +50,13 @@ pub enum Suspicion {
         /// What is off.
         of: InDegrees,
     },
+    /// Gains of all channels are fitted at one number times what is declared.
+    Gains {
+        /// The channels.
+        channels: Vec<usize>,
+        /// The number.
+        times: f64,
+    },
     /// A channel reads in steps that are a good part of its noise.
     Coarse {
         /// The channel.
@@ -101,8 +108,10 @@ impl Suspicion {
 pub enum InDegrees {
     /// Readings, which would be within the limits of their joints in degrees.
     Readings,
-    /// Readings, with which the loop closes in the other unit.
+    /// Readings or declared offsets, with which the loop closes in the other unit.
     Loop {
+        /// Which of them.
+        what: Scaled,
         /// By what they were multiplied.
         times: f64,
         /// How well the loop closes with it.
@@ -116,6 +125,23 @@ pub enum InDegrees {
     Gain,
     /// The offset, which is fitted at so many times what is declared.
     Offset,
+}
+
+impl InDegrees {
+    /// True where a wrong gain would look the same.
+    #[must_use]
+    pub fn is_of_readings(self) -> bool {
+        matches!(self, Self::Readings | Self::Loop { what: Scaled::Readings, .. })
+    }
+}
+
+/// What a loop closes with, where it is in the other unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scaled {
+    /// The readings, or what stands for it, the gains.
+    Readings,
+    /// The offsets that the mechanism declares.
+    Offsets,
 }
 
 /// What shows that declared noise is wrong.

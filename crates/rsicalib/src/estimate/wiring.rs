@@ -4,9 +4,9 @@
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
-use crate::estimate::rewired::{DECISIVE, OTHER_UNIT, Rewired};
+use crate::estimate::rewired::{DECISIVE, OTHER_UNIT, Rewired, stays};
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
-use crate::estimate::suspicion::{Closes, InDegrees, Shown, Suspicion};
+use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Shown, Suspicion};
 use crate::readings::Table;
 
 /// A suspicion, and the fit that takes the mistake into account where that needs no other
@@ -61,10 +61,26 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
         let by_chance = other.of_other_poses().ok().and_then(|other| rewired(search, &other));
         let by_chance = by_chance.map_or(f64::INFINITY, |end| end.score);
         if let Some(end) = rewired(search, &other).filter(|e| e.score * DECISIVE < by_chance) {
-            let of = |closes| InDegrees::Loop { times, closes };
+            let of = |closes| InDegrees::Loop { what: Scaled::Readings, times, closes };
             consider(end, false, &|closes| Suspicion::Degrees {
                 channels: channels.clone(),
                 of: of(closes),
+            });
+        }
+    }
+    for times in OTHER_UNIT {
+        let Some((other, channels)) =
+            Rewired::offsets(search.observations, &search.readings, times)
+        else {
+            continue;
+        };
+        let from =
+            anchored(&other.observations, search.model, &vec![1.0; search.model.scales.len()]);
+        let stays = |end: &End| stays(search.model, &channels, [&from, &end.beta]);
+        if let Some(end) = rewired(search, &other).filter(stays) {
+            consider(end, true, &|closes| Suspicion::Degrees {
+                channels: channels.clone(),
+                of: InDegrees::Loop { what: Scaled::Offsets, times, closes },
             });
         }
     }

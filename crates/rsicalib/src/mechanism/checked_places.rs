@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::mechanism::drawing::{Mechanism, Point};
-use crate::mechanism::validation::{finite, known, refuse};
+use crate::mechanism::validation::{angles, finite, known, refuse};
 use crate::text::{listed, quoted};
 
 impl Mechanism {
@@ -68,6 +68,7 @@ impl Mechanism {
         for frame in &self.frames {
             let place = || format!("frame {}", quoted(&frame.name));
             finite(frame.pose.iter().flatten(), place)?;
+            angles(frame.pose.iter().flat_map(|pose| &pose[3..]), place)?;
             if frame.pose.is_none() && frame.unknown.is_none() {
                 let expected = "`pose = [x, y, z, rx, ry, rz]`, or `unknown = [columns]`";
                 return Err(refuse(place(), "no place".into(), expected.into()));

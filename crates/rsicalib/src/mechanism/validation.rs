@@ -1,5 +1,7 @@
 //! Checks of a mechanism: names that are known and unique, numbers that can be used.
 
+use std::f64::consts::TAU;
+
 use crate::Error;
 use crate::closures::kind::{Given, Part};
 use crate::mechanism::degrees::unit_meant;
@@ -7,7 +9,7 @@ use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
-use crate::text::{meant, number, quoted};
+use crate::text::{meant, number, quoted, significant};
 
 impl Mechanism {
     /// Checks that every name is known and unique, and that every number can be used.
@@ -90,6 +92,9 @@ impl Mechanism {
             ["x", "y", "z", "rx", "ry", "rz"].into_iter().zip(workspace.bounds())
         {
             finite([&low, &high].into_iter(), || format!("workspace, {name}"))?;
+            if name.starts_with('r') {
+                angles([&low, &high].into_iter(), || format!("workspace, {name}"))?;
+            }
             if low > high {
                 let expected = "the lower end first".into();
                 let found = format!("[{low}, {high}]");
@@ -240,6 +245,7 @@ impl Mechanism {
         }
         if let Some(rest) = &self.rest {
             finite(rest.pose.iter(), || "rest, pose".into())?;
+            angles(rest.pose[3..].iter(), || "rest, pose".into())?;
         }
         let rest = self.rest.iter().filter_map(|rest| Some(("rest", rest.sd?)));
         let model = self.model.sd.iter().map(|(term, sd)| (term.as_str(), *sd));
@@ -290,9 +296,28 @@ pub(super) fn finite<'a>(
     }
 }
 
+/// Part of a turn beyond which an angle of a drawing is none in radians: a whole one may be rounded.
+const TURN: f64 = 1.01 * TAU;
+
+/// Refuses angles of more than a turn, which a drawing has none of: they are in degrees.
+pub(super) fn angles<'a>(
+    mut numbers: impl Iterator<Item = &'a f64>,
+    place: impl Fn() -> String,
+) -> Result<(), Error> {
+    match numbers.find(|n| n.abs() > TURN) {
+        Some(n) => {
+            let [found, radians] = [*n, n.to_radians()].map(|angle| significant(angle, 6));
+            let expected = format!("radians within a turn: {found} degrees are {radians}");
+            Err(refuse(place(), format!("an angle of {found}"), expected))
+        }
+        None => Ok(()),
+    }
+}
+
 fn check_row(row: &Row, place: impl Fn() -> String) -> Result<(), Error> {
     let numbers = [row.theta, row.d, row.a, row.alpha];
     finite(numbers.iter().chain(&row.xyz).chain(&row.rpy).chain(&row.com), &place)?;
+    angles([row.theta, row.alpha].iter().chain(&row.rpy), &place)?;
     if let Some(mass) = row.mass.filter(|m| !(bounds::usable(*m) && *m >= 0.0)) {
         return Err(refuse(place(), format!("mass {mass}"), "a number of 0 or more".into()));
     }

@@ -135,7 +135,10 @@ pub fn of(
         verdict,
         reasons,
         implausible: result::implausible(used, &absurd),
-        warnings: warned::warnings(used, fit, fit),
+        warnings: warned::warnings(used, fit, fit)
+            .into_iter()
+            .chain(warned::known_poses(used, quality.aligned.or(quality.check)))
+            .collect(),
         excluded: out.iter().map(|e| excluded(used, e)).collect(),
         with_excluded,
         fit: quality,

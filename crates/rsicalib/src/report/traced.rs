@@ -389,6 +389,7 @@ pub fn traced(
         warnings: warned::warnings(observations, &traced.before, &traced.after)
             .into_iter()
             .chain(warned::as_drawn(&traced))
+            .chain(warned::known_poses(observations, after.aligned.or(after.check)))
             .collect(),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
         with_excluded,

@@ -1,5 +1,6 @@
 //! [`Warned`]: what is suspicious, for programs and for people.
 
+use crate::apply::check::Check;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::directions::ParameterReport;
 use crate::estimate::suspicion::Suspicion;
@@ -80,6 +81,8 @@ pub enum Kind {
     Follow,
     /// Readings look like degrees and are declared as radians.
     Degrees,
+    /// Readings look like another unit, or another converter, than the one that is declared.
+    Units,
     /// A channel reads in steps that are a good part of its noise.
     Coarse,
     /// Declared noise is not what the readings show.
@@ -116,6 +119,8 @@ pub enum Kind {
     OpenLoops,
     /// Offsets that were asked for stay as drawn.
     AsDrawn,
+    /// Known poses look like another unit, or another order.
+    KnownPoses,
     /// A kind of a later version.
     #[cfg_attr(feature = "serde", serde(other))]
     Other,
@@ -138,6 +143,14 @@ pub fn as_drawn(traced: &Traced) -> Option<Warned> {
     let text = words::as_drawn(&names, [&traced.before, &traced.after]);
     let target = Some(names.join("+"));
     (!names.is_empty()).then_some(Warned { kind: Kind::AsDrawn, target, text })
+}
+
+/// How known poses were misread; none where they were not.
+#[must_use]
+pub fn known_poses(observations: &Observations, check: Option<Check>) -> Option<Warned> {
+    let misread = check?.misread?;
+    let text = words::misread(misread, &observations.mechanism.length_unit);
+    Some(Warned { kind: Kind::KnownPoses, target: None, text })
 }
 
 /// Which wires are exchanged; none where nothing says so.
@@ -171,6 +184,7 @@ fn of_suspicion(observations: &Observations, suspicion: &Suspicion) -> Warned {
             (Kind::Follow, joined(closures.iter().map(closure).collect()))
         }
         Suspicion::Degrees { channels: of, .. } => (Kind::Degrees, channels(of)),
+        Suspicion::Gains { channels: of, .. } => (Kind::Units, channels(of)),
         Suspicion::Coarse { channel, .. } => (Kind::Coarse, channels(&[*channel])),
         Suspicion::Noise { .. } => (Kind::Noise, None),
         Suspicion::NoStart { .. } => (Kind::NoStart, None),

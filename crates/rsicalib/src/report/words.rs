@@ -1,5 +1,6 @@
 //! Causes in words: the one place where what the core found becomes sentences.
 
+use crate::apply::misread::Misread;
 use crate::diagnosis::doubt::{Doubt, Doubted};
 use crate::diagnosis::localisation::{Residual, Share, Structure};
 use crate::diagnosis::location::Location;
@@ -11,7 +12,7 @@ use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Directions, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
-use crate::estimate::suspicion::{Closes, InDegrees, Shown, Suspicion, Witness};
+use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
@@ -98,6 +99,26 @@ pub fn as_drawn(names: &[String], fits: [&Fit; 2]) -> String {
     )
 }
 
+/// How known poses were misread, and what to do.
+#[must_use]
+pub fn misread(misread: Misread, length_unit: &str) -> String {
+    match misread {
+        Misread::Degrees => "known poses look like degrees: with rx, ry and rz taken for degrees \
+                             they are where the calibration puts them; known angles are in radians"
+            .into(),
+        Misread::Lengths(times) => format!(
+            "known positions are {} times those where the calibration puts them: known poses are in \
+             the unit of the mechanism, {length_unit}",
+            significant(times, 4),
+        ),
+        Misread::Order => {
+            "known poses are in another order than their readings: each is where the \
+                           calibration puts another one; readings and pose stand in one row"
+                .into()
+        }
+    }
+}
+
 /// What looks wrong with the wiring, and what to do.
 #[must_use]
 pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
@@ -154,7 +175,19 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
         }
         Suspicion::Degrees { channels, of } => {
             let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
-            in_degrees(&names.join(", "), *of)
+            match gains_in_degrees(mechanism, channels) {
+                Some(text) if of.is_of_readings() => text,
+                _ => in_degrees(&names.join(", "), *of),
+            }
+        }
+        Suspicion::Gains { channels, times } => {
+            let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
+            format!(
+                "gains of {} are all some {} times what is declared: are readings of another \
+                 converter (10 bits where 12 are declared make it 4), or in another unit?",
+                names.join(", "),
+                significant(*times, 3),
+            )
         }
         Suspicion::Coarse { channel, step, share } => format!(
             "{} reads in steps of {} {}: rounding, step/√12, is {:.0} % of the variance of its noise",
@@ -171,6 +204,25 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
     }
 }
 
+/// That gains are declared as degrees in a radian, or the other way round; none where they are not.
+fn gains_in_degrees(mechanism: &Mechanism, channels: &[usize]) -> Option<String> {
+    let written = |c: &usize| {
+        let channel = &mechanism.channels[*c];
+        let gain = channel.gain.abs();
+        if channel.is_in_degrees() { gain.to_degrees() } else { gain }
+    };
+    let mixed = channels.iter().all(|c| degrees_in(written(c)).is_some());
+    let names: Vec<&str> = channels.iter().map(|&c| mechanism.channels[c].name.as_str()).collect();
+    mixed.then(|| {
+        format!(
+            "gains of {} are declared as {}, degrees in a radian or the other way round: a sensor \
+             that reads its joint has gain = 1.0, with unit = \"rad\" and with unit = \"deg\"",
+            names.join(", "),
+            significant(written(&channels[0]), 4),
+        )
+    })
+}
+
 /// What is off by the degrees in a radian.
 fn in_degrees(names: &str, of: InDegrees) -> String {
     match of {
@@ -178,11 +230,16 @@ fn in_degrees(names: &str, of: InDegrees) -> String {
             "readings of {names} span more than their joints can move in radians, and not in \
              degrees: if they are degrees, declare unit = \"deg\" in the mechanism"
         ),
-        InDegrees::Loop { times, closes } => format!(
+        InDegrees::Loop { what: Scaled::Readings, times, closes } => format!(
             "{names}: with readings times {times:.3} {}; they are in {}, and the mechanism declares \
              the other unit",
             loop_closes(closes),
             if times > 1.0 { "radians" } else { "degrees" },
+        ),
+        InDegrees::Loop { what: Scaled::Offsets, times, closes } => format!(
+            "{names}: with the declared offsets times {times:.3} {}; an offset is in degrees for a \
+             channel with unit = \"deg\", else in radians",
+            loop_closes(closes),
         ),
         InDegrees::LimitsInRadians => format!(
             "readings of {names} span more than the limits allow, and would not if the limits were \
