@@ -1,7 +1,7 @@
 #!/bin/sh
 # Tests of the core, and its documentation. Tests have the profile of the wheel, whose dependencies are
-# built already; the documentation has that of clippy, which has read them.
+# built already; the documentation has that of clippy, which has read them. What benches need is not built.
 set -eu
 cd "$(dirname "$0")/.."
-cargo test --workspace --all-features --release --quiet
+cargo test --workspace --exclude rsicalib-benches --all-features --release --quiet
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --all-features --quiet
