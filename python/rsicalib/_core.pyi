@@ -155,6 +155,12 @@ class Mechanism:
     def name(self) -> str:
         """What people call it."""
 
+    @property
+    def own_columns(self) -> Any:
+        """For each closure that samples take part in, the columns of its own: where one of them is blank in a row, the closure
+        does not hold there.
+        """
+
     @staticmethod
     def rsi() -> Mechanism:
         """The RSI 6-DOF hand controller."""

@@ -234,6 +234,16 @@ impl PyMechanism {
         self.0.value_columns()
     }
 
+    /// For each closure that samples take part in, the columns of its own: where one of them is blank in a row, the closure
+    /// does not hold there.
+    #[getter]
+    fn own_columns(&self) -> Vec<Vec<String>> {
+        let mechanism = &self.0;
+        let closures = mechanism.closures.iter().enumerate();
+        let sampled = closures.filter(|(_, closure)| !mechanism.is_link(closure));
+        sampled.map(|(k, _)| mechanism.own_columns(k)).collect()
+    }
+
     /// Joint coordinates that hold the platform at a pose, one per channel [rad].
     fn inverse(&self, pose: [f64; 6]) -> Result<Vec<f64>, PyError> {
         Ok(rsicalib::model::assembly::inverse(&self.0, &pose)?)

@@ -1,7 +1,9 @@
-"""Klipper: the probed heights of a delta printer, from `printer.cfg`.
+"""Klipper: the probed heights and measured distances of a delta printer, from `printer.cfg`.
 
 `DELTA_CALIBRATE` leaves the steps of each tower from its endstop at which the nozzle met the bed
 (`heightN_pos`) in the block that `SAVE_CONFIG` writes; the geometry is in the same file.
+`DELTA_ANALYZE` leaves distances of a printed object (`distanceN`), each between two positions in
+steps (`distanceN_pos1`, `distanceN_pos2`), at which the nozzle is on no bed.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,6 +29,13 @@ FULL_STEPS = 200.0
 TEETH = 1e6
 """More than a gear has."""
 
+CALIPER = 0.05
+"""Standard deviation of a distance that was measured on a printed object [mm]: a caliper's reading,
+and the edge of a printed line."""
+
+Probe = tuple[float, list[float], int]
+"""A height or a distance, the steps of the towers, and where it stands in the file."""
+
 UNKNOWNS = 9
 """Endstops and radius, two angles, three arms."""
 
@@ -42,14 +52,7 @@ def read(source: str, asked: Asked) -> Log:
     kinematics = config.text("printer", "kinematics")
     if kinematics != "delta":
         raise config.refuse("printer", "kinematics", "delta")
-    probes = []
-    for kind in ("manual_height", "height"):
-        number = 0
-        while config.text("delta_calibrate", f"{kind}{number}") is not None:
-            height = config.number("delta_calibrate", f"{kind}{number}")
-            line = config.line("delta_calibrate", f"{kind}{number}")
-            probes.append((height, config.steps(f"{kind}{number}_pos"), line))
-            number += 1
+    probes = [p for kind in ("manual_height", "height") for p in _measured(config, kind, "_pos")]
     if not probes:
         hint = "Run DELTA_CALIBRATE and SAVE_CONFIG first."
         expected = "heights and steps: height0, height0_pos, …"
@@ -62,6 +65,9 @@ def read(source: str, asked: Asked) -> Log:
             column_word="",
         )
     height, _ = Counter(h for h, _, _ in probes).most_common(1)[0]
+    ends = [_measured(config, "distance", end) for end in ("_pos1", "_pos2")]
+    if ends[0]:
+        return _with_distances(config, asked, probes, ends)
     # Towers are upright: a nozzle that is higher stands as one at the common height whose carriages
     # are all that much lower. Gains of the drawing are good enough for the few millimetres.
     steps_per_mm = [1.0 / _step(config, f"stepper_{tower}") for tower in TOWERS]
@@ -94,13 +100,52 @@ def _findings(config: Config, probes: int, elsewhere: int, height: float) -> tup
             f"{elsewhere} of {probes} probes are at another height than {height:g} mm: their "
             "carriages are moved by the difference, as towers are upright"
         )
-    if config.text("delta_calibrate", "distance0") is not None:
-        out.append("distances of the printed object are not used: they need pairs of poses")
     return tuple(out)
 
 
-def mechanism(config: Config, height: float) -> str:
+def _measured(config: Config, kind: str, end: str) -> list[Probe]:
+    """What was measured of one kind, in its order, with the position at one end."""
+    found: list[Probe] = []
+    while config.text("delta_calibrate", f"{kind}{len(found)}") is not None:
+        name = f"{kind}{len(found)}"
+        value = config.number("delta_calibrate", name)
+        line = config.line("delta_calibrate", name)
+        found.append((value, config.steps(f"{name}{end}"), line))
+    return found
+
+
+def _with_distances(
+    config: Config, asked: Asked, probes: list[Probe], ends: list[list[Probe]]
+) -> Log:
+    """Heights, and pairs of positions on a printed object: the nozzle is on no bed there."""
+    at = [f"height{k}" for k in range(len(probes))]
+    at += [f"distance{k}{end}" for k in range(len(ends[0])) for end in "ab"]
+    pairs = [one for pair in zip(*ends, strict=True) for one in pair]
+    rows = [*probes, *pairs]
+    values = np.array([steps for _, steps, _ in rows])
+    heights = np.array([h for h, _, _ in probes] + [np.nan] * len(pairs))
+    labels = {name: [text] * len(rows) for name, text in asked.labels.items()}
+    places = chosen(asked.channels, TOWERS, config.source, "tower")
+    columns: dict[str, Column] = {"pose": np.arange(len(rows), dtype=np.int64), **labels}
+    columns |= {channel: values[:, k] for channel, k in places.items()}
+    columns |= {"touch": at, "height": heights}
+    session = Session(columns, np.array([line for _, _, line in rows]))
+    digest = hashlib.sha256("".join(map(str, config.values.items())).encode()).hexdigest()
+    lengths = [(f"distance{k}", value) for k, (value, _, _) in enumerate(ends[0])]
+    text = mechanism(config, 0.0, lengths) if tuple(places) == TOWERS else None
+    findings = (
+        f"{len(probes)} heights and {len(lengths)} distances of a printed object, which are taken "
+        f"to be known to {CALIPER:g} mm (`noise` of their closures)",
+    )
+    name = "delta printer of Klipper"
+    return Log(config.source, name, (session,), text, findings, sha256=digest)
+
+
+def mechanism(config: Config, height: float, distances: Sequence[tuple[str, float]] = ()) -> str:
     """Mechanism file of the printer: three carriages on towers, three arms, a nozzle on the bed.
+
+    With distances of a printed object the nozzle has a place for each `touch`, two of which are so
+    far apart, and it is on the bed, or as high above it as it says, where there is a `height`.
 
     A carriage is at `position_endstop + √(arm² - radius²) - steps · step` above the bed.
     """
@@ -132,10 +177,18 @@ def mechanism(config: Config, height: float) -> str:
             f'{{name = "arm {tower}", kind = "distance", '
             f'between = ["carriage {tower}", "nozzle"], value = {arm!r}}}'
         )
-    points.append('{name = "nozzle", unknown = ["pose"], at = [0.0, 0.0, 0.0]}')
+    each = "touch" if distances else "pose"
+    points.append(f'{{name = "nozzle", unknown = ["{each}"], at = [0.0, 0.0, 0.0]}}')
+    above = ', value = "height"' if distances else ""
     closures.append(
-        '{name = "nozzle on bed", kind = "plane", between = ["nozzle", "bed"], noise = 0.03}'
+        '{name = "nozzle on bed", kind = "plane", between = ["nozzle", "bed"], noise = 0.03'
+        f"{above}}}"
     )
+    closures += [
+        f'{{name = "{name}", kind = "distance", between = ["nozzle[touch={name}a]", '
+        f'"nozzle[touch={name}b]"], value = {value!r}, noise = {CALIPER!r}}}'
+        for name, value in distances
+    ]
 
     def listed(name: str, entries: list[str]) -> str:
         return f"{name} = [\n" + "".join(f"  {entry},\n" for entry in entries) + "]\n"

@@ -182,6 +182,10 @@ def read_cells(
 ) -> tuple[dict[str, FloatArray], dict[int, Fault]]:
     """Numeric columns, shape (n,) each, and the first fault of every row that has one."""
     ranges = {channel.name: channel for channel in mechanism.channels}
+    own = _own_columns(mechanism)
+    optional = {name for columns in own for name in columns}
+    blank: dict[str, npt.NDArray[np.bool_]] = {}
+    wanted: dict[str, str] = {}
     faults = {i: Fault(r.column, r.found, r.expected) for i, r in table.ragged.items()}
     cells: dict[str, FloatArray] = {}
     poses = [name for name in POSE if name in index and name not in needed_columns(mechanism)]
@@ -192,13 +196,23 @@ def read_cells(
         elif name in mechanism.key_columns or name in TEXTS:
             bad = np.array([name in mechanism.key_columns and not text(cell) for cell in raw])
             expected = "text"
+            if name in optional:
+                blank[name] = bad
         else:
             cells[name] = table.numbers(position)
             bad, expected = _unusable(name, cells[name], mechanism)
             if name in poses:
                 bad &= ~_unknown(raw, table)
+            if name in optional:
+                blank[name] = _unknown(raw, table)
+        if name in blank:
+            bad = bad & ~blank[name]
+            wanted[name] = expected
         for i in np.flatnonzero(bad).tolist():
             faults.setdefault(i, Fault(name, quoted(raw[i]), expected))
+    for i, name in _closed_by_none(own, blank, len(table.lines)):
+        found = quoted(table.columns[index[name]][i])
+        faults.setdefault(i, Fault(name, found, wanted[name]))
     if poses in ([*POSE], [*POSE[:3]]):
         known = np.column_stack([np.isfinite(cells[name]) for name in poses])
         for i in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)).tolist():
@@ -208,6 +222,31 @@ def read_cells(
             expected = f"a finite number, or all {count} of {' '.join(poses)} empty"
             faults.setdefault(i, Fault(name, found, expected))
     return cells, faults
+
+
+def _own_columns(mechanism: MechanismLike) -> list[list[str]]:
+    """For each closure its own columns; of what has no closures, all are needed in every row."""
+    whole = [*mechanism.key_columns, *mechanism.value_columns]
+    return getattr(mechanism, "own_columns", [whole])
+
+
+def _closed_by_none(
+    own: list[list[str]], blank: dict[str, npt.NDArray[np.bool_]], rows: int
+) -> list[tuple[int, str]]:
+    """Rows in which every closure has a blank of its own, and the first column that is blank."""
+    if not any(cells.any() for cells in blank.values()):
+        return []
+    closed = np.zeros(rows, dtype=np.bool_)
+    for columns in own:
+        missing = np.zeros(rows, dtype=np.bool_)
+        for name in columns:
+            missing |= blank[name]
+        closed |= ~missing
+    names = [name for name in blank if any(name in columns for columns in own)]
+    return [
+        (i, next(name for name in names if blank[name][i]))
+        for i in np.flatnonzero(~closed).tolist()
+    ]
 
 
 def _channel(

@@ -56,7 +56,7 @@ def as_table(
 def _of_open_chains(readings: Readings, mechanism: Mechanism) -> dict[str, Any]:
     """Readings of which only the channels count: what closures touch and measure is nothing."""
     n = len(readings)
-    keys = [[""] * n for _ in mechanism.key_columns]
+    keys = [["-"] * n for _ in mechanism.key_columns]  # a blank would say that nothing is touched
     columns = [[1.0] * n for _ in mechanism.value_columns]
     return as_table([readings], mechanism, bare=True) | {"keys": keys, "columns": columns}
 

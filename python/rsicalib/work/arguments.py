@@ -114,6 +114,7 @@ class Bare:
         self.key_columns: list[str] = []
         self.distance_columns: list[str] = []
         self.value_columns: list[str] = []
+        self.own_columns: list[list[str]] = []
 
 
 def with_logs(

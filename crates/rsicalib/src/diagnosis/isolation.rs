@@ -225,10 +225,14 @@ pub fn leave_out(wrong: &Scored, observations: &mut Observations, instances: &mu
 /// Equations between poses, and how many of them are given up.
 fn equations(observations: &Observations, start: &Fit, target: Target) -> (f64, f64) {
     let mechanism = &observations.mechanism;
-    let live = observations.weights.iter().filter(|w| **w > 0.0).count();
-    let all = (live * start.residuals.equations) as f64;
+    let Observations { readings, weights, .. } = observations;
+    let all = start.model.told_by(readings, weights) as f64;
+    let holds = |k: usize| {
+        let live = (0..readings.samples).filter(|&row| weights[row] > 0.0);
+        live.filter(|&row| readings.holding.holds(row, k)).count()
+    };
     let lost = match target {
-        Target::Closure(k) => (live * start.model.equations_of(k)) as f64,
+        Target::Closure(k) => (holds(k) * start.model.equations_of(k)) as f64,
         _ => taken_up(observations, start, &channels_of(mechanism, target)).1,
     };
     // In a recording neighbours are poses that were sampled several times.
@@ -276,6 +280,9 @@ pub fn belongs(mechanism: &Mechanism, target: Target, of: Target) -> bool {
         (Target::Chain(chain), Target::Row(its, _)) => its == chain,
         (Target::Chain(chain), Target::Channel(channel)) => {
             mechanism.chain_of(channel) == Some(chain)
+        }
+        (Target::Closure(closure), Target::Place(place)) => {
+            mechanism.closures_at(place).any(|touching| touching == closure)
         }
         _ => of == target,
     }

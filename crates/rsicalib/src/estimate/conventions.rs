@@ -311,7 +311,8 @@ impl Conventions {
     ) -> Result<(), Error> {
         let (terms, n) = (here.model.term_parameters, one.nrows());
         let mechanism = &here.observations.mechanism;
-        let others = Configurations::of_others(mechanism)?.about(&here.observations.readings);
+        let others = Configurations::of_others(mechanism, &here.observations.readings)?;
+        let others = others.about(&here.observations.readings);
         let free = others.mechanism().clone();
         let under = |readings: &Readings| here.under(&free, readings);
         let others = others.with_places(random, &under)?;

@@ -56,7 +56,7 @@ pub fn fit(
 ) -> Result<Fit, Error> {
     let model = observations.model_after(from.map(|fit| &*fit.model), instances)?;
     let priors = observations.priors(&model);
-    let equations = model.equations() * observations.weights.iter().filter(|w| **w > 0.0).count();
+    let equations = model.told_by(&observations.readings, &observations.weights);
     if equations + priors.len() < model.parameters {
         return Err(Error::TooFew {
             parameters: model.parameters,
@@ -487,9 +487,10 @@ fn conclude(
         (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0).collect();
     let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
     let total: f64 = live.iter().map(of).sum();
+    let told = model.told_by(&observations.readings, &observations.weights);
     let (inverse, unknowable, condition) = invert(&gram);
     let (mut chi2, mut dof) =
-        (total, (live.len() * k) as f64 - free_parameters(&gram, &inverse, &priors, &outcome.x));
+        (total, told as f64 - free_parameters(&gram, &inverse, &priors, &outcome.x));
     let mut within = 0.0;
     if matches!(
         noise.source,

@@ -140,6 +140,9 @@ impl<'a> Implicit<'a> {
                 out.place(&here, sizes, &readings.blocks()[first..]);
             }
         }
+        if !readings.holding.is_whole() {
+            out.directions = (0..readings.samples).map(|row| model.told(readings, row)).collect();
+        }
         out
     }
 }
@@ -180,8 +183,8 @@ impl Implicit<'_> {
                 for (f, length) in room.ws.f.iter().zip(&lengths) {
                     sum.square += (f.0[lane] * length).powi(2);
                 }
-                sum.equations += room.w.len() as f64;
-                sum.misclosures += room.ws.f.len() as f64;
+                sum.equations += model.told(readings, meta.rows[lane]) as f64;
+                sum.misclosures += model.misclosures(readings, meta.rows[lane]) as f64;
             }
         };
         self.over_blocks(x, &counts, look, |sum: &mut Misfit, other| {

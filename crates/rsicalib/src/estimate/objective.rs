@@ -79,17 +79,21 @@ impl Part<'_> {
     pub fn mean_squares(&self, beta: &[f64]) -> Vec<f64> {
         let Self { model, readings, .. } = self;
         let mut blocks = vec![(); readings.blocks().len()];
-        // The sum of each equation, and last the number of samples.
+        // The sum of each equation, and then the number of its samples.
         let one = |first: usize, chunk: &mut [()]| {
             let mut ws = Workspace::default();
-            let mut sums = vec![0.0; model.rows() + 1];
+            let mut sums = vec![0.0; 2 * model.rows()];
+            let mut absent = Vec::new();
             for block in first..first + chunk.len() {
                 let weight = self.weight(block);
                 let bare = Want { x: false, a: false };
                 model.evaluate(readings, block, readings.raw(block), beta, bare, &mut ws);
+                model.absent(readings, block, &mut absent);
                 for lane in (0..WIDTH).filter(|&lane| weight.0[lane] > 0.0) {
                     let squares = ws.f.iter().map(|f| f.0[lane] * f.0[lane]);
-                    sums.iter_mut().zip(squares.chain([1.0])).for_each(|(sum, own)| *sum += own);
+                    let holds = (0..model.rows())
+                        .map(|e| absent.get(e).map_or(1.0, |absent: &Lanes| 1.0 - absent.0[lane]));
+                    sums.iter_mut().zip(squares.chain(holds)).for_each(|(sum, own)| *sum += own);
                 }
             }
             sums
@@ -98,8 +102,8 @@ impl Part<'_> {
             all.iter_mut().zip(own).for_each(|(all, own)| *all += own);
         };
         let mut sums = over_chunks(&mut blocks, 1, one, add).unwrap_or_default();
-        let samples = sums.pop().unwrap_or_default().max(1.0);
-        sums.into_iter().map(|sum| sum / samples).collect()
+        let counts = sums.split_off((sums.len()).min(model.rows()));
+        sums.into_iter().zip(counts).map(|(sum, count)| sum / count.max(1.0)).collect()
     }
 
     /// The same in length units.

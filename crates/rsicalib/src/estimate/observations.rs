@@ -219,6 +219,7 @@ impl Observations {
         }
         let differs = |column: &[f64]| {
             (1..readings.samples)
+                .filter(|&r| !column[r].is_nan() && !column[r - 1].is_nan())
                 .any(|r| readings.pose[r] == readings.pose[r - 1] && column[r] != column[r - 1])
         };
         let of = |value: &Option<Value>| match value {

@@ -85,6 +85,21 @@ impl Residuals {
         self.directions.get(row).copied().unwrap_or(self.equations)
     }
 
+    /// The equations in which a sample's residual is told: the first, but for those that are zero because
+    /// their closures do not hold.
+    #[must_use]
+    pub fn told(&self, row: usize) -> Vec<usize> {
+        let (k, count) = (self.equations, self.directions_of(row));
+        let zero = |e: &usize| count < k && self.whitened[row * k + e] == 0.0;
+        let mut all: Vec<usize> = (0..k).filter(|e| !zero(e)).collect();
+        // Of a sample that closes to the last digit all are zero.
+        if all.len() < count {
+            all = (0..k).collect();
+        }
+        all.truncate(count);
+        all
+    }
+
     /// Place of a sample among those whose `by_reading` is kept.
     fn place_of(&self, row: usize) -> Option<usize> {
         self.kept.as_ref().map_or(Some(row), |kept| kept.binary_search(&row).ok())
@@ -121,7 +136,8 @@ impl Residuals {
             room.whiten_closures();
         }
         self.play |= room.plays();
-        let weights = k as f64 * (weight * weight).0[..meta.live].iter().sum::<f64>();
+        let told = |lane: usize| model.told(readings, meta.rows[lane]) as f64;
+        let weights: f64 = (0..meta.live).map(|lane| told(lane) * (weight * weight).0[lane]).sum();
         self.weights += weights;
         if self.weights > 0.0 {
             let own = room.variance_of_readings(weight, meta.live) - weights * self.readings_share;

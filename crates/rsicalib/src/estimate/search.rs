@@ -252,10 +252,10 @@ impl<'a> StartSearch<'a> {
         let score = if collapsed(self.model, &outcome.x) {
             f64::INFINITY
         } else {
-            let live = weights.iter().filter(|w| **w > 0.0).count();
+            let told = self.model.told_by(readings, weights);
             let implicit = Implicit::of(part, self.noise.clone());
             let chi2 = 2.0 * implicit.linearize(&outcome.x).cost;
-            let score = chi2 / (self.model.equations() * live) as f64;
+            let score = chi2 / told as f64;
             if score.is_finite() { score } else { f64::INFINITY }
         };
         let mut beta = outcome.x;
@@ -321,8 +321,7 @@ impl<'a> StartSearch<'a> {
         }
         let problem = Implicit::new(parts, &self.priors);
         let outcome = lm::minimize(&problem, start, &self.options);
-        let live = weights.iter().filter(|w| **w > 0.0).count();
-        let equations = self.model.equations() * live + self.knowledge();
+        let equations = part.model.told_by(part.readings, weights) + self.knowledge();
         let chi2 = 2.0 * outcome.cost;
         let lost = collapsed(self.model, &outcome.x) || !chi2.is_finite();
         let score = if lost { f64::INFINITY } else { chi2 / equations as f64 };

@@ -56,6 +56,8 @@ pub(crate) struct Room {
     /// Variance of each equation that every sample draws for itself: of a length that is measured, and
     /// (55).
     own: Vec<f64>,
+    /// For each equation, one where its closure does not hold, zero elsewhere; empty where all hold.
+    absent: Vec<Lanes>,
     /// Factor from the misclosure of each equation to a length.
     lengths: Vec<f64>,
     /// `L⁻¹ ∂f/∂x` by the length `x` that each equation errs by; equation by equation.
@@ -121,6 +123,7 @@ impl Room {
             play,
             seated: Lanes::ONE,
             own,
+            absent: Vec::new(),
             still: noise.sigma.iter().zip(&model.scales).map(limit).collect(),
             beyond,
             beyond_most,
@@ -183,6 +186,7 @@ impl Room {
         want_x: bool,
     ) -> usize {
         let (model, readings) = (part.model, part.readings);
+        model.absent(readings, block, &mut self.absent);
         let raw = readings.raw(block);
         if a_hat.iter().any(|a| a.0.iter().any(|a| !a.is_finite())) {
             let place = model.pose_unknowns() > 0;
@@ -237,6 +241,7 @@ impl Room {
         a_hat: &mut [Lanes],
         repeats: usize,
     ) {
+        part.model.absent(part.readings, block, &mut self.absent);
         for repeat in 0..=repeats {
             let want = Want { x: repeat == repeats, a: true };
             part.model.evaluate(part.readings, block, a_hat, x, want, &mut self.ws);
@@ -323,6 +328,10 @@ impl Room {
                 let mut s = Lanes::ZERO;
                 if i == j {
                     s = self.seated * self.play[i] + Lanes::splat(self.own[i]);
+                    // An equation of zeros keeps to itself, whatever its variance.
+                    if let Some(absent) = self.absent.get(i) {
+                        s += *absent;
+                    }
                 }
                 for (m, variance) in self.variance.iter().enumerate() {
                     s = (self.ws.a[i * c + m] * *variance).mul_add(self.ws.a[j * c + m], s);
@@ -425,7 +434,8 @@ impl Room {
         self.by_closure.clear();
         self.by_closure.resize(n * n, Lanes::ZERO);
         for (e, length) in self.lengths.iter().enumerate() {
-            self.by_closure[e * n + e] = Lanes::splat(1.0 / length);
+            let holds = self.absent.get(e).map_or(Lanes::ONE, |absent| Lanes::ONE - *absent);
+            self.by_closure[e * n + e] = holds * (1.0 / length);
         }
         whiten_rows(&self.l, n, &mut self.by_closure, n);
     }

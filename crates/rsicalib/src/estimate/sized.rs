@@ -29,8 +29,8 @@ pub(crate) fn sized(
     let centre = centre(model);
     let readings = &observations.readings;
     let part = Part { model, readings, weights: Some(&observations.weights) };
-    let live = observations.weights.iter().filter(|w| **w > 0.0).count();
-    let good = observations.options.good_start * (model.equations() * live) as f64;
+    let told = model.told_by(readings, &observations.weights);
+    let good = observations.options.good_start * told as f64;
     let priors = observations.priors(model);
     let end = |beta: &[f64]| {
         let problem = Implicit::new(vec![(part, noise.clone())], &priors).coarse();

@@ -430,7 +430,8 @@ pub struct Closure {
     pub kind: ClosureKind,
     /// Names of what it is between: two points, a point and a plane or a line, or two channels.
     pub between: [String; 2],
-    /// The distance; `None` for a kind without, or where a channel measures it.
+    /// The distance, or of a plane the column that says how high above it the point is; `None` for a kind
+    /// without, or where a channel measures it.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub value: Option<Value>,
     /// The channel that measures the distance itself: a belt, a wire, a ruler.

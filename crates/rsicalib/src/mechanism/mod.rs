@@ -6,11 +6,13 @@ mod degrees;
 mod drawing;
 pub mod hand_controller;
 mod law;
+mod place_name;
 mod places;
 mod queries;
 mod target;
 #[cfg(feature = "toml")]
 mod toml;
+mod touched;
 mod validation;
 
 /// JSON Schema of a mechanism file: keys, types and what they mean.
@@ -28,6 +30,8 @@ pub use drawing::{
 pub use law::Law;
 #[doc(hidden)]
 pub use law::{Class, Formula, MOST_PARAMETERS, MOST_VARIABLES, Moves, Per, Variable};
+pub use place_name::PlaceName;
+pub(crate) use place_name::place_name;
 pub(crate) use places::around;
 pub use places::{Column, Frame, Line, Plane};
 pub(crate) use queries::list;

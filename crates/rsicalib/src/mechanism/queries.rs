@@ -1,7 +1,7 @@
 //! Queries of a mechanism: indices of names, columns that it needs, channels of a chain.
 
 use crate::Error;
-use crate::closures::kind::Part;
+use crate::closures::kind::{Given, Part};
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
 use crate::mechanism::places::{Frame, Plane};
 use crate::mechanism::target::Target;
@@ -110,20 +110,19 @@ impl Mechanism {
     /// Columns of the readings which hold measured distances, in the order of the closures.
     #[must_use]
     pub fn distance_columns(&self) -> Vec<String> {
-        each_once(self.closures.iter().filter_map(|closure| match &closure.value {
-            Some(Value::Column(column)) => Some(column),
-            _ => None,
-        }))
+        let lengths = |c: &&Closure| c.kind.facts().given() == Given::Value;
+        each_once(self.closures.iter().filter(lengths).filter_map(column_of))
     }
 
-    /// Columns of the readings with numbers: measured distances, coordinates of measured points, and
-    /// what laws use.
+    /// Columns of the readings with numbers: measured distances, heights above planes, coordinates of
+    /// measured points, and what laws use.
     #[must_use]
     pub fn value_columns(&self) -> Vec<String> {
-        let distances = self.distance_columns();
+        let measured = self.distance_columns();
+        let heights = self.closures.iter().filter_map(column_of);
         let points = self.points.iter().filter_map(|p| p.columns.as_ref()).flatten();
         let declared = self.columns.iter().map(|column| &column.name);
-        each_once(distances.iter().chain(points).chain(declared))
+        each_once(measured.iter().chain(heights).chain(points).chain(declared))
     }
 
     /// The channels that read the length of a distance.
@@ -252,7 +251,9 @@ impl Mechanism {
             Target::All => (0..self.channels.len()).collect(),
             Target::Channel(c) => vec![c],
             Target::Chain(chain) => self.channels_of(chain),
-            Target::Row(..) | Target::Closure(_) | Target::EachRow(..) => Vec::new(),
+            Target::Row(..) | Target::Closure(_) | Target::Place(_) | Target::EachRow(..) => {
+                Vec::new()
+            }
             shared => self.parts(shared).into_iter().flat_map(|t| self.channels_at(t)).collect(),
         }
     }
@@ -325,6 +326,14 @@ impl Mechanism {
     }
 }
 
+/// The column that the value of a closure stands in.
+fn column_of(closure: &Closure) -> Option<&String> {
+    match &closure.value {
+        Some(Value::Column(column)) => Some(column),
+        _ => None,
+    }
+}
+
 /// The names, each once, in order of appearance.
 fn each_once<'a>(names: impl Iterator<Item = &'a String>) -> Vec<String> {
     let mut once: Vec<String> = Vec::new();
@@ -337,7 +346,7 @@ fn each_once<'a>(names: impl Iterator<Item = &'a String>) -> Vec<String> {
 }
 
 /// `at=socket0,group=front` as the index of each column and its value.
-fn keys_of(text: &str, columns: &[String]) -> Option<Vec<(usize, String)>> {
+pub(super) fn keys_of(text: &str, columns: &[String]) -> Option<Vec<(usize, String)>> {
     let column_at = |i: usize| {
         let rest = text[i..].trim_start();
         let named = |c: &String| rest.strip_prefix(c.as_str())?.strip_prefix('=');

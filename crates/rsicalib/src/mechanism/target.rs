@@ -1,6 +1,7 @@
 //! A part of a mechanism that a term acts on, or that is at fault.
 
 use crate::mechanism::drawing::Mechanism;
+use crate::mechanism::place_name::PlaceName;
 
 /// The part of a mechanism that an instance of a term acts on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -15,6 +16,8 @@ pub enum Target {
     Chain(usize),
     /// A closure, by its index.
     Closure(usize),
+    /// One of several places of something unknown: what closures have only where they touch it.
+    Place(PlaceName),
     /// All chains that are drawn as this one, the first of them: [`Mechanism::alike`].
     EachChain(usize),
     /// The same row of all of them, from 0.
@@ -43,6 +46,7 @@ impl Target {
             Self::Closure(c) => {
                 mechanism.closures.get(c).map_or_else(|| format!("closure {c}"), |c| c.name.clone())
             }
+            Self::Place(place) => place.text().into(),
             Self::EachChain(first) => group_name(mechanism, first),
             Self::EachRow(first, row) => {
                 format!("{}/{}", group_name(mechanism, first), row.saturating_add(1))
@@ -106,6 +110,7 @@ impl Target {
             Self::Chain(c) => c < mechanism.chains.len(),
             Self::Row(c, row) => mechanism.chains.get(c).is_some_and(|c| row < c.rows.len()),
             Self::Closure(c) => c < mechanism.closures.len(),
+            Self::Place(place) => mechanism.closures_at(place).next().is_some(),
             Self::Together(channels) => {
                 let all = mechanism.channels.len();
                 channels.count_ones() > 1 && bits(channels).all(|channel| channel < all)

@@ -178,15 +178,20 @@ impl Mechanism {
             }
         }
         let given = closure.kind.facts().given() == Given::Value;
+        // Of a plane, how high above it the point is, where a column says so.
+        let heights = closure.kind.facts().between()[1] == Part::Plane;
         let usable = match (&closure.value, &closure.channel) {
             (None, None) => !given,
-            (Some(value), None) => given && value.known().is_none_or(bounds::positive),
+            (Some(value), None) => match value.known() {
+                Some(known) => given && bounds::positive(known),
+                None => given || heights,
+            },
             (None, Some(_)) => given,
             (Some(_), Some(_)) => false,
         };
         if !usable {
             let expected = "a positive `value` for a distance, or the `channel` that reads it; \
-                            neither for any other kind";
+                            neither for any other kind, but for a plane a column of heights";
             let found = match (&closure.value, &closure.channel) {
                 (None, None) => "no value".into(),
                 (Some(Value::Known(value)), None) => format!("a value of {value}"),

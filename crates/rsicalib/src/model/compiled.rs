@@ -10,7 +10,7 @@ use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{Closure, ClosureKind, Mechanism, Target, Value, Variable, around};
 use crate::model::drives::Drives;
-use crate::model::ends::{self, End, Measured, MovedEnd, Posed};
+use crate::model::ends::{self, End, Measured, MovedEnd, Only, Posed};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Thing, Unknown, number_unknowns};
@@ -37,6 +37,8 @@ pub(crate) struct ShapeAt {
     pub(crate) width: usize,
     /// Number of its gate; none where it acts in all samples.
     pub(crate) gate: Option<usize>,
+    /// The place that has this shape; none where all have it.
+    pub(crate) only: Option<Only>,
 }
 
 /// Where a plane is touched: its axes, and middle and half extent along each of them.
@@ -50,12 +52,16 @@ pub(crate) struct Patch {
 #[derive(Clone)]
 pub(crate) struct CompiledClosure {
     pub(crate) kind: ClosureKind,
+    /// Its number among the closures of the mechanism.
+    pub(crate) number: usize,
     /// Scalar equations where none is left out.
     all: usize,
     pub(crate) ends: [End; 2],
     /// Known value; for a measured distance the mean of its column.
     pub(crate) value: f64,
     pub(crate) column: Option<usize>,
+    /// What its column counts from: the offset of a known plane.
+    pub(crate) from: f64,
     /// The channel that reads the value.
     pub(crate) channel: Option<usize>,
     /// Number of the unknown plane of its equation, among what is unknown.
@@ -85,6 +91,15 @@ impl CompiledClosure {
     #[inline(always)]
     pub(crate) fn equations(&self) -> usize {
         self.along.as_ref().map_or(self.all, Vec::len)
+    }
+
+    /// What is unknown and stands at its ends: numbers among what is unknown.
+    pub(crate) fn unknowns(&self) -> impl Iterator<Item = usize> {
+        let ends = self.ends.iter().filter_map(|end| match end {
+            End::Unknown(number, ..) | End::Seen(_, Measured::Unknown(number)) => Some(*number),
+            _ => None,
+        });
+        ends.chain(self.plane)
     }
 
     /// True for coordinates that are equal, whatever their unit.
@@ -586,8 +601,11 @@ impl Model {
 
     fn compile_closures(&mut self, readings: &Readings) -> Result<(), Error> {
         let value_columns = self.mechanism.value_columns();
+        // Of the rows in which it was measured.
         let mean = |column: usize| {
-            readings.table.columns[column].iter().sum::<f64>() / readings.samples as f64
+            let column = &readings.table.columns[column];
+            let known = || column.iter().filter(|v| !v.is_nan());
+            known().sum::<f64>() / known().count().max(1) as f64
         };
         let mut equation = 0;
         for (k, closure) in self.mechanism.closures.iter().enumerate() {
@@ -613,10 +631,12 @@ impl Model {
             let kind = closure.kind;
             self.closures.push(CompiledClosure {
                 kind,
+                number: k,
                 all: kind.equations(),
                 ends,
                 value,
                 column,
+                from: offset,
                 added,
                 moved: self.moved_ends(k),
                 shapes: self.shapes_of(k),
@@ -636,16 +656,39 @@ impl Model {
     /// What terms move the standing end of a closure of the mechanism by.
     fn moved_ends(&self, closure: usize) -> Vec<MovedEnd> {
         let Some(end) = self.mechanism.standing_end(closure) else { return Vec::new() };
-        let own = |i: &Instance| {
-            matches!(i.term.acts(), Acts::End) && i.target == Target::Closure(closure)
-        };
         let instances = self.instances.iter().zip(&self.first).enumerate();
-        let moved = instances.filter(|(_, (i, _))| own(i)).map(|(number, (_, &first))| MovedEnd {
-            end,
-            first,
-            gate: self.gates.iter().position(|gate| gate.instance == number),
-        });
-        moved.collect()
+        let moved = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
+            let only = self.at_closure(instance.target, closure)?;
+            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let acts = matches!(instance.term.acts(), Acts::End);
+            acts.then_some(MovedEnd { end, first, gate, only })
+        };
+        instances.filter_map(moved).collect()
+    }
+
+    /// Whether a target is of a closure, and of which of its places.
+    fn at_closure(&self, target: Target, closure: usize) -> Option<Option<Only>> {
+        match target {
+            Target::Closure(own) => (own == closure).then_some(None),
+            Target::Place(name) => {
+                if !self.mechanism.closures_at(name).any(|touching| touching == closure) {
+                    return None;
+                }
+                let called = |u: &Unknown| u.name == name.text();
+                let place = self.unknowns.iter().position(called);
+                let place = place.unwrap_or(self.unknowns.len());
+                let own = |o: &Owned| o.numbers.contains(&place);
+                let thing = self.owned.iter().position(own).unwrap_or_default();
+                Some(Some(Only { thing, place }))
+            }
+            _ => None,
+        }
+    }
+
+    /// True where the samples of a group touch a place.
+    #[inline(always)]
+    pub(crate) fn touches(&self, only: Option<Only>, group: usize) -> bool {
+        only.is_none_or(|only| self.owned[only.thing].numbers[group] == only.place)
     }
 
     /// Shapes that terms give the plane of a closure of the mechanism.
@@ -655,8 +698,8 @@ impl Model {
             let Acts::Surface(term) = instance.term.acts() else { return None };
             let gate = self.gates.iter().position(|gate| gate.instance == number);
             let width = instance.width();
-            let own = instance.target == Target::Closure(closure);
-            own.then_some(ShapeAt { term, first, width, gate })
+            let only = self.at_closure(instance.target, closure)?;
+            Some(ShapeAt { term, first, width, gate, only })
         };
         instances.filter_map(shape).collect()
     }
@@ -739,6 +782,55 @@ impl Model {
     #[must_use]
     pub fn equations(&self) -> usize {
         self.equations.saturating_sub(self.pose_unknowns)
+    }
+
+    /// Number of scalar equations that one row of these readings gives, where closures that do not hold
+    /// in it give none: as [`Model::equations`], which is where all hold.
+    #[must_use]
+    pub fn told(&self, readings: &Readings, row: usize) -> usize {
+        if readings.holding.is_whole() {
+            return self.equations();
+        }
+        let mut touched = vec![false; self.posed.len()];
+        let mut equations = 0;
+        for closure in self.closures.iter().filter(|c| readings.holding.holds(row, c.number)) {
+            equations += closure.equations();
+            for end in &closure.ends {
+                if let End::Posed(number) = end {
+                    touched[*number] = true;
+                }
+            }
+        }
+        let own = self.posed.iter().zip(touched).filter(|(_, touched)| *touched);
+        let taken = own.flat_map(|(posed, _)| &posed.slots).filter(|slot| slot.is_some()).count();
+        equations.saturating_sub(taken)
+    }
+
+    /// The same of all rows with a weight above zero.
+    #[must_use]
+    pub fn told_by(&self, readings: &Readings, weights: &[f64]) -> usize {
+        let live = (0..readings.samples).filter(|&row| weights[row] > 0.0);
+        match readings.holding.is_whole() {
+            true => self.equations() * live.count(),
+            false => live.map(|row| self.told(readings, row)).sum(),
+        }
+    }
+
+    /// Misclosures of one row: the equations of the closures that hold in it.
+    #[must_use]
+    pub fn misclosures(&self, readings: &Readings, row: usize) -> usize {
+        let holds = |c: &&CompiledClosure| readings.holding.holds(row, c.number);
+        self.closures.iter().filter(holds).map(CompiledClosure::equations).sum()
+    }
+
+    /// For each equation, one in the lanes of a block in which its closure does not hold, zero in the
+    /// others; nothing where all closures hold in all rows.
+    pub(crate) fn absent(&self, readings: &Readings, block: usize, into: &mut Vec<Lanes>) {
+        into.clear();
+        for closure in &self.closures {
+            let Some(holds) = readings.holding.of_block(block, closure.number) else { return };
+            into.extend(std::iter::repeat_n(Lanes::ONE - holds, closure.equations()));
+        }
     }
 
     /// Number of scalar equations of one sample, before what is unknown in its pose is eliminated.

@@ -82,7 +82,22 @@ impl Configurations {
     /// As [`Mechanism::validate`] and [`Readings::new`].
     pub(crate) fn new(mechanism: &Mechanism, random: &mut Random) -> Result<Self, Error> {
         mechanism.validate()?;
-        let made = Self::of_keys(mechanism, keys(mechanism)?);
+        let all = keys(mechanism)?;
+        let together = Self::made(mechanism, all.clone(), random)?;
+        let apart = alone(mechanism);
+        if apart.len() < 2 || together.closed(1, random).is_ok() {
+            return Ok(together);
+        }
+        // A tip in a cone is on no table: one at a time.
+        Self::made(mechanism, blanked(all, &apart), random)
+    }
+
+    fn made(
+        mechanism: &Mechanism,
+        keys: Vec<Vec<String>>,
+        random: &mut Random,
+    ) -> Result<Self, Error> {
+        let made = Self::of_keys(mechanism, keys);
         let free = made.free.clone();
         made.with_places(random, &|readings| {
             let model = Model::uncentred(&free, readings, Vec::new())?;
@@ -92,9 +107,13 @@ impl Configurations {
     }
 
     /// Of a mechanism that touches other points, planes and frames than those of a session: their keys
-    /// are other ones.
-    pub(crate) fn of_others(mechanism: &Mechanism) -> Result<Self, Error> {
-        Ok(Self::of_keys(mechanism, keys(mechanism)?))
+    /// are other ones, but blank where those of the session are.
+    pub(crate) fn of_others(mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
+        let blanks = |group: &Vec<String>| group.iter().map(String::is_empty).collect();
+        let mut patterns: Vec<Vec<bool>> = readings.groups.iter().map(blanks).collect();
+        patterns.sort_unstable();
+        patterns.dedup();
+        Ok(Self::of_keys(mechanism, blanked(keys(mechanism)?, &patterns)))
     }
 
     /// Of a mechanism whose unknown points are told apart by these combinations of their columns,
@@ -496,8 +515,7 @@ fn measured(
     let mut distances: Vec<f64> = columns.iter().map(|c| c.0[lane]).collect();
     for closure in &model.closures {
         if let Some(column) = closure.column {
-            let assumed = columns[column].0[lane];
-            distances[column] = (ws.f[closure.equation].0[lane] + assumed * assumed).sqrt();
+            distances[column] = ws.f[closure.equation].0[lane] + columns[column].0[lane];
         }
         let end = seen(closure).map(|k| (closure.ends[k], closure.ends[1 - k]));
         if let Some((End::Seen(into, frame), other)) = end {
@@ -569,6 +587,37 @@ fn shortest_of_many(g: &Mat<f64>, f: &[f64]) -> Vec<f64> {
 /// The largest size; infinite where one is not a number.
 fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |m, v| if v.is_nan() { f64::INFINITY } else { m.max(v.abs()) })
+}
+
+/// For each closure with columns of its own, which columns of keys are blank where it alone of them
+/// holds: those of others that it does not have.
+fn alone(mechanism: &Mechanism) -> Vec<Vec<bool>> {
+    let columns = mechanism.key_columns();
+    let own = |k: usize| -> Vec<bool> {
+        let its = mechanism.own_columns(k);
+        columns.iter().map(|column| !its.contains(column)).collect()
+    };
+    let mut patterns: Vec<Vec<bool>> = (0..mechanism.closures.len()).map(own).collect();
+    patterns.retain(|pattern| pattern.contains(&false));
+    patterns.sort_unstable();
+    patterns.dedup();
+    patterns
+}
+
+/// Each of these combinations with the columns of each pattern blank, each once.
+fn blanked(keys: Vec<Vec<String>>, patterns: &[Vec<bool>]) -> Vec<Vec<String>> {
+    if !patterns.iter().flatten().any(|blank| *blank) {
+        return keys;
+    }
+    let blank = |key: &Vec<String>, pattern: &Vec<bool>| -> Vec<String> {
+        let cells = key.iter().zip(pattern);
+        cells.map(|(cell, blank)| if *blank { String::new() } else { cell.clone() }).collect()
+    };
+    let all = patterns.iter().flat_map(|pattern| keys.iter().map(move |key| blank(key, pattern)));
+    let mut once: Vec<Vec<String>> = all.collect();
+    once.sort_unstable();
+    once.dedup();
+    once
 }
 
 /// Combinations of the values that closures give to the columns of unknown points.

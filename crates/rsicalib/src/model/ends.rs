@@ -47,6 +47,17 @@ pub(crate) struct MovedEnd {
     pub(crate) first: usize,
     /// Number of its gate; none where it acts in all samples.
     pub(crate) gate: Option<usize>,
+    /// The place whose end it moves; none where it moves all.
+    pub(crate) only: Option<Only>,
+}
+
+/// One place of something unknown: a part of a closure's samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Only {
+    /// Number of the thing among what is unknown.
+    pub(crate) thing: usize,
+    /// Number of the place; beyond the last where these readings do not touch it.
+    pub(crate) place: usize,
 }
 
 impl MovedEnd {

@@ -431,16 +431,16 @@ impl Model {
                 self.end_point(other, group, seen, beta, ws),
             ];
             let mut ends = placed;
-            for moved in &closure.moved {
+            for moved in closure.moved.iter().filter(|m| self.touches(m.only, group)) {
                 let acts = moved.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
                 for (axis, at) in ends[moved.end].iter_mut().enumerate() {
                     *at += acts * beta[moved.first + axis];
                 }
             }
             let apart = minus(&ends[0], &ends[1]);
-            let mut distance = closure
-                .column
-                .map_or(Lanes::splat(closure.value), |column| readings.columns(block)[column]);
+            let mut distance = closure.column.map_or(Lanes::splat(closure.value), |column| {
+                seen[column] + Lanes::splat(closure.from)
+            });
             for added in &closure.added {
                 distance +=
                     added.gate.map_or(Lanes::splat(1.0), |g| ws.gates[g]) * beta[added.parameter];
@@ -461,7 +461,7 @@ impl Model {
             if let Some(patch) = closure.patches.get(group) {
                 place = patch.place(&apart);
                 let mut slopes = [Lanes::ZERO; 2];
-                for term in &closure.shapes {
+                for term in closure.shapes.iter().filter(|s| self.touches(s.only, group)) {
                     let p = &beta[term.first..term.first + term.width];
                     let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
                     distance += term.term.correction(p, place) * acts;
@@ -476,6 +476,11 @@ impl Model {
             for row in 0..closure.equations() {
                 ws.f[closure.equation + row] = closure.kind.misclosure(&at, row);
             }
+            let holds = readings.holding.of_block(block, closure.number);
+            if let Some(holds) = holds {
+                let own = closure.equation..closure.equation + closure.equations();
+                ws.f[own].iter_mut().for_each(|f| *f = *f * holds);
+            }
             if !(want.x || want.a) {
                 continue;
             }
@@ -483,7 +488,8 @@ impl Model {
             if !(bare && closure.channel.is_none() && closure.plane.is_none()) {
                 self.add_value_columns(closure, &at, want, ws);
             }
-            for term in closure.shapes.iter().filter(|_| want.x) {
+            let here = |only| want.x && self.touches(only, group);
+            for term in closure.shapes.iter().filter(|s| here(s.only)) {
                 let mut out = [Lanes::ZERO; MOST_PARAMETERS];
                 term.term.partials(place, &mut out[..term.width]);
                 let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
@@ -499,7 +505,7 @@ impl Model {
                     ws.x[closure.equation * width + column] += leaned.along(0, &apart);
                 }
             }
-            for moved in closure.moved.iter().filter(|_| want.x) {
+            for moved in closure.moved.iter().filter(|m| here(m.only)) {
                 for axis in 0..3 {
                     let (mut unit, sign) = ([Lanes::ZERO; 3], [1.0, -1.0][moved.end]);
                     unit[axis] = Lanes::ONE;
@@ -563,6 +569,24 @@ impl Model {
                     }
                 }
             }
+            if let Some(holds) = holds {
+                self.hold(closure, holds, want, ws);
+            }
+        }
+    }
+
+    /// Leaves zero of all derivatives of a closure where it does not hold.
+    fn hold(&self, closure: &CompiledClosure, holds: Lanes, want: Want, ws: &mut Workspace) {
+        let own = closure.equation..closure.equation + closure.equations();
+        let only = |all: &mut [Lanes], width: usize| {
+            let rows = all.get_mut(own.start * width..own.end * width).unwrap_or_default();
+            rows.iter_mut().for_each(|entry| *entry = *entry * holds);
+        };
+        only(&mut ws.g, self.scales.len());
+        only(&mut ws.laws.h, self.amounts);
+        only(&mut ws.b, self.pose_unknowns);
+        if want.x {
+            only(&mut ws.x, self.width());
         }
     }
 

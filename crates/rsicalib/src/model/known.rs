@@ -36,6 +36,10 @@ impl Model {
             let declared = self.mechanism.model.sd.get(info.id).copied();
             let drawing = match instance.target {
                 Target::Closure(k) => self.mechanism.closures.get(k).and_then(|c| c.sd),
+                Target::Place(place) => {
+                    let mut touching = self.mechanism.closures_at(place);
+                    touching.find_map(|k| self.mechanism.closures[k].sd)
+                }
                 _ => None,
             };
             // A term with redundant directions, or a free shape, has its typical size as prior.

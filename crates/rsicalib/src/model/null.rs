@@ -99,7 +99,7 @@ impl Model {
         for (block, meta) in readings.blocks().iter().enumerate() {
             self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
             let mut columns: Vec<Vector3<f64>> = Vec::new();
-            for lane in 0..meta.live {
+            for lane in readings.lanes(block, closure.number) {
                 let row = |k: usize| closure.equation + k;
                 columns.extend((0..channels).map(|c| {
                     // In joint coordinates, so that units of readings do not matter.
@@ -150,6 +150,7 @@ impl Model {
         let mut known: Vec<usize> = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let number = self.owned[point].numbers[meta.group];
+            let Some(lane) = readings.lanes(block, closure.number).next() else { continue };
             if known.contains(&number) {
                 continue;
             }
@@ -160,7 +161,7 @@ impl Model {
             held.extend(parted.null.iter().map(|direction| Prior::Along {
                 point: self.term_parameters + self.unknowns[number].first,
                 direction: *direction,
-                mean: (0..3).map(|k| direction[k] * at[k].0[0]).sum(),
+                mean: (0..3).map(|k| direction[k] * at[k].0[lane]).sum(),
                 sd,
             }));
         }

@@ -1,7 +1,7 @@
 //! What is unknown and no term: points, planes and frames, one for each distinct combination of key
 //! values. Their coordinates come after the parameters of the terms.
 
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, place_name};
 use crate::readings::Readings;
 
 /// What results call unknown things, in the place of a term.
@@ -100,12 +100,7 @@ pub(crate) struct Owned {
 
 fn name_of(thing: Thing, mechanism: &Mechanism, keys: &[String]) -> String {
     let (name, columns) = thing.identity(mechanism);
-    if columns.is_empty() {
-        return name.into();
-    }
-    let keys: Vec<String> =
-        columns.iter().zip(keys).map(|(column, key)| format!("{column}={key}")).collect();
-    format!("{name}[{}]", keys.join(","))
+    place_name(name, columns, keys)
 }
 
 /// Numbers what is unknown: each thing with its numbers by combination of keys, and each number.
@@ -120,9 +115,12 @@ pub(crate) fn number_unknowns(
     for thing in Thing::all(mechanism) {
         let width = thing.coordinates(mechanism).len();
         let (_, own) = thing.identity(mechanism);
-        let of_group = readings.groups.iter().map(|group| {
+        let keys_of = |group: &Vec<String>| -> Vec<String> {
             let key = |c: &String| columns.iter().position(|k| k == c).map(|i| group[i].clone());
-            let keys: Vec<String> = own.iter().filter_map(key).collect();
+            own.iter().filter_map(key).collect()
+        };
+        let blank = |keys: &[String]| keys.iter().any(String::is_empty);
+        let mut number = |keys: Vec<String>| {
             let known = unknowns.iter().position(|u| u.thing == thing && u.keys == keys);
             known.unwrap_or_else(|| {
                 let name = name_of(thing, mechanism, &keys);
@@ -130,8 +128,16 @@ pub(crate) fn number_unknowns(
                 first += width;
                 unknowns.len() - 1
             })
-        });
-        let numbers = of_group.collect();
+        };
+        let of_group = |group: &Vec<String>| {
+            let keys = keys_of(group);
+            if blank(&keys) { None } else { Some(number(keys)) }
+        };
+        let numbers: Vec<Option<usize>> = readings.groups.iter().map(of_group).collect();
+        // What does not hold counts nowhere: any place will do.
+        let any = numbers.iter().find_map(|n| *n);
+        let any = any.or_else(|| readings.groups.first().map(|group| number(keys_of(group))));
+        let numbers = numbers.into_iter().map(|n| n.or(any).unwrap_or_default()).collect();
         owned.push(Owned { thing, column, width, numbers });
         column += width;
     }

@@ -33,6 +33,9 @@ const STILL: f64 = 1e-13;
 /// The other of two solutions is taken where it leaves less than this part of the squares.
 const CLEARLY: f64 = 0.25;
 
+/// A surface: the closure that a known one is of, or the number of an unknown one.
+type Surface = (Option<usize>, usize);
+
 /// Squares of the equations of eight samples at a place, with `f` and `B`.
 struct Near {
     xi: Vec<Lanes>,
@@ -202,9 +205,10 @@ impl Model {
         let mut beta = self.nominal();
         self.place_unknowns(readings, &mut beta);
         let mut ws = Workspace::default();
-        // Each closure and unknown plane, or known one, is a surface of its own.
-        let surface = |k: usize, group: usize| {
-            self.closures[k].plane.map_or(0, |plane| self.owned[plane].numbers[group])
+        // An unknown plane is one surface for all that touch it; a known one is that of its closure.
+        let surface = |k: usize, group: usize| match self.closures[k].plane {
+            Some(plane) => (None, self.owned[plane].numbers[group]),
+            None => (Some(k), 0),
         };
         let axes = |k: usize, group: usize| {
             let closure = &self.closures[k];
@@ -215,7 +219,7 @@ impl Model {
             };
             [u, v]
         };
-        let mut ends: Vec<(usize, usize, [[f64; 2]; 2])> = Vec::new();
+        let mut ends: Vec<(Surface, [[f64; 2]; 2])> = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: false };
             self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
@@ -226,13 +230,13 @@ impl Model {
                 let seen = readings.columns(block);
                 let at = self.end_point(&closure.ends[0], meta.group, seen, &beta, &ws);
                 let (own, axes) = (surface(k, meta.group), axes(k, meta.group));
-                let known = ends.iter().position(|(of, number, _)| (*of, *number) == (k, own));
+                let known = ends.iter().position(|(of, _)| *of == own);
                 let known = known.unwrap_or_else(|| {
-                    ends.push((k, own, [[f64::INFINITY, f64::NEG_INFINITY]; 2]));
+                    ends.push((own, [[f64::INFINITY, f64::NEG_INFINITY]; 2]));
                     ends.len() - 1
                 });
-                for (range, axis) in ends[known].2.iter_mut().zip(axes) {
-                    for lane in 0..meta.live {
+                for (range, axis) in ends[known].1.iter_mut().zip(axes) {
+                    for lane in readings.lanes(block, closure.number) {
                         let along: f64 = (0..3).map(|i| axis[i] * at[i].0[lane]).sum();
                         *range = [range[0].min(along), range[1].max(along)];
                     }
@@ -240,8 +244,8 @@ impl Model {
             }
         }
         let patch = |k: usize, group: usize| {
-            let own = ends.iter().find(|(of, number, _)| (*of, *number) == (k, surface(k, group)));
-            let ranges = own.map_or([[-1.0, 1.0]; 2], |(.., ranges)| *ranges);
+            let own = ends.iter().find(|(of, _)| *of == surface(k, group));
+            let ranges = own.map_or([[-1.0, 1.0]; 2], |(_, ranges)| *ranges);
             let half = ranges.map(|[low, high]| (0.5 * (high - low)).max(f64::MIN_POSITIVE));
             Patch { axes: axes(k, group), middle: ranges.map(|[l, h]| 0.5 * (l + h)), half }
         };
@@ -275,7 +279,8 @@ impl Model {
                 let seen = readings.columns(block);
                 let at = self.end_point(&closure.ends[0], meta.group, seen, beta, &ws);
                 let own = &mut points[self.owned[plane].numbers[meta.group]];
-                own.extend((0..meta.live).map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
+                let lanes = readings.lanes(block, closure.number);
+                own.extend(lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
             }
         }
         points

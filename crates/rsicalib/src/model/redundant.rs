@@ -104,6 +104,12 @@ impl Model {
         let (beta, want) = (self.nominal(), Want { x: false, a: true });
         let mut samples = vec![(0, 0.0), (readings.blocks()[block].live - 1, 0.0)];
         samples.dedup();
+        // What does not hold follows from anything: such a row tells nothing of what does.
+        let whole = |lane: usize| {
+            let row = readings.blocks()[block].rows[lane];
+            self.closures.iter().all(|c| readings.holding.holds(row, c.number))
+        };
+        samples.retain(|(lane, _)| whole(*lane));
         let mut at: Vec<Lanes> = readings.raw(block).to_vec();
         let mut ws = Workspace::default();
         for turn in 0..STEPS {

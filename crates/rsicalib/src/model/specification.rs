@@ -7,7 +7,7 @@ use std::str::FromStr;
 use crate::mechanism::{Mechanism, Target};
 use crate::model::instance::{Instance, bound_to_session, place_name, places};
 use crate::readings::Readings;
-use crate::terms::targets::{shared, targets};
+use crate::terms::targets::{has_places, shared, targets, targets_in};
 use crate::terms::term::{ORDER_STEP, ORDERS, Per, Placed, Term};
 use crate::text::quoted;
 use crate::{Error, terms};
@@ -39,7 +39,11 @@ impl From<&str> for Spec {
             Some((term, at)) => (term, Some(at)),
             None => (text, None),
         };
-        let (target, place) = match at.and_then(|at| at.split_once(':')) {
+        // A colon within brackets is of a name.
+        let inside = at.and_then(|at| at.rfind(']')).map_or(0, |end| end + 1);
+        let colon = at.and_then(|at| at[inside..].find(':'));
+        let parts = at.zip(colon).map(|(at, colon)| at.split_at(inside + colon));
+        let (target, place) = match parts.map(|(target, place)| (target, &place[1..])) {
             Some((target, place)) => (Some(target), Some(place)),
             None => (at, None),
         };
@@ -88,7 +92,11 @@ impl Spec {
                 Per::Channel => Target::named_together(mechanism, name),
                 _ => None,
             };
-            let named = named.or_else(together);
+            let placed = || {
+                let target = Target::Place(mechanism.named_place(name)?);
+                (has_places(term) && term.suits_target(mechanism, target)).then_some(target)
+            };
+            let named = named.or_else(together).or_else(placed);
             let known = || all.iter().map(|t| t.name(mechanism)).collect::<Vec<_>>().join(", ");
             let unknown = || Error::Unknown { kind: "target", found: name.clone(), known: known() };
             all = vec![named.ok_or_else(unknown)?];
@@ -132,7 +140,10 @@ pub fn instances_of(
     readings: &Readings,
     spec: &Spec,
 ) -> Result<Vec<Instance>, Error> {
-    let (term, chosen) = spec.targets(mechanism)?;
+    let (term, mut chosen) = spec.targets(mechanism)?;
+    if spec.target.is_none() {
+        chosen = targets_in(term, mechanism, readings);
+    }
     let mut instances = Vec::new();
     for target in chosen {
         let channel = if let Target::Channel(c) = target { c } else { 0 };

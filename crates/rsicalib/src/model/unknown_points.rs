@@ -14,7 +14,7 @@ use crate::model::prior::Prior;
 use crate::model::specification::Spec;
 use crate::model::spheres::{Sphere, amid};
 use crate::numerics::lanes::{Lanes, Vec3};
-use crate::readings::{Block, Readings};
+use crate::readings::Readings;
 
 impl Model {
     /// The parameter that a coordinate of an unknown thing is, by what results call both; none where
@@ -116,12 +116,13 @@ impl Model {
             let want = Want { x: false, a: false };
             self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
             let seen = readings.columns(block);
-            self.spheres_of(meta, seen, beta, &ws, &mut spheres);
+            self.spheres_of(readings, block, beta, &ws, &mut spheres);
             let at = |end: &End| self.end_point(end, meta.group, seen, beta, &ws);
-            let put = |into: &mut Vec<Vector3<f64>>, at: &Vec3| {
-                into.extend((0..meta.live).map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
-            };
             for closure in self.closures.iter().filter(|c| c.kind.facts().is_vector()) {
+                let put = |into: &mut Vec<Vector3<f64>>, at: &Vec3| {
+                    let lanes = readings.lanes(block, closure.number);
+                    into.extend(lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
+                };
                 for (end, other) in
                     [(0, 1), (1, 0)].map(|(i, j)| (closure.ends[i], closure.ends[j]))
                 {
@@ -178,12 +179,13 @@ impl Model {
     /// Spheres on which unknown points are, by their known distances from known points.
     fn spheres_of(
         &self,
-        meta: &Block,
-        seen: &[Lanes],
+        readings: &Readings,
+        block: usize,
         beta: &[f64],
         ws: &Workspace,
         spheres: &mut [Vec<Sphere>],
     ) {
+        let (meta, seen) = (&readings.blocks()[block], readings.columns(block));
         let lengths = |closure: &&CompiledClosure| {
             closure.kind.facts().given() == Given::Value && closure.equations() > 0
         };
@@ -205,7 +207,8 @@ impl Model {
             };
             let own = &mut spheres[self.owned[number].numbers[meta.group]];
             let centre = |lane: usize| Vector3::from_fn(|i, _| at[i].0[lane]);
-            own.extend((0..meta.live).map(|lane| (centre(lane), long.0[lane])));
+            let lanes = readings.lanes(block, closure.number);
+            own.extend(lanes.map(|lane| (centre(lane), long.0[lane])));
         }
     }
 
@@ -222,9 +225,15 @@ impl Model {
     #[must_use]
     pub fn untouched(&self, readings: &Readings, weights: &[f64]) -> Vec<usize> {
         let mut touched = vec![false; self.unknowns.len()];
-        for block in readings.blocks() {
-            if block.rows[..block.live].iter().any(|&r| weights[r] > 0.0) {
-                self.owned.iter().for_each(|thing| touched[thing.numbers[block.group]] = true);
+        for (number, block) in readings.blocks().iter().enumerate() {
+            for (k, thing) in self.owned.iter().enumerate() {
+                let own = |c: &&CompiledClosure| c.unknowns().any(|of| of == k);
+                let counts = |c: &CompiledClosure| {
+                    readings.lanes(number, c.number).any(|lane| weights[block.rows[lane]] > 0.0)
+                };
+                if self.closures.iter().filter(own).any(counts) {
+                    touched[thing.numbers[block.group]] = true;
+                }
             }
         }
         let left = self.unknowns.iter().zip(touched).filter(|(_, touched)| !*touched);

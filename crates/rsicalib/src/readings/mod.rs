@@ -3,12 +3,14 @@
 mod block;
 pub mod codes;
 pub(crate) mod context;
+mod holding;
 pub mod plain;
 pub mod sampled;
 mod samples;
 mod table;
 
 pub use block::Block;
+pub use holding::Holding;
 pub use samples::Readings;
 pub use table::Table;
 pub(crate) use table::{average, rows_of, runs_of_poses};

@@ -13,7 +13,8 @@ use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
 use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills, velocities};
-use crate::readings::table::{Table, rows_of};
+use crate::readings::holding::Holding;
+use crate::readings::table::{Table, mean_of, rows_of};
 
 /// Checked readings of one mechanism.
 #[derive(Debug, Clone)]
@@ -54,6 +55,8 @@ pub struct Readings {
     pub merged: Option<usize>,
     /// Rows that were taken: of these samples, or of those whose means these are.
     pub taken: usize,
+    /// Which closures hold in which rows.
+    pub holding: Holding,
     blocks: Vec<Block>,
     raw: Vec<Lanes>,
     columns: Vec<Lanes>,
@@ -77,7 +80,8 @@ impl Readings {
     ///
     /// [`Error::Shape`] for columns that differ in length or in number from what the mechanism
     /// needs, [`Error::Reading`] for a reading that is not a number in its channel's range and for
-    /// a time, a temperature or a distance that is not a number,
+    /// a time, a temperature or a distance that is not a number, and for a row in which no closure
+    /// holds. Columns of a closure's own may be NaN, and texts empty, where it does not hold,
     /// [`Error::Empty`] for a table without rows, [`Error::Mechanism`] for a mechanism without
     /// channels.
     pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
@@ -119,6 +123,10 @@ impl Readings {
         let mean = |f: &dyn Fn(usize) -> f64| -> Vec<f64> {
             used.iter().map(|u| u.iter().map(|&r| f(r)).sum::<f64>() / u.len() as f64).collect()
         };
+        // Of what was not measured in some samples, the mean of the others.
+        let measured = |column: &Vec<f64>| -> Vec<f64> {
+            used.iter().map(|u| mean_of(u.iter().map(|&r| column[r]))).collect()
+        };
         let channels = self.channels;
         let by_channel: Vec<Vec<f64>> =
             (0..channels).map(|c| mean(&|r| self.table.values[r * channels + c])).collect();
@@ -134,7 +142,7 @@ impl Readings {
                 .iter()
                 .map(|k| used.iter().map(|u| k[u[0]].clone()).collect())
                 .collect(),
-            columns: self.table.columns.iter().map(|v| mean(&|r| v[r])).collect(),
+            columns: self.table.columns.iter().map(measured).collect(),
         };
         Ok((Self::build(mechanism, table, Some(self), true)?, live))
     }
@@ -177,6 +185,7 @@ impl Readings {
             clock: self.clock.clone(),
             merged: Some(rows),
             taken: self.taken,
+            holding: self.holding.picked(&middles),
             blocks: Vec::new(),
             raw: Vec::new(),
             columns: Vec::new(),
@@ -198,6 +207,7 @@ impl Readings {
     ) -> Result<Self, Error> {
         let channels = mechanism.channels.len();
         let samples = check(mechanism, &table)?;
+        let holding = Holding::of(mechanism, &table, samples)?;
         let (pose, labels) = number_poses(&table, samples);
         let held = table.pose.is_some();
         let mut session_of_pose = vec![0; labels.len()];
@@ -244,6 +254,7 @@ impl Readings {
             clock,
             merged: None,
             taken: main.filter(|_| own_poses).map_or(samples, |main| main.taken),
+            holding,
             blocks: Vec::new(),
             raw: Vec::new(),
             columns: Vec::new(),
@@ -269,6 +280,11 @@ impl Readings {
         self.blocks.reserve_exact(blocks);
         self.raw.reserve_exact(blocks * self.channels);
         self.columns.reserve_exact(blocks * self.table.columns.len());
+        // What is blank is as it is on average: it counts nowhere.
+        let usual =
+            |column: &Vec<f64>| Some(mean_of(column.iter().copied())).filter(|m| !m.is_nan());
+        let usual: Vec<f64> =
+            self.table.columns.iter().map(|column| usual(column).unwrap_or(0.0)).collect();
         let mut first = 0;
         while first < order.len() {
             let mut last = first;
@@ -284,9 +300,11 @@ impl Readings {
             for c in 0..self.channels {
                 self.raw.push(gather(&|r| self.table.values[r * self.channels + c]));
             }
-            for column in &self.table.columns {
-                self.columns.push(Lanes(rows.map(|r| column[r])));
+            for (column, usual) in self.table.columns.iter().zip(&usual) {
+                let cell = |r: usize| if column[r].is_nan() { *usual } else { column[r] };
+                self.columns.push(Lanes(rows.map(cell)));
             }
+            self.holding.lay_out(&rows);
             self.blocks.push(Block {
                 rows,
                 live: last - first,
@@ -438,6 +456,13 @@ impl Readings {
         part(&self.columns, block, self.table.columns.len())
     }
 
+    /// The lanes of a block's samples in which a closure of the mechanism holds.
+    pub(crate) fn lanes(&self, block: usize, closure: usize) -> impl Iterator<Item = usize> {
+        let live = self.blocks.get(block).map_or(0, |block| block.live);
+        let holds = self.holding.of_block(block, closure);
+        (0..live).filter(move |lane| holds.is_none_or(|holds| holds.0[*lane] > 0.0))
+    }
+
     /// One row of raw readings, one per channel. Empty for an index beyond the last row.
     #[must_use]
     pub fn row(&self, row: usize) -> &[f64] {
@@ -561,8 +586,11 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     }
     finite("time", table.time.as_deref().unwrap_or_default())?;
     finite("temperature", table.temperature.as_deref().unwrap_or_default())?;
+    let closures = 0..mechanism.closures.len();
+    let own: Vec<String> = closures.flat_map(|k| mechanism.own_columns(k)).collect();
     for (name, column) in values.iter().zip(&table.columns) {
-        finite(name, column)?;
+        let blanks = if own.contains(name) { f64::is_nan } else { |_: f64| false };
+        usable(name, column, blanks)?;
     }
     for (row, values) in table.values.chunks_exact(channels).enumerate() {
         for (channel, &found) in mechanism.channels.iter().zip(values) {
@@ -578,7 +606,12 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
 
 /// Refuses a column with an entry that is not a number.
 fn finite(name: &str, column: &[f64]) -> Result<(), Error> {
-    match column.iter().position(|v| !bounds::usable(*v)) {
+    usable(name, column, |_| false)
+}
+
+/// The same, but for entries that may stand there.
+fn usable(name: &str, column: &[f64], but: fn(f64) -> bool) -> Result<(), Error> {
+    match column.iter().position(|v| !bounds::usable(*v) && !but(*v)) {
         None => Ok(()),
         Some(row) => Err(Error::Reading {
             row,

@@ -16,9 +16,11 @@ pub struct Table {
     pub temperature: Option<Vec<f64>>,
     /// Number of the session of each row, from 0; `None` for a single session.
     pub session: Option<Vec<usize>>,
-    /// For each key column of the mechanism, the text of each row.
+    /// For each key column of the mechanism, the text of each row; empty where the closures that need it
+    /// do not hold.
     pub keys: Vec<Vec<String>>,
-    /// For each value column of the mechanism, the number of each row.
+    /// For each value column of the mechanism, the number of each row; NaN where the closures that need
+    /// it do not hold.
     pub columns: Vec<Vec<f64>>,
 }
 
@@ -43,6 +45,13 @@ pub(crate) fn runs_of_poses(table: &Table, channels: usize) -> Vec<Range<usize>>
         runs[k - 1].end = runs[k].start;
     }
     runs
+}
+
+/// Mean of the numbers among these; NaN where there is none.
+pub(super) fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    values.filter(|v| !v.is_nan()).for_each(|v| (sum, count) = (sum + v, count + 1.0));
+    sum / count
 }
 
 /// One row for each of these runs of rows, the mean of its rows.
@@ -72,7 +81,7 @@ pub(crate) fn average(table: &Table, channels: usize, poses: &[Range<usize>]) ->
         columns: table
             .columns
             .iter()
-            .map(|v| poses.iter().map(|p| mean(&|r| v[r], p)).collect())
+            .map(|v| poses.iter().map(|p| mean_of(p.clone().map(|r| v[r]))).collect())
             .collect(),
     }
 }

@@ -165,9 +165,11 @@ impl<'a> Looking<'a> {
         for row in looking.runs.concat() {
             looking.single[row] = looking.single_sample(row);
         }
-        let k = looking.at.residuals.equations as f64;
-        let scores = looking.runs.concat().iter().map(|&r| looking.single[r]).collect();
-        looking.typical = median(scores) / distributions::chi2_quantile(0.5, k);
+        let usual = |row: usize| {
+            let told = looking.at.residuals.directions_of(row).max(1);
+            looking.single[row] / distributions::chi2_quantile(0.5, told as f64)
+        };
+        looking.typical = median(looking.runs.concat().into_iter().map(usual).collect());
         looking
     }
 
@@ -210,9 +212,9 @@ impl<'a> Looking<'a> {
     /// The row that stands off most, if above chance.
     fn worst_single(&self) -> Option<(usize, f64)> {
         let rows = self.runs.concat();
-        let k = self.at.residuals.equations as f64;
         let row = *rows.iter().max_by(|a, b| self.single[**a].total_cmp(&self.single[**b]))?;
         let score = self.single[row] / self.typical;
+        let k = self.at.residuals.directions_of(row).max(1) as f64;
         // The scale is an estimate from as many samples: F, not χ².
         let dof = (k * rows.len() as f64 - self.at.fit.model.term_parameters as f64).max(k);
         let p = distributions::f_tail(score / k, k, dof) * rows.len() as f64;

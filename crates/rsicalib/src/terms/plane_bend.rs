@@ -27,7 +27,7 @@ impl Term for PlaneBend {
     }
 
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
-        matches!(target, Target::Closure(k) if mechanism.is_on_plane(k))
+        mechanism.closures_of(target).any(|k| mechanism.is_on_plane(k))
     }
 }
 

@@ -32,7 +32,7 @@ impl Term for PlaneSlip {
     }
 
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
-        matches!(target, Target::Closure(k) if mechanism.is_on_plane(k))
+        mechanism.closures_of(target).any(|k| mechanism.is_on_plane(k))
     }
 
     fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {

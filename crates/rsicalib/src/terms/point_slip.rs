@@ -30,7 +30,7 @@ impl Term for PointSlip {
     }
 
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
-        matches!(target, Target::Closure(k) if mechanism.standing_end(k).is_some())
+        mechanism.closures_of(target).any(|k| mechanism.standing_end(k).is_some())
     }
 
     fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {

@@ -1,7 +1,7 @@
 //! Targets of a term, the data that a term needs, and the typical sizes of its parameters.
 
 use crate::Error;
-use crate::mechanism::{Mechanism, Target};
+use crate::mechanism::{Mechanism, PlaceName, Target, place_name};
 use crate::readings::Readings;
 use crate::terms::term::{Acts, Class, Needs, Per, Placed, Role, Spot, Term};
 
@@ -39,6 +39,55 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
     };
     targets.retain(|target| term.suits_target(mechanism, *target));
     targets
+}
+
+/// As [`targets`], with what a surface or a standing end does told for each of its places where these
+/// readings touch several: one of two tables is bent, one of three sockets was pushed.
+#[must_use]
+pub fn targets_in(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> Vec<Target> {
+    let mut all: Vec<Target> = Vec::new();
+    for target in targets(term, mechanism) {
+        let Target::Closure(closure) = target else {
+            all.push(target);
+            continue;
+        };
+        let places = match has_places(term) {
+            true => touched(mechanism, readings, closure),
+            false => Vec::new(),
+        };
+        let several = if places.len() > 1 { places } else { vec![target] };
+        several.into_iter().for_each(|target| {
+            if !all.contains(&target) {
+                all.push(target);
+            }
+        });
+    }
+    all
+}
+
+/// True for a term that one of several unknown places may have by itself.
+#[must_use]
+pub fn has_places(term: &dyn Term) -> bool {
+    matches!(term.acts(), Acts::Surface(_) | Acts::End)
+}
+
+/// The unknown places that a closure touches in these readings; of a closure between two unknown
+/// things, those of the first.
+fn touched(mechanism: &Mechanism, readings: &Readings, closure: usize) -> Vec<Target> {
+    let Some((thing, columns)) = mechanism.keyed_things(closure).into_iter().next() else {
+        return Vec::new();
+    };
+    let all = mechanism.key_columns();
+    let mut places = Vec::new();
+    for group in &readings.groups {
+        let key = |column: &String| all.iter().position(|c| c == column).map(|k| group[k].clone());
+        let keys: Vec<String> = columns.iter().filter_map(key).collect();
+        let place = Target::Place(PlaceName::of(&place_name(thing, columns, &keys)));
+        if !places.contains(&place) {
+            places.push(place);
+        }
+    }
+    places
 }
 
 /// Every target that chains share and that a term may have, with one parameter for all of them.

@@ -8,11 +8,11 @@ use crate::diagnosis::options::{Rule, SearchOptions};
 use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
 use crate::screening::steps::{SIDE, StepSums};
 use crate::terms;
-use crate::terms::targets::{searchable, targets};
+use crate::terms::targets::{searchable, targets_in};
 use crate::terms::term::{Acts, Placed, Spot, Term};
 
 /// Equations on either side of a move for each of its columns: of fewer, a few wrong readings look
@@ -63,14 +63,15 @@ impl<'a> Bodies<'a> {
         let tried = |term: &&&'static dyn Term| {
             moves_once(**term)
                 && !search.without.iter().any(|id| id == term.info().id)
-                && !(search.uses(Rule::PointsStand) && is_estimated(mechanism, **term))
                 && meaningful(mechanism, fit, **term)
                 && searchable(**term, mechanism, readings).is_ok()
         };
         let all = terms::all(mechanism);
         let of = |&term: &&'static dyn Term| {
-            let targets = targets(term, mechanism).into_iter();
-            targets.map(move |target| Instance { term, target, place: 0 })
+            let targets = targets_in(term, mechanism, readings).into_iter();
+            let held = search.uses(Rule::PointsStand);
+            let tried = move |target: &Target| !(held && is_estimated(mechanism, term, *target));
+            targets.filter(tried).map(move |target| Instance { term, target, place: 0 })
         };
         Self::of(at, all.iter().filter(tried).flat_map(of).collect())
     }
@@ -115,11 +116,24 @@ impl<'a> Bodies<'a> {
     fn moves(&self, body: usize) -> Vec<(Instance, f64, f64)> {
         let Observations { readings, weights, .. } = self.at.observations;
         let (extra, first) = (self.bodies[body].width(), self.first[body]);
-        let k = self.at.residuals.equations;
+        // What moves at a closure shows in its equations alone.
+        let (model, mechanism) = (&self.at.fit.model, &self.at.observations.mechanism);
+        let own = mechanism.closures_of(self.bodies[body].target);
+        let own: usize = own.map(|closure| model.equations_of(closure)).sum();
+        let k = if own > 0 { own } else { self.at.residuals.equations };
         let poses = readings.rows_of_poses();
         let counts = |row: &&usize| weights[**row] > 0.0;
-        let live: Vec<usize> =
-            (0..poses.len()).filter(|&p| poses[p].iter().any(|row| counts(&row))).collect();
+        // Poses that do not touch a place say nothing of when it moved.
+        let sees = |row: usize| {
+            let touches = |e: usize| {
+                let z = &self.z[e * self.columns + first..][..extra];
+                z.iter().any(|z| *z != 0.0)
+            };
+            !matches!(self.bodies[body].target, Target::Place(_))
+                || self.at.equations(row).any(touches)
+        };
+        let live = |p: &usize| poses[*p].iter().any(|row| counts(&row) && sees(*row));
+        let live: Vec<usize> = (0..poses.len()).filter(live).collect();
         let stride = live.len().div_ceil(MOST_TIMES).max(1);
         let side = SIDE.max((EQUATIONS * extra).div_ceil(k));
         let none = || StepSums::new(self.at.rank(), extra);
@@ -146,10 +160,13 @@ impl<'a> Bodies<'a> {
     }
 }
 
-/// True for a point that stands, moved, where places of such points are estimated: beside that, a
-/// move takes up whatever changes slowly (docs/machines.md). Whoever knows that such a point moved
-/// declares it.
-fn is_estimated(mechanism: &Mechanism, term: &dyn Term) -> bool {
+/// True for a point that stands at a length, moved, where places of such points are estimated: beside
+/// that, a move takes up whatever changes slowly (docs/machines.md). Whoever knows that such a point
+/// moved declares it. A point that is touched has three equations in each pose, which tell its place.
+fn is_estimated(mechanism: &Mechanism, term: &dyn Term, target: Target) -> bool {
     let mut standing = mechanism.points.iter().filter(|p| p.chain.is_none() && !p.moves());
-    matches!(term.acts(), Acts::End) && standing.any(|p| p.is_unknown())
+    let of_length = |k: usize| mechanism.closures[k].kind.has_value();
+    matches!(term.acts(), Acts::End)
+        && mechanism.closures_of(target).any(of_length)
+        && standing.any(|p| p.is_unknown())
 }

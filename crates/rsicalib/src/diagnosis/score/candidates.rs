@@ -4,15 +4,15 @@ use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::{Instance, places};
 use crate::terms;
-use crate::terms::targets::{provided, shared, targets};
+use crate::terms::targets::{provided, shared, targets_in};
 use crate::terms::term::{Per, Placed, Role, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
 #[must_use]
 pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) -> Vec<Instance> {
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
-    let live = observations.weights.iter().filter(|w| **w > 0.0).count();
-    let room = (fit.model.equations() * live).saturating_sub(fit.beta.len());
+    let told = fit.model.told_by(readings, &observations.weights);
+    let room = told.saturating_sub(fit.beta.len());
     let mut all = Vec::new();
     for term in terms::all(mechanism) {
         let info = term.info();
@@ -24,8 +24,8 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
         {
             continue;
         }
-        let targets = targets(term, mechanism).into_iter().chain(shared(term, mechanism));
-        for target in targets {
+        let single = targets_in(term, mechanism, readings).into_iter();
+        for target in single.chain(shared(term, mechanism)) {
             if !meaningful(observations, fit, term, target) {
                 continue;
             }

@@ -280,24 +280,25 @@ impl Seen {
             None => used.sigma[c].powi(2),
         };
         let of_group = |rows: &Vec<usize>| {
-            let told = residuals.directions_of(middle(rows));
-            let mut left = Mat::<f64>::zeros(rows.len(), told);
+            let told = residuals.told(middle(rows));
+            let mut left = Mat::<f64>::zeros(rows.len(), told.len());
             let mut one = Vec::with_capacity(rows.len());
-            for e in 0..told {
+            for (column, &e) in told.iter().enumerate() {
                 one.clear();
                 one.extend(rows.iter().map(|r| residuals.whitened[r * k + e]));
                 crate::readings::context::detrend(&mut one, groups.order);
-                one.iter().enumerate().for_each(|(i, value)| left[(i, e)] = *value);
+                one.iter().enumerate().for_each(|(i, value)| left[(i, column)] = *value);
             }
             let derivatives = residuals.by_reading_of(middle(rows), channels);
             let by_length = |e: usize, length: &Length| {
                 residuals.by_closure[(middle(rows) * k + e) * k + length.equation]
             };
-            let columns = Mat::from_fn(told, channels + lengths.len(), |e, c| {
+            let columns = Mat::from_fn(told.len(), channels + lengths.len(), |e, c| {
+                let e = told[e];
                 let length = c.checked_sub(channels).map(|l| by_length(e, &lengths[l]));
                 length.unwrap_or_else(|| derivatives[e * channels + c])
             });
-            let rest = Mat::from_fn(told, told, |i, j| {
+            let rest = Mat::from_fn(told.len(), told.len(), |i, j| {
                 let read = (0..columns.ncols())
                     .map(|c| columns[(i, c)] * columns[(j, c)] * variance(c))
                     .sum::<f64>();

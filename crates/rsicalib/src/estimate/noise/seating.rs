@@ -73,7 +73,8 @@ pub fn contrasts<'a>(
     // Of a length in each sample, in length units: `by_closure` counts in these.
     let measured: Vec<(usize, f64)> =
         play.iter().copied().enumerate().filter(|(_, variance)| *variance > 0.0).collect();
-    own.directions = vec![k; residuals.whitened.len() / k.max(1)];
+    let all = residuals.whitened.len() / k.max(1);
+    own.directions = (0..all).map(|row| residuals.directions_of(row)).collect();
     for rows in groups.rows.iter().filter(|rows| rows.len() > 1) {
         let b = residuals.by_reading_of(rows[rows.len() / 2], channels);
         let scaled = Mat::from_fn(k, channels, |e, c| b[e * channels + c] * sigma[c]);

@@ -449,7 +449,8 @@ pub(crate) fn estimate_noise(
         (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0).collect();
     let total: f64 =
         live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
-    let free = ((live.len() * k) as f64 - parameters as f64).max(1.0);
+    let told: usize = live.iter().map(|&row| residuals.directions_of(row)).sum();
+    let free = (told as f64 - parameters as f64).max(1.0);
     let variance = variance_of_readings(residuals, total / free, free);
     let s = variance.sqrt().max(rounding).max(f64::MIN_POSITIVE);
     if still && dof >= LEAST_DOF && s <= least {

@@ -66,7 +66,7 @@ fn joint_at(observations: &Observations, target: Target) -> Option<usize> {
         Target::Channel(c) => Some(c),
         Target::Chain(chain) => mechanism.channels_of(chain).first().copied(),
         Target::Row(chain, row) => (0..=row).rev().find_map(|row| channel(chain, row)),
-        Target::All | Target::Closure(_) => None,
+        Target::All | Target::Closure(_) | Target::Place(_) => None,
         shared => mechanism.parts(shared).first().and_then(|part| joint_at(observations, *part)),
     }
 }

@@ -1,0 +1,108 @@
+"""Distances of a printed object beside the heights of a bed: plain geometry of a delta printer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import rsicalib
+from tests.oracle import Array
+from tests.test_imports import PRINTER
+
+ARM, RADIUS, STOP, STEP = 340.0, 172.0, 332.99, 60 / 6400
+BEARING = np.deg2rad([211.5, 330.0, 90.0])
+CALIPER, TOUCH = 0.05, 0.03
+FURTHER, LONGER, STOPS = 0.8, 0.6, np.array([-0.7, 0.4, 0.9])
+"""How far out the towers really stand, how much longer the arms are, and the endstops [mm]."""
+
+
+def towers(radius: float) -> Array:
+    return np.column_stack([np.cos(BEARING), np.sin(BEARING)]) * radius
+
+
+def carriages(at: Array, radius: float, arm: float) -> Array:
+    """Heights of the carriages that hold the nozzle at a place."""
+    apart = np.hypot(*(towers(radius) - at[:2]).T)
+    return np.asarray(at[2] + np.sqrt(arm**2 - apart**2))
+
+
+def nozzle(up: Array, radius: float, arm: float) -> Array:
+    """Where three carriages hold the nozzle: SciPy's least squares of three spheres."""
+    tops = np.column_stack([towers(radius), up])
+
+    def off(at: Array) -> Array:
+        return np.asarray(np.linalg.norm(tops - at, axis=1) - arm)
+
+    return np.asarray(least_squares(off, [0.0, 0.0, 0.0], xtol=1e-14, ftol=1e-14).x)
+
+
+def printer(rng: np.random.Generator, pairs: int) -> str:
+    """`printer.cfg` with 30 heights, and distances between places that were asked for as drawn."""
+    drawn, true = STOP + np.sqrt(ARM**2 - RADIUS**2), STOP + STOPS
+    true = true + np.sqrt(ARM**2 - RADIUS**2)
+
+    def steps(up: Array, top: Array | float) -> str:
+        return ",".join(f"{s:.3f}" for s in np.round((top - up) / STEP))
+
+    text = PRINTER
+    for k in range(30):
+        far, turn = 110 * np.sqrt((k + 1) / 30), 2.4 * k
+        at = np.array([far * np.cos(turn), far * np.sin(turn), rng.normal(0, TOUCH)])
+        text += f"#*# height{k} = 0.0\n"
+        text += (
+            f"#*# height{k}_pos = {steps(carriages(at, RADIUS + FURTHER, ARM + LONGER), true)}\n"
+        )
+    for k in range(pairs):
+        turn = np.pi * k / 6
+        ends = [80 * s * np.array([np.cos(turn), np.sin(turn), 0.0]) for s in (1, -1)]
+        asked = [steps(carriages(end, RADIUS, ARM), drawn) for end in ends]
+        ups = [true - np.array([float(s) for s in one.split(",")]) * STEP for one in asked]
+        there = [nozzle(up, RADIUS + FURTHER, ARM + LONGER) for up in ups]
+        long = np.linalg.norm(there[0] - there[1]) + rng.normal(0, CALIPER)
+        text += f"#*# distance{k} = {long:.6f}\n"
+        text += "".join(f"#*# distance{k}_pos{e} = {s}\n" for e, s in enumerate(asked, 1))
+    return text
+
+
+def read(path: Path, pairs: int) -> tuple[rsicalib.Log, rsicalib.CalibrationResult]:
+    path.write_text(printer(np.random.default_rng(5), pairs), encoding="utf-8")
+    log = rsicalib.import_log(path)
+    terms = ["offset", "link_length@each/1", *(f"distance@arm {t}" for t in "abc")]
+    return log, rsicalib.calibrate(path, terms=terms)
+
+
+def test_distances_are_pairs_of_rows_on_no_bed(tmp_path: Path) -> None:
+    path = tmp_path / "printer.cfg"
+    log, found = read(path, 6)
+    (session,) = log.sessions
+    assert np.isnan(np.asarray(session.columns["height"])).sum() == 12
+    assert session.columns["touch"][30:32] == ["distance0a", "distance0b"]
+    # 30 heights and six distances tell three endstops, a radius and three arms.
+    assert found.to_dict()["fit"]["p_value"] > 1e-3
+    for p in found.parameters:
+        truth = {"link_length": FURTHER, "distance": LONGER}.get(p.term)
+        if truth is not None:
+            assert p.sd is not None
+            assert abs(p.value - truth) < 5 * p.sd, p
+
+
+def test_distances_tell_what_a_bed_alone_does_not(tmp_path: Path) -> None:
+    """How long everything is: radius and arms together."""
+    sd = []
+    for pairs in (0, 6):
+        _, found = read(tmp_path / "printer.cfg", pairs)
+        (radius,) = [p for p in found.parameters if p.term == "link_length"]
+        sd.append(radius.sd)
+    assert sd[1] is not None
+    assert sd[0] is None or sd[1] < 0.5 * sd[0]
+
+
+def test_a_distance_without_its_second_end_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "printer.cfg"
+    text = printer(np.random.default_rng(5), 2).replace("distance1_pos2", "distance1_pos3")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(rsicalib.errors.InputError, match="distance1_pos2"):
+        rsicalib.import_log(path)
