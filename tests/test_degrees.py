@@ -269,7 +269,7 @@ def test_an_angle_of_a_drawing_of_more_than_a_turn_is_refused(place: str) -> Non
             values["workspace"]["rx"] = [-30.0, 30.0]
         case _:
             values["rest"]["pose"] = [*values["rest"]["pose"][:5], 30.0]
-    with pytest.raises(rsicalib.InputError, match=r"radians within a turn: -?[39]0 degrees are"):
+    with pytest.raises(rsicalib.InputError, match=r"radians within two turns: -?[39]0 degrees are"):
         Mechanism(values)
 
 

@@ -321,7 +321,7 @@ MISTAKES = [
         "a workspace in degrees",
         "mechanism rsi.toml",
         2,
-        "radians within a turn",
+        "radians within two turns",
         edit("rsi.toml", (r"^rx = .*", "rx = [-30, 30]")),
     ),
     Mistake(

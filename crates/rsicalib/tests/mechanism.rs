@@ -189,7 +189,7 @@ fn a_closure_joins_two_points_that_are_there() {
         at("\"wrist2\" twice", "two of them")
     );
     let value = "a positive `value` for a distance, or the `channel` that reads it; neither for \
-                 any other kind";
+                 any other kind, but for a plane a column of heights";
     assert_eq!(refusal(|m| m.closures[1].value = None), at("no value", value));
     for d in [0.0, -1.0, f64::NAN] {
         let found = format!("a value of {d}");

@@ -301,18 +301,19 @@ pub(super) fn finite<'a>(
     }
 }
 
-/// Part of a turn beyond which an angle of a drawing is none in radians: a whole one may be rounded.
-const TURN: f64 = 1.01 * TAU;
+/// Beyond this an angle of a drawing is none in radians: programs that write drawings add angles of
+/// half a turn up, to more than one turn and to less than two.
+const TWO_TURNS: f64 = 2.0 * TAU;
 
-/// Refuses angles of more than a turn, which a drawing has none of: they are in degrees.
+/// Refuses angles of more than two turns, which a drawing has none of: they are in degrees.
 pub(super) fn angles<'a>(
     mut numbers: impl Iterator<Item = &'a f64>,
     place: impl Fn() -> String,
 ) -> Result<(), Error> {
-    match numbers.find(|n| n.abs() > TURN) {
+    match numbers.find(|n| n.abs() > TWO_TURNS) {
         Some(n) => {
             let [found, radians] = [*n, n.to_radians()].map(|angle| significant(angle, 6));
-            let expected = format!("radians within a turn: {found} degrees are {radians}");
+            let expected = format!("radians within two turns: {found} degrees are {radians}");
             Err(refuse(place(), format!("an angle of {found}"), expected))
         }
         None => Ok(()),
