@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from io import TextIOWrapper
 from typing import Any
 
 import numpy as np
@@ -58,9 +59,12 @@ def test_several_sessions_in_memory_stay_several() -> None:
     ],
 )
 def test_what_is_no_path_is_refused_by_name(give: Callable[[], Any], says: str) -> None:
+    given = give()
     with pytest.raises(InputTypeError, match=says) as caught:
-        rsicalib.calibrate(give(), rest=REST)
+        rsicalib.calibrate(given, rest=REST)
     assert len(str(caught.value)) < 200
+    if isinstance(given, TextIOWrapper):
+        given.close()
 
 
 def test_one_column_and_groups_of_pandas_are_refused() -> None:

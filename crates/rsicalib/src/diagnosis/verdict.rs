@@ -77,6 +77,9 @@ pub enum Determined {
     Nothing,
     /// The solver did not end at a minimum in which every joint moves.
     NotConverged,
+    /// No start led to a fit in which every joint moves: that loops close where it ended is no
+    /// evidence, unless known poses tell more.
+    NoStart,
     /// Nothing is left to check the parameters with.
     NothingLeft,
     /// Directions are left that other poses could tell.
@@ -91,10 +94,7 @@ impl Determined {
             // Along an open direction iterations run out: the direction is the reason.
             () if !directions.unobservable.is_empty() && fit.dof >= 1.0 => Self::Unobservable,
             () if !(fit.termination.converged() && fit.plausible) => Self::NotConverged,
-            // No start led anywhere: that the loop closes where it ended is no evidence.
-            () if without_start(fit) && !fit.p_value.is_some_and(|p| p <= LEVEL) => {
-                Self::NotConverged
-            }
+            () if without_start(fit) && !fit.p_value.is_some_and(|p| p <= LEVEL) => Self::NoStart,
             () if fit.dof < 1.0 => Self::NothingLeft,
             () => Self::Yes,
         }
@@ -179,6 +179,9 @@ pub enum Why {
     Nothing,
     /// The solver did not end at a minimum in which every joint moves.
     NotConverged,
+    /// No start led to a fit in which every joint moves: that loops close where it ended is no
+    /// evidence, unless known poses tell more.
+    NoStart,
     /// Nothing is left to check the parameters with.
     NothingLeft,
     /// Directions are left that other poses could tell.
@@ -268,7 +271,10 @@ pub fn judge(evidence: &Evidence) -> Judgement {
     let one = |verdict, kind| Judgement { verdict, reasons: vec![Reason::of(kind)] };
     match evidence.determined {
         Determined::Yes if evidence.absurd => return one(Verdict::Implausible, Why::Absurd),
-        Determined::Yes => {}
+        Determined::NoStart if against(evidence).is_empty() => {
+            return one(Verdict::Undetermined, Why::NotConverged);
+        }
+        Determined::Yes | Determined::NoStart => {}
         Determined::Nothing => return one(Verdict::Undetermined, Why::Nothing),
         Determined::NotConverged => return one(Verdict::Undetermined, Why::NotConverged),
         Determined::NothingLeft => return one(Verdict::Undetermined, Why::NothingLeft),
