@@ -133,7 +133,8 @@ def of_turn(device: Device, rng: Rng, name: str) -> Factor:
                 out[pose] += (q[row, i] - at) / width
         return np.asarray(out[scene.label - 1])
 
-    return Factor(frozenset({f"direction[{name}]", f"theta[{name}]"}), law)
+    ways = ("direction", "theta", "play", "since_turn")
+    return Factor(frozenset(f"{way}[{name}]" for way in ways), law)
 
 
 @dataclass(frozen=True)

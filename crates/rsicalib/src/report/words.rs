@@ -592,6 +592,11 @@ fn tells(mechanism: &Mechanism, variable: Quantity, target: Target) -> String {
         }
         Quantity::Theta(c) => format!("poses that move {} through its range, {own} held", name(c)),
         Quantity::Direction(c) => format!("the same poses, {} come from its other side", name(c)),
+        Quantity::SinceTurn(c) | Quantity::Play(c) => {
+            format!("the same poses, {} come from nearer by and from farther away", name(c))
+        }
+        Quantity::Velocity(c) => format!("the same motion with {} at another pace", name(c)),
+        Quantity::SinceMove(c) => format!("the same poses, {} held longer and shorter", name(c)),
         Quantity::Travelled(_) | Quantity::Time => "the first poses once more at the end".into(),
         Quantity::Torque(c) => format!("the same poses with another weight on {}", name(c)),
         Quantity::Column(_) => "the same poses with another value of that column".into(),

@@ -14,12 +14,12 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::price::{Data, mean};
-use crate::diagnosis::unknown_law::variables::SAME;
+use crate::diagnosis::unknown_law::variables::{DEGREE, Function, Variable};
 use crate::estimate::at_fit::{AtFit, add_scaled};
 use crate::numerics::symmetric::dot;
 
 /// Degree of a law of one variable, and of one of two: of both together.
-const DEGREES: [usize; 2] = [8, 4];
+const DEGREES: [usize; 2] = [DEGREE, 4];
 
 /// Powers of the degree by which the amplitudes fall: a law that bends, and one that is smooth.
 const SMOOTH: [f64; 2] = [1.0, 2.0];
@@ -62,7 +62,7 @@ impl Errors {
     }
 
     /// How likely a law of these variables is, beside a fit of which χ² is `chi2`.
-    pub fn evidence(&self, variables: &[&[f64]], data: &Data, chi2: f64) -> Evidence {
+    pub fn evidence(&self, variables: &[&Variable], data: &Data, chi2: f64) -> Evidence {
         let basis = Basis::of(variables, self.square.len());
         let m = basis.degrees.len();
         let (square, gradient) = self.normal(&basis);
@@ -94,7 +94,7 @@ impl Errors {
 
     /// Root mean square over the samples of the likeliest errors by a law of these variables, of which
     /// `evidence` is known, in the unit of readings: those of the posterior mean of `b`.
-    pub fn size(&self, variables: &[&[f64]], evidence: &Evidence) -> f64 {
+    pub fn size(&self, variables: &[&Variable], evidence: &Evidence) -> f64 {
         let basis = Basis::of(variables, self.square.len());
         let (square, gradient) = self.normal(&basis);
         let m = basis.degrees.len();
@@ -154,7 +154,7 @@ pub struct Evidence {
     pub tau2: f64,
 }
 
-/// Polynomials of one or two variables, the constant left out.
+/// Functions of one or two variables, the constant left out.
 struct Basis {
     /// Their degrees.
     degrees: Vec<f64>,
@@ -163,56 +163,35 @@ struct Basis {
 }
 
 impl Basis {
-    fn of(variables: &[&[f64]], samples: usize) -> Self {
+    fn of(variables: &[&Variable], samples: usize) -> Self {
         let most = DEGREES[variables.len() - 1];
-        let up_to = [0, 1].map(|v| variables.get(v).map_or(0, |v| different(v, most)));
-        let of_degree = |d: usize| (0..=d).map(move |a| (a, d - a));
-        let pairs: Vec<(usize, usize)> = (1..=most)
-            .flat_map(of_degree)
-            .filter(|&(a, b)| a <= up_to[0] && b <= up_to[1])
+        let one = |function: Option<&Function>, p: usize| function.map_or(1.0, |f| f.values[p]);
+        let degree = |function: Option<&Function>| function.map_or(0, |f| f.degree);
+        // Of each variable its functions, and none of them.
+        let of = |v: usize| {
+            let own = variables.get(v).map_or(&[][..], |variable| &variable.functions);
+            std::iter::once(None).chain(own.iter().map(Some))
+        };
+        let pairs: Vec<[Option<&Function>; 2]> = of(0)
+            .flat_map(|a| of(1).map(move |b| [a, b]))
+            .filter(|[a, b]| (1..=most).contains(&(degree(*a) + degree(*b))))
             .collect();
         let mut values = Vec::with_capacity(samples * pairs.len());
         for p in 0..samples {
-            let [first, second] =
-                [0, 1].map(|v| legendre(variables.get(v).map_or(0.0, |v| v[p]), most));
-            values.extend(pairs.iter().map(|&(a, b)| first[a] * second[b]));
+            values.extend(pairs.iter().map(|[a, b]| one(*a, p) * one(*b, p)));
         }
-        Self { degrees: pairs.iter().map(|&(a, b)| (a + b) as f64).collect(), values }
+        let degrees = pairs.iter().map(|[a, b]| (degree(*a) + degree(*b)) as f64).collect();
+        Self { degrees, values }
     }
-}
-
-/// How many different values a variable has beside its first, up to `most`: so many polynomials of
-/// it are different.
-fn different(values: &[f64], most: usize) -> usize {
-    let mut known: Vec<f64> = Vec::with_capacity(most + 1);
-    for &value in values {
-        if known.len() > most {
-            break;
-        }
-        if known.iter().all(|other| (value - other).abs() > SAME) {
-            known.push(value);
-        }
-    }
-    known.len().saturating_sub(1).min(most)
-}
-
-/// Legendre's polynomials up to a degree, each with a mean square of 1 over -1 to 1.
-fn legendre(x: f64, most: usize) -> Vec<f64> {
-    let mut p = vec![1.0, x];
-    for n in 1..most {
-        let k = n as f64;
-        p.push(((2.0 * k + 1.0) * x * p[n] - k * p[n - 1]) / (k + 1.0));
-    }
-    p.truncate(most + 1);
-    p.iter().enumerate().map(|(n, p)| p * (2.0 * n as f64 + 1.0).sqrt()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use nalgebra::{DMatrix, DVector};
 
-    use super::{AMPLITUDES, Basis, Errors, SMOOTH, legendre};
+    use super::{AMPLITUDES, Basis, Errors, SMOOTH};
     use crate::diagnosis::price::{Data, Scale};
+    use crate::diagnosis::unknown_law::variables::{Quantity, Variable};
 
     /// Weight of what is fitted: its variance is without bound.
     const FITTED: f64 = 1e8;
@@ -224,12 +203,10 @@ mod tests {
         r.dot(&root.solve(r)) + log
     }
 
-    #[test]
-    fn it_is_the_density_of_the_residuals_with_their_whole_covariance() {
-        let n = 12;
+    /// Errors of one equation a sample, with one direction that a fit has absorbed, and all that they
+    /// are of.
+    fn errors(n: usize) -> (Errors, DVector<f64>, DVector<f64>, DVector<f64>) {
         let at = |p: usize, pace: f64| (pace * p as f64 + 0.3).sin();
-        let x: Vec<f64> = (0..n).map(|p| at(p, 0.9)).collect();
-        let y: Vec<f64> = (0..n).map(|p| at(p, 2.3)).collect();
         let a = DVector::from_fn(n, |p, _| 1.5 + at(p, 1.7));
         let q = DVector::from_fn(n, |p, _| 1.0 + 0.5 * at(p, 0.4)).normalize();
         let r = DVector::from_fn(n, |p, _| 3.0 * at(p, 5.1));
@@ -239,8 +216,21 @@ mod tests {
             gradient: a.iter().zip(&r).map(|(a, r)| a * r).collect(),
             absorbed: a.iter().zip(&q).map(|(a, q)| vec![a * q]).collect(),
         };
+        (errors, a, q, r)
+    }
+
+    #[test]
+    fn it_is_the_density_of_the_residuals_with_their_whole_covariance() {
+        let n = 12;
+        let at = |p: usize, pace: f64| (pace * p as f64 + 0.3).sin();
+        let waves = |pace: f64| (0..n).map(|p| at(p, pace)).collect::<Vec<f64>>();
+        let x = Variable::of(Quantity::Theta(0), waves(0.9)).expect("what changes");
+        let y = Variable::of(Quantity::Theta(1), waves(2.3)).expect("what changes");
+        let plays = Variable::of_plays(Quantity::Play(1), vec![waves(3.1), waves(4.4)]);
+        let plays = plays.expect("two that differ");
+        let (errors, a, q, r) = errors(n);
         let data = Data { scale: Scale::Known(f64::INFINITY), dof: n as f64 };
-        for variables in [vec![&x[..]], vec![&x[..], &y[..]]] {
+        for variables in [vec![&x], vec![&x, &y], vec![&plays], vec![&x, &plays]] {
             let got = errors.evidence(&variables, &data, r.norm_squared()).price;
             let basis = Basis::of(&variables, n);
             let m = basis.degrees.len();
@@ -261,21 +251,6 @@ mod tests {
             let wanted = -2.0 * (sum / (SMOOTH.len() as f64 * f64::from(AMPLITUDES))).ln();
             // The fitted direction has a variance of 1e8 there, and no bound here.
             assert!((got - wanted).abs() < 1e-4, "{got} for {wanted}");
-        }
-    }
-
-    #[test]
-    fn polynomials_are_orthonormal() {
-        let n = 20_000;
-        let points = (0..n).map(|k| (f64::from(k) + 0.5) * 2.0 / f64::from(n) - 1.0);
-        let rows: Vec<Vec<f64>> = points.map(|x| legendre(x, 8)).collect();
-        for i in 0..=8 {
-            for j in 0..=i {
-                let mean = rows.iter().map(|p| p[i] * p[j]).sum::<f64>() / f64::from(n);
-                let wanted = if i == j { 1.0 } else { 0.0 };
-                // The midpoint rule errs by the second power of its step.
-                assert!((mean - wanted).abs() < 1e-5, "{mean} of {i} and {j}");
-            }
         }
     }
 }

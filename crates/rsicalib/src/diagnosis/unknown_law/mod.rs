@@ -7,6 +7,7 @@
 //! price, and that of what it adds.
 
 mod evidence;
+mod history;
 pub mod variables;
 
 use crate::Error;
@@ -79,7 +80,11 @@ impl UnknownLaw {
     /// nothing of it.
     #[must_use]
     pub fn undoes(&self, effect: &Instance) -> bool {
-        let held = self.variables.iter().any(|quantity| is_over(effect, *quantity));
+        // Plays of all widths hold the jump of a hysteresis, which is one of none, but not its price.
+        let play = |quantity: &Quantity| {
+            effect.term.info().needs == Needs::Approach && matches!(quantity, Quantity::Play(_))
+        };
+        let held = self.variables.iter().any(|q| is_over(effect, *q) || play(q));
         self.behind < 0.0 && self.replaces.contains(effect) && !held
     }
 }
@@ -101,6 +106,13 @@ struct Beside<'a> {
     price: f64,
     /// Whether laws are weighed here that hold what it keeps, or all others; none where all are.
     holding: Option<bool>,
+}
+
+impl Beside<'_> {
+    /// True where laws are weighed here that hold what it keeps, or do not.
+    fn here(&self, holds: bool) -> bool {
+        self.holding.is_none_or(|holding| holding == holds)
+    }
 }
 
 impl Stepwise<'_> {
@@ -207,10 +219,9 @@ fn likeliest(
         }
         let each = sets(observations, variables, channel).into_iter().filter_map(|set| {
             let holds = set.iter().any(|&v| over(variables[v].quantity));
-            let here = |one: &Beside| one.holding.is_none_or(|holding| holding == holds);
-            let (one, errors) = beside.iter().zip(&errors).find(|(one, _)| here(one))?;
-            let values: Vec<&[f64]> = set.iter().map(|&v| &variables[v].values[..]).collect();
-            let evidence = errors.evidence(&values, data, one.chi2);
+            let (one, errors) = beside.iter().zip(&errors).find(|(one, _)| one.here(holds))?;
+            let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
+            let evidence = errors.evidence(&of, data, one.chi2);
             let fall = evidence.fall + beside[0].chi2 - one.chi2;
             Some((set, Evidence { price: one.price + evidence.price, fall, ..evidence }))
         });
@@ -221,8 +232,8 @@ fn likeliest(
         let price = mean(sets.iter().map(|(set, e)| (e.price, 1.0 / many[set.len() - 1])));
         let best = sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
         let size = best.map_or(f64::NAN, |(set, evidence)| {
-            let values: Vec<&[f64]> = set.iter().map(|&v| &variables[v].values[..]).collect();
-            errors[0].size(&values, evidence)
+            let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
+            errors[0].size(&of, evidence)
         });
         Some(Scan { channel, sets, price, size })
     });
@@ -233,7 +244,8 @@ fn likeliest(
 }
 
 /// The sets of variables that a law of a channel may have: any one that no term has as a free curve,
-/// its own reading with any other, and two of its chain.
+/// its own reading with any other, and two of its chain, of which one is of the pose. What is of the
+/// way to a pose has a partner only where one of both is the channel's own.
 fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> Vec<Vec<usize>> {
     let chain = |c: usize| observations.mechanism.chain_of(c);
     let near = |v: usize| {
@@ -241,11 +253,21 @@ fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> 
         its.is_none_or(|c| chain(c).is_some() && chain(c) == chain(channel))
     };
     let own = |v: usize| variables[v].quantity == Quantity::Theta(channel);
+    let own_way = |v: usize| {
+        let quantity = variables[v].quantity;
+        quantity.of_way() && quantity.channel() == Some(channel)
+    };
+    let way = |v: usize| variables[v].quantity.of_way();
     let term = |v: usize| own(v) || variables[v].quantity == Quantity::Time;
     let all = 0..variables.len();
     let singles = all.clone().filter(|&v| !term(v)).map(|v| vec![v]);
     let pairs = all.clone().flat_map(|v| (0..v).map(move |w| (w, v)));
-    let pairs = pairs.filter(|&(w, v)| own(v) || own(w) || (near(v) && near(w)));
+    let pairs = pairs.filter(|&(w, v)| match (way(w), way(v)) {
+        (true, true) => false,
+        (false, false) => own(v) || own(w) || (near(v) && near(w)),
+        (true, false) => own(v) || (own_way(w) && near(v)),
+        (false, true) => own(w) || (own_way(v) && near(w)),
+    });
     singles.chain(pairs.map(|(w, v)| vec![w, v])).collect()
 }
 
