@@ -179,9 +179,6 @@ pub enum Why {
     Nothing,
     /// The solver did not end at a minimum in which every joint moves.
     NotConverged,
-    /// No start led to a fit in which every joint moves: that loops close where it ended is no
-    /// evidence, unless known poses tell more.
-    NoStart,
     /// Nothing is left to check the parameters with.
     NothingLeft,
     /// Directions are left that other poses could tell.

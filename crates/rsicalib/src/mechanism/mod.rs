@@ -30,6 +30,7 @@ pub use drawing::{
 pub use law::Law;
 #[doc(hidden)]
 pub use law::{Class, Formula, MOST_PARAMETERS, MOST_VARIABLES, Moves, Per, Variable};
+#[doc(hidden)]
 pub use place_name::PlaceName;
 pub(crate) use place_name::place_name;
 pub(crate) use places::around;
