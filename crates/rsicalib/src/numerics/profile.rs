@@ -171,8 +171,11 @@ impl<P: Problem> Profile<'_, P> {
 /// tenths; in its middle every other time, for ends of which a line says little.
 fn between(low: &Place, high: &Place, tried: usize) -> f64 {
     let part = (1.0 - low.root) / (high.root - low.root);
-    let part =
-        if part.is_finite() && (tried < 2 || tried % 2 == 0) { part.clamp(0.1, 0.9) } else { 0.5 };
+    let part = if part.is_finite() && (tried < 2 || tried.is_multiple_of(2)) {
+        part.clamp(0.1, 0.9)
+    } else {
+        0.5
+    };
     low.away + part * (high.away - low.away)
 }
 
