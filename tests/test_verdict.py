@@ -14,6 +14,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Readings
+from rsicalib.facts.shapes import Reason
 from tests import clean, oracle, simulated
 from tests.blind import simulator, trials
 from tests.blind.effects.sensor import Slip
@@ -281,3 +282,67 @@ def test_a_predicted_error_far_above_the_misclosure_is_in_the_first_line() -> No
     far = replace(found.predicted, position_sd=20.0 * found.fit.rms_misclosure)
     first = replace(found, predicted=far).summary()
     assert first.startswith("Adequate, yet the platform is predicted to err by ")
+
+
+def two_arms(seed: int, play: float) -> tuple[rsicalib.Mechanism, dict[str, Any]]:
+    """Two arms, as drawn but for offsets, whose tips touch in eight poses to within a play."""
+    own = read_mechanism(EXAMPLES / "two_arms.toml")
+    for channel in own["channel"]:
+        channel["limits"] = [-2.5, 2.5]
+    rng = np.random.default_rng(seed)
+
+    def off(angles: Any) -> Any:
+        return oracle.point(own, "left1", angles) - oracle.point(own, "right1", angles)
+
+    angles = simulated.closed(own, off, 8, rng)
+    inverse = np.linalg.pinv(simulated.derivative(off, angles))
+    angles -= np.einsum("nij,nj->ni", inverse, rng.normal(0.0, play, (8, 3)))
+    values = simulated.read(own, angles, rng.normal(0.0, 0.01, 12), rng)
+    text = (EXAMPLES / "two_arms.toml").read_text()
+    first, last = text.index("closure = ["), text.index("]\n[[chain]]")
+    touch = '{name = "tips", kind = "touch", between = ["left1", "right1"], '
+    text = f"{text[:first]}closure = [{touch}noise = {play}}}{text[last:]}"
+    columns = {c["name"]: values[:, k] for k, c in enumerate(own["channel"])}
+    return rsicalib.Mechanism.from_toml(text), {"pose": np.arange(8), **columns}
+
+
+@both
+def test_readings_that_tell_less_than_the_drawing_determine_nothing(verb: Any) -> None:
+    """Offsets that are 0.05 rad off, as offsets may be, put points of these arms 30 mm off."""
+    mechanism, table = two_arms(11, 60.0)
+    found = verb(table, mechanism)
+    assert (found.verdict, found.exit_code) == ("undetermined", 3)
+    (reason,) = found.reasons
+    assert reason.kind == "predicted"
+    assert reason.found == found.predicted.position_sd
+    assert reason.expected == pytest.approx(drawn_error(table), rel=0.05)
+    first = " ".join(found.summary().split("\n\n")[0].split())
+    assert f"predicted to err by {reason.found:.0f} mm, and by {reason.expected:.0f} mm" in first
+    # What tells more than the drawing, be it not much more, is a calibration.
+    mechanism, table = two_arms(11, 10.0)
+    found = verb(table, mechanism)
+    assert (found.verdict, found.exit_code) == ("adequate", 0)
+
+
+def drawn_error(table: dict[str, Any]) -> float:
+    """What offsets with a standard deviation of 0.05 rad do to a coordinate of the arms' points."""
+    own = read_mechanism(EXAMPLES / "two_arms.toml")
+    angles = np.stack([table[c["name"]] for c in own["channel"]], axis=1)
+
+    def places(angles: Any) -> Any:
+        return np.concatenate([oracle.point(own, p["name"], angles) for p in own["point"]], axis=1)
+
+    slope = simulated.derivative(places, angles)
+    return float(0.05 * np.sqrt(np.sum(slope**2, axis=2).mean()))
+
+
+def test_what_is_predicted_to_be_worse_than_as_drawn_says_so() -> None:
+    """Three known poses that are no better off vouch for nothing: `verdict.rs` tests when."""
+    found = said(rsicalib.calibrate, trials.staged([31, 0]))
+    reason = Reason("predicted_declared", 62.0, 5.0)
+    first = replace(found, verdict="unexplained", reasons=(reason,)).summary()
+    assert " ".join(first.split()).startswith(
+        "Contradicted: check poses are predicted to be off by 62.0 in, and 5.00 in is their error "
+        "with the mechanism as it is declared"
+    )
+    assert "Do not use it" in first

@@ -204,8 +204,21 @@ def quality(result: ResultShape) -> FitQuality:
 
 def _lack(result: ResultShape) -> str:
     """What keeps readings from telling what was asked; no convention does."""
+    reason = next(iter(result.reasons), None)
+    if reason is not None and reason.kind == "predicted":
+        what = _carried(result)
+        size, drawn = (
+            f"{number(v, 2)} {result.length_unit}" for v in (reason.found, reason.expected)
+        )
+        return f"{what} predicted to err by {size}, and by {drawn} without any readings"
     lost = any(reason.kind == "unobservable" for reason in result.reasons)
     return result.unobservable[0] if lost else result.termination
+
+
+def _carried(result: ResultShape) -> str:
+    """What errors are predicted of, as the subject of a sentence."""
+    placed = result.predicted is not None and result.predicted.orientation_sd is not None
+    return "the platform is" if placed else "carried points are"
 
 
 def sentence(result: ResultShape) -> str:
@@ -266,7 +279,7 @@ def _yet(result: ResultShape) -> str:
         return ""
     if not error.position_sd > FAR * gap_size:
         return ""
-    what = "carried points are" if error.orientation_sd is None else "the platform is"
+    what = _carried(result)
     size, gap = number(error.position_sd, 2), number(gap_size, 2)
     unit = result.length_unit
     return f", yet {what} predicted to err by {size} {unit} beside a misclosure of {gap} {unit}"
@@ -494,6 +507,9 @@ ADVICE = {
     "see whether the known orientations are as good as they are taken for.",
     "check_declared": "Do not use it: known poses are better off with the mechanism as it is "
     "declared. Record more poses, from all of the workspace, or fit fewer --terms.",
+    "predicted_declared": "Do not use it: known poses are no better off than with the mechanism as "
+    "it is declared, and others may be far worse. Record more poses, from all of the workspace, or "
+    "fit fewer --terms.",
     "check_before": "What was found makes known poses worse: record more poses, and see whether it "
     "is found again.",
     "groups_declared": "Do not use it: other groups are better off with the mechanism as it is "
@@ -543,6 +559,10 @@ REASONS = {
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
     "check_declared": ("check poses are off by", "with the mechanism as it is declared"),
+    "predicted_declared": (
+        "check poses are predicted to be off by",
+        "is their error with the mechanism as it is declared",
+    ),
     "check_before": ("check poses are off by", "without what was found"),
     "groups_declared": (
         "groups that were not fitted close to",

@@ -48,6 +48,10 @@ pub struct Predicted {
     pub position_sd: f64,
     /// Standard deviation of roll, pitch and yaw (rad); null without a platform.
     pub orientation_sd: Option<f64>,
+    /// The same as `position_sd` before there are readings: by the typical sizes of the parameters, or
+    /// how well they are declared to be known. None of what is not at the poses of a session.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub beforehand: Option<f64>,
     /// Degrees of freedom of the mean square of all coordinates, each in its deviations.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub dof: f64,
@@ -111,7 +115,15 @@ pub fn predicted(
         samples: &[],
         moved: &[],
     };
-    Ok(wanted.of(fit, &slopes))
+    let sd = fit.model.sd_beforehand();
+    let size = (slopes.len() * positions).max(1) as f64;
+    let square = |by: &DMatrix<f64>| {
+        let column =
+            |(p, sd): (usize, &f64)| by.view((0, p), (positions, 1)).norm_squared() * sd * sd;
+        sd.iter().enumerate().map(column).sum::<f64>()
+    };
+    let mean = slopes.iter().map(|s| square(&s.by_parameter)).sum::<f64>() / size;
+    Ok(Predicted { beforehand: Some(mean.sqrt()), ..wanted.of(fit, &slopes) })
 }
 
 /// What of the derivatives an error is predicted of.
@@ -189,7 +201,7 @@ impl Wanted<'_> {
         let orientation_sd = sd_of(&self.turns, 1);
         let unit = [position_sd, orientation_sd.unwrap_or(1.0)].map(|u| u.max(f64::MIN_POSITIVE));
         let dof = square([&self.positions, &self.turns], unit).unwrap_or_default().dof;
-        Predicted { poses: slopes.len(), position_sd, orientation_sd, dof }
+        Predicted { poses: slopes.len(), position_sd, orientation_sd, beforehand: None, dof }
     }
 }
 

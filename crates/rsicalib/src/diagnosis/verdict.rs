@@ -157,6 +157,9 @@ pub struct Evidence {
     pub held_out: Option<HeldOut>,
     /// The same, beside the error without the effects found.
     pub held_out_before: Option<Compared>,
+    /// Predicted error at the poses of the session, beside that of the parameters as they are known
+    /// without readings.
+    pub predicted: Option<[f64; 2]>,
     /// Error on known poses.
     pub check: Option<Check>,
     /// The same, beside the mechanism as it is declared.
@@ -183,6 +186,8 @@ pub enum Why {
     NothingLeft,
     /// Directions are left that other poses could tell.
     Unobservable,
+    /// Positions are predicted to err by no less than before there were readings.
+    Predicted,
     /// Something is absurd beside the size of the mechanism.
     Absurd,
     /// More is left than chance leaves.
@@ -195,6 +200,9 @@ pub enum Why {
     CheckOrientation,
     /// Known poses are off by more than with the mechanism as it is declared.
     CheckDeclared,
+    /// Known poses are predicted to be off by more than they are with the mechanism as it is declared,
+    /// and are off by no less.
+    PredictedDeclared,
     /// Known poses are off by more than without the effects found.
     CheckBefore,
     /// Poses left out in turn are off by more than the fit predicts.
@@ -260,7 +268,8 @@ pub struct Judgement {
 
 /// The verdict on a calibration or a trace, by everything that is known of it.
 ///
-/// Undetermined comes first, then implausible. What known poses, groups that were not fitted and
+/// Undetermined comes first, then implausible. Readings that tell no more of where things are than the
+/// drawing does determine nothing, unless known poses tell more. What known poses, groups that were not fitted and
 /// poses left out in turn contradict is not adequate, nor explained, whatever the residual is;
 /// without a contradiction what nothing judges is unjudged.
 #[must_use]
@@ -278,6 +287,14 @@ pub fn judge(evidence: &Evidence) -> Judgement {
         Determined::Unobservable => return one(Verdict::Undetermined, Why::Unobservable),
     }
     let reasons = against(evidence);
+    // What known poses show comes before what is predicted.
+    if let Some([found, expected]) = evidence.predicted.filter(|[sd, before]| sd >= before)
+        && evidence.check.is_none()
+    {
+        let (found, expected) = (Some(found), Some(expected));
+        let reason = Reason { found, expected, ..Reason::of(Why::Predicted) };
+        return Judgement { verdict: Verdict::Undetermined, reasons: vec![reason] };
+    }
     let verdict = match (reasons.is_empty(), evidence.found, evidence.p_value) {
         (true, _, None) => Verdict::Unjudged,
         (true, false, _) => Verdict::Adequate,
@@ -320,6 +337,12 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
         };
         Reason::beyond(kind, LEVEL, numbers, Some(predicted.p_value))
     });
+    // A few known poses that happen to be no worse vouch for no others.
+    let predicted_declared = evidence.check_declared.filter(|it| it.found >= it.other);
+    let predicted_declared = predicted_declared.and_then(|compared| {
+        let found = evidence.check?.predicted?.position_sd;
+        Reason::worse(Why::PredictedDeclared, Some(Compared { found, ..compared }))
+    });
     // Known poses all share the errors of the parameters: what is off by no more than these predict
     // says nothing of an effect.
     let check_before = found(evidence.check_before).filter(|_| check.is_some());
@@ -330,8 +353,9 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     let residual = evidence.p_value.filter(|p| *p <= LEVEL);
     let residual = residual.map(|p| Reason { p_value: Some(p), ..Reason::of(Why::Residual) });
     let doubtful = evidence.found && evidence.doubtful;
+    let declared = Reason::worse(Why::CheckDeclared, evidence.check_declared);
     [
-        Reason::worse(Why::CheckDeclared, evidence.check_declared),
+        declared.or(predicted_declared),
         check,
         Reason::worse(Why::CheckBefore, check_before),
         Reason::worse(Why::GroupsDeclared, evidence.groups_declared),
@@ -365,6 +389,7 @@ pub fn worth_an_update(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::apply::accuracy::Expected;
 
     fn clean() -> Evidence {
         let determined = Determined::Yes;
@@ -406,6 +431,43 @@ mod tests {
         assert_eq!(said(&groups).0, Verdict::Adequate);
         let found = Evidence { found: true, ..groups };
         assert_eq!(said(&found), (Verdict::PartlyExplained, vec![Why::GroupsBefore]));
+    }
+
+    #[test]
+    fn readings_that_tell_less_than_the_drawing_determine_nothing() {
+        let evidence = Evidence { predicted: Some([62.0, 30.0]), ..clean() };
+        assert_eq!(said(&evidence), (Verdict::Undetermined, vec![Why::Predicted]));
+        let reason = judge(&evidence).reasons[0];
+        assert_eq!((reason.found, reason.expected), (Some(62.0), Some(30.0)));
+        let better = Evidence { predicted: Some([20.0, 30.0]), ..clean() };
+        assert_eq!(said(&better), (Verdict::Adequate, vec![]));
+    }
+
+    #[test]
+    fn three_known_poses_that_are_no_better_do_not_vouch_for_what_is_predicted() {
+        let expected =
+            Expected { position_sd: 62.0, orientation_sd: None, chi2: 1.0, dof: 2.0, p_value: 0.9 };
+        let of = |position_rms, other| Evidence {
+            predicted: Some([62.0, 30.0]),
+            check: Some(Check { position_rms, predicted: Some(expected), ..known() }),
+            check_declared: Some(Compared { found: position_rms, other, errors: 9.0 }),
+            ..clean()
+        };
+        assert_eq!(said(&of(6.0, 5.0)), (Verdict::Unexplained, vec![Why::PredictedDeclared]));
+        // Known poses that are better off speak for the calibration.
+        assert_eq!(said(&of(3.0, 5.0)), (Verdict::Adequate, vec![]));
+        assert_eq!(said(&of(60.0, 5.0)), (Verdict::Unexplained, vec![Why::CheckDeclared]));
+    }
+
+    fn known() -> Check {
+        Check {
+            poses: 3,
+            position_rms: 0.0,
+            orientation_rms: None,
+            largest: None,
+            predicted: None,
+            misread: None,
+        }
     }
 
     #[test]

@@ -33,15 +33,6 @@ impl Model {
         let root = root.filter(|_| self.mechanism.floats()).map(Target::Channel);
         for (instance, &first) in self.instances.iter().zip(&self.first) {
             let info = instance.term.info();
-            let declared = self.mechanism.model.sd.get(info.id).copied();
-            let drawing = match instance.target {
-                Target::Closure(k) => self.mechanism.closures.get(k).and_then(|c| c.sd),
-                Target::Place(place) => {
-                    let mut touching = self.mechanism.closures_at(place);
-                    touching.find_map(|k| self.mechanism.closures[k].sd)
-                }
-                _ => None,
-            };
             // A term with redundant directions, or a free shape, has its typical size as prior.
             let held = info.penalised
                 || info.broad
@@ -51,13 +42,41 @@ impl Model {
             if complete && instance.term.role() == Role::Offset && root == Some(instance.target) {
                 typical = vec![ROOT];
             }
+            let known = self.declared_sd(instance);
             for (k, typical) in typical.into_iter().enumerate() {
-                if let Some(sd) = declared.or(drawing).or(held.then_some(typical)) {
+                if let Some(sd) = known.or(held.then_some(typical)) {
                     priors.push(Prior::Parameter { column: first + k, mean: 0.0, sd });
                 }
             }
         }
         priors
+    }
+
+    /// Standard deviation of every parameter of terms before there are readings: as it is declared, or
+    /// its typical size.
+    #[must_use]
+    pub(crate) fn sd_beforehand(&self) -> Vec<f64> {
+        let mut out = vec![0.0; self.term_parameters];
+        for (instance, &first) in self.instances.iter().zip(&self.first) {
+            let known = self.declared_sd(instance);
+            for (sd, typical) in out.iter_mut().skip(first).zip(self.typical(instance)) {
+                *sd = known.unwrap_or(typical);
+            }
+        }
+        out
+    }
+
+    /// How well the mechanism file says that the parameters of an instance are known.
+    fn declared_sd(&self, instance: &Instance) -> Option<f64> {
+        let declared = self.mechanism.model.sd.get(instance.term.info().id).copied();
+        declared.or_else(|| match instance.target {
+            Target::Closure(k) => self.mechanism.closures.get(k).and_then(|c| c.sd),
+            Target::Place(place) => {
+                let mut touching = self.mechanism.closures_at(place);
+                touching.find_map(|k| self.mechanism.closures[k].sd)
+            }
+            _ => None,
+        })
     }
 
     /// True for a load that is held: what joints give is hard to tell from what others give.

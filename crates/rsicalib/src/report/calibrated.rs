@@ -115,6 +115,7 @@ pub fn of(
     }
     let nominal = beside.map(Beside::nominal).transpose()?.flatten();
     let groups = beside.map(|beside| beside.groups((used, fit), None)).transpose()?.flatten();
+    let mut estimates = estimates(used, fit, &directions);
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {
         determined: Determined::of(fit, &directions),
         absurd: !absurd.is_empty(),
@@ -124,9 +125,9 @@ pub fn of(
         check: quality.checked(),
         check_declared: nominal.as_ref().and_then(|nominal| quality.beside(nominal)),
         groups_declared: groups.as_ref().and_then(|groups| groups.compared()[0]),
+        predicted: estimates.beforehand(),
         ..Evidence::default()
     });
-    let mut estimates = estimates(used, fit, &directions);
     if fit.dof < 1.0 {
         let poses = used.readings.poses();
         estimates.unobservable.insert(0, words::nothing_left(fit.beta.len(), poses));

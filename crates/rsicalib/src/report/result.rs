@@ -221,6 +221,14 @@ pub struct Estimates {
     pub iterations: usize,
 }
 
+impl Estimates {
+    /// Predicted error of positions, and that by what is known without readings.
+    pub(crate) fn beforehand(&self) -> Option<[f64; 2]> {
+        let predicted = self.predicted?;
+        Some([predicted.position_sd, predicted.beforehand?])
+    }
+}
+
 /// A result on its way to other readings than its own.
 impl From<&Estimates> for Applied {
     fn from(found: &Estimates) -> Self {
