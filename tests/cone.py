@@ -5,6 +5,7 @@ Every seating is one draw of where the ball sits; all samples of a pose read the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from tests.oracle import Array
 
 LIMITS = np.array([[-3.1, 3.1], [-3.1, 0], [-2.8, 2.8], [-3.1, 3.1], [-3.1, 3.1], [-3.1, 3.1]])
 OFFSETS = np.array([0.004, -0.006, 0.008, -0.010, 0.005, 0.007])
+BALL = np.array([40.0, 0.0, 120.0, 1.0])
 CONE = np.array([-430.0, -200.0, 120.0])
 ROWS = (
     (162.5, 0.0, np.pi / 2),
@@ -62,27 +64,36 @@ def mechanism(noise: float | None, play: float | None, terms: str = '["offset"]'
     return HEAD.format(channels=channels, rows=rows, play=own, terms=terms)
 
 
-def tip(q: Array) -> Array:
-    """Place of the ball for joint angles."""
+def chain(q: Array) -> tuple[Array, Array]:
+    """Place of the ball for joint angles, and its derivative: each joint turns what it carries."""
     frame = np.eye(4)
-    for angle, (d, a, alpha) in zip(q, ROWS, strict=True):
-        c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
+    axes, places = [], []
+    for angle, (d, a, alpha) in zip(q.tolist(), ROWS, strict=True):
+        axes.append(frame[:3, 2])
+        places.append(frame[:3, 3])
+        c, s, ca, sa = math.cos(angle), math.sin(angle), math.cos(alpha), math.sin(alpha)
         frame = frame @ np.array(
             [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
         )
-    return np.asarray((frame @ np.array([40.0, 0.0, 120.0, 1.0]))[:3])
+    ball = (frame @ BALL)[:3]
+    return ball, np.cross(axes, ball - places).T
+
+
+def tip(q: Array) -> Array:
+    """Place of the ball for joint angles."""
+    return chain(q)[0]
 
 
 def slopes(q: Array) -> Array:
-    """Derivative of the place of the ball by the joint angles, by central differences."""
-    steps = 1e-6 * np.eye(6)
-    return np.column_stack([(tip(q + h) - tip(q - h)) / 2e-6 for h in steps])
+    """Derivative of the place of the ball by the joint angles."""
+    return chain(q)[1]
 
 
 def touching(q: Array, place: Array) -> Array:
     """Joint angles near `q` at which the ball is at a place, by Newton's method."""
     for _ in range(30):
-        step = np.linalg.pinv(slopes(q)) @ (tip(q) - place)
+        at, slope = chain(q)
+        step = np.linalg.pinv(slope) @ (at - place)
         largest = float(np.abs(step).max())
         q = q - step * min(1.0, 0.3 / max(largest, 1e-300))
         if largest < 1e-11:

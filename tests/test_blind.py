@@ -20,6 +20,7 @@ from tests.blind.geometry import Geometry, forward_arm, inverse
 from tests.blind.grade import grade
 from tests.blind.scene import Scene
 from tests.blind.simulator import Device
+from tests.full import sized
 from tests.oracle import Array
 
 EVERY = effects.CATALOGUE + effects.OUTSIDE + effects.FAULTS
@@ -223,7 +224,7 @@ def test_noncentrality_is_the_mean_growth_of_chi_square(
     growth = [
         chi2(simulator.session(device, rng, poses, samples=1, effects=[effect])["values"])
         - chi2(simulator.session(device, rng, poses, samples=1)["values"])
-        for _ in range(60)
+        for _ in range(sized(20, 60))
     ]
     assert abs(np.mean(growth) - wanted) < 4 * np.std(growth) / np.sqrt(len(growth)) + 0.1 * wanted
 

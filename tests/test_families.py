@@ -25,6 +25,7 @@ from tests.families.grade import (
 )
 from tests.families.power import Linear
 from tests.families.trials import drawn, make, readings_of, toml, truth_of
+from tests.full import sized
 
 EVERY = pytest.mark.parametrize("family", list(FAMILIES))
 
@@ -109,7 +110,7 @@ def test_noncentrality_is_the_growth_of_chi_square() -> None:
 
 @EVERY
 def test_clean_devices_are_adequate_and_the_truth_is_recovered(family: str) -> None:
-    for seed in range(2):
+    for seed in range(sized(1, 2)):
         device, _, mechanism, readings = clean(family, seed)
         found = rsicalib.calibrate(readings, mechanism)
         assert found.verdict == "adequate"

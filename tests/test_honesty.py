@@ -393,13 +393,14 @@ def test_the_error_of_the_platform_is_as_large_as_predicted() -> None:
     Each mean square is χ² of about 10, their mean of 120: 1.3 is five standard deviations.
     """
     squares = []
-    for number in range(12):
+    for number in range(sized(6, 12)):
         case = trials.staged([11, number])
         quiet = simulator.check(case.device, np.random.default_rng(number), samples=64)
         found = trials.examine(replace(case, check=quiet))
         rms = found["after"]["check"]["position_rms"]
         squares.append((rms / found["predicted"]["position_sd"]) ** 2)
-    assert 0.75 < np.sqrt(np.mean(squares)) < 1.3
+    # Errors of a session go together, as two or three independent ones: of six, to a fifth.
+    assert sized(0.65, 0.75) < np.sqrt(np.mean(squares)) < sized(1.4, 1.3)
 
 
 @pytest.mark.parametrize("family", ["fourbar", "ballbar"])
@@ -476,7 +477,8 @@ def test_a_declared_noise_that_is_too_large_is_said(verb: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("family", "seed"), [("sockets", 2), ("ballbar", 2), ("ballbar", 3), ("drawwire", 1)]
+    ("family", "seed"),
+    [("ballbar", 2), ("drawwire", 1), *sized([], [("sockets", 2), ("ballbar", 3)])],
 )
 def test_a_declared_noise_that_is_too_small_is_no_effect(family: str, seed: int) -> None:
     """0.3 of the noise is declared, and no pose is read twice: χ² per degree of freedom is 11."""
@@ -696,7 +698,7 @@ def test_one_encoder_in_large_steps_spoils_no_clean_session(family: str, steps: 
     Where nobody declares it, the noise is that of the sensor and of rounding, `s²/12`, which 4
     samples in 60 poses tell to about a tenth, and in 40 of two equations likewise.
     """
-    for number in range(3):
+    for number in range(sized(1, 3)):
         device, scene, rng = machine(family, number)
         mechanism = Mechanism.from_toml(toml(device))
         session = coarse(device, observe(device, scene, rng), steps)
@@ -792,7 +794,7 @@ def test_a_slip_of_two_poses_is_bad_readings(family: str) -> None:
     assert {entry.pose for entry in found.excluded} == {scene.poses - 1, scene.poses}
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", sized(range(4), range(8)))
 def test_a_slip_with_three_poses_on_one_side_is_a_slip(seed: int) -> None:
     """By 30 mrad. Of two of these it was said that they wander, and their first pose left out."""
     rng = np.random.default_rng([seed, 12, 3])
@@ -834,7 +836,7 @@ def one_equation(term: str, target: str, seed: int, family: str, strength: float
     return rsicalib.trace(*given(device, scene, rng, effect))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(sized(2, 4)))
 @pytest.mark.parametrize(
     ("family", "target"), [("ballbar", "q2"), ("ballbar", "q5"), ("drawwire", "q2")]
 )

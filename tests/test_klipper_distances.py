@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,6 +68,12 @@ def printer(rng: np.random.Generator, pairs: int) -> str:
     return text
 
 
+@pytest.fixture(scope="module")
+def six(tmp_path_factory: pytest.TempPathFactory) -> tuple[rsicalib.Log, Any]:
+    """A bed and six distances, read and calibrated."""
+    return read(tmp_path_factory.mktemp("six") / "printer.cfg", 6)
+
+
 def read(path: Path, pairs: int) -> tuple[rsicalib.Log, rsicalib.CalibrationResult]:
     path.write_text(printer(np.random.default_rng(5), pairs), encoding="utf-8")
     log = rsicalib.import_log(path)
@@ -74,9 +81,8 @@ def read(path: Path, pairs: int) -> tuple[rsicalib.Log, rsicalib.CalibrationResu
     return log, rsicalib.calibrate(path, terms=terms)
 
 
-def test_distances_are_pairs_of_rows_on_no_bed(tmp_path: Path) -> None:
-    path = tmp_path / "printer.cfg"
-    log, found = read(path, 6)
+def test_distances_are_pairs_of_rows_on_no_bed(six: tuple[rsicalib.Log, Any]) -> None:
+    log, found = six
     (session,) = log.sessions
     assert np.isnan(np.asarray(session.columns["height"])).sum() == 12
     assert session.columns["touch"][30:32] == ["distance0a", "distance0b"]
@@ -89,11 +95,12 @@ def test_distances_are_pairs_of_rows_on_no_bed(tmp_path: Path) -> None:
             assert abs(p.value - truth) < 5 * p.sd, p
 
 
-def test_distances_tell_what_a_bed_alone_does_not(tmp_path: Path) -> None:
+def test_distances_tell_what_a_bed_alone_does_not(
+    six: tuple[rsicalib.Log, Any], tmp_path: Path
+) -> None:
     """How long everything is: radius and arms together."""
     sd = []
-    for pairs in (0, 6):
-        _, found = read(tmp_path / "printer.cfg", pairs)
+    for _, found in (read(tmp_path / "printer.cfg", 0), six):
         (radius,) = [p for p in found.parameters if p.term == "link_length"]
         sd.append(radius.sd)
     assert sd[1] is not None

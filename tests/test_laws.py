@@ -19,6 +19,7 @@ from scripts import make_gallery
 from tests.families.draw import FAMILIES
 from tests.families.power import Linear
 from tests.families.trials import readings_of
+from tests.full import sized
 from tests.laws import curves, shared, trials
 from tests.laws.draw import LAWS
 
@@ -199,7 +200,7 @@ def test_a_law_is_told_to_be_left_out_of_an_exported_mechanism(tmp_path: Path) -
 
 @pytest.mark.parametrize("family", ["rsi", "rps"])
 def test_a_mistake_that_all_chains_share_is_one_constant(family: str) -> None:
-    said = [shared.run((family, True, k), seed=3) for k in range(2)]
+    said = [shared.run((family, True, k), seed=3) for k in range(sized(1, 2))]
     assert all(s.one for s in said), said
 
 

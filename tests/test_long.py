@@ -5,6 +5,7 @@ Full size: `python -m tests.blind.long --rows 20000 --sessions 40`.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,14 +18,21 @@ ROWS = 9000
 """Few more than those from which on a recording is long."""
 
 
+@cache
+def recording(kind: str) -> tuple[long.Recording, Any]:
+    """A recording that several tests look at, and its trace."""
+    it = long.make(kind, ROWS, seed=5)
+    return it, traced(it)
+
+
 def traced(it: long.Recording) -> Any:
     return rsicalib.trace(it.readings, rest=it.rest)
 
 
 @pytest.mark.parametrize("kind", long.KINDS)
 def test_what_a_long_recording_has_is_named_and_nothing_else(kind: str) -> None:
-    it = long.make(kind, ROWS, seed=5)
-    assert long.said(traced(it)) == (it.names, it.out)
+    it, found = recording(kind)
+    assert long.said(found) == (it.names, it.out)
 
 
 @pytest.mark.parametrize("kind", ["clean", "ripple", "slip"])
@@ -35,8 +43,7 @@ def test_noise_that_resembles_its_neighbours_is_no_effect(kind: str) -> None:
 
 
 def test_the_same_is_named_by_stretches_as_by_rows() -> None:
-    it = long.make("two", ROWS, seed=1)
-    every = traced(it)
+    it, every = recording("two")
     # So few are searched row by row.
     few = rsicalib.trace(it.readings.select(np.arange(ROWS) < 1500), rest=it.rest)
     assert long.said(every) == long.said(few)
@@ -48,8 +55,7 @@ def test_the_same_is_named_by_stretches_as_by_rows() -> None:
 
 
 def test_parameters_and_the_test_of_fit_are_those_of_all_rows() -> None:
-    it = long.make("ripple", ROWS, seed=1)
-    found = traced(it)
+    it, found = recording("ripple")
     (step,) = found.steps
     name = f"{step.term}@{step.target}:{step.place}"
     told = rsicalib.calibrate(it.readings, rest=it.rest, terms=["offset", "gain", name])

@@ -32,6 +32,14 @@ def offsets(found: Calibration | Trace) -> tuple[Array, Array]:
     return np.array([p.value for p in each]), np.array([p.sd for p in each])
 
 
+def test_the_slopes_of_the_witness_are_its_differences() -> None:
+    q = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.3])
+    steps = 1e-6 * np.eye(6)
+    apart = np.column_stack([(cone.tip(q + h) - cone.tip(q - h)) / 2e-6 for h in steps])
+    # Rounding: 500 mm, sixteen digits, over the step.
+    np.testing.assert_allclose(cone.slopes(q), apart, atol=1e-6)
+
+
 @pytest.mark.parametrize("declared", [None, SIGMA])
 def test_repeats_of_a_seating_do_not_scale_its_play(declared: float | None) -> None:
     taken = cone.session(1)

@@ -129,7 +129,7 @@ def test_correlation_that_two_samples_cannot_show_widens_by_the_lack_of_fit() ->
 
 
 def test_a_recording_is_as_honest_as_held_poses() -> None:
-    found = bench.honesty(Cell(4000, 0, 1.0), 20)
+    found = bench.honesty(Cell(4000, 0, 1.0), sized(8, 20))
     assert abs(found.coverage - 0.95) < SURE * max(found.coverage_error, 0.02)
     assert found.uniform > 1e-4
     assert found.rms < 1.05 + SURE * found.rms_error
@@ -145,7 +145,7 @@ def test_plain_least_squares_misplaces_the_handle() -> None:
 
 
 def test_plain_least_squares_misplaces_the_handle_of_a_simulated_device() -> None:
-    errors = [bench.handle_errors(bench.simulated_recording(seed)) for seed in range(4)]
+    errors = [bench.handle_errors(bench.simulated_recording(seed)) for seed in range(sized(2, 4))]
     implicit, algebraic = (
         np.array([error[method] for error in errors]) for method in ("implicit_loop", "algebraic")
     )
@@ -161,7 +161,7 @@ def test_plain_least_squares_misplaces_the_handle_of_a_simulated_device() -> Non
 @pytest.mark.parametrize("which", ["hand", "III", "both"])
 def test_wrong_nominal_gains_lead_to_the_same_fit(which: str) -> None:
     # Demanded is 99.9 %: of 100, none may fail but by bad luck of 1 in 10.
-    rows = bench.inline(partial(bench.one_start, which, 1), 100)
+    rows = bench.inline(partial(bench.one_start, which, 1), sized(50, 100))
     assert all(row.arrived for row in rows)
 
 

@@ -51,7 +51,7 @@ def step() -> dict[str, Any]:
 @pytest.mark.parametrize("kind", ["white", "tremor", "correlated"])
 def test_sound_devices_raise_no_more_false_alarms_than_promised(kind: str) -> None:
     # The full size is `python -m tests.watch.run rate`.
-    found = [quiet([5, device], kind, 1e-3, 5_000) for device in range(3)]
+    found = [quiet([5, device], kind, 1e-3, 2_500) for device in range(3)]
     promised = 1e-3 * sum(f.rows for f in found)
     # Alarms of one device may follow each other: three standard errors of a Poisson count.
     assert sum(f.alarms for f in found) <= promised + 3 * promised**0.5
@@ -280,7 +280,8 @@ def test_a_watch_that_was_killed_goes_on_as_if_it_had_not(
     step: dict[str, Any], tmp_path: Path
 ) -> None:
     # The full size, with SIGKILL, is `python -m tests.watch.killed`.
-    rows, state = csv(step["values"], tmp_path / "rows.csv"), tmp_path / "state"
+    values = step["values"][1000:7000]
+    rows, state = csv(values, tmp_path / "rows.csv"), tmp_path / "state"
     rate = {"false_alarms": 1e-3}
     unbroken = list(rsicalib.watch(rows, step["calibration"], **rate))
     rng = np.random.default_rng(0)
@@ -309,7 +310,7 @@ def test_a_watch_that_was_killed_goes_on_as_if_it_had_not(
     assert rsicalib.Monitor.load(state).summary() == watching.summary()
     with pytest.raises(InputError, match="another rate"):
         rsicalib.watch(rows, step["calibration"], state=state)
-    csv(step["values"][::-1], rows)
+    csv(values[::-1], rows)
     with pytest.raises(InputError, match="other rows"):
         list(rsicalib.watch(rows, step["calibration"], state=state, **rate))
     damaged = tmp_path / "damaged"
@@ -319,8 +320,8 @@ def test_a_watch_that_was_killed_goes_on_as_if_it_had_not(
 
 
 def test_a_watch_saved_amid_an_open_name_raises_the_same_alarms(step: dict[str, Any]) -> None:
-    values = step["values"]
-    for cut in (1, 2999, 3003, 3100, 5000):
+    values = step["values"][2000:6000]  # it slips at row 1000 of these
+    for cut in (1, 999, 1003, 1100, 3000):
         one, other = Monitor(step["calibration"]), Monitor(step["calibration"])
         one.update(values[:cut])
         other.update(values[:cut])
