@@ -10,6 +10,7 @@ Everything here is analytic in its inputs, so derivatives are complex steps, exa
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -18,6 +19,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 Mechanism = dict[str, Any]
+
+PLANE = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}
+"""The two axes that a rotation about the third one turns."""
+
+IDENTITY = np.eye(4)
 
 STEP = 1e-30
 """Length of the complex step: its square vanishes beside anything."""
@@ -28,11 +34,13 @@ STEP = 1e-30
 
 def rotation(axis: str, angle: Array | float) -> Array:
     """Rotation about the axis `"x"`, `"y"` or `"z"` by angles of shape (...): shape (..., 4, 4)."""
+    if isinstance(angle, float | int):
+        return _turn(axis, angle)
     angle = np.asarray(angle)
     cos, sin = np.cos(angle), np.sin(angle)
-    first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    out = np.zeros((*angle.shape, 4, 4), dtype=cos.dtype)
-    out[..., range(4), range(4)] = 1.0
+    first, second = PLANE[axis]
+    out = np.empty((*angle.shape, 4, 4), dtype=cos.dtype)
+    out[...] = IDENTITY
     out[..., first, first] = out[..., second, second] = cos
     out[..., first, second] = -sin
     out[..., second, first] = sin
@@ -41,15 +49,41 @@ def rotation(axis: str, angle: Array | float) -> Array:
 
 def translation(x: Array | float = 0.0, y: Array | float = 0.0, z: Array | float = 0.0) -> Array:
     """Translation by `(x, y, z)`, each of shape (...): shape (..., 4, 4)."""
-    x, y, z = np.broadcast_arrays(x, y, z)
-    out = np.zeros((*x.shape, 4, 4), dtype=np.result_type(x, y, z, float))
-    out[..., range(4), range(4)] = 1.0
+    if isinstance(x, float | int) and isinstance(y, float | int) and isinstance(z, float | int):
+        return _shift(x, y, z)
+    out = np.empty((*np.broadcast(x, y, z).shape, 4, 4), dtype=np.result_type(x, y, z, float))
+    out[...] = IDENTITY
     out[..., 0, 3], out[..., 1, 3], out[..., 2, 3] = x, y, z
     return out
 
 
+# Mechanisms are made of the same numbers again and again; what these return cannot be written to.
+
+
+@lru_cache(maxsize=4096)
+def _turn(axis: str, angle: float) -> Array:
+    return _kept(rotation(axis, np.asarray(angle, dtype=float)))
+
+
+@lru_cache(maxsize=4096)
+def _shift(x: float, y: float, z: float) -> Array:
+    return _kept(translation(np.asarray(x, dtype=float), y, z))
+
+
+@lru_cache(maxsize=4096)
+def _link(d: float, a: float, alpha: float) -> Array:
+    return _kept(translation(a, 0.0, d) @ rotation("x", alpha))
+
+
+def _kept(matrix: Array) -> Array:
+    matrix.flags.writeable = False
+    return matrix
+
+
 def dh(theta: Array | float, d: Array | float, a: Array | float, alpha: Array | float) -> Array:
     """One Denavit-Hartenberg row, `Rz(theta) Tz(d) Tx(a) Rx(alpha)`: shape (..., 4, 4)."""
+    if isinstance(d, float | int) and isinstance(a, float | int) and isinstance(alpha, float | int):
+        return rotation("z", theta) @ _link(d, a, alpha)
     return rotation("z", theta) @ translation(z=d) @ translation(x=a) @ rotation("x", alpha)
 
 
@@ -82,7 +116,10 @@ def chain_end(mechanism: Mechanism, chain: str, angles: Array) -> Array:
         theta = row.get("theta", 0.0)
         if "channel" in row:
             theta = theta + angles[:, names.index(row["channel"])]
-        out = out @ dh(theta, row.get("d", 0.0), row.get("a", 0.0), row.get("alpha", 0.0))
+        out = out @ rotation("z", theta)
+        # One product for all frames: the rest of a row is the same behind each of them.
+        link = dh(0.0, row.get("d", 0.0), row.get("a", 0.0), row.get("alpha", 0.0))
+        out = (out.reshape(-1, 4) @ link).reshape(out.shape)
     return out
 
 

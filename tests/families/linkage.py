@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -107,10 +108,29 @@ def chain_of(mechanism: Mechanism, channel: str) -> str:
 
 def body(row: Mapping[str, Any]) -> Array:
     """From the joint of a row to the next."""
-    out = oracle.translation(row.get("a", 0.0), 0.0, row.get("d", 0.0))
-    out = out @ oracle.rotation("x", row.get("alpha", 0.0))
-    out = out @ oracle.translation(*row.get("xyz", (0.0, 0.0, 0.0)))
-    return out @ oracle.roll_pitch_yaw(*row.get("rpy", (0.0, 0.0, 0.0)))
+    link = (float(row.get(key, 0.0)) for key in ("d", "a", "alpha"))
+    xyz, rpy = (tuple(map(float, row.get(key, (0.0, 0.0, 0.0)))) for key in ("xyz", "rpy"))
+    return _body(*link, xyz, rpy)
+
+
+@lru_cache(maxsize=4096)
+def _body(
+    d: float,
+    a: float,
+    alpha: float,
+    xyz: tuple[float, ...],
+    rpy: tuple[float, ...],
+) -> Array:
+    out = oracle.dh(0.0, d, a, alpha) @ oracle.translation(*xyz) @ oracle.roll_pitch_yaw(*rpy)
+    out.flags.writeable = False
+    return out
+
+
+def then(frame: Array, motion: Array) -> Array:
+    """`frame @ motion`, as one product where all frames, (n, 4, 4), have the same motion behind."""
+    if motion.ndim == 3:
+        return np.asarray(frame @ motion)
+    return np.asarray((frame.reshape(-1, 4) @ motion).reshape(frame.shape))
 
 
 def posture(
@@ -123,7 +143,8 @@ def posture(
     levers: list[Lever] = []
     masses: list[tuple[int, float, Array]] = []
     for k, row in enumerate(rows):
-        frame = frame @ oracle.rotation("z", row.get("theta", 0.0))
+        if "theta" in row:
+            frame = then(frame, oracle.rotation("z", row["theta"]))
         if "channel" in row:
             i = channels.index(row["channel"])
             sliding = row.get("joint") == "prismatic"
@@ -134,7 +155,7 @@ def posture(
         if "mass" in row:
             centre = frame @ np.append(np.array(row.get("com", [0.0, 0.0, 0.0])), 1.0)
             masses.append((len(levers), float(row["mass"]), centre[:, :3]))
-        frame = frame @ body(row) @ build.motion(chain, k, q)
+        frame = then(frame, body(row) @ build.motion(chain, k, q))
     return frame, levers, masses
 
 
