@@ -15,6 +15,7 @@ import rsicalib
 from tests.families import linkage, trials
 from tests.families.device import Session
 from tests.families.draw import FAMILIES
+from tests.full import sized
 
 DEGREE = math.pi / 180
 SAME = 1e-4
@@ -79,12 +80,17 @@ def turned_round(mechanism: dict[str, Any], session: Session) -> Seen:
     return mechanism, session.changed(np.ascontiguousarray(session.values[:, ::-1]))
 
 
+def all_of_them(mechanism: dict[str, Any], session: Session) -> Seen:
+    """One after the other."""
+    return turned_round(*in_thousandths(*in_degrees(mechanism, session)))
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_units_and_orders_change_nothing(family: str) -> None:
     case = trials.make(family, "single", 2, 31337)
     mechanism = case.device.drawing.mechanism
     plain = told((deepcopy(mechanism), case.session))
-    for change in (in_degrees, in_thousandths, turned_round):
+    for change in sized((all_of_them,), (in_degrees, in_thousandths, turned_round)):
         verdict, chi2, steps, left_out = told(change(deepcopy(mechanism), case.session))
         assert (verdict, steps, left_out) == (plain[0], plain[2], plain[3]), change.__name__
         assert abs(chi2 - plain[1]) < SAME * max(1.0, plain[1]), change.__name__

@@ -114,7 +114,7 @@ def test_one_bad_sample_is_no_noisy_channel() -> None:
 
 
 def test_correlated_samples_are_counted_as_fewer() -> None:
-    found = bench.honesty(Cell(24, 8, 1.0, correlation=0.6), 100)
+    found = bench.honesty(Cell(24, 8, 1.0, correlation=0.6), sized(50, 100))
     assert found.coverage > 0.93 - SURE * found.coverage_error
     assert found.uniform > 1e-4
     # The mean of 8 such samples varies 1.7 times as much as that of independent ones.
@@ -122,7 +122,7 @@ def test_correlated_samples_are_counted_as_fewer() -> None:
 
 
 def test_correlation_that_two_samples_cannot_show_widens_by_the_lack_of_fit() -> None:
-    found = bench.honesty(Cell(48, 2, 1.0, correlation=0.6), 100)
+    found = bench.honesty(Cell(48, 2, 1.0, correlation=0.6), sized(50, 100))
     assert found.coverage > 0.93 - SURE * found.coverage_error
     # The mean of two such samples varies (1 + 0.6) times as much as that of independent ones.
     assert found.width == pytest.approx(np.sqrt(1.6), rel=0.05)
