@@ -3,5 +3,5 @@
 # built already; the documentation has that of clippy, which has read them. What benches need is not built.
 set -eu
 cd "$(dirname "$0")/.."
-cargo test --workspace --exclude rsicalib-benches --all-features --release --quiet
+RUSTC_WRAPPER="$PWD/scripts/rustc_of_tests.sh" cargo test --workspace --exclude rsicalib-benches --all-features --release --quiet
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --all-features --quiet
