@@ -188,7 +188,8 @@ class Watch(Told, Record):
     outliers: int
     """Rows far outside that no later row confirmed."""
     silent: int = 0
-    """Rows that were not tested, as the device has changed in a way that has no name."""
+    """Rows that were not tested: a channel was stuck, or the device has changed in a way that
+    has no name."""
     alarms: int
     """Alarms that were raised."""
     false_alarms: float
@@ -213,7 +214,7 @@ class Watch(Told, Record):
             "late": self.late,
             "missing": self.missing,
             "outliers": self.outliers,
-            "after a change without a name": self.silent,
+            "while stuck, or after a change without a name": self.silent,
             "of devices without a result": self.strange,
         }
         left = ", ".join(f"{count} {word}" for word, count in counted.items() if count)

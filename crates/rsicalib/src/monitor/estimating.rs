@@ -155,7 +155,7 @@ impl Monitor {
         let most = self.outside;
         whitening.interrupt();
         again.each(watched, &numbered(rows), |place, r, g| {
-            whitener.row(watched, unsteady, rows[place].0, r, g);
+            whitener.row(watched, unsteady, self.scale, rows[place].0, r, g);
             whitening.filter(r, g);
             let squared = state.compare(r, g, width) / self.scale;
             rest.add(squared.min(most));
@@ -184,7 +184,7 @@ impl Monitor {
         let Self { again, watched, whitening, state, unsteady, whitener, windows, .. } = self;
         again.each(watched, &numbered(&rows), |place, r, g| {
             let (row, time, _) = rows[place];
-            whitener.row(watched, unsteady, row, r, g);
+            whitener.row(watched, unsteady, self.scale, row, r, g);
             whitening.filter(r, g);
             state.compare(r, g, width);
             state.absorb();
@@ -198,6 +198,13 @@ impl Monitor {
         known.view_mut((0, 0), (before, before)).copy_from(&open.known);
         let (alarm, was) = (open.alarm.clone(), open.was.clone());
         Some(Open { alarm, was, known, ..found })
+    }
+
+    /// Goes back to before a change.
+    pub(super) fn go_back(&mut self, open: &Open) {
+        self.watched.at.clone_from(&open.was);
+        self.state.set(&[], &open.known);
+        self.restart();
     }
 
     /// Goes on from before a change, with a place that is unsteady since then; false where the rows

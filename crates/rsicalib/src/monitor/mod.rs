@@ -40,7 +40,7 @@
 //! | θ | `open`, `naming`, `estimating` | the change that is named, and corrected when later rows tell |
 //! | ρ | `drift` | its rate, (106) |
 //! | φ | `factor` | a gain, or the reference of all, (133) |
-//! | τ, S | `unsteady` | what has another size in every row, (134) |
+//! | τ, S | `unsteady` | what has another size in every row, (134), (135) |
 //! | | `weighing` | two changes in one row, what is stuck, what has no name |
 
 pub mod alarm;

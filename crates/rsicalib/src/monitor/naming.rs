@@ -137,7 +137,7 @@ impl Monitor {
             time: tested.time,
             since_row: since.row,
             since: since.time,
-            p_value: self.thresholds.p_value(best.rank, best.statistic, self.dof),
+            p_value: self.thresholds.p_value(best.rank, best.statistic, self.values()),
             ..Alarm::default()
         };
         let (names, rest) = self.compare(&open, tested.row);
@@ -166,14 +166,13 @@ impl Monitor {
             self.alarms.extend(self.alarms_of(&open, &names, tested, revises));
         }
         let named = open.named;
-        let other = |n: &&Name| n.kinds.each().any(|kind| !named.has(kind.candidate));
+        let other = |n: &&Name| !n.kinds.has(named.first.candidate);
         let excluded = |n: &Name| n.fit < now.fit - BESIDE.0;
         let narrow = named.second.is_none()
             && best.kinds.first.candidate == named.first.candidate
             && best.kinds.second.is_none();
         // A second change beside the named one always fits better.
-        let single = names.iter().filter(|n| n.kinds.second.is_none());
-        let alone = narrow && single.filter(other).all(excluded);
+        let alone = narrow && names.iter().filter(other).all(excluded);
         self.open = Some(open);
         if self.age >= CERTAIN_AFTER {
             self.settle();

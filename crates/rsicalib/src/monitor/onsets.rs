@@ -48,7 +48,7 @@ impl Monitor {
         whitening.interrupt();
         again.each(watched, &numbered(&rows), |place, r, g| {
             let (row, time, _) = rows[place];
-            whitener.row(watched, unsteady, row, r, g);
+            whitener.row(watched, unsteady, self.scale, row, r, g);
             if broken == Some(row) {
                 whitening.interrupt();
             }

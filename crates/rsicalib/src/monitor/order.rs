@@ -22,7 +22,8 @@ pub struct Counts {
     pub missing: u64,
     /// Rows far outside that no later row confirmed: bad readings.
     pub outliers: u64,
-    /// Rows that were not tested, as the device has changed in a way that has no name.
+    /// Rows that were not tested: a channel was stuck, or the device has changed in a way that has no
+    /// name.
     pub silent: u64,
     /// Alarms raised.
     pub alarms: u64,

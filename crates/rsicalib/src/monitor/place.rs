@@ -11,6 +11,4 @@ pub(crate) struct Place {
     pub(crate) candidate: usize,
     pub(crate) columns: usize,
     pub(crate) unit: String,
-    /// The candidate that moves the end of the chain of a channel.
-    pub(crate) end: Option<usize>,
 }

@@ -37,6 +37,7 @@ impl Monitor {
             && self.state.mean.len() == size
             && self.state.covariance.len() == size * size
             && self.held < self.waiting.len()
+            && self.stuck.iter().all(|channel| *channel < self.watched.under.model.scales.len())
             && self.unsteady.iter().all(|one| one.place < self.watched.places.len())
             && self.open.as_ref().is_none_or(|open| self.holds(open));
         if shape != self.shape() || !fits {
@@ -83,7 +84,7 @@ impl Keep for Monitor {
         watched.drifts.iter_mut().for_each(|drift| drift.keep(bytes));
         fields!(bytes, self.order, self.counts, self.whitening, self.windows, self.seen);
         fields!(bytes, self.state.size, self.state.mean, self.state.covariance);
-        fields!(bytes, self.runs, self.unsteady, self.lately, self.silent);
+        fields!(bytes, self.runs, self.stuck, self.unsteady, self.lately, self.silent);
         fields!(bytes, self.spread, self.scale, self.dof, self.waiting, self.held, self.age);
         fields!(bytes, self.recent, self.open, self.tails);
     }

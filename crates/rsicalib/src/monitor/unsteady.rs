@@ -11,7 +11,14 @@
 //!
 //! averaged over `τ` from what one row just shows to a thousand times that, evenly in its logarithm.
 //! A row is made white again by `S_t^(-1/2)`, one column after the other, and the watch goes on: of
-//! what is unsteady it knows that much less.
+//! what is unsteady it knows that much less. `τ²` is learned from each row by Fisher's scoring,
+//!
+//! ```text
+//! τ² ← τ² + s_t / Σ I,   s_t = (|Zᵀ S⁻¹ r|² - tr B) / 2,   I_t = tr B² / 2,   B = Zᵀ S⁻¹ Z   (135)
+//! ```
+//!
+//! with `Z` and `r` of the row. It is known as from `2 τ⁴ Σ I` values of a noise, and no
+//! statistic of a test is taken to be better known than that.
 
 use crate::mechanism::Mechanism;
 use crate::monitor::kept::{Bytes, Keep, fields};
@@ -19,9 +26,6 @@ use crate::monitor::place::Place;
 use crate::monitor::recent::Linearised;
 use crate::monitor::state::{axpy, dot};
 use crate::monitor::watched::{Candidate, Watched};
-
-/// Standard deviation, in typical sizes, of where the end of a chain is that a stuck channel moves.
-const FREE: f64 = 1e3;
 
 /// Terms of what is unsteady.
 pub(crate) const NOISE: &str = "noise";
@@ -31,15 +35,95 @@ pub(crate) const STUCK: &str = "stuck";
 /// Deviations that are weighed: so many, each `√2` times the one before.
 const DEVIATIONS: i32 = 20;
 
+/// Steps of (135) from the likeliest deviation that is weighed: the error of its logarithm, a sixth at
+/// most, is squared in each.
+const SCORINGS: usize = 4;
+
 /// A place that has become unsteady.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Unsteady {
     pub(crate) place: usize,
     /// `τ`, in the place's unit.
     pub(crate) deviation: f64,
+    /// Information about `τ²`.
+    pub(crate) known: f64,
     pub(crate) since: u64,
-    /// The channel repeats its reading.
-    pub(crate) stuck: bool,
+    /// Score and information of the present row.
+    heard: [f64; 2],
+}
+
+impl Unsteady {
+    pub(crate) fn new(place: usize, found: Found, since: u64) -> Self {
+        let Found { deviation, known, .. } = found;
+        Self { place, deviation, known, since, heard: [0.0; 2] }
+    }
+
+    /// Standard deviation of `τ`.
+    pub(crate) fn sd(&self) -> f64 {
+        0.5 / (self.deviation * self.known.sqrt())
+    }
+
+    /// Values of a noise from which its variance would be known as well.
+    pub(crate) fn values(&self) -> f64 {
+        2.0 * self.known * self.deviation.powi(4)
+    }
+
+    /// Score and information of a white row in noise of the variance `scale`, of which `mean` is known.
+    pub(crate) fn hear(
+        &mut self,
+        watched: &Watched,
+        r: &[f64],
+        g: &[f64],
+        mean: &[f64],
+        scale: f64,
+    ) {
+        let place = &watched.places[self.place];
+        let width = g.len() / r.len().max(1);
+        let root = scale.sqrt();
+        let columns = watched.columns_of(place).map(|(column, unit)| (column, unit * root));
+        let left = |row: usize| {
+            let own = &g[row * width..row * width + mean.len()];
+            (r[row] - dot(own, mean)) / root
+        };
+        self.heard = score(columns, g, width, left);
+    }
+
+    /// Learns from the row that was heard, and forgets what is older than so many values.
+    pub(crate) fn learn(&mut self, memory: f64) {
+        let [score, information] = self.heard;
+        let square = self.deviation.powi(2);
+        self.known = (self.known + information).min(0.5 * memory / square.powi(2));
+        self.deviation = scored(square, score, self.known).sqrt();
+    }
+}
+
+/// Score and information of one white row about `τ²`, (135): of columns of `G` with their units, and
+/// what is left of each equation.
+fn score(
+    columns: impl Iterator<Item = (usize, f64)> + Clone,
+    g: &[f64],
+    width: usize,
+    left: impl Fn(usize) -> f64,
+) -> [f64; 2] {
+    let (mut score, mut information) = (0.0, 0.0);
+    for (column, unit) in columns.clone() {
+        let rows = g.chunks_exact(width).enumerate();
+        let along: f64 = rows.map(|(row, g)| g[column] * left(row)).sum();
+        score += (along / unit).powi(2);
+        for (other, per) in columns.clone() {
+            let products = g.chunks_exact(width).map(|g| g[column] * g[other]);
+            let product = products.sum::<f64>() / (unit * per);
+            score -= if column == other { product } else { 0.0 };
+            information += product.powi(2);
+        }
+    }
+    [0.5 * score, 0.5 * information]
+}
+
+/// A variance after a step of (135); it is halved at most.
+fn scored(square: f64, score: f64, known: f64) -> f64 {
+    let step = if known > 0.0 { score / known } else { 0.0 };
+    (square + step).max(0.5 * square)
 }
 
 /// What rows say of an unsteady place.
@@ -47,9 +131,9 @@ pub(crate) struct Unsteady {
 pub(crate) struct Found {
     /// Twice the logarithm of the evidence.
     pub(crate) evidence: f64,
-    /// Deviation that is likeliest, and its standard deviation.
+    /// Deviation that is likeliest, and the information about its square.
     pub(crate) deviation: f64,
-    pub(crate) sd: f64,
+    pub(crate) known: f64,
     /// Squares that it leaves.
     pub(crate) rest: f64,
 }
@@ -63,10 +147,7 @@ pub(crate) fn places(mechanism: &Mechanism, watched: &Watched) -> Vec<Place> {
         let target = called(own);
         let channel = mechanism.channels.iter().position(|c| c.name == target);
         let unit = own.parameters[0].1.clone();
-        let chain = channel.and_then(|c| mechanism.chain_of(c)).map(|c| &*mechanism.chains[c].name);
-        let end = chain.and_then(|chain| numbered().rfind(|(_, k)| of_chain(k, chain)));
-        let end = end.map(|(end, _)| end);
-        places.push(Place { term: NOISE, target, channel, candidate, columns: 1, unit, end });
+        places.push(Place { term: NOISE, target, channel, candidate, columns: 1, unit });
     }
     for chain in &mechanism.chains {
         let own = numbered().rfind(|(_, k)| of_chain(k, &chain.name));
@@ -75,8 +156,7 @@ pub(crate) fn places(mechanism: &Mechanism, watched: &Watched) -> Vec<Place> {
         let along = own.parameters.iter().take_while(|(_, other)| *other == unit);
         let columns = along.count().min(own.columns.len());
         let target = chain.name.clone();
-        let (channel, end) = (None, None);
-        places.push(Place { term: LOOSE, target, channel, candidate, columns, unit, end });
+        places.push(Place { term: LOOSE, target, channel: None, candidate, columns, unit });
     }
     places
 }
@@ -133,26 +213,20 @@ impl Whitener {
         square.ln_1p()
     }
 
-    /// Makes a row white under all that is unsteady in it.
+    /// Makes a row white under all that is unsteady in it, in noise of the variance `scale`.
     pub(crate) fn row(
         &mut self,
         watched: &Watched,
         unsteady: &[Unsteady],
+        scale: f64,
         row: u64,
         r: &mut [f64],
         g: &mut [f64],
     ) {
         for one in unsteady.iter().filter(|one| row >= one.since) {
             let place = &watched.places[one.place];
-            for (column, scale) in watched.columns_of(place) {
-                self.apply(column, one.deviation / scale, r, g);
-            }
-            // What a stuck channel should say is far from what it says, and turns all that it moves:
-            // what closes with its chain says nothing.
-            let end = place.end.filter(|_| one.stuck).map(|end| &watched.candidates[end]);
-            let free = end.map(|end| end.columns.iter().zip(&end.typical));
-            for (column, typical) in free.into_iter().flatten() {
-                self.apply(*column, FREE * typical, r, g);
+            for (column, unit) in watched.columns_of(place) {
+                self.apply(column, one.deviation / (unit * scale.sqrt()), r, g);
             }
         }
     }
@@ -160,7 +234,7 @@ impl Whitener {
 
 impl Watched {
     /// Columns of a place, with their units.
-    fn columns_of(&self, place: &Place) -> impl Iterator<Item = (usize, f64)> {
+    fn columns_of(&self, place: &Place) -> impl Iterator<Item = (usize, f64)> + Clone {
         let own = &self.candidates[place.candidate];
         own.columns.iter().copied().zip(own.scale.iter().copied()).take(place.columns)
     }
@@ -189,9 +263,9 @@ impl Watched {
         }
         let least = (rows.len() as f64 * q as f64 / squares).sqrt();
         let mut whitener = Whitener::new(equations, q);
-        // Evidence of the first and of the second half, and squares that are left.
+        // Evidence of the first and of the second half, squares that are left, score and information.
         let mut weigh = |deviation: f64| {
-            let mut found = [0.0; 3];
+            let mut found = [0.0; 5];
             for (n, (r, z)) in own.iter().enumerate() {
                 let (mut left, mut z) = (r.clone(), z.clone());
                 let logs: f64 =
@@ -199,23 +273,29 @@ impl Watched {
                 let rest = dot(&left, &left);
                 found[usize::from(2 * n >= own.len())] += dot(r, r) - rest - logs;
                 found[2] += rest;
+                let own = score((0..q).map(|k| (k, 1.0)), &z, q, |row| left[row]);
+                (found[3], found[4]) = (found[3] + own[0], found[4] + own[1]);
             }
             found
         };
-        let all: Vec<(f64, [f64; 3])> = (0..DEVIATIONS)
+        let all: Vec<(f64, [f64; 5])> = (0..DEVIATIONS)
             .map(|k| least * 2.0_f64.powf(0.5 * f64::from(k)))
             .map(|deviation| (deviation, weigh(deviation)))
             .collect();
-        let sum = |found: &[f64; 3]| found[0] + found[1];
-        let (deviation, best) = all.iter().max_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
+        let sum = |found: &[f64; 5]| found[0] + found[1];
+        let (deviation, best) = *all.iter().max_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
         if best[0] <= 0.0 || best[1] <= 0.0 {
             return None;
         }
-        let weights = all.iter().map(|(_, found)| (0.5 * (sum(found) - sum(best))).exp());
+        let weights = all.iter().map(|(_, found)| (0.5 * (sum(found) - sum(&best))).exp());
         let mean = weights.sum::<f64>() / f64::from(DEVIATIONS);
-        let evidence = sum(best) + 2.0 * mean.ln();
-        let sd = deviation / (2.0 * (rows.len() * q) as f64).sqrt();
-        Some(Found { evidence, deviation: deviation * scale.sqrt(), sd, rest: best[2] })
+        let evidence = sum(&best) + 2.0 * mean.ln();
+        let (mut deviation, mut at) = (deviation, best);
+        for _ in 0..SCORINGS {
+            deviation = scored(deviation.powi(2), at[3], at[4]).sqrt();
+            at = weigh(deviation);
+        }
+        Some(Found { evidence, deviation, known: at[4], rest: at[2] })
     }
 }
 
@@ -293,7 +373,7 @@ impl Keep for Runs {
 
 impl Keep for Unsteady {
     fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.place, self.deviation, self.since, self.stuck);
+        fields!(bytes, self.place, self.deviation, self.known, self.since);
     }
 }
 

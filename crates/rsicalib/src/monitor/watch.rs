@@ -100,6 +100,8 @@ pub struct Monitor {
     /// Promised rate of false alarms per sample.
     pub(super) rate: f64,
     pub(super) runs: Runs,
+    /// Channels that are stuck: nothing is tested until they move again.
+    pub(super) stuck: Vec<usize>,
     /// What has another size in every row.
     pub(super) unsteady: Vec<Unsteady>,
     pub(super) whitener: Whitener,
@@ -167,6 +169,7 @@ impl Monitor {
             spread: 1.0,
             rate: options.false_alarms,
             runs: Runs::new(mechanism.channels.len()),
+            stuck: Vec::new(),
             unsteady: Vec::new(),
             whitener: Whitener::new(equations, width),
             lately: Vec::new(),
@@ -283,14 +286,14 @@ impl Monitor {
     /// row, while the name of a change is open.
     fn see_runs(&mut self, lane: usize, row: u64) -> bool {
         for channel in 0..self.watched.under.model.scales.len() {
-            let place = |one: &Unsteady| {
-                one.stuck && self.watched.places[one.place].channel == Some(channel)
-            };
-            let stuck = self.unsteady.iter().position(place);
-            let moved =
-                self.runs.see(channel, self.rows.reading(channel, lane), row, stuck.is_some());
-            if let (true, Some(ended)) = (moved, stuck) {
-                self.unsteady.remove(ended);
+            let stuck = self.stuck.contains(&channel);
+            let moved = self.runs.see(channel, self.rows.reading(channel, lane), row, stuck);
+            if moved && stuck {
+                self.stuck.retain(|own| *own != channel);
+                // Begins anew with this row.
+                self.windows.now.mark.row = row;
+                self.restart();
+                self.age = 0;
             }
         }
         let Some(open) = &self.open else { return false };
@@ -312,10 +315,15 @@ impl Monitor {
             Some(Some(missing)) => self.whitening.skip(missing),
         }
         let rare = self.see_runs(lane, tested.row);
+        if !self.stuck.is_empty() {
+            self.counts.silent += 1;
+            return false;
+        }
         self.rows.read(lane, &self.watched, tested.row, &mut self.r, &mut self.g);
         if !self.unsteady.is_empty() {
-            let Self { whitener, watched, unsteady, r, g, .. } = self;
-            whitener.row(watched, unsteady, tested.row, r, g);
+            let Self { whitener, watched, unsteady, r, g, state, scale, .. } = self;
+            whitener.row(watched, unsteady, *scale, tested.row, r, g);
+            unsteady.iter_mut().for_each(|one| one.hear(watched, r, g, &state.mean, *scale));
         }
         let crossed = dispatch(
             #[inline(always)]
@@ -328,14 +336,12 @@ impl Monitor {
         if self.held > 0 {
             return false;
         }
+        self.unsteady.iter_mut().for_each(|one| one.learn(MEMORY));
         self.age += 1;
         let due = rare || (self.age >= LOOK_AGAIN && self.age.is_power_of_two());
         if due {
             self.recentre();
             self.look_again(tested);
-            if !self.unsteady.is_empty() {
-                self.retune(tested.row);
-            }
         }
         due
     }
@@ -363,6 +369,11 @@ impl Monitor {
         self.state.mean = mean;
     }
 
+    /// Values from which it is known how far a sample scatters, what is unsteady among them.
+    pub(super) fn values(&self) -> f64 {
+        self.unsteady.iter().map(Unsteady::values).fold(self.dof, f64::min)
+    }
+
     /// Takes over one sample; true where a window exceeds its threshold, or where samples far outside
     /// have been confirmed.
     #[inline(always)]
@@ -370,7 +381,7 @@ impl Monitor {
         let width = self.watched.order.len();
         self.whitening.filter(&mut self.r, &mut self.g);
         let squared = self.state.compare(&self.r, &self.g, width) / self.scale;
-        if squared > self.outside && as_chi2(squared, self.dof) > self.outside {
+        if squared > self.outside && as_chi2(squared, self.values()) > self.outside {
             self.whitening.interrupt();
             self.waiting[self.held] = tested.row;
             self.held += 1;
@@ -392,11 +403,12 @@ impl Monitor {
         self.windows.add(&self.r, &self.g, tested.row, tested.time);
         let Some((level, onset)) = self.windows.keep() else { return false };
         let mut loudest: Option<f64> = None;
+        let values = self.values();
         for candidate in &self.watched.candidates {
             let begin = self.windows.onset(onset);
             let (statistic, rank) =
                 self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
-            let far = self.thresholds.far(level, rank, statistic / self.scale, self.dof);
+            let far = self.thresholds.far(level, rank, statistic / self.scale, values);
             if far > loudest {
                 loudest = far;
             }

@@ -31,9 +31,6 @@ use crate::numerics::distributions::poisson_tail;
 /// looks different about its estimate.
 const BESIDE: f64 = 40.0;
 
-/// Rows from which it is learned again how much scatters.
-const LAST: u64 = 256;
-
 /// Term of a change that has no name, and place of what is nowhere in particular.
 const UNNAMED: &str = "unnamed";
 const ALL: &str = "all";
@@ -63,77 +60,40 @@ impl Monitor {
         match self.better(open, names, rest, tested.row)? {
             Better::Pair(candidates) => self.pair(open, &candidates, tested, revises),
             Better::Unsteady(place, found) => {
-                let own = Unsteady {
-                    place,
-                    deviation: found.deviation,
-                    since: open.alarm.since_row,
-                    stuck: false,
-                };
-                let alarm = self.unsteady_alarm(open, own, found.sd, found.evidence);
-                self.instead(open, own, Alarm { revises, ..alarm }, tested)
+                let own = Unsteady::new(place, found, open.alarm.since_row);
+                let alarm = self.unsteady_alarm(open, own, found.evidence);
+                let alarm = Alarm { row: tested.row, time: tested.time, revises, ..alarm };
+                self.go_on_with(open, own, tested.row).then(|| vec![alarm])
             }
             Better::Stuck(place, evidence) => {
                 let channel = self.watched.places[place].channel.unwrap_or_default();
                 let (began, _) = self.runs.of(channel);
-                let since = began.min(open.alarm.since_row);
-                // Nothing is known of what it should say.
-                let all = &self.watched.under.model.scales[channel];
-                let deviation = all.half_range * all.gain.abs();
-                let own = Unsteady { place, deviation, since, stuck: true };
                 let alarm = self.stuck_alarm(open, channel, began, evidence);
-                self.instead(open, own, Alarm { revises, ..alarm }, tested)
+                self.go_back(open);
+                self.stuck.push(channel);
+                Some(vec![Alarm { row: tested.row, time: tested.time, revises, ..alarm }])
             }
         }
     }
 
-    fn instead(
-        &mut self,
-        open: &Open,
-        own: Unsteady,
-        alarm: Alarm,
-        tested: Tested,
-    ) -> Option<Vec<Alarm>> {
-        let done = self.go_on_with(open, own, tested.row);
-        done.then(|| vec![Alarm { row: tested.row, time: tested.time, ..alarm }])
-    }
-
-    /// Learns again, from the last rows, how much scatters what is known to be unsteady.
-    pub(super) fn retune(&mut self, last: u64) {
-        for k in 0..self.unsteady.len() {
-            let own = self.unsteady[k];
-            if own.stuck {
-                continue;
-            }
-            self.unsteady.swap_remove(k);
-            let first = (last + 1).saturating_sub(LAST).max(own.since);
-            let rows = self.filtered(first, last, Some(first));
-            let place = &self.watched.places[own.place];
-            let found = self.watched.unsteady(place, &rows, self.scale);
-            let deviation = found.map_or(own.deviation, |found| found.deviation);
-            self.unsteady.push(Unsteady { deviation, ..own });
-            let end = self.unsteady.len() - 1;
-            self.unsteady.swap(k, end);
-        }
-        self.whitening.interrupt();
-    }
-
-    /// An open change with the candidates beside it that all rows since its onset speak for, those of
-    /// the likeliest pairs among them. As it was where these rows are gone.
+    /// An open change with the candidates that all rows since its onset speak for, those of the likeliest
+    /// pairs among them, before those that it had: what goes on is told by neither steps nor pairs of
+    /// them. As it was where these rows are gone.
     pub(super) fn refreshed(&mut self, open: Open, last: u64) -> Open {
         let rows = self.rows_of(&open, last);
         if rows.is_empty() {
             return open;
         }
-        let mut chosen: Vec<usize> = open.named.each().map(|kind| kind.candidate).collect();
         let ranked = self.singles_and_pairs(&open, &rows);
         let best = ranked.first().map_or(0.0, |best| best.1);
-        for candidate in ranked
-            .iter()
-            .filter(|(_, evidence, _)| *evidence > best - BESIDE)
-            .flat_map(|(candidates, ..)| candidates)
-        {
-            if !chosen.contains(candidate) {
-                chosen.push(*candidate);
+        let near = ranked.iter().filter(|(_, evidence, _)| *evidence > best - BESIDE);
+        let near = near.flat_map(|(candidates, ..)| candidates.iter().copied());
+        let named = open.named.each().map(|kind| kind.candidate);
+        let before = open.suspects.iter().map(|one| one.candidate);
+        let mut chosen: Vec<usize> = Vec::new();
+        for candidate in named.chain(near).chain(before) {
+            if !chosen.contains(&candidate) {
+                chosen.push(candidate);
             }
         }
         let beside: Vec<Suspect> = chosen.into_iter().map(Suspect::of).collect();
@@ -261,9 +221,7 @@ impl Monitor {
         let runs = places.filter_map(|(place, own)| {
             let (began, chance) = self.runs.of(own.channel?);
             let rare = chance < (self.rate / self.watched.places.len() as f64).ln();
-            let known = self.unsteady.iter().any(|one| one.place == place && one.stuck);
-            (rare && !known && began <= since + self.runs.rows(own.channel?))
-                .then_some((place, chance))
+            (rare && began <= since + self.runs.rows(own.channel?)).then_some((place, chance))
         });
         runs.min_by(|a, b| a.1.total_cmp(&b.1))
     }
@@ -314,10 +272,10 @@ impl Monitor {
         found
     }
 
-    fn unsteady_alarm(&self, open: &Open, own: Unsteady, sd: f64, evidence: f64) -> Alarm {
+    fn unsteady_alarm(&self, open: &Open, own: Unsteady, evidence: f64) -> Alarm {
         let place = &self.watched.places[own.place];
         let name = if place.term == NOISE { "noise" } else { "displacement" };
-        let (value, unit) = (own.deviation, place.unit.clone());
+        let (value, sd, unit) = (own.deviation, own.sd(), place.unit.clone());
         let change = Change { name: name.into(), value, sd, unit: unit.clone() };
         Alarm {
             spec: Spec { term: place.term.into(), target: Some(place.target.clone()), place: None },
