@@ -283,3 +283,37 @@ def test_gains_that_are_all_off_by_one_number_are_named() -> None:
     assert "another converter" in warning.text
     right = rsicalib.calibrate(made.readings, rest=rest)
     assert "units" not in {w.kind for w in right.warnings}
+
+
+@pytest.mark.parametrize(
+    ("drawn", "given", "target", "times"),
+    [
+        ("a = -425.0", "a = -0.425", "arm/2", "1000 times"),
+        ("a = -392.2", "a = -15.440945", "arm/3", "25.4 times"),
+        ("d = 133.3", "d = 0.1333", "arm/4", "1000 times"),
+        ("d = 99.7", "d = 9.97", "arm/5", "10 times"),
+        ("[40.0, 0.0, 120.0]", "[40.0, 0.0, 0.12]", "ball", "1000 times"),
+    ],
+)
+def test_one_length_in_another_unit_is_named(
+    drawn: str, given: str, target: str, times: str
+) -> None:
+    """The arm and its seatings are those of `tests/cone.py`, in mm."""
+    taken = cone.session(1)
+    text = cone.mechanism(2e-5, 0.02)
+    assert text.count(drawn) == 1
+    found = rsicalib.calibrate(taken.table, Mechanism.from_toml(text.replace(drawn, given)))
+    assert found.exit_code in (3, 4)
+    (warning,) = (w for w in found.warnings if w.kind == "units")
+    assert warning.target == target
+    assert f"with {times} that" in warning.text
+
+
+def test_a_length_that_is_a_little_wrong_is_in_no_other_unit() -> None:
+    """A link that is twice as long as it is drawn, and one that is as it is."""
+    taken = cone.session(1)
+    text = cone.mechanism(2e-5, 0.02)
+    for given in ("a = -425.0", "a = -212.5"):
+        mechanism = Mechanism.from_toml(text.replace("a = -425.0", given))
+        found = rsicalib.calibrate(taken.table, mechanism)
+        assert "units" not in {w.kind for w in found.warnings}

@@ -1,5 +1,7 @@
 //! Known poses in another unit, or in another order than their readings.
 
+use crate::estimate::lengths::UNITS;
+
 /// A known pose, and where it was found.
 pub(crate) type Pair = ([f64; 6], [f64; 6]);
 
@@ -13,9 +15,6 @@ pub enum Misread {
     /// Each is that of other readings.
     Order,
 }
-
-/// Units of length in each other.
-const UNITS: [f64; 5] = [10.0, 25.4, 100.0 / 2.54, 100.0, 1000.0];
 
 /// By how many times an error must fall, and how many times smaller than the spread of the poses it
 /// must be then: an order of magnitude. Three coordinates of two poses that have nothing to do with

@@ -287,9 +287,10 @@ pub fn judge(evidence: &Evidence) -> Judgement {
         Determined::Unobservable => return one(Verdict::Undetermined, Why::Unobservable),
     }
     let reasons = against(evidence);
-    // What known poses show comes before what is predicted.
+    // What known poses show comes before what is predicted; so does what is left.
     if let Some([found, expected]) = evidence.predicted.filter(|[sd, before]| sd >= before)
         && evidence.check.is_none()
+        && reasons.is_empty()
     {
         let (found, expected) = (Some(found), Some(expected));
         let reason = Reason { found, expected, ..Reason::of(Why::Predicted) };
@@ -439,6 +440,9 @@ mod tests {
         assert_eq!(said(&evidence), (Verdict::Undetermined, vec![Why::Predicted]));
         let reason = judge(&evidence).reasons[0];
         assert_eq!((reason.found, reason.expected), (Some(62.0), Some(30.0)));
+        // Where more is left than noise, what is predicted of it says little.
+        let left = Evidence { p_value: Some(0.1 * LEVEL), ..evidence };
+        assert_eq!(said(&left), (Verdict::Unexplained, vec![Why::Residual]));
         let better = Evidence { predicted: Some([20.0, 30.0]), ..clean() };
         assert_eq!(said(&better), (Verdict::Adequate, vec![]));
     }

@@ -13,6 +13,7 @@ use crate::estimate::degrees;
 use crate::estimate::doubts;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
+use crate::estimate::lengths;
 use crate::estimate::noise::channels::{self, Length};
 use crate::estimate::noise::open;
 use crate::estimate::noise::rounding::Rounding;
@@ -379,20 +380,34 @@ fn minimum(
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
+        let no_start = fit.warnings.iter().any(is_no_start);
+        let terms = || fit.model.instances.clone();
+        let refit = |other: &Observations| {
+            let Fit { chi2, dof, model, beta, warnings, .. } = self::fit(other, terms(), None)?;
+            let started = !warnings.iter().any(is_no_start);
+            let left = if started { chi2 / dof } else { f64::INFINITY };
+            Ok(degrees::Again { left, model, beta })
+        };
+        let mut said = Vec::new();
         if !fit.warnings.iter().any(Suspicion::of_wiring) {
             if fit.plausible {
-                fit.warnings.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
+                said.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
             }
-            let terms = || fit.model.instances.clone();
-            let refit = |other: &Observations| {
-                let Fit { chi2, dof, model, beta, .. } = self::fit(other, terms(), None)?;
-                Ok(degrees::Again { left: chi2 / dof, model, beta })
-            };
-            let other = degrees::in_other_unit(observations, fit.chi2 / fit.dof, refit);
-            fit.warnings.extend(other);
+            said.extend(degrees::in_other_unit(observations, fit.chi2 / fit.dof, refit));
         }
+        let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !is_no_start(it));
+        if wired && !said.iter().any(Suspicion::of_wiring) {
+            let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
+            said.extend(lengths::in_other_unit(observations, left, refit));
+        }
+        fit.warnings.extend(said);
     }
     Ok(fit)
+}
+
+/// That no start led to a fit in which every joint moves.
+fn is_no_start(suspicion: &Suspicion) -> bool {
+    matches!(suspicion, Suspicion::NoStart { .. })
 }
 
 /// The same minimum with joints that turn within half a turn of the middle of their limits at the mean

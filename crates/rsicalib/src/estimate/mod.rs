@@ -16,6 +16,7 @@ mod fit;
 mod fitted;
 mod implicit;
 mod intervals;
+pub(crate) mod lengths;
 pub mod noise;
 mod note;
 mod objective;

@@ -57,6 +57,17 @@ pub enum Suspicion {
         /// The number.
         times: f64,
     },
+    /// A length of the drawing in another unit than the others.
+    Length {
+        /// Which.
+        at: Measure,
+        /// As it is declared.
+        size: f64,
+        /// The number of times that length with which the loop closes.
+        times: f64,
+        /// How well it closes.
+        closes: Closes,
+    },
     /// A channel reads in steps that are a good part of its noise.
     Coarse {
         /// The channel.
@@ -101,6 +112,46 @@ impl Suspicion {
                 | Self::Degrees { of: InDegrees::Loop { .. }, .. }
         )
     }
+}
+
+/// A length of a drawing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// Length of a row along x.
+    A {
+        /// The chain.
+        chain: usize,
+        /// Its row.
+        row: usize,
+    },
+    /// Offset of a row along z.
+    D {
+        /// The chain.
+        chain: usize,
+        /// Its row.
+        row: usize,
+    },
+    /// A coordinate of the origin of a row that a URDF draws.
+    Along {
+        /// The chain.
+        chain: usize,
+        /// Its row.
+        row: usize,
+        /// The coordinate.
+        axis: usize,
+    },
+    /// A coordinate of a point.
+    At {
+        /// The point.
+        point: usize,
+        /// The coordinate.
+        axis: usize,
+    },
+    /// The distance of a closure.
+    Distance {
+        /// The closure.
+        closure: usize,
+    },
 }
 
 /// What is in degrees where radians are declared, or the other way round.

@@ -185,6 +185,7 @@ fn of_suspicion(observations: &Observations, suspicion: &Suspicion) -> Warned {
         }
         Suspicion::Degrees { channels: of, .. } => (Kind::Degrees, channels(of)),
         Suspicion::Gains { channels: of, .. } => (Kind::Units, channels(of)),
+        Suspicion::Length { at, .. } => (Kind::Units, Some(words::length(mechanism, *at).0)),
         Suspicion::Coarse { channel, .. } => (Kind::Coarse, channels(&[*channel])),
         Suspicion::Noise { .. } => (Kind::Noise, None),
         Suspicion::NoStart { .. } => (Kind::NoStart, None),

@@ -12,7 +12,7 @@ use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Directions, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
-use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Shown, Suspicion, Witness};
+use crate::estimate::suspicion::{Closes, InDegrees, Measure, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
@@ -189,6 +189,16 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 significant(*times, 3),
             )
         }
+        Suspicion::Length { at, size, times, closes } => {
+            let (target, what) = length(mechanism, *at);
+            let (size, unit) = (significant(*size, 4), &mechanism.length_unit);
+            format!(
+                "{what} of {target} is {size} {unit}, and with {} times that {}: is it in another \
+                 unit than the other lengths?",
+                significant(*times, 4),
+                loop_closes(*closes)
+            )
+        }
         Suspicion::Coarse { channel, step, share } => format!(
             "{} reads in steps of {} {}: rounding, step/√12, is {:.0} % of the variance of its noise",
             name(*channel),
@@ -201,6 +211,24 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
             "none of {tried} starts led to a fit in which every joint moves: check the wiring, the \
              rest reading and the nominal gains, or record poses that differ more"
         ),
+    }
+}
+
+/// Of what a length of a drawing is, and what it is there.
+pub(crate) fn length(mechanism: &Mechanism, at: Measure) -> (String, String) {
+    let row = |chain: usize, row: usize| {
+        let name = &mechanism.chains[chain].name;
+        format!("{name}/{}", row + 1)
+    };
+    let axes = ["x", "y", "z"];
+    match at {
+        Measure::A { chain, row: k } => (row(chain, k), "a".into()),
+        Measure::D { chain, row: k } => (row(chain, k), "d".into()),
+        Measure::Along { chain, row: k, axis } => (row(chain, k), axes[axis].into()),
+        Measure::At { point, axis } => (mechanism.points[point].name.clone(), axes[axis].into()),
+        Measure::Distance { closure } => {
+            (mechanism.closures[closure].name.clone(), "the distance".into())
+        }
     }
 }
 
