@@ -116,7 +116,7 @@ mod tests {
             apart(&of(sizes)).into_iter().map(|(at, _, times)| (at, times)).collect()
         };
         assert!(tried([160.0, 425.0, 390.0, 130.0]).is_empty());
-        let metres = tried([160.0, -0.425, 390.0, 130.0]);
+        let metres = tried([160.0, -0.39, 200.0, 130.0]);
         assert!(metres.contains(&(at(1), 1000.0)));
         assert!(metres.iter().all(|(_, times)| *times > 1.0));
         assert!(tried([0.16, 425.0, 0.39, 0.13]).contains(&(at(1), 1.0 / 1000.0)));
