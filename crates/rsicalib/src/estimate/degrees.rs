@@ -9,8 +9,9 @@ use crate::estimate::observations::Observations;
 use crate::estimate::rewired::{DECISIVE, NEAR, OTHER_UNIT, Rewired, apart, stays};
 use crate::estimate::significance::LEVEL;
 use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Suspicion};
-use crate::mechanism::Channel;
+use crate::mechanism::{Channel, Mechanism};
 use crate::model::Model;
+use crate::readings::Table;
 use crate::terms::term::Role;
 
 /// Readings in radians span more than this many times what they can: no joint does, and
@@ -178,6 +179,21 @@ pub(crate) struct Again {
     pub(crate) beta: Vec<f64>,
 }
 
+impl Again {
+    /// A fit of other readings of a session, or of its readings by another drawing; none where there is none.
+    pub(crate) fn of(
+        observations: &Observations,
+        mechanism: &Mechanism,
+        table: Table,
+        refit: &impl Fn(&Observations) -> Result<Self, Error>,
+    ) -> Option<Self> {
+        let (rest, options) = (observations.rest.clone(), observations.options.clone());
+        let there = Observations::new(mechanism, table, rest, options).ok()?;
+        let weights = observations.weights.clone();
+        refit(&Observations { weights, judged: true, ..there }).ok()
+    }
+}
+
 /// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:
 /// `left` is χ² per degree of freedom, and `refit` a fit of other observations.
 pub(crate) fn in_other_unit(
@@ -189,9 +205,7 @@ pub(crate) fn in_other_unit(
         return None;
     }
     let again = |Rewired { readings, observations: of }: Rewired| {
-        let (table, rest) = (readings.table, of.rest.clone());
-        let there = Observations::new(&of.mechanism, table, rest, of.options.clone()).ok()?;
-        refit(&Observations { weights: of.weights, judged: true, ..there }).ok()
+        Again::of(&of, &of.mechanism, readings.table, &refit)
     };
     let suspicion = |channels, what, times, with| {
         let of = InDegrees::Loop { what, times, closes: Closes { with, declared: left } };

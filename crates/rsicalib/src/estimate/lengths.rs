@@ -90,11 +90,8 @@ pub(crate) fn in_other_unit(
     let tried = apart(&lengths).into_iter().filter_map(|(at, declared, times)| {
         let mut mechanism = observations.mechanism.clone();
         *place(&mut mechanism, at)? *= times;
-        let (table, rest) = (observations.readings.table.clone(), observations.rest.clone());
-        let there =
-            Observations::new(&mechanism, table, rest, observations.options.clone()).ok()?;
-        let weights = observations.weights.clone();
-        let with = refit(&Observations { weights, judged: true, ..there }).ok()?.left;
+        let table = observations.readings.table.clone();
+        let with = Again::of(observations, &mechanism, table, &refit)?.left;
         let closes = Closes { with, declared: left };
         (with < observations.options.good_start.min(left / DECISIVE))
             .then_some((with, Suspicion::Length { at, size: declared, times, closes }))

@@ -59,6 +59,7 @@ mod place;
 mod platform;
 mod recent;
 mod rows;
+mod runs;
 mod saved;
 mod score;
 mod state;
