@@ -13,7 +13,6 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -33,8 +32,6 @@ class Clean:
     """Probability of the residual as asked for."""
     held_out: float | None
     """Probability of the error on poses left out in turn."""
-    level: float | None
-    """Of `alpha`, the least at which something is still named; None where nothing is."""
 
     @property
     def called(self) -> bool:
@@ -42,27 +39,13 @@ class Clean:
         return self.named or self.verdict != "adequate"
 
 
-LEVELS = (0.012, 0.008, 0.005, 0.0033, 0.002, 0.001)
-
-
-def judged(number: int, seed: int = 0, alpha: float | None = None) -> Clean:
+def judged(number: int, seed: int = 0) -> Clean:
     """One clean session."""
     it = given(make("clean", number, seed))
-
-    def traced(alpha: float | None) -> Any:
-        return rsicalib.trace(it.readings, it.mechanism, rest=it.rest, alpha=alpha)
-
-    result = traced(alpha)
+    result = rsicalib.trace(it.readings, it.mechanism, rest=it.rest)
     named = bool(result.steps or result.excluded)
-    level = None
-    if named and alpha is not None:
-        level = alpha
-        for lower in (a for a in LEVELS if a < alpha):
-            if not (again := traced(lower)).steps and not again.excluded:
-                break
-            level = lower
     held_out = getattr(result.before.held_out, "p_value", None)
-    return Clean(number, result.verdict, named, result.before.p_value, held_out, level)
+    return Clean(number, result.verdict, named, result.before.p_value, held_out)
 
 
 def rate(values: Iterable[bool]) -> str:
@@ -78,12 +61,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--sessions", type=int, default=1200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--alpha", type=float, help="of the search")
     parser.add_argument("--out", type=Path, help="write a line of JSON for each session")
     options = parser.parse_args(arguments)
     found = []
     for number in range(options.first, options.first + options.sessions):
-        found.append(judged(number, options.seed, options.alpha))
+        found.append(judged(number, options.seed))
         if options.out:
             with options.out.open("a") as file:
                 file.write(json.dumps(asdict(found[-1])) + "\n")

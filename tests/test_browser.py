@@ -233,7 +233,8 @@ def test_the_law_and_the_workspace_follow_the_hypothesis(traced: Trace, tmp_path
     assert traced.evidence is not None
     known, drawn = traced.evidence.hypotheses, traced.evidence.workspace
     shades = Shades(drawn)
-    laws = {"curvature@a22", "once_per_turn@a22", "twice_per_turn@a22"}
+    (step,) = traced.steps
+    laws = {f"{n.term}@{n.target}" for n in (step, *step.also_fits)}
     for state, one in zip(states, known, strict=True):
         there = [{cell[:2]: cell[2] for cell in part.cells} for part in one.workspace]
         sd = [

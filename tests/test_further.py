@@ -33,12 +33,12 @@ MIDDLE, HALF = 2047.5, 2047.5
 @pytest.fixture(scope="module")
 def tie() -> planning.Tie:
     """A session in which the curve of a sensor could have several shapes."""
-    for seed in range(200):
+    for seed in range(85, 200):  # earlier ones have fewer shapes, or a free curve
         found = planning.tie(0, seed)
         if found is None or abs(found.result.noise.correlation) > 0.02:
             continue  # the witness knows no correlation of samples
         of_channel = (t.term in SHAPES and t.target == found.effect.target for t in terms_of(found))
-        if all(of_channel) and len(terms_of(found)) == 4:
+        if all(of_channel) and len(terms_of(found)) > 2:
             return found
     raise AssertionError("no tie")
 
@@ -186,7 +186,8 @@ def test_the_forecast_is_what_simulated_readings_bring(tie: planning.Tie) -> Non
         # The weights of the witness do not follow the parameters, as for λ; 2 % of the draws.
         assert found["forecast"]["decides"] == pytest.approx(expected, rel=0.3, abs=0.02)
         forecasts.append(expected)
-    assert max(forecasts) > 2.0 * min(forecasts)  # not one number for all plans
+    # Not one number for all plans: twelve poses leave less than half as much undecided as three.
+    assert 1.0 - max(forecasts) < 0.5 * (1.0 - min(forecasts))
 
 
 def test_planned_poses_are_worth_many_random_ones(tie: planning.Tie) -> None:

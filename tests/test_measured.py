@@ -164,7 +164,9 @@ def test_tracing_finds_no_compliance_where_gravity_is_turned(folder: Path, robot
 
 def test_tracing_says_how_sure_it_is_of_compliance_on_panda_4(folder: Path) -> None:
     found = traced(folder, "panda_4", None)
-    sure = [s.p_value for s in found.steps if s.term == "joint_compliance"]
+    # Weight at the end, or of the links: for q4 these poses cannot tell the two apart.
+    names = [(s.p_value, {s.term, *(n.term for n in s.also_fits)}) for s in found.steps]
+    sure = [p for p, terms in names if "joint_compliance" in terms]
     assert sure and all(p is not None and p < 1e-6 for p in sure)
 
 

@@ -279,7 +279,6 @@ class Session:
         self,
         beside: Mapping[str, Any] | None = None,
         without: Sequence[str] | None = None,
-        alpha: float | None = None,
         off: Sequence[str] | None = None,
         apply_all: Any = False,
     ) -> dict[str, Any]:

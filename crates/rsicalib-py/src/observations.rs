@@ -187,13 +187,12 @@ impl PyObservations {
     }
 
     /// Closes the loop.
-    #[pyo3(signature = (beside=None, without=None, alpha=None, off=None, apply_all=false))]
+    #[pyo3(signature = (beside=None, without=None, off=None, apply_all=false))]
     fn trace<'py>(
         &self,
         py: Python<'py>,
         beside: Option<PyBeside<'_>>,
         without: Option<Vec<String>>,
-        alpha: Option<f64>,
         off: Option<Vec<String>>,
         apply_all: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -202,13 +201,8 @@ impl PyObservations {
             off.unwrap_or_default().iter().map(|id| Rule::of(id)).collect();
         let off = off.map_err(PyError::from)?;
         let default = SearchOptions::default();
-        let search = SearchOptions {
-            alpha: alpha.unwrap_or(default.alpha),
-            apply_all,
-            without: without.unwrap_or_default(),
-            off,
-            ..default
-        };
+        let search =
+            SearchOptions { apply_all, without: without.unwrap_or_default(), off, ..default };
         let session = Arc::clone(&self.observations);
         let found =
             work(py, || rsicalib::report::traced::traced(&session, &search, beside.as_ref()))?;

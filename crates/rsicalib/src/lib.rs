@@ -32,7 +32,7 @@
 //! | `apply` | a fit and other readings | platform poses, comparison with known poses |
 //! | `monitor` | a calibration and rows at work | alarms: what changed, since when, by how much, (101) to (104) |
 //! | `screening` | readings | faults of converters, outliers, damage, (81) to (84) |
-//! | `diagnosis` | a fit with a residual | score tests, stepwise search, fault isolation, verdict, (71) to (74) |
+//! | `diagnosis` | a fit with a residual | score tests, search over explanations, fault isolation, verdict, (71) to (74) |
 //! | `history` | estimates and dates | what drifts, what jumped, (127), (128) |
 //! | `population` | what many devices tell | common errors of the drawing, spread, priors, (121) to (126) |
 //! | `design` | poses | Cramér-Rao bound and pose plans, (91), (92) |

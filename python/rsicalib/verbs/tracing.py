@@ -43,7 +43,6 @@ def trace(
     device: str | None = None,
     note: str | None = None,
     date: DateArg | None = None,
-    alpha: float | None = None,
     apply_all: bool = False,
     seed: int | None = None,
     starts: int | None = None,
@@ -68,8 +67,6 @@ def trace(
         Terms that are not candidates.
     align, fit_groups, hold_out_groups, skip_bad_rows, device, note, date : optional
         As in `calibrate`.
-    alpha : float, optional
-        Probability of naming anything where nothing is missing.
     apply_all : bool
         Apply every effect that is found. Else one that does not help on placements, sessions or
         parts of the workspace that are left out, or in whose place a law that no term has is
@@ -111,9 +108,7 @@ def trace(
     session = job.session(rest, job.terms(terms), options)
     beside = job.beside(job.known(check, check_point), align)
     try:
-        report = session.trace(
-            beside, without=names("without", without), alpha=alpha, apply_all=apply_all
-        )
+        report = session.trace(beside, without=names("without", without), apply_all=apply_all)
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.made(job.too_few(Trace, error, session) | nothing)

@@ -15,9 +15,9 @@ use crate::design::moments::{Moments, PoseSlopes, moments_of, slopes_of};
 use crate::design::plan::{Within, workspace};
 use crate::design::precision::Precision;
 use crate::design::reachable::{Reachable, around, reachable};
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates::candidates;
-use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::estimate::conventions::{Conventions, Here};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::{Instance, Model, Want, Workspace, parse};
@@ -179,7 +179,7 @@ pub fn further(
         base.iter().chain(more).copied().collect()
     };
     let whole = fit(observations, with(&effects[0]), None)?;
-    let mut session = Stepwise::new(observations, &whole, &search)?.small;
+    let mut session = Averaged::new(observations, &whole, &search)?.small;
     // A search stops where χ² hardly falls: along the valley between two shapes of a curve that is
     // far from the minimum, and λ lives on the difference.
     session.options.lm = observations.options.lm.clone();

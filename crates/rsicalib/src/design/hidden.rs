@@ -5,10 +5,10 @@ use faer::{Mat, Side};
 use crate::apply::change::PlatformRms;
 use crate::design::linearised::Whitened;
 use crate::design::moments::Moments;
-use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::price::least_that_pays;
+use crate::diagnosis::score::scored::named_places;
 use crate::mechanism::Mechanism;
 use crate::model::{Instance, Model};
-use crate::numerics::distributions;
 use crate::numerics::symmetric::{VISIBLE, invert};
 use crate::terms::targets::typical;
 
@@ -38,9 +38,8 @@ pub(crate) fn worst_hidden(
     let n = fitted.len();
     // What nothing determines stays where it is: an effect of no size goes any way there.
     let (inverse, ..) = invert(&Mat::from_fn(n, n, |i, j| gram[(fitted[i], fitted[j])]));
-    let alpha = SearchOptions::default().alpha;
-    // Noncentrality that is seen in four sessions of five, at the corrected level.
-    let seen = distributions::two_sided_limit(alpha, named.len()) + 0.84;
+    // Noncentrality that pays in four sessions of five.
+    let seen = least_that_pays(1.0, named_places(named.len() as f64)).sqrt() + 0.84;
     let one = |instance: &Instance| {
         let at = model.instances.iter().position(|i| i == instance)?;
         let own: Vec<usize> = (model.first[at]..model.first[at] + instance.width()).collect();

@@ -11,12 +11,12 @@
 
 use crate::Error;
 use crate::apply::change::{PlatformRms, difference, platform};
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::price;
 use crate::diagnosis::score::candidates::candidates;
 use crate::diagnosis::score::projection::project_blocks;
 use crate::diagnosis::score::scored::named_places;
-use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::estimate::directions::{place, unit};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::{Instance, Spec, instances_of};
@@ -130,7 +130,7 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let mut base = observations.instances()?;
     base.retain(|i| !effects.contains(i));
     let full = fit(observations, base.clone(), None)?;
-    let small = Stepwise::new(observations, &full, &search)?.small;
+    let small = Averaged::new(observations, &full, &search)?.small;
     let last = fit(&small, base, Some(&full))?;
     // Refuses what needs data that the readings do not have.
     small.model([&last.model.instances[..], &effects].concat())?;
@@ -151,11 +151,10 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let here = platform(&small, &last.model, &last.beta, &noise);
     let there = platform(&small, &with.model, &with.beta, &noise);
     let width_seen = width as f64;
-    // As a step of the search: above chance, and worth its parameters and places.
-    let chance = chi2_quantile(search.alpha / places, width_seen);
-    let paid = price::item(width_seen, places);
+    // As in the search: worth its parameters and places.
+    let least = price::least_that_pays(width_seen, places);
     Ok(Supposition {
-        seen: chi2_beyond(chance.max(paid), width_seen, noncentrality),
+        seen: chi2_beyond(least, width_seen, noncentrality),
         noticed: match last.dof >= 1.0 {
             true => {
                 let limit = chi2_quantile(LEVEL, last.dof);

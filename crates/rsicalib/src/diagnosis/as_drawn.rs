@@ -3,20 +3,20 @@
 //! Where joints may start anywhere, an error of a surface is taken up by them: a bent table is flattened
 //! by offsets of four joints, and the arm is farther from where it is than before. So where the model that
 //! was asked for leaves something, a session on a surface is searched once more without offsets of joints,
-//! and both explanations have their price (113), offsets that are determined included. Where both are as
-//! likely, joints stay as they are drawn: what is not known to be wrong is not changed.
+//! and both explanations have their price (113), offsets that are determined included. Where the
+//! second is not ruled out, joints stay as they are drawn: what is not known to be wrong is not changed.
 
 use crate::Error;
 use crate::apply::change::apart;
 use crate::diagnosis::long::Search;
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::price::CHARGE;
+use crate::diagnosis::price::{Family, another, charge, of_places, prior};
 use crate::diagnosis::score::scored::is_data;
-use crate::diagnosis::stepwise::rivals::{Explanation, nearest};
+use crate::diagnosis::search::rivals::{Explanation, nearest};
 use crate::estimate::Fit;
 use crate::mechanism::Mechanism;
 use crate::model::Instance;
-use crate::numerics::credible_set::AS_WELL;
+use crate::numerics::credible_set::RIVAL;
 use crate::terms::term::Role;
 
 /// What was asked for, without offsets; none where there are none, or no surface.
@@ -39,22 +39,27 @@ pub(crate) fn likelier<'a>(
     offsets: &[Instance],
 ) -> Result<(Search<'a>, bool), Error> {
     let ((mut asked, whole), (mut drawn, plain)) = (asked, drawn);
-    // Offsets that readings do not determine cost nothing: they explain nothing.
-    let paid = CHARGE * (plain.dof - whole.dof).max(0.0);
-    let own = asked.searched.price(&asked.stepwise) + paid;
-    let other = drawn.searched.price(&asked.stepwise);
+    // Each joint that is not where it is drawn is one more thing that is wrong. Offsets that readings do not
+    // determine cost nothing: they explain nothing.
+    let gains = asked.averaged.said_of(plain) - asked.averaged.said_of(whole);
+    let parameters = (plain.dof - whole.dof).max(0.0);
+    let paid = charge(parameters, gains.max(0.0))
+        + of_places(1.0 / prior(Family::Named))
+        + another() * (parameters - 1.0).max(0.0);
+    let own = asked.searched.price(&asked.averaged) + paid;
+    let other = drawn.searched.price(&asked.averaged);
     let found = drawn.searched.found.iter().any(|step| !is_data(&step.scored.instance));
     let effects_of = |search: &Search| -> Vec<Instance> {
         search.searched.found.iter().map(|step| step.scored.instance).collect()
     };
-    let small = &drawn.stepwise.small;
+    let small = &drawn.averaged.small;
     let sound = absurdities(small, &drawn.searched.current, &effects_of(&drawn)).is_empty();
-    let chosen = found && sound && other <= own + AS_WELL;
+    let chosen = found && sound && other <= own + RIVAL;
     let effects = |search: &Search, more: &[Instance]| -> Vec<Instance> {
         more.iter().copied().chain(effects_of(search).into_iter().filter(|i| !is_data(i))).collect()
     };
     let of_both = [effects(&asked, offsets), effects(&drawn, &[])];
-    let far = apart(&asked.stepwise.small, &asked.searched.current, &drawn.searched.current);
+    let far = apart(&asked.averaged.small, &asked.searched.current, &drawn.searched.current);
     let (kept, [mine, others], all) = match chosen {
         true => (&mut drawn, [other, own], &of_both[0]),
         false => (&mut asked, [own - paid, other - paid], &of_both[1]),

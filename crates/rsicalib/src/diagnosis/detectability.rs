@@ -8,13 +8,14 @@ use crate::apply::change::{Movable, PlatformRms};
 use crate::apply::unseen::Unseen;
 use crate::diagnosis::left_open::{Open, weigh};
 use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::price::least_that_pays;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::{Projected, project};
+use crate::diagnosis::score::scored::named_places;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::carry_over;
 use crate::estimate::directions::{place, reported_map, unit};
 use crate::model::Instance;
-use crate::numerics::distributions;
 use crate::numerics::symmetric::VISIBLE;
 use crate::numerics::workers;
 
@@ -73,12 +74,12 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let beta = carry_over(last, &model);
     let to_reported = reported_map(last);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
+    let least = least_that_pays(1.0, named_places(named.len() as f64)).sqrt();
     let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {
         let info = instance.term.info();
         let d = info.parameters.len();
-        // Noncentrality that is seen in four sessions of five, at the corrected level.
-        let z = distributions::two_sided_limit(search.alpha, named.len()) + 0.84;
-        let wanted = z * z;
+        // Noncentrality that pays in four sessions of five.
+        let wanted = (least + 0.84).powi(2);
         // The direction, in typical sizes, that is hardest to see among those that can be.
         let typical =
             crate::terms::targets::typical(&observations.mechanism, instance.term, instance.target);

@@ -6,12 +6,13 @@
 //! used where that is better with it than without, beside the others. Without each half the search is
 //! made again: where what it finds there makes the other half worse, only effects that both find are
 //! used. Parts of the workspace of a single placement cannot tell that a free shape is there at
-//! another, nor effects that may stand for another one or leave something over: these are named alone.
+//! another, nor effects that may stand for another one, as errors of the arm for one of the surface that it
+//! touches, or leave something over: these are named alone.
 
 use crate::diagnosis::localisation::Residual;
 use crate::diagnosis::options::{Rule, SearchOptions};
 use crate::diagnosis::score::scored;
-use crate::diagnosis::trace::{Traced, trace};
+use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::WORSE;
 use crate::estimate::progress::Progress;
 use crate::estimate::{
@@ -20,6 +21,7 @@ use crate::estimate::{
 use crate::model::Instance;
 use crate::numerics::symmetric::eigenvalues;
 use crate::numerics::workers;
+use crate::terms::term::Acts;
 
 /// Placements or sessions are left out half by half: each search has half of the readings, and both
 /// take about as long as the one of all.
@@ -100,7 +102,8 @@ pub fn elsewhere(
     };
     // Seen at one placement alone: nothing says that another has a shape without a law, or effects
     // that leave something over or may stand for another.
-    let understood = matches!(residual, Residual::Noise { .. } | Residual::Unjudged);
+    let noise = matches!(residual, Residual::Noise { .. } | Residual::Unjudged);
+    let understood = noise && !found.iter().any(in_tie_with_surface);
     let may = |effect: &Instance| match &again {
         Some((again, found)) => {
             let finds = |fit: &Fit| fit.model.instances.contains(effect);
@@ -134,6 +137,12 @@ pub fn elsewhere(
     let (blocks, unit) = (left.blocks.len(), observations.mechanism.length_unit.clone());
     let (again, without_each) = (again.map(|(again, _)| again), each);
     Some((Elsewhere { kind, blocks, without, again, applied, without_each, unit }, applies))
+}
+
+/// True for an error of the arm where one of the surface that it touches fits as well.
+fn in_tie_with_surface(found: &Found) -> bool {
+    let of_surface = |i: &Instance| matches!(i.term.acts(), Acts::Surface(_));
+    !of_surface(&found.instance) && found.also.iter().any(of_surface)
 }
 
 /// What a search finds without a block, where the session has so many effects: readings that are

@@ -12,9 +12,9 @@
 use std::ops::Range;
 
 use crate::Error;
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::Judge;
-use crate::diagnosis::stepwise::moves::Stepwise;
 use crate::diagnosis::stretches::Stretches;
 use crate::estimate::{Fit, Implicit, Misfit, Noise, Observations, Part, fit, place_untouched};
 use crate::numerics::workers;
@@ -139,9 +139,9 @@ pub fn averaged(
     full: &Fit,
 ) -> Result<(Observations, Fit, Judge), Error> {
     let search = SearchOptions::default();
-    let mut stepwise = Stepwise::new(observations, full, &search)?;
-    let mut small = fit(&stepwise.small, full.model.instances.clone(), Some(full))?;
-    stepwise.rescale(&mut small)?;
-    let judge = stepwise.judge(&small);
-    Ok((stepwise.small, small, judge))
+    let mut averaged = Averaged::new(observations, full, &search)?;
+    let mut small = fit(&averaged.small, full.model.instances.clone(), Some(full))?;
+    averaged.rescale(&mut small)?;
+    let judge = averaged.judge(&small);
+    Ok((averaged.small, small, judge))
 }

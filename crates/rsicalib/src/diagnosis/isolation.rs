@@ -21,7 +21,6 @@ use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
 use crate::numerics::symmetric::dot;
 use crate::numerics::workers;
-use crate::screening::blame::Blame;
 
 /// Standard deviation of a reading that the fit ignores, in units of its own noise.
 const UNBOUNDED: f64 = 1e4;
@@ -45,8 +44,6 @@ pub struct Isolated {
     pub target: Target,
     /// Probability of a larger χ² of the rest, (73).
     pub p_value: f64,
-    /// Readings and poses that are wrong whatever it does, and whose those readings are.
-    pub wrong: Vec<(Scored, Blame)>,
 }
 
 /// The channel or closure, or else the chain, that is at fault alone; none where there is
@@ -80,7 +77,7 @@ pub fn isolate<'a>(
         able.sort_by(|a, b| a.left().total_cmp(&b.left()));
         able.truncate(LIKELY);
         let alone = |mut it: Released<'a>| -> Result<_, Error> {
-            let alone = it.closes(judge, search)? && !it.needs_more(judge, search)?;
+            let alone = it.closes(judge)? && !it.needs_more(judge, search)?;
             Ok(alone.then_some(it))
         };
         let isolated: Vec<Option<Released>> =
@@ -92,14 +89,27 @@ pub fn isolate<'a>(
             && sure >= SURE
         {
             let it = isolated.into_iter().find(|it| it.target == target);
-            return Ok(it.map(|Released { target, p_value, wrong, .. }| Isolated {
-                target,
-                p_value,
-                wrong,
-            }));
+            return Ok(it.map(|Released { target, p_value, .. }| Isolated { target, p_value }));
         }
     }
     Ok(None)
+}
+
+/// A channel or a chain at fault, where all but its errors closes within its noise, (73).
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn isolated_at(
+    observations: &Observations,
+    base: &Fit,
+    target: Target,
+    judge: &Judge,
+    search: &SearchOptions,
+) -> Result<Option<Isolated>, Error> {
+    let Some(mut it) = Released::of(observations, base, target)? else { return Ok(None) };
+    let alone = it.closes(judge)? && !it.needs_more(judge, search)?;
+    Ok(alone.then_some(Isolated { target, p_value: it.p_value }))
 }
 
 /// True where a closure of readings is left that a chain takes no part in: without such a one
@@ -124,7 +134,8 @@ struct Released<'a> {
     /// How many of them are given up.
     lost: f64,
     p_value: f64,
-    wrong: Vec<(Scored, Blame)>,
+    /// Readings and poses that are wrong whatever it does.
+    wrong: Vec<Scored>,
 }
 
 impl<'a> Released<'a> {
@@ -146,7 +157,7 @@ impl<'a> Released<'a> {
 
     /// χ² with what is paid for it.
     fn left(&self) -> f64 {
-        let paid = self.wrong.iter().map(|(s, _)| s.paid());
+        let paid = self.wrong.iter().map(Scored::paid);
         self.rest.chi2 + EQUATION * self.lost + paid.sum::<f64>()
     }
 
@@ -158,14 +169,14 @@ impl<'a> Released<'a> {
     }
 
     /// Whether the rest closes within its noise, but for a few readings that are wrong.
-    fn closes(&mut self, judge: &Judge, search: &SearchOptions) -> Result<bool, Error> {
-        while let Some((scored, blame)) = self.wrong_reading(judge, search)? {
+    fn closes(&mut self, judge: &Judge) -> Result<bool, Error> {
+        while let Some(scored) = self.wrong_reading(judge)? {
             if self.wrong.len() == WRONG {
                 return Ok(false);
             }
             let mut instances = self.rest.model.instances.clone();
             leave_out(&scored, &mut self.released, &mut instances);
-            self.wrong.push((scored, blame));
+            self.wrong.push(scored);
             self.rest = fit(&self.released, instances, Some(&self.rest))?;
             (self.equations, self.lost) = equations(&self.released, self.start, self.target);
         }
@@ -175,18 +186,14 @@ impl<'a> Released<'a> {
     }
 
     /// The worst reading, or pose, that is wrong though this says nothing.
-    fn wrong_reading(
-        &self,
-        judge: &Judge,
-        search: &SearchOptions,
-    ) -> Result<Option<(Scored, Blame)>, Error> {
+    fn wrong_reading(&self, judge: &Judge) -> Result<Option<Scored>, Error> {
         let mechanism = &self.released.mechanism;
         if !self.released.readings.held {
             return Ok(None);
         }
         let mut scored = places::bad_readings(&AtFit::new(&self.released, &self.rest), judge)?;
         scored.retain(|s| !belongs(mechanism, s.instance.target, self.target));
-        let worst = scored.iter().filter(|s| s.corrected <= search.alpha);
+        let worst = scored.iter().filter(|s| s.charged() > 0.0);
         let Some(worst) = worst.max_by(|a, b| a.charged().total_cmp(&b.charged())) else {
             return Ok(None);
         };
@@ -198,24 +205,23 @@ impl<'a> Released<'a> {
             .copied()
             .collect();
         here.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let blame = Blame::among(here.iter().map(|s| (s.score, s.instance.target)), mechanism);
         let one = here.first().filter(|s| s.charged() >= worst.charged() - AS_WELL);
-        Ok(Some((*one.unwrap_or(worst), blame)))
+        Ok(Some(*one.unwrap_or(worst)))
     }
 
     /// Whether something else stands out.
     fn needs_more(&self, judge: &Judge, search: &SearchOptions) -> Result<bool, Error> {
         let mechanism = &self.released.mechanism;
-        let scored = scan::scan(&self.released, &self.rest, judge, search)?;
+        let scored = scan::scan(&self.released, &self.rest, &judge.of(&self.rest), search)?;
         let elsewhere = |s: &Scored| {
             !scored::is_data(&s.instance) && !belongs(mechanism, s.instance.target, self.target)
         };
-        Ok(scored.iter().any(|s| elsewhere(s) && s.corrected <= search.alpha))
+        Ok(scored.iter().any(|s| elsewhere(s) && s.charged() > 0.0))
     }
 }
 
 /// Leaves a wrong pose out of a session, or gives a wrong reading its own parameter.
-pub fn leave_out(wrong: &Scored, observations: &mut Observations, instances: &mut Vec<Instance>) {
+fn leave_out(wrong: &Scored, observations: &mut Observations, instances: &mut Vec<Instance>) {
     match excluded_pose(&wrong.instance) {
         Some(pose) => observations.weights[pose] = 0.0,
         None => instances.push(wrong.instance),

@@ -4,10 +4,10 @@
 use faer::Mat;
 
 use crate::Error;
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::stepwise::moves::Stepwise;
-use crate::diagnosis::stepwise::search::{FoundEffect, Searched};
+use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::diagnosis::stretches::{Stretches, bad_rows};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
@@ -19,7 +19,7 @@ const LOOKS: usize = 2;
 /// A search of a session.
 pub struct Search<'a> {
     /// Its state.
-    pub stepwise: Stepwise<'a>,
+    pub averaged: Averaged<'a>,
     /// Where it ended.
     pub searched: Searched,
     /// What is at fault alone.
@@ -39,28 +39,28 @@ pub fn search_long<'a>(
     observations: &Observations,
     clean: &Fit,
     search: &'a SearchOptions,
-    one: impl Fn(&mut Stepwise<'a>) -> Result<(Searched, Option<Isolated>), Error>,
+    one: impl Fn(&mut Averaged<'a>) -> Result<(Searched, Option<Isolated>), Error>,
 ) -> Result<Option<Search<'a>>, Error> {
-    let mut apart = bad_rows(observations, clean, search);
+    let mut apart = bad_rows(observations, clean);
     for look in 0.. {
         let stretches = Stretches::of(observations, &clean.noise, &apart);
         let Some(stretches) = stretches else { break };
-        let mut stepwise = Stepwise::by_stretches(observations, stretches.clone(), clean, search);
-        let (mut searched, isolated) = one(&mut stepwise)?;
+        let mut averaged = Averaged::by_stretches(observations, stretches.clone(), clean, search);
+        let (mut searched, isolated) = one(&mut averaged)?;
         let all = all_rows(observations, clean, &stretches, &searched)?;
         let mut more = stretches.closer(searched.found.iter().map(|step| &step.scored));
         if let Some(all) = &all {
-            more.extend(bad_rows(observations, all, search));
+            more.extend(bad_rows(observations, all));
         }
         more.retain(|row| apart.binary_search(row).is_err());
         if more.is_empty() || look == LOOKS {
             let all = match all {
                 Some(all) => {
-                    confirmed(observations, clean, &stepwise, &stretches, all, &mut searched)?
+                    confirmed(observations, clean, &averaged, &stretches, all, &mut searched)?
                 }
                 None => None,
             };
-            return Ok(Some(Search { stepwise, searched, isolated, all }));
+            return Ok(Some(Search { averaged, searched, isolated, all }));
         }
         apart.extend(more);
         apart.sort_unstable();
@@ -91,7 +91,7 @@ fn all_rows(
 fn confirmed(
     observations: &Observations,
     clean: &Fit,
-    stepwise: &Stepwise,
+    averaged: &Averaged,
     stretches: &Stretches,
     mut all: Fit,
     searched: &mut Searched,
@@ -106,7 +106,7 @@ fn confirmed(
             return Ok(Some(all));
         };
         let gone = searched.found.remove(worst).scored.instance;
-        searched.current = stepwise.without(&searched.current, &[gone])?;
+        searched.current = averaged.without(&searched.current, &[gone])?;
         searched.rivals.clear();
         match all_rows(observations, clean, stretches, searched)? {
             Some(rest) => all = rest,

@@ -1,7 +1,7 @@
 //! From the residual to the effect that the model lacks.
 
 pub(crate) mod as_drawn;
-pub(crate) mod beam;
+pub(crate) mod averaged;
 pub mod calibrate;
 pub(crate) mod curve;
 pub(crate) mod curve_law;
@@ -18,7 +18,7 @@ pub mod options;
 pub mod plausibility;
 pub(crate) mod price;
 pub(crate) mod score;
-pub(crate) mod stepwise;
+pub(crate) mod search;
 pub(crate) mod stretches;
 pub mod trace;
 pub(crate) mod unknown_law;

@@ -1,7 +1,7 @@
 //! The price of an explanation: what the readings say of it, and what its parts cost.
 //!
 //! ```text
-//! price = data(χ²) + Σ (4 · parameters - 2 ln prior(kind) + 2 ln places)           (113)
+//! price = data(χ²) + Σ (charge - 2 ln prior(kind) + 2 ln places) - 2 ln ¼ · (effects - 1)   (113)
 //! ```
 //!
 //! Minus twice the logarithm of a probability, but for a constant: differences of prices are what
@@ -46,9 +46,6 @@ impl Family {
     }
 }
 
-/// Charge for each parameter, in units of χ².
-pub const CHARGE: f64 = 4.0;
-
 /// Probability of each kind of item, one being there: of its places all are as likely.
 const PRIORS: [(Family, f64); 6] = [
     (Family::Named, 0.54),
@@ -65,10 +62,34 @@ pub fn prior(kind: Family) -> f64 {
     PRIORS.iter().find(|(k, _)| *k == kind).map_or(1.0, |(_, prior)| *prior)
 }
 
-/// What an item costs: its parameters, and the places where it could have been, over its prior.
+/// Probability that there is one more effect, where there is one.
+const MORE: f64 = 0.25;
+
+/// What an effect beside another costs more than the first.
 #[must_use]
-pub fn item(parameters: f64, places: f64) -> f64 {
-    CHARGE * parameters + 2.0 * places.ln().max(0.0)
+pub fn another() -> f64 {
+    -2.0 * MORE.ln()
+}
+
+/// What the places cost where an item could have been, over its prior.
+#[must_use]
+pub fn of_places(places: f64) -> f64 {
+    2.0 * places.ln().max(0.0)
+}
+
+/// The least score that pays for `k` parameters at these places, over the prior.
+#[must_use]
+pub fn least_that_pays(k: f64, places: f64) -> f64 {
+    let pays = |score: f64| score - charge(k, score) > of_places(places);
+    let (mut low, mut high) = (0.0, 1.0);
+    while !pays(high) {
+        (low, high) = (high, 2.0 * high);
+    }
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if pays(middle) { high = middle } else { low = middle }
+    }
+    high
 }
 
 /// Amplitudes that an effect may have: doublings of that which noise alone would give it.
@@ -143,6 +164,52 @@ impl Data {
             Scale::Fitted => d * chi2.max(f64::MIN_POSITIVE).ln(),
         }
     }
+
+    /// By how much that falls for each unit of χ²: the variance of the noise over what it may really be.
+    fn slope(&self, chi2: f64) -> f64 {
+        let d = self.dof.max(1.0);
+        match self.scale {
+            Scale::Known(nu) if nu.is_finite() => (nu + d) / (nu + chi2),
+            Scale::Declared | Scale::Bound if chi2 > d => d / chi2,
+            Scale::Known(_) | Scale::Declared | Scale::Bound => 1.0,
+            Scale::Fitted => d / chi2.max(f64::MIN_POSITIVE),
+        }
+    }
+
+    /// By how much that falls where χ² does by a score.
+    #[must_use]
+    pub fn fall(&self, chi2: f64, score: f64) -> f64 {
+        self.of(chi2) - self.of((chi2 - score).max(0.0))
+    }
+}
+
+/// What readings say of a fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Said {
+    /// What they say of any.
+    pub data: Data,
+    /// Its χ².
+    pub chi2: f64,
+}
+
+impl Said {
+    /// By how much it falls where χ² does by a score.
+    #[must_use]
+    pub fn fall(&self, score: f64) -> f64 {
+        self.data.fall(self.chi2, score)
+    }
+
+    /// The variance of the noise over what it may really be, were so much of χ² explained.
+    #[must_use]
+    pub fn scale(&self, score: f64) -> f64 {
+        self.data.slope((self.chi2 - score).max(0.0))
+    }
+
+    /// The same of a fit whose χ² is larger.
+    #[must_use]
+    pub fn raised(self, by: f64) -> Self {
+        Self { chi2: self.chi2 + by, ..self }
+    }
 }
 
 #[cfg(test)]
@@ -185,6 +252,18 @@ mod tests {
         let wanted = 25.0 - 2.0 * (all / f64::from(super::AMPLITUDES)).ln();
         let got = super::charge(1.0, 25.0);
         assert!((got - wanted).abs() < 1e-6 * wanted, "{got} for {wanted}");
+    }
+
+    #[test]
+    fn the_least_score_that_pays_is_where_the_likelihood_ratio_is_the_number_of_places() {
+        for (k, places) in [(1.0, 200.0), (3.0, 2000.0)] {
+            let score = super::least_that_pays(k, places);
+            // The mean likelihood ratio over the amplitudes, written out.
+            let ratio = |g: f64| (1.0 + g).powf(-0.5 * k) * (0.5 * score * g / (1.0 + g)).exp();
+            let all: f64 = (0..super::AMPLITUDES).map(|j| ratio(4.0_f64.powi(j))).sum();
+            let mean = all / f64::from(super::AMPLITUDES);
+            assert!((mean - places).abs() < 1e-6 * places, "{mean} for {places}");
+        }
     }
 
     #[test]

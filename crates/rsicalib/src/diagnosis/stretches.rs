@@ -14,13 +14,12 @@
 
 use std::ops::Range;
 
-use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::score::scored::{Family, Scored};
+use crate::diagnosis::price::{Family, least_that_pays, prior};
+use crate::diagnosis::score::scored::Scored;
 use crate::estimate::noise::source::NoiseEstimate;
 use crate::estimate::settle::Room;
 use crate::estimate::{Fit, Implicit, LONG, Noise, Observations, Part};
 use crate::model::Instance;
-use crate::numerics::distributions;
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
@@ -271,17 +270,17 @@ impl<'a> Settled<'a> {
     }
 }
 
-/// Rows of a long recording whose readings look bad at a fit, ascending: those that stand out of
-/// all rows at the level of a search, against what the fit leaves, and by far the worst of them.
+/// Rows of a long recording whose readings look bad at a fit, ascending: those that pay for
+/// their places among all rows, against what the fit leaves, and by far the worst of them.
 #[must_use]
-pub fn bad_rows(observations: &Observations, fit: &Fit, search: &SearchOptions) -> Vec<usize> {
+pub fn bad_rows(observations: &Observations, fit: &Fit) -> Vec<usize> {
     let Observations { readings, weights, .. } = observations;
     if !are_searched(observations, &fit.noise) {
         return Vec::new();
     }
     let rest = (fit.chi2 / fit.dof.max(1.0)).max(1.0);
     let tests = readings.samples * readings.channels;
-    let limit = distributions::two_sided_limit(search.alpha, tests).powi(2);
+    let limit = least_that_pays(1.0, tests as f64 / prior(Family::Bad));
     let least = limit * fit.noise.slow * rest;
     let part = Part { model: &fit.model, readings, weights: Some(weights) };
     let problem = Implicit::of(part, fit.assumed());

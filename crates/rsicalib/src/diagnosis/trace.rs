@@ -13,15 +13,15 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::diagnosis::as_drawn::{likelier, without_offsets};
-use crate::diagnosis::beam::answers::search_effects;
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::bodies::{Bodies, is_move};
 use crate::diagnosis::score::places;
-use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
-use crate::diagnosis::stepwise::moves::Stepwise;
-use crate::diagnosis::stepwise::search::{FoundEffect, Searched};
+use crate::diagnosis::score::scored::{self, Judge, Scored};
+use crate::diagnosis::search::answers::search_effects;
+use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::diagnosis::stretches::Stretches;
 use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::diagnosis::verdict::Determined;
@@ -34,10 +34,10 @@ use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
 
+pub use crate::diagnosis::averaged::cost;
 use crate::diagnosis::options::Rule;
 pub use crate::diagnosis::options::{LEVEL, SearchOptions};
-pub use crate::diagnosis::stepwise::moves::cost;
-pub use crate::diagnosis::stepwise::rivals::Explanation;
+pub use crate::diagnosis::search::rivals::Explanation;
 
 /// One effect that was found.
 #[derive(Debug, Clone)]
@@ -162,7 +162,7 @@ fn explain(
         wanted && search.uses(Rule::AsDrawn) && clean.p_value.is_some_and(|p| p <= LEVEL);
     let drawn = drawn_too.then(|| without_offsets(&observations.mechanism, &base)).flatten();
     let mut offsets = Vec::new();
-    if let Some(kept) = drawn.filter(|_| searched.stepwise.stretches.is_none()) {
+    if let Some(kept) = drawn.filter(|_| searched.averaged.stretches.is_none()) {
         let plain = fit(&observations, kept.clone(), None)?;
         let other = search_once(&observations, &plain, &kept, search, true)?;
         offsets = base.iter().copied().filter(|i| !kept.contains(i)).collect();
@@ -175,19 +175,13 @@ fn explain(
         }
     }
     progress.enter(Stage::Refit);
-    let Search { stepwise, searched: pursued, isolated, all: of_all } = searched;
-    let Searched { current, found, poses, wrong, left, scores, rivals, .. } = pursued;
-    excluded.extend(poses.iter().map(|step| stepwise.excluded(step)));
-    excluded.extend(wrong.into_iter().map(|(scored, blame)| {
-        match excluded_pose(&scored.instance) {
-            Some(_) => stepwise.excluded(&scored),
-            None => stepwise.bad_reading(&scored.instance, blame),
-        }
-    }));
+    let Search { averaged, searched: pursued, isolated, all: of_all } = searched;
+    let Searched { current, found, poses, left, scores, rivals } = pursued;
+    excluded.extend(poses.iter().map(|step| averaged.excluded(step)));
     let (mut steps, mut bad) = (Vec::new(), Vec::new());
     for step in found {
         match scored::is_data(&step.scored.instance) {
-            true => bad.push(stepwise.bad_reading(&step.scored.instance, step.blame)),
+            true => bad.push(averaged.bad_reading(&step.scored.instance, step.blame)),
             false => steps.push(step),
         }
     }
@@ -207,14 +201,14 @@ fn explain(
             converter::seen_by(&before, fit(&observations, instances, Some(&from))?)
         }
     };
-    let judge = stepwise.judge(&current);
+    let judge = averaged.judge(&current);
     let effects: Vec<Scored> = steps.iter().map(|step| step.scored).collect();
     let left_over = after.p_value.is_some_and(|p| p <= LEVEL);
     let unknown = match effects.is_empty() && !left_over {
         true => None,
-        false => stepwise.unknown_law(&current, &effects)?,
+        false => averaged.unknown_law(&current, &effects)?,
     };
-    let Stepwise { small, stretches, .. } = stepwise;
+    let Averaged { small, stretches, .. } = averaged;
     let of_all = |step: &FoundEffect| match &stretches {
         Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),
         None => cost(&step.without) - cost(&current),
@@ -260,12 +254,12 @@ fn with_data(observations: &Observations, instances: &[Instance]) -> Vec<Instanc
 /// As [`fit`].
 pub fn looks_bad(observations: &Observations, full: &Fit) -> Result<bool, Error> {
     let search = SearchOptions::default();
-    let mut stepwise = Stepwise::new(observations, full, &search)?;
-    let mut small = fit(&stepwise.small, full.model.instances.clone(), Some(full))?;
-    stepwise.rescale(&mut small)?;
-    let at = AtFit::new(&stepwise.small, &small);
-    let scored = places::bad_readings(&at, &stepwise.judge(&small))?;
-    Ok(scored.iter().any(|s| s.corrected <= search.alpha))
+    let mut averaged = Averaged::new(observations, full, &search)?;
+    let mut small = fit(&averaged.small, full.model.instances.clone(), Some(full))?;
+    averaged.rescale(&mut small)?;
+    let at = AtFit::new(&averaged.small, &small);
+    let scored = places::bad_readings(&at, &averaged.judge(&small))?;
+    Ok(scored.iter().any(|s| s.charged() > 0.0))
 }
 
 /// Times that data are judged again beside what was found, at the most: what is left out and
@@ -282,20 +276,21 @@ fn search_once<'a>(
 ) -> Result<Search<'a>, Error> {
     // On a base that data do not determine, nothing that is found would mean anything.
     let sure = wanted && Determined::of(clean, &directions(observations, clean)) == Determined::Yes;
-    let one = |stepwise: &mut Stepwise<'a>| {
-        let mut start = fit(&stepwise.small, base.to_vec(), Some(clean))?;
-        stepwise.rescale(&mut start)?;
+    let one = |averaged: &mut Averaged<'a>| {
+        let mut start = fit(&averaged.small, base.to_vec(), Some(clean))?;
+        averaged.rescale(&mut start)?;
+        averaged.data.dof = start.dof;
         match sure {
-            true => search_effects(stepwise, &start),
+            true => search_effects(averaged, &start),
             false => Ok((Searched::nothing(start), None)),
         }
     };
     if let Some(long) = search_long(observations, clean, search, one)? {
         return Ok(long);
     }
-    let mut stepwise = Stepwise::new(observations, clean, search)?;
-    let (searched, isolated) = one(&mut stepwise)?;
-    Ok(Search { stepwise, searched, isolated, all: None })
+    let mut averaged = Averaged::new(observations, clean, search)?;
+    let (searched, isolated) = one(&mut averaged)?;
+    Ok(Search { averaged, searched, isolated, all: None })
 }
 
 /// Where unknown points are touched: the session as it is judged beside the effects that were
@@ -306,9 +301,9 @@ fn judge_again(
     all: &Observations,
     judged: &Observations,
     base: &[Instance],
-    Search { stepwise, searched, .. }: &Search,
+    Search { averaged, searched, .. }: &Search,
 ) -> Result<Option<(Observations, Fit, Vec<Excluded>)>, Error> {
-    let found = searched.found.iter().map(|step| stepwise.in_all(&step.scored.instance));
+    let found = searched.found.iter().map(|step| averaged.in_all(&step.scored.instance));
     let effects: Vec<Instance> = found.filter(|i| !scored::is_data(i)).collect();
     if searched.current.model.unknowns.is_empty() || effects.is_empty() {
         return Ok(None);
@@ -316,7 +311,7 @@ fn judge_again(
     let mut again = all.clone();
     let instances = base.iter().copied().chain(effects).collect();
     let beside = fit(&again, instances, Some(&searched.current))?;
-    let beside = retimed(&again, beside, &stepwise.judge(&searched.current))?;
+    let beside = retimed(&again, beside, &averaged.judge(&searched.current))?;
     let (_, excluded) = sound(&mut again, &beside)?;
     if again.weights == judged.weights {
         return Ok(None);

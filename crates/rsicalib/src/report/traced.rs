@@ -11,7 +11,7 @@ use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
-use crate::diagnosis::stepwise::rivals;
+use crate::diagnosis::search::rivals;
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
 use crate::diagnosis::unknown_law::{DependsOn, UNKNOWN_LAW, UnknownLaw};
 use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Reason, Verdict};

@@ -6,7 +6,7 @@ use crate::diagnosis::localisation::{Residual, Share, Structure};
 use crate::diagnosis::location::Location;
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
-use crate::diagnosis::stepwise::rivals::Explanation;
+use crate::diagnosis::search::rivals::Explanation;
 use crate::diagnosis::unknown_law::variables::Quantity;
 use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;

@@ -8,7 +8,7 @@
 mod forms;
 
 use self::forms::{FORMS, Form, Joints, Measures, WIDEST, any};
-use crate::diagnosis::price::CHARGE;
+use crate::diagnosis::price::charge;
 use crate::diagnosis::score::room::{LawScore, Room};
 use crate::diagnosis::score::scored::Judge;
 use crate::estimate::angles::Angles;
@@ -172,8 +172,9 @@ impl<'a> Fitted<'a> {
         for _ in 0..fitted.shape.len() {
             (0..fitted.shape.len()).for_each(|k| fitted.refine(k));
         }
-        let paid = CHARGE * (form.amplitudes.len() + fitted.shape.len()) as f64;
-        fitted.value = fitted.scored.score - paid - 2.0 * (tried as f64).ln();
+        let parameters = (form.amplitudes.len() + fitted.shape.len()) as f64;
+        let score = fitted.scored.score;
+        fitted.value = score - charge(parameters, score) - 2.0 * (tried as f64).ln();
         fitted
     }
 

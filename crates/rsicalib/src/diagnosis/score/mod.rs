@@ -2,6 +2,7 @@
 
 pub mod bodies;
 pub mod candidates;
+pub mod instead;
 pub mod pairs;
 pub mod periodic;
 pub mod places;

@@ -13,7 +13,7 @@ use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::Error;
-use crate::diagnosis::price::{item, room};
+use crate::diagnosis::price::{of_places, room};
 use crate::diagnosis::score::projection::{self, Projected};
 use crate::diagnosis::score::scored::{self, Family, Judge, Scored};
 use crate::estimate::{Fit, Observations};
@@ -52,7 +52,6 @@ pub fn pairs(
     fit: &Fit,
     judge: &Judge,
     named: &[Instance],
-    alpha: Option<f64>,
     charge: &(dyn Fn(f64, f64) -> f64 + Sync),
     needed: f64,
 ) -> Result<Vec<Pair>, Error> {
@@ -63,30 +62,22 @@ pub fn pairs(
     let Some(all) = projected.first() else { return Ok(Vec::new()) };
     let together = Together::new(all, &widths);
     let tests = named.len() as f64;
-    // Probabilities cost more than scores do: for each width the score that stands out.
-    let widest = widths.iter().copied().max().unwrap_or(0);
-    let places = scored::named_places(tests);
-    let level = alpha.map_or(1.0, |alpha| alpha / places);
-    let least_of = |width: f64| match alpha {
-        Some(_) => judge.least_score(level, width),
-        None => item(0.0, places),
-    };
-    let least: Vec<f64> = (0..=widest).map(|w| least_of(w as f64)).collect();
+    let least = of_places(scored::named_places(tests));
     let worth = |(a, b): (&Unit, &Unit)| {
         let score = together.score(a, b)?;
         let added = [(a, score - b.score), (b, score - a.score)];
-        if added.iter().any(|(unit, added)| *added < least[unit.columns.len()]) {
+        if added.iter().any(|(_, added)| *added < least) {
             return None;
         }
         let pair = Pair {
             both: added.map(|(unit, added)| {
                 let (instance, width) = (named[unit.candidate], unit.columns.len() as f64);
-                let one = Scored::of(instance, Family::Named, added, width, level, tests);
+                let one = Scored::of(instance, Family::Named, added, width, 1.0, tests);
                 Scored { charge: charge(width, added), ..one }
             }),
             score,
         };
-        let stands = alpha.is_some() || pair.both.iter().all(|one| one.charged() > 0.0);
+        let stands = pair.both.iter().all(|one| one.charged() > 0.0);
         (stands && pair.charged() + room(score) > needed)
             .then(|| Pair { both: pair.both.map(|one| one.judged(judge)), ..pair })
     };

@@ -13,7 +13,7 @@ use crate::terms::targets::searchable;
 
 /// Poses on either side of a slip that must see it: more than two, and so at least three. Two that
 /// are off alike are two wrong readings.
-const SIDE: f64 = 2.5;
+pub const SIDE: f64 = 2.5;
 
 /// A pose sees a slip that changes its χ² by this much, two standard deviations; one that changes it
 /// by less counts in part.
@@ -137,10 +137,11 @@ impl<'a> Poses<'a> {
     }
 
     /// Number of tests for bad readings: of stretches, those of all rows of the recording, which
-    /// were looked through for rows that stand apart.
+    /// were looked through for rows that stand apart. One equation does not tell whose reading it is.
     fn tests_bad(&self) -> f64 {
         let readings = &self.at.observations.readings;
-        (readings.merged.unwrap_or(self.live.len()) * (readings.channels + 1)) as f64
+        let kinds = if self.at.residuals.equations == 1 { 1 } else { readings.channels + 1 };
+        (readings.merged.unwrap_or(self.live.len()) * kinds) as f64
     }
 
     /// Scores of wrong readings of one channel. A recording has millions: of those that nobody

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use crate::Error;
-use crate::diagnosis::price::mean;
+use crate::diagnosis::price::{Said, mean};
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::model::Instance;
@@ -257,6 +257,11 @@ pub fn project_blocks(
     Ok(projected)
 }
 
+/// Scores of named candidates, (72), and of free shapes.
+///
+/// # Errors
+///
+/// As [`project`].
 pub fn score(
     observations: &Observations,
     fit: &Fit,
@@ -264,23 +269,35 @@ pub fn score(
     inverse: &Mat<f64>,
     named: &[Instance],
 ) -> Result<Vec<Scored>, Error> {
+    let projected = project(observations, fit, inverse, named)?;
+    Ok(score_of(observations, judge, named, &projected))
+}
+
+/// (72) of candidates with their projected normal equations.
+pub fn score_of(
+    observations: &Observations,
+    judge: &Judge,
+    named: &[Instance],
+    projected: &[Projected],
+) -> Vec<Scored> {
     let family = |i: &Instance| if i.term.info().penalised { Family::Free } else { Family::Named };
     let count = |f: Family| named.iter().filter(|i| family(i) == f).count() as f64;
     let places = [count(Family::Named), count(Family::Free)];
     let mut scored = Vec::with_capacity(named.len());
-    for (instance, candidate) in named.iter().zip(project(observations, fit, inverse, named)?) {
-        let (score, width, p_value) = judge_projected(observations, *instance, &candidate, judge);
+    for (instance, candidate) in named.iter().zip(projected) {
+        let (score, width, p_value) = judge_projected(observations, *instance, candidate, judge);
         if width > 0.0 {
             let family = family(instance);
             let places = places[usize::from(family == Family::Free)];
             let mut one = Scored::of(*instance, family, score, width, p_value, places);
             if family == Family::Free {
-                one.marginal = score + evidence(observations, *instance, &candidate);
+                one.charge = judge.said.fall(score)
+                    + evidence(observations, *instance, candidate, &judge.said, score);
             }
             scored.push(one);
         }
     }
-    Ok(scored)
+    scored
 }
 
 /// Eq. (72) for one candidate: score, degrees of freedom, probability.
@@ -331,29 +348,41 @@ const HALVINGS: i32 = 12;
 /// [`HALVINGS`] of its typical sizes:
 ///
 /// ```text
-/// -2 ln L(τ) = Σ ln(1 + τ² m_k) - τ² u_k² / (1 + τ² m_k)                           (117)
+/// -2 ln L(τ) = Σ ln(1 + τ² m_k) + data(χ² - R) - data(χ²),    R = Σ τ² u_k² / (1 + τ² m_k)       (117)
 /// ```
 ///
-/// with the eigenvalues `m_k` of `M` in typical sizes, and `u` along their directions.
-fn evidence(observations: &Observations, instance: Instance, candidate: &Projected) -> f64 {
+/// with the eigenvalues `m_k` of `M` in typical sizes, and `u` along their directions, in units of the noise
+/// as large as it may be beside a shape of this score.
+fn evidence(
+    observations: &Observations,
+    instance: Instance,
+    candidate: &Projected,
+    said: &Said,
+    score: f64,
+) -> f64 {
     let d = candidate.gradient.len();
     let typical = targets::typical(&observations.mechanism, instance.term, instance.target);
     let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
     let gradient: Vec<f64> = candidate.gradient.iter().zip(&typical).map(|(u, t)| u * t).collect();
-    averaged(&square, &gradient)
+    let raw: Vec<f64> = candidate.raw.iter().zip(&typical).map(|(r, t)| r * t * t).collect();
+    averaged(&square, &gradient, &raw, said, score)
 }
 
-/// (117) of `M` and `u` in typical sizes.
-fn averaged(square: &Mat<f64>, gradient: &[f64]) -> f64 {
+/// (117) of `M` and `u` in typical sizes, and the diagonal of `ZᵀZ`: a direction that is fitted already
+/// tells nothing.
+fn averaged(square: &Mat<f64>, gradient: &[f64], raw: &[f64], said: &Said, score: f64) -> f64 {
     let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return 0.0 };
-    let along =
-        |k: usize| gradient.iter().enumerate().map(|(i, u)| vectors[(i, k)] * u).sum::<f64>();
-    let pairs: Vec<[f64; 2]> =
-        (0..gradient.len()).map(|k| [values[k].max(0.0), along(k).powi(2)]).collect();
+    let d = gradient.len();
+    let along = |k: usize| (0..d).map(|i| vectors[(i, k)] * gradient[i]).sum::<f64>();
+    let whole = |k: usize| (0..d).map(|i| vectors[(i, k)].powi(2) * raw[i]).sum::<f64>();
+    let seen = (0..d).filter(|k| values[*k] > VISIBLE * whole(*k));
+    let pairs: Vec<[f64; 2]> = seen.map(|k| [values[k], along(k).powi(2)]).collect();
+    let scale = said.scale(score);
     let of = |tau2: f64| -> f64 {
-        let each =
-            pairs.iter().map(|[m, square]| (tau2 * m).ln_1p() - tau2 * square / (1.0 + tau2 * m));
-        each.sum()
+        let tau2 = scale * tau2;
+        let volume: f64 = pairs.iter().map(|[m, _]| (tau2 * m).ln_1p()).sum();
+        let fall: f64 = pairs.iter().map(|[m, square]| tau2 * square / (1.0 + tau2 * m)).sum();
+        volume - said.fall(fall)
     };
     mean((0..HALVINGS).map(|k| (of(0.25_f64.powi(k)), 1.0)))
 }
@@ -364,6 +393,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::{HALVINGS, averaged};
+    use crate::diagnosis::price::{Data, Said, Scale};
 
     #[test]
     fn a_free_shape_costs_what_the_density_of_the_residuals_says() {
@@ -371,7 +401,11 @@ mod tests {
         let z = DMatrix::from_fn(14, 3, |i, j| 3.0 * odd(i, j));
         let r = DVector::from_fn(14, |i, _| 2.0 * odd(i, 7) + z[(i, 1)]);
         let (m, u) = (z.transpose() * &z, z.transpose() * &r);
-        let got = averaged(&Mat::from_fn(3, 3, |i, j| m[(i, j)]), u.as_slice());
+        let raw: Vec<f64> = m.diagonal().iter().copied().collect();
+        let data = Data { scale: Scale::Known(f64::INFINITY), dof: 14.0 };
+        let said = Said { data, chi2: r.norm_squared() };
+        let square = Mat::from_fn(3, 3, |i, j| m[(i, j)]);
+        let got = averaged(&square, u.as_slice(), &raw, &said, 0.0);
         // By the inverse and the determinant of the whole covariance, at each amplitude.
         let ratios = (0..HALVINGS).map(|k| {
             let cover = DMatrix::identity(14, 14) + &z * z.transpose() * 0.25_f64.powi(k);

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::diagnosis::price::{self, prior};
+use crate::diagnosis::price::{self, Said, prior};
 use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
@@ -28,10 +28,8 @@ pub struct Scored {
     pub places: f64,
     /// `p_value` times `places`.
     pub corrected: f64,
-    /// What its parameters cost.
+    /// What its parameters cost, (118); of a free shape (117).
     pub charge: f64,
-    /// What the parameters of a free shape cost by its marginal likelihood, (117).
-    pub marginal: f64,
 }
 
 impl Scored {
@@ -44,18 +42,8 @@ impl Scored {
         tests: f64,
     ) -> Self {
         let places = tests / prior(family);
-        let (corrected, charge) = (p_value * places, price::CHARGE * width);
-        Self {
-            instance,
-            family,
-            score,
-            width,
-            p_value,
-            places,
-            corrected,
-            charge,
-            marginal: charge,
-        }
+        let (corrected, charge) = (p_value * places, price::charge(width, score));
+        Self { instance, family, score, width, p_value, places, corrected, charge }
     }
 
     /// The same with the probability of its score.
@@ -67,7 +55,7 @@ impl Scored {
     /// What its parameters and its places cost.
     #[must_use]
     pub fn paid(&self) -> f64 {
-        self.charge + price::item(0.0, self.places)
+        self.charge + price::of_places(self.places)
     }
 
     /// What is left of the score after they are paid for.
@@ -75,6 +63,13 @@ impl Scored {
     pub fn charged(&self) -> f64 {
         self.score - self.paid()
     }
+}
+
+/// What items cost together: each, and that there is more than one effect.
+#[must_use]
+pub fn paid(items: &[Scored]) -> f64 {
+    let more = items.iter().filter(|s| !is_data(&s.instance)).skip(1).count();
+    items.iter().map(Scored::paid).sum::<f64>() + price::another() * more as f64
 }
 
 /// At most this many times are tried for what happened once to one part.
@@ -112,6 +107,8 @@ pub struct Judge {
     pub residual: Option<[f64; 2]>,
     /// The same where noise is declared and nothing bears it out.
     pub left: Option<[f64; 2]>,
+    /// What readings say of the fit.
+    pub said: Said,
 }
 
 impl Judge {
@@ -137,24 +134,6 @@ impl Judge {
 }
 
 impl Judge {
-    /// The least score of `width` degrees of freedom that chance makes with this probability or less.
-    #[must_use]
-    pub fn least_score(&self, p_value: f64, width: f64) -> f64 {
-        let mut low = 0.0;
-        let mut high = width.max(1.0);
-        while self.p_value(high, width) > p_value && high < 1e6 {
-            (low, high) = (high, 2.0 * high);
-        }
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            match self.p_value(middle, width) > p_value {
-                true => low = middle,
-                false => high = middle,
-            }
-        }
-        high
-    }
-
     /// Probability of a fit's lack of fit by chance; none where only the fit gives
     /// the noise.
     #[must_use]
@@ -166,7 +145,8 @@ impl Judge {
     #[must_use]
     pub fn of(self, fit: &Fit) -> Self {
         let left = self.left.map(|_| [fit.chi2, fit.dof]);
-        Self { residual: self.residual.map(|_| [fit.total, fit.dof]), left, ..self }
+        let residual = self.residual.map(|_| [fit.total, fit.dof]);
+        Self { residual, left, said: Said { chi2: fit.total, ..self.said }, ..self }
     }
 
     /// The judge of what a fit has of this score, as that of the fit without it.
@@ -198,27 +178,4 @@ pub fn is_data(instance: &Instance) -> bool {
 /// The pose of a candidate that says that the whole pose is wrong.
 pub fn excluded_pose(instance: &Instance) -> Option<usize> {
     (is_data(instance) && instance.target == Target::All).then_some(instance.place)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Judge;
-
-    #[test]
-    fn the_least_score_is_the_one_with_that_probability() {
-        let known = Judge { noise_dof: f64::INFINITY, residual: None, left: None };
-        // Quantiles of χ² from tables: one degree of freedom at 0.001, three at 0.05.
-        assert!((known.least_score(1e-3, 1.0) - 10.8276).abs() < 1e-4);
-        assert!((known.least_score(0.05, 3.0) - 7.8147).abs() < 1e-4);
-        let estimated = Judge { noise_dof: 30.0, ..known };
-        let declared = Judge { left: Some([150.0, 100.0]), ..known };
-        let from_the_fit = Judge { residual: Some([60.0, 60.0]), ..known };
-        for judge in [estimated, declared, from_the_fit] {
-            for (p_value, width) in [(1e-2, 1.0), (1e-5, 2.0), (1e-7, 4.0)] {
-                let score = judge.least_score(p_value, width);
-                let found = judge.p_value(score, width);
-                assert!((found / p_value - 1.0).abs() < 1e-6, "{found} for {p_value}");
-            }
-        }
-    }
 }

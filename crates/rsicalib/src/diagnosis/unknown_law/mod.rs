@@ -11,9 +11,9 @@ mod history;
 pub mod variables;
 
 use crate::Error;
+use crate::diagnosis::averaged::{Averaged, cost};
 use crate::diagnosis::price::{Data, Family, mean, prior};
-use crate::diagnosis::score::scored::{self, Scored};
-use crate::diagnosis::stepwise::moves::{Stepwise, cost};
+use crate::diagnosis::score::scored::{self, Scored, paid};
 use crate::diagnosis::unknown_law::evidence::{Errors, Evidence};
 use crate::diagnosis::unknown_law::variables::{Quantity, Variable, variables};
 use crate::estimate::at_fit::AtFit;
@@ -115,7 +115,7 @@ impl Beside<'_> {
     }
 }
 
-impl Stepwise<'_> {
+impl Averaged<'_> {
     /// The likeliest law that no term has, beside or in place of what was found; none where it is less
     /// likely than what was found by more than [`RIVAL`], and something was found.
     ///
@@ -184,10 +184,6 @@ impl Stepwise<'_> {
 
 fn instances(of: &[Scored]) -> Vec<Instance> {
     of.iter().map(|s| s.instance).collect()
-}
-
-fn paid(of: &[Scored]) -> f64 {
-    of.iter().map(Scored::paid).sum()
 }
 
 /// True where an effect is a function of a quantity: a law over it holds what the effect does.

@@ -1,8 +1,8 @@
 //! What is said of a session, as a value: effects, wrong readings, wrong poses, unknown noise.
 
-use crate::diagnosis::beam::noise::UnknownNoise;
 use crate::diagnosis::score::pairs::Pair;
-use crate::diagnosis::score::scored::Scored;
+use crate::diagnosis::score::scored::{Scored, paid};
+use crate::diagnosis::search::noise::UnknownNoise;
 use crate::estimate::Fit;
 use crate::model::Instance;
 
@@ -26,12 +26,26 @@ pub struct Account {
     pub paired: bool,
     /// Moves of its own were made.
     pub moved: bool,
+    /// What stands in place of so many of its items was looked for at its fit.
+    pub replaced: usize,
+    /// Noise that nobody knows of was looked for beside it.
+    pub noised: bool,
 }
 
 impl Account {
     pub fn of(items: Vec<Scored>, noise: Option<UnknownNoise>, fit: Fit, price: f64) -> Self {
-        let (scored, tried, paired, moved) = (None, 0, false, false);
-        Self { items, noise, fit, price, admitted: true, scored, tried, paired, moved }
+        let (scored, tried, replaced, noised) = (None, 0, 0, noise.is_some());
+        let (admitted, paired, moved) = (true, false, false);
+        Self { items, noise, fit, price, admitted, scored, tried, paired, moved, replaced, noised }
+    }
+
+    /// What one more item costs.
+    pub fn paid_with(&self, item: &Scored) -> f64 {
+        let more = [&self.items[..], &[*item]].concat();
+        let all = |items: &[Scored]| {
+            paid(items) + self.noise.map_or(0.0, |noise| noise.paid_beside(items))
+        };
+        all(&more) - all(&self.items)
     }
 
     /// True where it says the same.

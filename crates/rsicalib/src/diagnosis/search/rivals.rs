@@ -1,15 +1,7 @@
 //! Explanations of a session that are nearly as good as the best.
 
-use std::slice;
-
-use crate::Error;
-use crate::apply::change::apart;
-use crate::diagnosis::score::scored::{self, Scored};
-use crate::diagnosis::stepwise::moves::{Stepwise, physical};
-use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
-use crate::numerics::workers;
 
 /// Upper limit of explanations.
 const MOST_RIVALS: usize = 8;
@@ -26,56 +18,6 @@ pub struct Explanation {
     /// How far from the best one it puts the platform, or carried points [length unit]; none where
     /// these cannot be had.
     pub apart: Option<f64>,
-}
-
-impl Stepwise<'_> {
-    /// The explanations within [`RIVAL`] of the best, the best first: what was found, and the same
-    /// with one effect replaced by one of its alternatives `near`. None where no effect was found.
-    ///
-    /// # Errors
-    ///
-    /// As [`crate::estimate::fit`].
-    pub fn rivals(
-        &self,
-        current: &Fit,
-        found: &[Scored],
-        near: &[Vec<Scored>],
-    ) -> Result<Vec<Explanation>, Error> {
-        let effects = |of: &[Scored]| -> Vec<Instance> {
-            of.iter().map(|s| s.instance).filter(|i| !scored::is_data(i)).collect()
-        };
-        let charges = |of: &[Scored]| of.iter().map(Scored::paid).sum::<f64>();
-        if effects(found).is_empty() {
-            return Ok(Vec::new());
-        }
-        let own = self.said_of(current) + charges(found);
-        let of = |effects, chi2| Explanation { effects, chi2, probability: 1.0, apart: None };
-        let mut explanations = vec![(of(effects(found), own), current.clone())];
-        for (index, alternatives) in near.iter().enumerate() {
-            if scored::is_data(&found[index].instance) {
-                continue;
-            }
-            let without = self.without(current, &[found[index].instance])?;
-            let new = |s: &&Scored| !found.iter().any(|found| found.instance == s.instance);
-            let others: Vec<&Scored> = alternatives.iter().take(MOST_RIVALS).filter(new).collect();
-            self.prepare_with(&without, others.iter().map(|s| slice::from_ref(&s.instance)));
-            for other in others {
-                let mut all = found.to_vec();
-                all[index] = *other;
-                let refit = self.with(&without, &[other.instance])?;
-                if self.sensible(&without, &refit) && physical(&refit, &other.instance) {
-                    let chi2 = self.said_of(&refit) + charges(&all);
-                    explanations.push((of(effects(&all), chi2), refit));
-                }
-            }
-        }
-        let (near, small) = (nearest(explanations), &self.small);
-        let beside = |(mut explanation, refit): (Explanation, Fit)| {
-            explanation.apart = apart(small, current, &refit);
-            explanation
-        };
-        Ok(workers::map(near, beside))
-    }
 }
 
 /// Those within [`RIVAL`] of the best, the best first, with their probabilities.

@@ -15,11 +15,12 @@
 use faer::Mat;
 
 use crate::Error;
+use crate::diagnosis::averaged::{Averaged, cost};
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::score::candidates::candidates;
 use crate::diagnosis::score::projection::project_blocks;
 use crate::diagnosis::score::scored::{Family, Scored, is_data};
-use crate::diagnosis::stepwise::moves::{Stepwise, cost, physical};
+use crate::diagnosis::search::admissible::physical;
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::component::Contrasts;
@@ -28,7 +29,7 @@ use crate::numerics::symmetric::invert;
 use crate::terms::targets::typical;
 use crate::terms::term::{Acts, Class};
 
-impl Stepwise<'_> {
+impl Averaged<'_> {
     /// Errors of surfaces that explain as much as an effect of a sensor or a link does, were everything
     /// drawn a little off, or the other way round; what was found after the effect is of that.
     ///
@@ -104,14 +105,14 @@ impl Stepwise<'_> {
 }
 
 /// True for a lasting error of one thing that is drawn.
-fn is_drawn(scored: &Scored) -> bool {
+pub(super) fn is_drawn(scored: &Scored) -> bool {
     let info = scored.instance.term.info();
     let drawn = matches!(info.class, Class::Sensor | Class::Geometry);
     drawn && scored.family == Family::Named
 }
 
 /// True for a lasting error of a surface.
-fn is_of_surface(scored: &Scored) -> bool {
+pub(super) fn is_of_surface(scored: &Scored) -> bool {
     let surface = matches!(scored.instance.term.acts(), Acts::Surface(_));
     surface && scored.family == Family::Named
 }

@@ -12,7 +12,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::isolation::channels_of;
-use crate::diagnosis::price::{Family, item, mean, prior};
+use crate::diagnosis::price::{Family, Said, another, of_places, prior};
+use crate::diagnosis::score::scored::{Scored, is_data};
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
 use crate::numerics::workers;
@@ -27,14 +28,14 @@ pub struct UnknownNoise {
     pub target: Target,
     /// Its variance, over that of the noise that is known.
     pub variance: f64,
-    /// What it costs: its marginal likelihood over its variance, and its places.
-    pub paid: f64,
-    /// By how much χ² falls beside the same parameters.
-    pub fall: f64,
+    /// What its places and its variance cost.
+    pub places: f64,
+    /// `Σ ln det(1 + v B)`.
+    pub volume: f64,
 }
 
 /// The likeliest such noise at each channel and chain at a fit.
-pub fn unknown_noises(observations: &Observations, fit: &Fit) -> Vec<UnknownNoise> {
+pub fn unknown_noises(observations: &Observations, fit: &Fit, said: &Said) -> Vec<UnknownNoise> {
     let mechanism = &observations.mechanism;
     let channels = (0..mechanism.channels.len()).map(Target::Channel);
     let chains = match mechanism.chains.len() {
@@ -42,25 +43,72 @@ pub fn unknown_noises(observations: &Observations, fit: &Fit) -> Vec<UnknownNois
         chains => 0..chains,
     };
     let targets: Vec<Target> = channels.chain(chains.map(Target::Chain)).collect();
-    let price = item(0.0, targets.len() as f64 / prior(Family::Free));
-    let of = |target: Target| -> Option<UnknownNoise> {
-        let poses = poses(observations, fit, &channels_of(mechanism, target));
-        let each = (0..VARIANCES).filter_map(|k| {
-            let variance = 10.0_f64.powf(0.5 * f64::from(k));
-            let (volume, fall) = ratio(&poses, variance)?;
-            Some((variance, volume, fall))
-        });
-        let each: Vec<(f64, f64, f64)> = each.collect();
-        let all = mean(each.iter().map(|(_, volume, fall)| (volume - fall, 1.0)));
-        let best = each.into_iter().min_by(|a, b| (a.1 - a.2).total_cmp(&(b.1 - b.2)));
-        best.map(|(variance, _, fall)| UnknownNoise {
-            target,
-            variance,
-            paid: price + all + fall,
-            fall,
-        })
+    let places = targets.len() as f64 / prior(Family::Free) * f64::from(VARIANCES);
+    let of = |target: Target| {
+        let none = UnknownNoise { target, variance: 0.0, places: of_places(places), volume: 0.0 };
+        let shown = Shown::of(observations, fit, none, *said);
+        let (likeliest, fall) = shown.likeliest()?;
+        (likeliest.places + likeliest.volume < fall).then_some(likeliest)
     };
     workers::map(targets, of).into_iter().flatten().collect()
+}
+
+/// What a fit shows of the noise at a target.
+pub struct Shown {
+    /// The noise of the fit.
+    noise: UnknownNoise,
+    said: Said,
+    poses: Vec<(DMatrix<f64>, DVector<f64>)>,
+    /// What is as large as the way of a channel is no noise.
+    largest: f64,
+}
+
+impl Shown {
+    /// Of a fit in a session with a noise.
+    pub fn of(observations: &Observations, fit: &Fit, noise: UnknownNoise, said: Said) -> Self {
+        let channels = channels_of(&observations.mechanism, noise.target);
+        let poses = poses(observations, fit, &channels);
+        let sigma = fit.assumed().sigma;
+        let largest = channels.iter().map(|&c| {
+            let [low, high] = fit.model.scales[c].span;
+            (1.0 + noise.variance) * ((high - low) / sigma[c]).powi(2)
+        });
+        Self { noise, said, poses, largest: largest.fold(f64::INFINITY, f64::min) }
+    }
+
+    /// The noise of another variance, and by how much what readings say falls with it.
+    fn of_variance(&self, variance: f64) -> Option<(UnknownNoise, f64)> {
+        // The fit's residuals are in units of the noise that is there already; the other noise may be
+        // `1/scale` times as large as it is known.
+        let own = self.noise.variance;
+        let more = |variance: f64, scale: f64| (scale * variance - own) / (1.0 + own);
+        let (none, _) = ratio(&self.poses, more(0.0, 1.0))?;
+        let (_, explained) = ratio(&self.poses, more(variance, 1.0))?;
+        let (volume, fall) = ratio(&self.poses, more(variance, self.said.scale(explained)))?;
+        let noise = UnknownNoise { variance, volume: volume - none, ..self.noise };
+        Some((noise, self.said.fall(fall)))
+    }
+
+    /// The likeliest noise, and by how much what readings say falls with it.
+    pub fn likeliest(&self) -> Option<(UnknownNoise, f64)> {
+        let each = (0..VARIANCES).map(|k| 10.0_f64.powf(0.5 * f64::from(k)));
+        let each = each.take_while(|variance| *variance < self.largest);
+        let each = each.filter_map(|variance| self.of_variance(variance));
+        each.min_by(|(a, fall_a), (b, fall_b)| (a.volume - fall_a).total_cmp(&(b.volume - fall_b)))
+    }
+
+    /// The noise of the fit, with its price there.
+    pub fn itself(&self) -> UnknownNoise {
+        self.of_variance(self.noise.variance).map_or(self.noise, |(noise, _)| noise)
+    }
+
+    /// Noises to try next: the likeliest, and the next larger one, since what a fit has bent hides it.
+    pub fn next(&self) -> Vec<UnknownNoise> {
+        let likeliest = self.likeliest().filter(|(it, _)| it.variance != self.noise.variance);
+        let larger = 10.0_f64.sqrt() * self.noise.variance;
+        let larger = (larger < self.largest).then(|| self.of_variance(larger)).flatten();
+        likeliest.into_iter().chain(larger).map(|(noise, _)| noise).collect()
+    }
 }
 
 /// `Σ ln det(1 + v B)` and `Σ rᵀ (1 - (1 + v B)⁻¹) r`; none where that is no covariance.
@@ -98,6 +146,12 @@ fn poses(
 }
 
 impl UnknownNoise {
+    /// What it costs beside items: an effect beside it is not the first thing that is wrong.
+    pub fn paid_beside(&self, items: &[Scored]) -> f64 {
+        let beside = items.iter().any(|item| !is_data(&item.instance));
+        self.places + self.volume + if beside { another() } else { 0.0 }
+    }
+
     /// The session with this noise.
     pub fn in_session(&self, observations: &mut Observations, fit: &Fit) {
         let mut sigma = fit.assumed().sigma;

@@ -1,0 +1,279 @@
+//! The search: a beam over explanations of a session, likeliest first.
+//!
+//! The explanation of the lowest price (113) whose neighbours are not all known is taken, until those of
+//! every one within [`RIVAL`] of the best are. Neighbours of an explanation are it with one item more or
+//! less, with two more, with one for one, one for two and two for one or two: whatever is said of what
+//! is left when none, one or two of its items are taken away. Of what is added the first-order score, (71)
+//! and (72), says what its price would be; what cannot be among the best is not refitted.
+
+mod account;
+mod admissible;
+pub mod answers;
+pub(crate) mod known;
+mod moves;
+mod noise;
+mod orders;
+pub mod outcome;
+pub mod rivals;
+mod tolerances;
+mod yielding;
+
+use std::borrow::Cow;
+
+use crate::Error;
+use crate::diagnosis::averaged::{Averaged, cost};
+use crate::diagnosis::price::{Family, Said, charge, room};
+use crate::diagnosis::score::scan;
+use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
+use crate::diagnosis::search::account::Account;
+use crate::diagnosis::search::noise::UnknownNoise;
+use crate::estimate::{Fit, Observations, fit};
+use crate::model::Instance;
+use crate::numerics::credible_set::RIVAL;
+
+/// Neighbours of one explanation that are refitted at the most.
+const MOST_REFITS: usize = 24;
+
+/// Explanations whose neighbours are looked for at the most.
+const WIDTH: usize = 4;
+
+/// Of explanations of more items, two are not taken away.
+const FEW: usize = 3;
+
+/// The search on its way.
+pub struct Beam<'s, 'a> {
+    averaged: &'s Averaged<'a>,
+    accounts: Vec<Account>,
+}
+
+/// What is done next: neighbours of one explanation, once some items are taken away.
+enum Next {
+    /// Moves of the explanation itself.
+    Own(usize),
+    /// Noise that nobody knows of beside the explanation.
+    Noise(usize),
+    /// Others in place of what was taken away, below a price.
+    Around(usize, f64),
+    /// Others in place of an item, by their scores beside it.
+    Instead(usize),
+    /// Two in place of what was taken away, beside the likeliest of this price.
+    Pairs(usize, f64),
+}
+
+impl<'s, 'a> Beam<'s, 'a> {
+    /// Everything that is likely, from a fit in which nothing is wrong.
+    ///
+    /// # Errors
+    ///
+    /// As [`fit`].
+    pub fn search(averaged: &'s Averaged<'a>, start: &Fit) -> Result<Self, Error> {
+        let price = averaged.said_of(start);
+        let nothing = Account::of(Vec::new(), None, start.clone(), price);
+        let mut beam = Self { averaged, accounts: vec![nothing] };
+        while let Some(next) = beam.next()? {
+            match next {
+                Next::Own(of) => beam.moves_of(of)?,
+                Next::Noise(of) => beam.noise_beside(of)?,
+                Next::Around(of, limit) => beam.grow(of, limit)?,
+                Next::Instead(of) => beam.replace(of)?,
+                Next::Pairs(of, best) => beam.pair(of, best)?,
+            }
+        }
+        Ok(beam)
+    }
+
+    /// The likeliest explanations, likeliest first.
+    pub fn ranked(&self) -> Vec<usize> {
+        self.ranked_of(|_| true)
+    }
+
+    /// The likeliest of some, likeliest first.
+    fn ranked_of(&self, some: impl Fn(&Account) -> bool) -> Vec<usize> {
+        let of = |k: &usize| self.accounts[*k].admitted && some(&self.accounts[*k]);
+        let mut ranked: Vec<usize> = (0..self.accounts.len()).filter(of).collect();
+        ranked.sort_by(|a, b| self.accounts[*a].price.total_cmp(&self.accounts[*b].price));
+        let limit = ranked.first().map_or(0.0, |best| self.accounts[*best].price + RIVAL);
+        ranked.retain(|k| self.accounts[*k].price <= limit);
+        ranked
+    }
+
+    /// What is not known yet: first without noise that nobody knows of, which in one step explains what
+    /// takes two readings that are wrong.
+    fn next(&mut self) -> Result<Option<Next>, Error> {
+        let without_noise = self.ranked_of(|account| account.noise.is_none());
+        if let Some(next) = self.next_of(&without_noise)? {
+            return Ok(Some(next));
+        }
+        let mut bases = std::iter::once(0).chain(without_noise.into_iter().take(WIDTH));
+        if let Some(of) = bases.find(|of| !self.accounts[*of].noised) {
+            return Ok(Some(Next::Noise(of)));
+        }
+        let limit = self.ranked().first().map_or(0.0, |best| self.accounts[*best].price + RIVAL);
+        let hopeful = |account: &Account| account.noise.is_some() && self.at_least(account) < limit;
+        let with_noise = self.ranked_of(hopeful);
+        if let Some(next) = self.next_of(&with_noise)? {
+            return Ok(Some(next));
+        }
+        self.next_of(&self.ranked())
+    }
+
+    /// The price of an explanation to which nothing is added that costs anything and leaves noise.
+    fn at_least(&self, account: &Account) -> f64 {
+        let chi2 = cost(&account.fit);
+        account.price - self.averaged.data.fall(chi2, (chi2 - account.fit.dof).max(0.0))
+    }
+
+    /// What is not known yet of the likeliest.
+    fn next_of(&mut self, ranked: &[usize]) -> Result<Option<Next>, Error> {
+        let best = ranked.first().map_or(0.0, |best| self.accounts[*best].price);
+        for (rank, &k) in ranked.iter().take(WIDTH).enumerate() {
+            if !self.accounts[k].moved {
+                return Ok(Some(Next::Own(k)));
+            }
+            let items = self.accounts[k].items.len();
+            for gone in 0..items {
+                let of = self.without(k, &[gone])?;
+                if self.open(of, best + RIVAL) {
+                    return Ok(Some(Next::Around(of, best + RIVAL)));
+                }
+            }
+            if rank == 0 && self.accounts[k].replaced < items {
+                return Ok(Some(Next::Instead(k)));
+            }
+            if rank > 0 || items > FEW {
+                continue;
+            }
+            let two = (0..items).flat_map(|b| (0..b).map(move |a| vec![a, b]));
+            let one = (0..items).map(|a| vec![a]);
+            let all: Vec<Vec<usize>> = two.clone().chain(one).chain([Vec::new()]).collect();
+            for gone in two {
+                let of = self.without(k, &gone)?;
+                if self.open(of, best) {
+                    return Ok(Some(Next::Around(of, best)));
+                }
+            }
+            for gone in all {
+                let of = self.without(k, &gone)?;
+                if !self.accounts[of].paired {
+                    return Ok(Some(Next::Pairs(of, best)));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// True where something may still be added to an explanation whose price is then below a limit.
+    fn open(&self, of: usize, limit: f64) -> bool {
+        let account = &self.accounts[of];
+        let Some(scored) = &account.scored else { return true };
+        account.items.len() < self.averaged.search.most
+            && account.tried < scored.len().min(MOST_REFITS)
+            && self.at_best(account, &scored[account.tried]) < limit
+    }
+
+    /// The explanation without some of its items, by their numbers.
+    fn without(&mut self, of: usize, gone: &[usize]) -> Result<usize, Error> {
+        if gone.is_empty() {
+            return Ok(of);
+        }
+        let Account { items, noise, fit: from, .. } = &self.accounts[of];
+        let kept = items.iter().enumerate().filter(|(k, _)| !gone.contains(k));
+        let (items, noise): (Vec<Scored>, _) = (kept.map(|(_, item)| *item).collect(), *noise);
+        if let Some(known) = self.known(&items, noise.as_ref()) {
+            return Ok(known);
+        }
+        let gone: Vec<Instance> =
+            gone.iter().map(|k| self.accounts[of].items[*k].instance).collect();
+        let kept = from.model.instances.iter().copied().filter(|i| !gone.contains(i)).collect();
+        let session = self.session(&items, noise.as_ref());
+        let fitted = fit(&session, kept, Some(from))?;
+        let base = &self.accounts[0].fit;
+        let admitted = self.admits(&items, &fitted) && self.averaged.sensible(base, &fitted);
+        let price = self.price(&fitted, &items, noise.as_ref());
+        self.accounts.push(Account { admitted, ..Account::of(items, noise, fitted, price) });
+        let new = self.accounts.len() - 1;
+        self.settle_noise(new)?;
+        Ok(new)
+    }
+
+    fn known(&self, items: &[Scored], noise: Option<&UnknownNoise>) -> Option<usize> {
+        self.accounts.iter().position(|account| account.says(items, noise))
+    }
+
+    fn price(&self, fit: &Fit, items: &[Scored], noise: Option<&UnknownNoise>) -> f64 {
+        self.averaged.said_of(fit)
+            + paid(items)
+            + noise.map_or(0.0, |noise| noise.paid_beside(items))
+    }
+
+    /// The session in which these poses say nothing, with this noise.
+    fn session(&self, items: &[Scored], noise: Option<&UnknownNoise>) -> Cow<'_, Observations> {
+        let small = &self.averaged.small;
+        let poses: Vec<usize> = items.iter().filter_map(|i| excluded_pose(&i.instance)).collect();
+        if poses.is_empty() && noise.is_none() {
+            return Cow::Borrowed(small);
+        }
+        let mut session = small.clone();
+        poses.into_iter().for_each(|pose| session.weights[pose] = 0.0);
+        if let Some(noise) = noise {
+            noise.in_session(&mut session, &self.accounts[0].fit);
+        }
+        Cow::Owned(session)
+    }
+
+    /// The least price that an explanation with one more item may have: scores are first order.
+    fn at_best(&self, account: &Account, item: &Scored) -> f64 {
+        self.with_score(account, item.score + room(item.score)) + account.paid_with(item)
+    }
+
+    /// The price of an explanation of which χ² falls by a score.
+    fn with_score(&self, account: &Account, score: f64) -> f64 {
+        account.price - self.fall(account, score)
+    }
+
+    /// By how much what readings say of an explanation falls where χ² does by a score.
+    fn fall(&self, account: &Account, score: f64) -> f64 {
+        self.averaged.data.fall(cost(&account.fit), score)
+    }
+
+    /// Scores everything beside an explanation, likeliest first.
+    fn scan(&mut self, of: usize) -> Result<(), Error> {
+        if self.accounts[of].scored.is_some() {
+            return Ok(());
+        }
+        let account = &self.accounts[of];
+        let scored = self.scores(account)?;
+        let limit = account.price + RIVAL;
+        let priced = |s: &Scored| self.with_score(account, s.score) + account.paid_with(s);
+        let near = scored.into_iter().filter(|s| self.at_best(account, s) < limit);
+        let mut order: Vec<(f64, Scored)> = near.map(|s| (priced(&s), s)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut scored: Vec<Scored> = order.into_iter().map(|(_, s)| s).collect();
+        // Neighbouring orders, and times, are one candidate.
+        one_place_each(&mut scored, |i| !is_data(i));
+        self.accounts[of].scored = Some(scored);
+        Ok(())
+    }
+
+    /// Scores of everything beside an explanation, with what it costs there.
+    fn scores(&self, account: &Account) -> Result<Vec<Scored>, Error> {
+        let mut scored = match self.session(&account.items, account.noise.as_ref()) {
+            Cow::Borrowed(_) => self.averaged.scan(&account.fit)?,
+            Cow::Owned(session) => {
+                let judge = self.averaged.judge(&account.fit);
+                scan::scan(&session, &account.fit, &judge, self.averaged.search)?
+            }
+        };
+        let said = self.averaged.said(&account.fit);
+        scored.iter_mut().for_each(|s| s.charge = charge_of(s, &said));
+        Ok(scored)
+    }
+}
+
+/// What parameters cost beside a fit; those of a free shape over its own amplitudes, (117).
+fn charge_of(scored: &Scored, beside: &Said) -> f64 {
+    match scored.family {
+        Family::Free => scored.charge,
+        _ => charge(scored.width, beside.fall(scored.score)),
+    }
+}

@@ -1,0 +1,325 @@
+//! The moves of the search: from one explanation to its neighbours.
+
+use std::borrow::Cow;
+
+use crate::Error;
+use crate::diagnosis::averaged::cost;
+use crate::diagnosis::options::Rule;
+use crate::diagnosis::price::{Family, Said, charge, room};
+use crate::diagnosis::score::instead::instead;
+use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, paid};
+use crate::diagnosis::score::{candidates, pairs};
+use crate::diagnosis::search::account::{Account, More};
+use crate::diagnosis::search::admissible::physical;
+use crate::diagnosis::search::noise::{Shown, UnknownNoise, unknown_noises};
+use crate::diagnosis::search::orders::nearest_place;
+use crate::diagnosis::search::{Beam, MOST_REFITS, charge_of};
+use crate::estimate::{Fit, Observations, fit};
+use crate::model::Instance;
+use crate::numerics::credible_set::RIVAL;
+use crate::numerics::workers;
+
+/// Neighbours of one explanation that are refitted at a time, on all cores.
+const AT_ONCE: usize = 8;
+
+/// After so many moves noise has settled, or never will.
+const NOISE_MOVES: usize = 6;
+
+/// After so many moves an order has settled, or never will.
+const ORDER_MOVES: usize = 3;
+
+impl Beam<'_, '_> {
+    /// Adds one item to an explanation, those first that may be within the limit.
+    pub(super) fn grow(&mut self, of: usize, limit: f64) -> Result<(), Error> {
+        self.scan(of)?;
+        let account = &self.accounts[of];
+        let Some(scored) = &account.scored else { return Ok(()) };
+        if account.items.len() >= self.averaged.search.most {
+            return Ok(());
+        }
+        let left = MOST_REFITS.saturating_sub(account.tried).min(AT_ONCE);
+        let rest = scored.iter().skip(account.tried).take(left);
+        let likely: Vec<More> = rest
+            .take_while(|s| self.at_best(account, s) < limit)
+            .map(|s| More::Items(vec![*s]))
+            .collect();
+        self.accounts[of].tried += likely.len();
+        self.add(of, likely)
+    }
+
+    /// Adds two items at once to an explanation.
+    pub(super) fn pair(&mut self, of: usize, best: f64) -> Result<(), Error> {
+        self.accounts[of].paired = true;
+        let account = &self.accounts[of];
+        let search = self.averaged.search;
+        if account.items.len() + 2 > search.most || !search.uses(Rule::FindPairs) {
+            return Ok(());
+        }
+        let session = self.session(&account.items, account.noise.as_ref());
+        let mut named =
+            candidates::candidates(&session, &account.fit, &self.averaged.search.without);
+        named.retain(|i| !i.term.info().penalised);
+        let judge = self.averaged.judge(&account.fit);
+        let needed = account.price - best;
+        let (data, chi2) = (self.averaged.data, cost(&account.fit));
+        let priced = |width: f64, score: f64| charge(width, data.fall(chi2, score));
+        let mut two = pairs::pairs(&session, &account.fit, &judge, &named, &priced, needed)?;
+        drop(session);
+        two.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        let likely = two.iter().take(AT_ONCE / 2).map(More::from).collect();
+        self.add(of, likely)?;
+        self.two_wrong(of, best)
+    }
+
+    /// Adds two wrong readings to an explanation: the likeliest, and the likeliest beside it.
+    fn two_wrong(&mut self, of: usize, best: f64) -> Result<(), Error> {
+        self.scan(of)?;
+        let likeliest = |account: &Account| {
+            account.scored.iter().flatten().find(|s| is_data(&s.instance)).copied()
+        };
+        let Some(first) = likeliest(&self.accounts[of]) else { return Ok(()) };
+        let limit = best + RIVAL;
+        // Neither has a larger score beside the other than alone.
+        let each = self.at_best(&self.accounts[of], &first) - self.accounts[of].price;
+        if self.accounts[of].price + 2.0 * each > limit {
+            return Ok(());
+        }
+        self.add(of, vec![More::Items(vec![first])])?;
+        let items = [&self.accounts[of].items[..], &[first]].concat();
+        let Some(one) = self.known(&items, self.accounts[of].noise.as_ref()) else {
+            return Ok(());
+        };
+        self.scan(one)?;
+        let scored = self.accounts[one].scored.iter().flatten();
+        let second = scored.filter(|s| is_data(&s.instance)).take(AT_ONCE / 2);
+        let second = second.map(|s| More::Items(vec![*s])).collect();
+        self.add(one, second)
+    }
+
+    /// Moves of an explanation itself: one item more, all joints that give.
+    pub(super) fn moves_of(&mut self, of: usize) -> Result<(), Error> {
+        self.scan(of)?;
+        self.grow(of, self.accounts[of].price)?;
+        self.give(of)?;
+        self.accounts[of].moved = true;
+        Ok(())
+    }
+
+    /// Puts others in place of the next item of an explanation, (119).
+    pub(super) fn replace(&mut self, of: usize) -> Result<(), Error> {
+        let account = &self.accounts[of];
+        let gone = account.replaced;
+        let own = account.items[gone];
+        let rest: Vec<Scored> =
+            account.items.iter().filter(|s| s.instance != own.instance).copied().collect();
+        self.accounts[of].replaced += 1;
+        if own.family != Family::Named {
+            return Ok(());
+        }
+        let account = &self.accounts[of];
+        let session = self.session(&account.items, account.noise.as_ref());
+        let (judge, left_out) = (self.averaged.judge(&account.fit), &self.averaged.search.without);
+        let (rise, mut scored) = instead(&session, &account.fit, &own.instance, &judge, left_out)?;
+        drop(session);
+        let limit = account.price + RIVAL;
+        let chi2 = cost(&account.fit) + rise;
+        let said = Said { data: self.averaged.data, chi2 };
+        scored.iter_mut().for_each(|s| s.charge = charge_of(s, &said));
+        let at_best = |s: &Scored| {
+            let left = (chi2 - s.score - room(s.score)).max(0.0);
+            let items = [&rest[..], &[*s]].concat();
+            let noise = account.noise.map_or(0.0, |noise| noise.paid_beside(&items));
+            self.averaged.data_of(left) + paid(&items) + noise
+        };
+        scored.retain(|s| at_best(s) < limit);
+        scored.sort_by(|a, b| at_best(a).total_cmp(&at_best(b)));
+        let likely = scored.into_iter().take(AT_ONCE).map(|s| More::Items(vec![s])).collect();
+        let without = self.without(of, &[gone])?;
+        self.add(without, likely)
+    }
+
+    /// Noise that nobody knows of beside an explanation.
+    pub(super) fn noise_beside(&mut self, of: usize) -> Result<(), Error> {
+        self.accounts[of].noised = true;
+        if !self.averaged.search.uses(Rule::UnknownNoise) {
+            return Ok(());
+        }
+        let account = &self.accounts[of];
+        let session = self.session(&account.items, None);
+        let noises = unknown_noises(&session, &account.fit, &self.averaged.said(&account.fit));
+        drop(session);
+        self.add(of, noises.into_iter().map(More::Noise).collect())
+    }
+
+    /// Noise and fit in turn, as long as the price falls.
+    pub(super) fn settle_noise(&mut self, of: usize) -> Result<(), Error> {
+        for _ in 0..NOISE_MOVES {
+            let Account { items, noise: Some(noise), fit: before, .. } = &self.accounts[of] else {
+                break;
+            };
+            let shown = |noise: &UnknownNoise, at: &Fit| {
+                Shown::of(&self.session(items, Some(noise)), at, *noise, self.averaged.said(at))
+            };
+            let here = shown(noise, before);
+            let itself = here.itself();
+            let price = self.price(before, items, Some(&itself));
+            let mut better = None;
+            for next in here.next() {
+                let session = self.session(items, Some(&next));
+                let fitted = fit(&session, before.model.instances.clone(), Some(before))?;
+                let next = shown(&next, &fitted).itself();
+                let other = self.price(&fitted, items, Some(&next));
+                if other < price {
+                    better = Some((next, fitted, other));
+                    break;
+                }
+            }
+            let account = &mut self.accounts[of];
+            let Some((next, fitted, price)) = better else {
+                (account.noise, account.price) = (Some(itself), price);
+                break;
+            };
+            (account.noise, account.fit, account.price) = (Some(next), fitted, price);
+        }
+        Ok(())
+    }
+
+    /// Parts what chains share where it stands beside the same of one of them.
+    fn part(&mut self, of: usize) -> Result<(), Error> {
+        let Some((gone, parts)) = self.shared_and_own(&self.accounts[of].items) else {
+            return Ok(());
+        };
+        let rest = self.without(of, &gone)?;
+        let mut each = self.scores(&self.accounts[rest])?;
+        each.retain(|s| parts.contains(&s.instance));
+        match each.len() == parts.len() {
+            true => self.add(rest, vec![More::Items(each)]),
+            false => Ok(()),
+        }
+    }
+
+    /// True for items that physics admits beside each other.
+    pub(super) fn admits(&self, items: &[Scored], fitted: &Fit) -> bool {
+        items.iter().all(|item| physical(fitted, &item.instance))
+            && self.averaged.on_both_sides(items)
+            && self.shared_and_own(items).is_none()
+    }
+
+    /// What chains share beside the same of one of them, by their numbers, with what stands for both:
+    /// one for each of the chains.
+    fn shared_and_own(&self, items: &[Scored]) -> Option<(Vec<usize>, Vec<Instance>)> {
+        items.iter().enumerate().find_map(|(k, shared)| {
+            let parts = self.parts_of(&shared.instance)?;
+            let own = |item: &Scored| parts.contains(&item.instance);
+            let gone = (0..items.len()).filter(|j| *j == k || own(&items[*j]));
+            items.iter().any(own).then(|| (gone.collect(), parts.clone()))
+        })
+    }
+
+    /// True where one is what chains share, and the other the same of one of them.
+    pub(super) fn overlap(&self, a: &Instance, b: &Instance) -> bool {
+        let within = |all: &Instance, one: &Instance| {
+            self.parts_of(all).is_some_and(|parts| parts.contains(one))
+        };
+        within(a, b) || within(b, a)
+    }
+
+    /// The instances of the single chains that a shared one stands for; none for another.
+    fn parts_of(&self, instance: &Instance) -> Option<Vec<Instance>> {
+        let shared = instance.target.is_shared();
+        shared.then(|| {
+            let parts = self.averaged.small.mechanism.parts(instance.target).into_iter();
+            parts.map(|target| Instance { target, ..*instance }).collect()
+        })
+    }
+
+    /// All joints that give under the links' weight at once.
+    fn give(&mut self, of: usize) -> Result<(), Error> {
+        let account = &self.accounts[of];
+        let Cow::Borrowed(_) = self.session(&account.items, account.noise.as_ref()) else {
+            return Ok(());
+        };
+        let scored = self.scores(account)?;
+        let joint = self.averaged.yielding(&account.fit, &scored)?;
+        let Some((mut joints, fitted)) = joint else { return Ok(()) };
+        let said = self.averaged.said(&account.fit);
+        joints.iter_mut().for_each(|s| s.charge = charge_of(s, &said));
+        let items = [&account.items[..], &joints].concat();
+        if self.known(&items, None).is_some() {
+            return Ok(());
+        }
+        let price = self.price(&fitted, &items, None);
+        self.accounts.push(Account::of(items, None, fitted, price));
+        Ok(())
+    }
+
+    /// Refits an explanation with more, each by itself.
+    fn add(&mut self, of: usize, more: Vec<More>) -> Result<(), Error> {
+        let account = &self.accounts[of];
+        let wanted = more.into_iter().map(|more| {
+            let (mut items, mut noise) = (account.items.clone(), account.noise);
+            match more {
+                More::Items(more) => items.extend(more),
+                More::Noise(more) => noise = Some(more),
+            }
+            (items, noise)
+        });
+        let new: Vec<_> =
+            wanted.filter(|(items, noise)| self.known(items, noise.as_ref()).is_none()).collect();
+        let old = account.items.len();
+        let sessions: Vec<_> =
+            new.iter().map(|(items, noise)| self.session(items, noise.as_ref())).collect();
+        let before = &account.fit;
+        let refits = workers::map(new.iter().zip(&sessions), |((items, _), session)| {
+            refit(session, before, items.clone(), old)
+        });
+        let mut found = Vec::new();
+        for ((_, noise), refit) in new.into_iter().zip(refits) {
+            let (items, fitted) = match refit {
+                Err(Error::TooFew { .. }) => continue,
+                refit => refit?,
+            };
+            let quieter = noise.is_some() != account.noise.is_some();
+            let admitted = self.admits(&items, &fitted)
+                && (quieter || self.averaged.sensible(before, &fitted));
+            let price = self.price(&fitted, &items, noise.as_ref());
+            found.push(Account { admitted, ..Account::of(items, noise, fitted, price) });
+        }
+        drop(sessions);
+        let first = self.accounts.len();
+        for account in found {
+            if self.known(&account.items, account.noise.as_ref()).is_none() {
+                self.accounts.push(account);
+            }
+        }
+        (first..self.accounts.len()).try_for_each(|new| self.settle_noise(new))?;
+        let limit = self.ranked().first().map_or(0.0, |best| self.accounts[*best].price + RIVAL);
+        let near = |new: &usize| self.accounts[*new].price < limit;
+        let near: Vec<usize> = (first..self.accounts.len()).filter(near).collect();
+        near.into_iter().try_for_each(|new| self.part(new))
+    }
+}
+
+/// The fit with items from number `old` on added, an order at the place where the fit has tuned it.
+fn refit(
+    session: &Observations,
+    before: &Fit,
+    mut items: Vec<Scored>,
+    old: usize,
+) -> Result<(Vec<Scored>, Fit), Error> {
+    let with = |items: &[Scored]| {
+        let mut instances = before.model.instances.clone();
+        let new = items[old..].iter().map(|item| item.instance);
+        instances.extend(new.filter(|i| excluded_pose(i).is_none()));
+        fit(session, instances, Some(before))
+    };
+    let mut fitted = with(&items)?;
+    for _ in 0..ORDER_MOVES {
+        let moved = (old..items.len())
+            .find_map(|k| nearest_place(&fitted, &items[k].instance).map(|place| (k, place)));
+        let Some((k, place)) = moved else { break };
+        items[k].instance.place = place;
+        fitted = with(&items)?;
+    }
+    Ok((items, fitted))
+}
