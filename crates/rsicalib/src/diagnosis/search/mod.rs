@@ -108,8 +108,7 @@ impl<'s, 'a> Beam<'s, 'a> {
         if let Some(of) = bases.find(|of| !self.accounts[*of].noised) {
             return Ok(Some(Next::Noise(of)));
         }
-        let limit = self.ranked().first().map_or(0.0, |best| self.accounts[*best].price + RIVAL);
-        let hopeful = |account: &Account| account.noise.is_some() && self.at_least(account) < limit;
+        let hopeful = |account: &Account| account.noise.is_some() && self.hopeful(account);
         let with_noise = self.ranked_of(hopeful);
         if let Some(next) = self.next_of(&with_noise)? {
             return Ok(Some(next));
@@ -117,10 +116,16 @@ impl<'s, 'a> Beam<'s, 'a> {
         self.next_of(&self.ranked())
     }
 
-    /// The price of an explanation to which nothing is added that costs anything and leaves noise.
-    fn at_least(&self, account: &Account) -> f64 {
+    /// Prices of explanations that are listed are below this.
+    fn limit(&self) -> f64 {
+        self.ranked().first().map_or(0.0, |best| self.accounts[*best].price + RIVAL)
+    }
+
+    /// True where an explanation would be listed if something were added that costs nothing and leaves noise.
+    fn hopeful(&self, account: &Account) -> bool {
         let chi2 = cost(&account.fit);
-        account.price - self.averaged.data.fall(chi2, (chi2 - account.fit.dof).max(0.0))
+        let left = (chi2 - account.fit.dof).max(0.0);
+        account.price - self.averaged.data.fall(chi2, left) < self.limit()
     }
 
     /// What is not known yet of the likeliest.
@@ -192,7 +197,7 @@ impl<'s, 'a> Beam<'s, 'a> {
         let price = self.price(&fitted, &items, noise.as_ref());
         self.accounts.push(Account { admitted, ..Account::of(items, noise, fitted, price) });
         let new = self.accounts.len() - 1;
-        self.settle_noise(new)?;
+        self.settle_noise(new, true)?;
         Ok(new)
     }
 

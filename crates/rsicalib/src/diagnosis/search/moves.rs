@@ -79,7 +79,7 @@ impl Beam<'_, '_> {
         };
         let Some(first) = likeliest(&self.accounts[of]) else { return Ok(()) };
         let limit = best + RIVAL;
-        // Neither has a larger score beside the other than alone.
+        // The second is as likely as the first at best.
         let each = self.at_best(&self.accounts[of], &first) - self.accounts[of].price;
         if self.accounts[of].price + 2.0 * each > limit {
             return Ok(());
@@ -151,8 +151,11 @@ impl Beam<'_, '_> {
         self.add(of, noises.into_iter().map(More::Noise).collect())
     }
 
-    /// Noise and fit in turn, as long as the price falls.
-    pub(super) fn settle_noise(&mut self, of: usize) -> Result<(), Error> {
+    /// Noise and fit in turn, as long as the price falls; where it is `new`, larger noise as well.
+    pub(super) fn settle_noise(&mut self, of: usize, new: bool) -> Result<(), Error> {
+        if !self.hopeful(&self.accounts[of]) {
+            return Ok(());
+        }
         for _ in 0..NOISE_MOVES {
             let Account { items, noise: Some(noise), fit: before, .. } = &self.accounts[of] else {
                 break;
@@ -164,7 +167,7 @@ impl Beam<'_, '_> {
             let itself = here.itself();
             let price = self.price(before, items, Some(&itself));
             let mut better = None;
-            for next in here.next() {
+            for next in here.next(new) {
                 let session = self.session(items, Some(&next));
                 let fitted = fit(&session, before.model.instances.clone(), Some(before))?;
                 let next = shown(&next, &fitted).itself();
@@ -256,6 +259,7 @@ impl Beam<'_, '_> {
     /// Refits an explanation with more, each by itself.
     fn add(&mut self, of: usize, more: Vec<More>) -> Result<(), Error> {
         let account = &self.accounts[of];
+        let noisy = account.noise.is_some();
         let wanted = more.into_iter().map(|more| {
             let (mut items, mut noise) = (account.items.clone(), account.noise);
             match more {
@@ -292,8 +296,8 @@ impl Beam<'_, '_> {
                 self.accounts.push(account);
             }
         }
-        (first..self.accounts.len()).try_for_each(|new| self.settle_noise(new))?;
-        let limit = self.ranked().first().map_or(0.0, |best| self.accounts[*best].price + RIVAL);
+        (first..self.accounts.len()).try_for_each(|new| self.settle_noise(new, !noisy))?;
+        let limit = self.limit();
         let near = |new: &usize| self.accounts[*new].price < limit;
         let near: Vec<usize> = (first..self.accounts.len()).filter(near).collect();
         near.into_iter().try_for_each(|new| self.part(new))

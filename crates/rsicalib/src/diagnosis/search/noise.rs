@@ -58,7 +58,7 @@ pub struct Shown {
     /// The noise of the fit.
     noise: UnknownNoise,
     said: Said,
-    poses: Vec<(DMatrix<f64>, DVector<f64>)>,
+    axes: Vec<Axis>,
     /// What is as large as the way of a channel is no noise.
     largest: f64,
 }
@@ -67,13 +67,13 @@ impl Shown {
     /// Of a fit in a session with a noise.
     pub fn of(observations: &Observations, fit: &Fit, noise: UnknownNoise, said: Said) -> Self {
         let channels = channels_of(&observations.mechanism, noise.target);
-        let poses = poses(observations, fit, &channels);
+        let axes = axes(observations, fit, &channels);
         let sigma = fit.assumed().sigma;
         let largest = channels.iter().map(|&c| {
             let [low, high] = fit.model.scales[c].span;
             (1.0 + noise.variance) * ((high - low) / sigma[c]).powi(2)
         });
-        Self { noise, said, poses, largest: largest.fold(f64::INFINITY, f64::min) }
+        Self { noise, said, axes, largest: largest.fold(f64::INFINITY, f64::min) }
     }
 
     /// The noise of another variance, and by how much what readings say falls with it.
@@ -82,9 +82,9 @@ impl Shown {
         // `1/scale` times as large as it is known.
         let own = self.noise.variance;
         let more = |variance: f64, scale: f64| (scale * variance - own) / (1.0 + own);
-        let (none, _) = ratio(&self.poses, more(0.0, 1.0))?;
-        let (_, explained) = ratio(&self.poses, more(variance, 1.0))?;
-        let (volume, fall) = ratio(&self.poses, more(variance, self.said.scale(explained)))?;
+        let (none, _) = ratio(&self.axes, more(0.0, 1.0))?;
+        let (_, explained) = ratio(&self.axes, more(variance, 1.0))?;
+        let (volume, fall) = ratio(&self.axes, more(variance, self.said.scale(explained)))?;
         let noise = UnknownNoise { variance, volume: volume - none, ..self.noise };
         Some((noise, self.said.fall(fall)))
     }
@@ -102,45 +102,62 @@ impl Shown {
         self.of_variance(self.noise.variance).map_or(self.noise, |(noise, _)| noise)
     }
 
-    /// Noises to try next: the likeliest, and the next larger one, since what a fit has bent hides it.
-    pub fn next(&self) -> Vec<UnknownNoise> {
+    /// Noises to try next: the likeliest, and if wanted the next larger one, since what a fit has bent hides it.
+    pub fn next(&self, larger_too: bool) -> Vec<UnknownNoise> {
         let likeliest = self.likeliest().filter(|(it, _)| it.variance != self.noise.variance);
         let larger = 10.0_f64.sqrt() * self.noise.variance;
-        let larger = (larger < self.largest).then(|| self.of_variance(larger)).flatten();
+        let larger =
+            (larger_too && larger < self.largest).then(|| self.of_variance(larger)).flatten();
         likeliest.into_iter().chain(larger).map(|(noise, _)| noise).collect()
     }
 }
 
 /// `Σ ln det(1 + v B)` and `Σ rᵀ (1 - (1 + v B)⁻¹) r`; none where that is no covariance.
-fn ratio(poses: &[(DMatrix<f64>, DVector<f64>)], variance: f64) -> Option<(f64, f64)> {
+fn ratio(axes: &[Axis], variance: f64) -> Option<(f64, f64)> {
     let (mut volume, mut fall) = (0.0, 0.0);
-    for (b, r) in poses {
-        let k = r.len();
-        let root = (DMatrix::identity(k, k) + b * variance).cholesky()?;
-        volume += root.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>();
-        fall += r.norm_squared() - r.dot(&root.solve(r));
+    for Axis { square, along } in axes {
+        let more = variance * square;
+        if more <= -1.0 {
+            return None;
+        }
+        volume += more.ln_1p();
+        fall += along * more / (1.0 + more);
     }
     Some((volume, fall))
 }
 
-/// `B` and `r` of each sample that counts.
-fn poses(
-    observations: &Observations,
-    fit: &Fit,
-    channels: &[usize],
-) -> Vec<(DMatrix<f64>, DVector<f64>)> {
+/// A principal axis of `B` of a sample.
+struct Axis {
+    /// The eigenvalue of `B`.
+    square: f64,
+    /// The square of `r` along it.
+    along: f64,
+}
+
+/// The axes of `B = A Aᵀ` of a sample, with `r` along them, by those of `AᵀA`.
+fn axes_of(a: &DMatrix<f64>, r: &DVector<f64>) -> impl Iterator<Item = Axis> + use<> {
+    let eigen = (a.transpose() * a).symmetric_eigen();
+    let towards = eigen.eigenvectors.tr_mul(&(a.transpose() * r));
+    let least = f64::EPSILON * eigen.eigenvalues.max();
+    let each = eigen.eigenvalues.data.as_vec().clone().into_iter().enumerate();
+    let seen = each.filter(move |(_, square)| *square > least);
+    seen.map(move |(k, square)| Axis { square, along: towards[k].powi(2) / square })
+}
+
+/// Those of each sample that counts.
+fn axes(observations: &Observations, fit: &Fit, channels: &[usize]) -> Vec<Axis> {
     let residuals = &fit.residuals;
     let (k, n) = (residuals.equations, observations.readings.channels);
     let sigma = fit.assumed().sigma;
     let rows = (0..observations.readings.samples).filter(|&row| observations.weights[row] > 0.0);
-    rows.map(|row| {
+    rows.flat_map(|row| {
         let r = DVector::from_row_slice(&residuals.whitened[row * k..(row + 1) * k]);
         let a = DMatrix::from_fn(k, channels.len(), |e, c| {
             let channel = channels[c];
             residuals.by_reading[(row * k + e) * n + channel] * sigma[channel]
                 / observations.weights[row]
         });
-        (&a * a.transpose(), r)
+        axes_of(&a, &r)
     })
     .collect()
 }
@@ -166,23 +183,24 @@ impl UnknownNoise {
 mod tests {
     use nalgebra::{DMatrix, DVector};
 
-    use super::ratio;
+    use super::{Axis, axes_of, ratio};
 
     #[test]
     fn it_is_the_density_of_the_residuals_with_more_noise_in_some_readings() {
         let odd = |i: usize, j: usize| ((1 + i * i + 7 * i * j + j) as f64).sin();
         let pose = |p: usize| {
             let a = DMatrix::from_fn(3, 2, |i, j| odd(i + 3 * p, j));
-            (&a * a.transpose(), DVector::from_fn(3, |i, _| 2.0 * odd(i + 3 * p, 5)))
+            (a, DVector::from_fn(3, |i, _| 2.0 * odd(i + 3 * p, 5)))
         };
         let poses = [pose(0), pose(1)];
-        let (volume, fall) = ratio(&poses, 2.5).expect("a covariance");
+        let axes: Vec<Axis> = poses.iter().flat_map(|(a, r)| axes_of(a, r)).collect();
+        let (volume, fall) = ratio(&axes, 2.5).expect("a covariance");
         // By the inverse and the determinant of the covariance of both poses at once.
         let mut cover = DMatrix::<f64>::identity(6, 6);
         let mut all = DVector::<f64>::zeros(6);
-        for (p, (b, r)) in poses.iter().enumerate() {
+        for (p, (a, r)) in poses.iter().enumerate() {
             let mut block = cover.view_mut((3 * p, 3 * p), (3, 3));
-            block += b * 2.5;
+            block += a * a.transpose() * 2.5;
             all.rows_mut(3 * p, 3).copy_from(r);
         }
         let wanted = all.norm_squared()
