@@ -51,12 +51,17 @@ class Said:
 
 def switch_off(rules: Sequence[str]) -> None:
     """Switches rules of the search off, for all traces that follow."""
-    plain: Any = _core.Session.__dict__.get("traced") or _core.Session.trace
     session: Any = _core.Session
-    session.traced = plain
+    if not hasattr(session, "traced"):
+        session.traced = session.trace
+    plain = session.traced
+    if not rules:
+        session.trace = plain
+        del session.traced
+        return
 
     def trace(self: Any, *arguments: Any, **named: Any) -> Any:
-        return plain(self, *arguments, **named, **({"off": list(rules)} if rules else {}))
+        return plain(self, *arguments, **named, off=list(rules))
 
     session.trace = trace
 

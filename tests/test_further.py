@@ -33,7 +33,7 @@ MIDDLE, HALF = 2047.5, 2047.5
 @pytest.fixture(scope="module")
 def tie() -> planning.Tie:
     """A session in which the curve of a sensor could have several shapes."""
-    for seed in range(85, 200):  # earlier ones have fewer shapes, or a free curve
+    for seed in range(200):
         found = planning.tie(0, seed)
         if found is None or abs(found.result.noise.correlation) > 0.02:
             continue  # the witness knows no correlation of samples
@@ -186,8 +186,7 @@ def test_the_forecast_is_what_simulated_readings_bring(tie: planning.Tie) -> Non
         # The weights of the witness do not follow the parameters, as for λ; 2 % of the draws.
         assert found["forecast"]["decides"] == pytest.approx(expected, rel=0.3, abs=0.02)
         forecasts.append(expected)
-    # Not one number for all plans: twelve poses leave less than half as much undecided as three.
-    assert 1.0 - max(forecasts) < 0.5 * (1.0 - min(forecasts))
+    assert max(forecasts) > 2.0 * min(forecasts)  # not one number for all plans
 
 
 def test_planned_poses_are_worth_many_random_ones(tie: planning.Tie) -> None:

@@ -686,9 +686,10 @@ class Rival(Together, Record):
     terms: tuple[Name, ...]
     """The effects."""
     chi2_penalised: float
-    """χ², with 4 for each parameter of the effects and 4 for a time that was searched."""
+    """Price of the explanation: χ² by the noise that may be, with what its effects, their places
+    and wrong readings cost."""
     probability: float
-    """Probability among the explanations that are listed, all as likely beforehand."""
+    """Probability among the explanations that are listed."""
 
 
 @dataclass(frozen=True)

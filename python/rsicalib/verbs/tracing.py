@@ -52,8 +52,8 @@ def trace(
 ) -> Trace:
     """Trace the residual of a calibration to the effect that the model lacks.
 
-    Fits, scores every term that the mechanism and the columns allow, refits
-    with the best, and stops when what is left is noise.
+    Fits, and searches over sets of effects, wrong readings and noise that nobody knows
+    of for those that are likeliest.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 //! A session as the search sees it: one sample for each held pose, or stretch of a long recording, with
 //! its noise, and what its readings say of a fit.
 
-use std::cell::RefCell;
+use std::sync::{Mutex, PoisonError};
 
 use crate::Error;
 use crate::diagnosis::options::{LEVEL, Rule, SearchOptions};
@@ -19,9 +19,12 @@ use crate::readings::Readings;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::{Cause, Excluded};
 
-/// To this fraction of its χ² a fit of the search need be at its minimum: decisions
-/// turn on units of χ², and the answer is fitted to all digits.
-const ENOUGH: f64 = 1e-7;
+/// A fit of the search ends where a step lowers χ² by no more than this share: far from its noise a fit creeps
+/// for hundreds of steps. Decisions turn on units of χ², and the answer is fitted to all digits.
+const CREEPS: f64 = 1e-5;
+
+/// It ends as well after a step of this share of its parameters.
+const SHORT: f64 = 1e-7;
 
 /// A session as the search sees it.
 pub struct Averaged<'a> {
@@ -43,7 +46,7 @@ pub struct Averaged<'a> {
     /// What readings say of an explanation.
     pub(crate) data: Data,
     /// Scores at fits: the same are asked for again.
-    scans: RefCell<KnownScans>,
+    scans: Mutex<KnownScans>,
 }
 
 impl<'a> Averaged<'a> {
@@ -104,7 +107,7 @@ impl<'a> Averaged<'a> {
             measured.iter_mut().for_each(|factor| *factor *= share);
         }
         let lm =
-            lm::SolverOptions { ftol: ENOUGH, xtol: ENOUGH, ..observations.options.lm.clone() };
+            lm::SolverOptions { ftol: CREEPS, xtol: SHORT, ..observations.options.lm.clone() };
         let noise = Some(sigma);
         small.judged = true;
         let seating = fit.noise.seating.clone();
@@ -128,7 +131,7 @@ impl<'a> Averaged<'a> {
             noise_dof,
             unverified: fit.unverified(),
             data: Data { scale, dof: fit.dof },
-            scans: RefCell::default(),
+            scans: Mutex::default(),
         }
     }
 
@@ -157,7 +160,7 @@ impl<'a> Averaged<'a> {
     /// As [`scan::scan`].
     pub fn scan(&self, fit: &Fit) -> Result<Vec<Scored>, Error> {
         let new = || scan::scan(&self.small, fit, &self.judge(fit), self.search);
-        self.scans.borrow_mut().scan(&self.small, fit, new)
+        self.scans.lock().unwrap_or_else(PoisonError::into_inner).scan(&self.small, fit, new)
     }
 
     /// The poses that count, in their order; one may come more than once.
@@ -206,7 +209,8 @@ impl<'a> Averaged<'a> {
 
     /// What readings say of a fit, and of those beside it.
     pub(crate) fn said(&self, fit: &Fit) -> Said {
-        Said { data: self.data, chi2: cost(fit) }
+        let larger_noise = self.search.uses(Rule::LargerNoise);
+        Said { data: self.data, chi2: cost(fit), larger_noise }
     }
 
     /// What readings say of an explanation with this χ².

@@ -9,8 +9,6 @@ pub struct SearchOptions {
     pub without: Vec<String>,
     /// Effects to add at the most.
     pub most: usize,
-    /// Candidates to refit in each step.
-    pub refits: usize,
     /// Apply every effect that is found, whether or not it helps elsewhere.
     pub apply_all: bool,
     /// Rules that are switched off, to see what each is worth.
@@ -19,7 +17,7 @@ pub struct SearchOptions {
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { without: Vec::new(), most: 8, refits: 8, apply_all: false, off: Vec::new() }
+        Self { without: Vec::new(), most: 8, apply_all: false, off: Vec::new() }
     }
 }
 
@@ -34,7 +32,7 @@ impl SearchOptions {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] for numbers that cannot, [`Error::Unknown`] where there is no such term.
+    /// [`Error::Unknown`] where there is no such term.
     pub fn check(&self) -> Result<(), Error> {
         self.without.iter().try_for_each(|id| terms::find(id).map(|_| ()))
     }
@@ -72,6 +70,18 @@ rules! {
     UnknownNoise = "unknown_noise",
     /// Two effects for one or two, or none.
     FindPairs = "find_pairs",
+    /// What may stand in place of an item is scored at the fit with it, too.
+    Instead = "instead",
+    /// Two wrong readings in one move.
+    TwoWrong = "two_wrong",
+    /// What happened once needs poses that are not wrong before and after it.
+    BothSides = "both_sides",
+    /// What chains share is nothing beside the same of one of them.
+    Parts = "parts",
+    /// A residual may say that noise is larger than it is known.
+    LargerNoise = "larger_noise",
+    /// An error of a surface is in the tie of one of the arm, whatever else is exchanged.
+    AcrossSurfaces = "across_surfaces",
     /// Isolation of a single fault.
     Isolation = "isolation",
     /// Joints that give are found together.

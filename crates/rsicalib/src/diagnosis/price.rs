@@ -190,6 +190,8 @@ pub struct Said {
     pub data: Data,
     /// Its χ².
     pub chi2: f64,
+    /// Whether the noise may be larger than it is known.
+    pub larger_noise: bool,
 }
 
 impl Said {
@@ -202,7 +204,10 @@ impl Said {
     /// The variance of the noise over what it may really be, were so much of χ² explained.
     #[must_use]
     pub fn scale(&self, score: f64) -> f64 {
-        self.data.slope((self.chi2 - score).max(0.0))
+        match self.larger_noise {
+            true => self.data.slope((self.chi2 - score).max(0.0)),
+            false => 1.0,
+        }
     }
 
     /// The same of a fit whose χ² is larger.

@@ -1,11 +1,9 @@
 //! Closes the loop: from the residual to the effect that the model lacks.
 //!
 //! ```text
-//! fit → score every candidate → refit the best → keep it → again
+//! fit → screening → means → search → fit of all samples → a law that no term has
 //! ```
 //!
-//! until nothing scores; after each addition a look back, at what is no longer
-//! needed, and in the end at what another effect, or two others, explain better.
 //! Samples of a held pose are averaged for the search, whose noise is then known, and
 //! so are neighbouring rows of a long recording; the answer is fitted to all of them.
 

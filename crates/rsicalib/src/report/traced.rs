@@ -158,9 +158,10 @@ pub struct StepReport {
 pub struct RivalReport {
     /// The effects.
     pub terms: Vec<Place>,
-    /// χ², with 4 for each parameter of the effects and 4 for a time that was searched.
+    /// Price of the explanation: χ² by the noise that may be, with what its effects, their places and wrong
+    /// readings cost.
     pub chi2_penalised: f64,
-    /// Probability among the explanations that are listed, all as likely beforehand.
+    /// Probability among the explanations that are listed.
     pub probability: f64,
 }
 

@@ -403,7 +403,7 @@ mod tests {
         let (m, u) = (z.transpose() * &z, z.transpose() * &r);
         let raw: Vec<f64> = m.diagonal().iter().copied().collect();
         let data = Data { scale: Scale::Known(f64::INFINITY), dof: 14.0 };
-        let said = Said { data, chi2: r.norm_squared() };
+        let said = Said { data, chi2: r.norm_squared(), larger_noise: true };
         let square = Mat::from_fn(3, 3, |i, j| m[(i, j)]);
         let got = averaged(&square, u.as_slice(), &raw, &said, 0.0);
         // By the inverse and the determinant of the whole covariance, at each amplitude.

@@ -73,7 +73,6 @@ impl Account {
 }
 
 /// What is added in one move.
-#[derive(Clone)]
 pub enum More {
     /// Items.
     Items(Vec<Scored>),

@@ -49,6 +49,9 @@ impl Averaged<'_> {
     /// True where enough poses, none of which is wrong, stand on either side of everything that is said
     /// to have happened at one time.
     pub(super) fn on_both_sides(&self, items: &[Scored]) -> bool {
+        if !self.search.uses(Rule::BothSides) {
+            return true;
+        }
         let wrong = |pose: usize| {
             items.iter().any(|item| is_data(&item.instance) && item.instance.place == pose)
         };

@@ -69,15 +69,16 @@ fn searched(averaged: &mut Averaged, start: &Fit) -> Result<(Searched, Option<Is
         return Ok((it, None));
     }
     averaged.small.options.progress.enter(Stage::Isolation);
-    let effects = it.found.iter().map(|step| &step.scored.instance).filter(|i| !is_data(i));
-    let elsewhere = |target: Target| {
-        effects.clone().any(|i| !belongs(&averaged.small.mechanism, i.target, target))
-    };
-    let alone = isolate(&averaged.all(), start, &averaged.judge(start), averaged.search)?;
+    let mut effects = it.found.iter().map(|step| step.scored.instance).filter(|i| !is_data(i));
+    let of_noise = noise.map(|noise| noise.target);
     // Noise is at fault alone where no effect is found elsewhere; that of a closure is looked for alone.
+    let mechanism = &averaged.small.mechanism;
+    if of_noise.is_some_and(|noise| effects.any(|i| !belongs(mechanism, i.target, noise))) {
+        return Ok((it, None));
+    }
+    let alone = isolate(&averaged.all(), start, &averaged.judge(start), averaged.search)?;
     let of_closure = alone.as_ref().is_some_and(|it| matches!(it.target, Target::Closure(_)));
-    let at_fault = match noise.map(|noise| noise.target) {
-        Some(target) if elsewhere(target) => None,
+    let at_fault = match of_noise {
         Some(target) if !of_closure => {
             let judge = averaged.judge(&it.current);
             isolated_at(&averaged.small, &it.current, target, &judge, averaged.search)?
@@ -172,6 +173,9 @@ impl Beam<'_, '_> {
             true => is_drawn(s),
             false => is_drawn(item) && is_of_surface(s),
         };
+        if !self.averaged.search.uses(Rule::AcrossSurfaces) {
+            return Vec::new();
+        }
         let as_well = self.accounts.iter().filter(|account| {
             account.admitted && account.price < best.price + AS_WELL && !account.has(&item.instance)
         });
@@ -184,6 +188,9 @@ impl Beam<'_, '_> {
     /// without effects says that readings are wrong, or noise that nobody knows of, or nothing.
     fn rivals(&self, ranked: &[usize]) -> Vec<Explanation> {
         let best = &self.accounts[ranked[0]];
+        if best.items.iter().all(|s| is_data(&s.instance)) {
+            return Vec::new();
+        }
         let mut listed: Vec<(Explanation, &Fit)> = Vec::new();
         for account in ranked.iter().map(|k| &self.accounts[*k]) {
             let effects: Vec<Instance> =
@@ -203,10 +210,6 @@ impl Beam<'_, '_> {
             }
             let (chi2, probability) = (account.price, 1.0);
             listed.push((Explanation { effects, chi2, probability, apart: None }, &account.fit));
-        }
-        let first = best.items.iter().any(|s| !is_data(&s.instance));
-        if !first {
-            return Vec::new();
         }
         let small = &self.averaged.small;
         workers::map(nearest(listed), |(mut explanation, refit)| {

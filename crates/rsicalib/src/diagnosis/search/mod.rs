@@ -22,6 +22,7 @@ use std::borrow::Cow;
 
 use crate::Error;
 use crate::diagnosis::averaged::{Averaged, cost};
+use crate::diagnosis::options::Rule;
 use crate::diagnosis::price::{Family, Said, charge, room};
 use crate::diagnosis::score::scan;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
@@ -108,7 +109,8 @@ impl<'s, 'a> Beam<'s, 'a> {
         if let Some(of) = bases.find(|of| !self.accounts[*of].noised) {
             return Ok(Some(Next::Noise(of)));
         }
-        let hopeful = |account: &Account| account.noise.is_some() && self.hopeful(account);
+        let limit = self.limit();
+        let hopeful = |it: &Account| it.noise.is_some() && self.is_hopeful(it, limit);
         let with_noise = self.ranked_of(hopeful);
         if let Some(next) = self.next_of(&with_noise)? {
             return Ok(Some(next));
@@ -118,14 +120,14 @@ impl<'s, 'a> Beam<'s, 'a> {
 
     /// Prices of explanations that are listed are below this.
     fn limit(&self) -> f64 {
-        self.ranked().first().map_or(0.0, |best| self.accounts[*best].price + RIVAL)
+        let admitted = self.accounts.iter().filter(|account| account.admitted);
+        admitted.map(|account| account.price).fold(f64::INFINITY, f64::min) + RIVAL
     }
 
     /// True where an explanation would be listed if something were added that costs nothing and leaves noise.
-    fn hopeful(&self, account: &Account) -> bool {
-        let chi2 = cost(&account.fit);
-        let left = (chi2 - account.fit.dof).max(0.0);
-        account.price - self.averaged.data.fall(chi2, left) < self.limit()
+    fn is_hopeful(&self, account: &Account, limit: f64) -> bool {
+        let left = (cost(&account.fit) - account.fit.dof).max(0.0);
+        self.with_score(account, left) < limit
     }
 
     /// What is not known yet of the likeliest.
@@ -142,7 +144,8 @@ impl<'s, 'a> Beam<'s, 'a> {
                     return Ok(Some(Next::Around(of, best + RIVAL)));
                 }
             }
-            if rank == 0 && self.accounts[k].replaced < items {
+            let instead = self.averaged.search.uses(Rule::Instead);
+            if rank == 0 && instead && self.accounts[k].replaced < items {
                 return Ok(Some(Next::Instead(k)));
             }
             if rank > 0 || items > FEW {
@@ -191,14 +194,18 @@ impl<'s, 'a> Beam<'s, 'a> {
             gone.iter().map(|k| self.accounts[of].items[*k].instance).collect();
         let kept = from.model.instances.iter().copied().filter(|i| !gone.contains(i)).collect();
         let session = self.session(&items, noise.as_ref());
-        let fitted = fit(&session, kept, Some(from))?;
+        let mut fitted = fit(&session, kept, Some(from))?;
+        drop(session);
+        let mut noise = noise;
+        if let Some(own) = noise {
+            let (shown, settled) = self.settled(&items, own, fitted, true)?;
+            (noise, fitted) = (Some(shown), settled);
+        }
         let base = &self.accounts[0].fit;
         let admitted = self.admits(&items, &fitted) && self.averaged.sensible(base, &fitted);
         let price = self.price(&fitted, &items, noise.as_ref());
         self.accounts.push(Account { admitted, ..Account::of(items, noise, fitted, price) });
-        let new = self.accounts.len() - 1;
-        self.settle_noise(new, true)?;
-        Ok(new)
+        Ok(self.accounts.len() - 1)
     }
 
     fn known(&self, items: &[Scored], noise: Option<&UnknownNoise>) -> Option<usize> {
@@ -233,12 +240,7 @@ impl<'s, 'a> Beam<'s, 'a> {
 
     /// The price of an explanation of which χ² falls by a score.
     fn with_score(&self, account: &Account, score: f64) -> f64 {
-        account.price - self.fall(account, score)
-    }
-
-    /// By how much what readings say of an explanation falls where χ² does by a score.
-    fn fall(&self, account: &Account, score: f64) -> f64 {
-        self.averaged.data.fall(cost(&account.fit), score)
+        account.price - self.averaged.said(&account.fit).fall(score)
     }
 
     /// Scores everything beside an explanation, likeliest first.

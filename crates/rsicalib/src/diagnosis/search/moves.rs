@@ -3,9 +3,8 @@
 use std::borrow::Cow;
 
 use crate::Error;
-use crate::diagnosis::averaged::cost;
 use crate::diagnosis::options::Rule;
-use crate::diagnosis::price::{Family, Said, charge, room};
+use crate::diagnosis::price::{Family, charge, room};
 use crate::diagnosis::score::instead::instead;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, paid};
 use crate::diagnosis::score::{candidates, pairs};
@@ -61,8 +60,8 @@ impl Beam<'_, '_> {
         named.retain(|i| !i.term.info().penalised);
         let judge = self.averaged.judge(&account.fit);
         let needed = account.price - best;
-        let (data, chi2) = (self.averaged.data, cost(&account.fit));
-        let priced = |width: f64, score: f64| charge(width, data.fall(chi2, score));
+        let said = self.averaged.said(&account.fit);
+        let priced = |width: f64, score: f64| charge(width, said.fall(score));
         let mut two = pairs::pairs(&session, &account.fit, &judge, &named, &priced, needed)?;
         drop(session);
         two.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
@@ -73,6 +72,9 @@ impl Beam<'_, '_> {
 
     /// Adds two wrong readings to an explanation: the likeliest, and the likeliest beside it.
     fn two_wrong(&mut self, of: usize, best: f64) -> Result<(), Error> {
+        if !self.averaged.search.uses(Rule::TwoWrong) {
+            return Ok(());
+        }
         self.scan(of)?;
         let likeliest = |account: &Account| {
             account.scored.iter().flatten().find(|s| is_data(&s.instance)).copied()
@@ -122,11 +124,10 @@ impl Beam<'_, '_> {
         let (rise, mut scored) = instead(&session, &account.fit, &own.instance, &judge, left_out)?;
         drop(session);
         let limit = account.price + RIVAL;
-        let chi2 = cost(&account.fit) + rise;
-        let said = Said { data: self.averaged.data, chi2 };
+        let said = self.averaged.said(&account.fit).raised(rise);
         scored.iter_mut().for_each(|s| s.charge = charge_of(s, &said));
         let at_best = |s: &Scored| {
-            let left = (chi2 - s.score - room(s.score)).max(0.0);
+            let left = (said.chi2 - s.score - room(s.score)).max(0.0);
             let items = [&rest[..], &[*s]].concat();
             let noise = account.noise.map_or(0.0, |noise| noise.paid_beside(&items));
             self.averaged.data_of(left) + paid(&items) + noise
@@ -152,39 +153,33 @@ impl Beam<'_, '_> {
     }
 
     /// Noise and fit in turn, as long as the price falls; where it is `new`, larger noise as well.
-    pub(super) fn settle_noise(&mut self, of: usize, new: bool) -> Result<(), Error> {
-        if !self.hopeful(&self.accounts[of]) {
-            return Ok(());
-        }
+    pub(super) fn settled(
+        &self,
+        items: &[Scored],
+        noise: UnknownNoise,
+        mut fitted: Fit,
+        new: bool,
+    ) -> Result<(UnknownNoise, Fit), Error> {
+        let shown = |noise: UnknownNoise, at: &Fit| {
+            Shown::of(&self.session(items, Some(&noise)), at, noise, self.averaged.said(at))
+        };
+        let mut here = shown(noise, &fitted);
         for _ in 0..NOISE_MOVES {
-            let Account { items, noise: Some(noise), fit: before, .. } = &self.accounts[of] else {
-                break;
-            };
-            let shown = |noise: &UnknownNoise, at: &Fit| {
-                Shown::of(&self.session(items, Some(noise)), at, *noise, self.averaged.said(at))
-            };
-            let here = shown(noise, before);
-            let itself = here.itself();
-            let price = self.price(before, items, Some(&itself));
+            let price = self.price(&fitted, items, Some(&here.itself()));
             let mut better = None;
             for next in here.next(new) {
                 let session = self.session(items, Some(&next));
-                let fitted = fit(&session, before.model.instances.clone(), Some(before))?;
-                let next = shown(&next, &fitted).itself();
-                let other = self.price(&fitted, items, Some(&next));
-                if other < price {
-                    better = Some((next, fitted, other));
+                let there = fit(&session, fitted.model.instances.clone(), Some(&fitted))?;
+                let next = shown(next, &there);
+                if self.price(&there, items, Some(&next.itself())) < price {
+                    better = Some((next, there));
                     break;
                 }
             }
-            let account = &mut self.accounts[of];
-            let Some((next, fitted, price)) = better else {
-                (account.noise, account.price) = (Some(itself), price);
-                break;
-            };
-            (account.noise, account.fit, account.price) = (Some(next), fitted, price);
+            let Some((next, there)) = better else { break };
+            (here, fitted) = (next, there);
         }
-        Ok(())
+        Ok((here.itself(), fitted))
     }
 
     /// Parts what chains share where it stands beside the same of one of them.
@@ -205,7 +200,7 @@ impl Beam<'_, '_> {
     pub(super) fn admits(&self, items: &[Scored], fitted: &Fit) -> bool {
         items.iter().all(|item| physical(fitted, &item.instance))
             && self.averaged.on_both_sides(items)
-            && self.shared_and_own(items).is_none()
+            && (self.shared_and_own(items).is_none() || !self.averaged.search.uses(Rule::Parts))
     }
 
     /// What chains share beside the same of one of them, by their numbers, with what stands for both:
@@ -270,33 +265,35 @@ impl Beam<'_, '_> {
         });
         let new: Vec<_> =
             wanted.filter(|(items, noise)| self.known(items, noise.as_ref()).is_none()).collect();
-        let old = account.items.len();
-        let sessions: Vec<_> =
-            new.iter().map(|(items, noise)| self.session(items, noise.as_ref())).collect();
         let before = &account.fit;
-        let refits = workers::map(new.iter().zip(&sessions), |((items, _), session)| {
-            refit(session, before, items.clone(), old)
+        let refits = workers::map(new, |(items, noise)| -> Result<_, Error> {
+            let session = self.session(&items, noise.as_ref());
+            let (items, mut fitted) = refit(&session, before, items, account.items.len())?;
+            let mut noise = noise;
+            if let Some(own) = noise {
+                let (shown, settled) = self.settled(&items, own, fitted, !noisy)?;
+                (noise, fitted) = (Some(shown), settled);
+            }
+            Ok((items, noise, fitted))
         });
         let mut found = Vec::new();
-        for ((_, noise), refit) in new.into_iter().zip(refits) {
-            let (items, fitted) = match refit {
+        for refit in refits {
+            let (items, noise, fitted) = match refit {
                 Err(Error::TooFew { .. }) => continue,
                 refit => refit?,
             };
-            let quieter = noise.is_some() != account.noise.is_some();
+            let quieter = noise.is_some() != noisy;
             let admitted = self.admits(&items, &fitted)
                 && (quieter || self.averaged.sensible(before, &fitted));
             let price = self.price(&fitted, &items, noise.as_ref());
             found.push(Account { admitted, ..Account::of(items, noise, fitted, price) });
         }
-        drop(sessions);
         let first = self.accounts.len();
         for account in found {
             if self.known(&account.items, account.noise.as_ref()).is_none() {
                 self.accounts.push(account);
             }
         }
-        (first..self.accounts.len()).try_for_each(|new| self.settle_noise(new, !noisy))?;
         let limit = self.limit();
         let near = |new: &usize| self.accounts[*new].price < limit;
         let near: Vec<usize> = (first..self.accounts.len()).filter(near).collect();

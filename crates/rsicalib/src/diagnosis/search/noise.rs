@@ -21,6 +21,11 @@ use crate::numerics::workers;
 /// Factors of the variance that are tried, the square root of ten apart, from the noise on.
 const VARIANCES: i32 = 12;
 
+/// Those factors.
+fn variances() -> impl Iterator<Item = f64> {
+    (0..VARIANCES).map(|k| 10.0_f64.powf(0.5 * f64::from(k)))
+}
+
 /// Noise that nobody knows of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UnknownNoise {
@@ -91,8 +96,7 @@ impl Shown {
 
     /// The likeliest noise, and by how much what readings say falls with it.
     pub fn likeliest(&self) -> Option<(UnknownNoise, f64)> {
-        let each = (0..VARIANCES).map(|k| 10.0_f64.powf(0.5 * f64::from(k)));
-        let each = each.take_while(|variance| *variance < self.largest);
+        let each = variances().take_while(|variance| *variance < self.largest);
         let each = each.filter_map(|variance| self.of_variance(variance));
         each.min_by(|(a, fall_a), (b, fall_b)| (a.volume - fall_a).total_cmp(&(b.volume - fall_b)))
     }
@@ -105,9 +109,9 @@ impl Shown {
     /// Noises to try next: the likeliest, and if wanted the next larger one, since what a fit has bent hides it.
     pub fn next(&self, larger_too: bool) -> Vec<UnknownNoise> {
         let likeliest = self.likeliest().filter(|(it, _)| it.variance != self.noise.variance);
-        let larger = 10.0_f64.sqrt() * self.noise.variance;
-        let larger =
-            (larger_too && larger < self.largest).then(|| self.of_variance(larger)).flatten();
+        let larger = variances().find(|variance| larger_too && *variance > self.noise.variance);
+        let larger = larger.filter(|variance| *variance < self.largest);
+        let larger = larger.and_then(|variance| self.of_variance(variance));
         likeliest.into_iter().chain(larger).map(|(noise, _)| noise).collect()
     }
 }

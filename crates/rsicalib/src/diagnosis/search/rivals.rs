@@ -9,11 +9,11 @@ const MOST_RIVALS: usize = 8;
 /// Effects that explain a session together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Explanation {
-    /// The effects, wrong readings left out.
+    /// The effects, wrong readings left out; none where these, noise or nothing explain it.
     pub effects: Vec<Instance>,
     /// Its price, (113).
     pub chi2: f64,
-    /// Probability among the explanations that are listed, all as likely beforehand.
+    /// Probability among the explanations that are listed.
     pub probability: f64,
     /// How far from the best one it puts the platform, or carried points [length unit]; none where
     /// these cannot be had.

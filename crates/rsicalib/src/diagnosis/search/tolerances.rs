@@ -29,6 +29,9 @@ use crate::numerics::symmetric::invert;
 use crate::terms::targets::typical;
 use crate::terms::term::{Acts, Class};
 
+/// Others that are refitted at the most.
+const MOST_OTHERS: usize = 8;
+
 impl Averaged<'_> {
     /// Errors of surfaces that explain as much as an effect of a sensor or a link does, were everything
     /// drawn a little off, or the other way round; what was found after the effect is of that.
@@ -49,7 +52,7 @@ impl Averaged<'_> {
         let new = |s: &&Scored| found.iter().all(|f| f.instance != s.instance);
         let mut others: Vec<Scored> = scored.iter().filter(other).filter(new).copied().collect();
         others.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-        others.truncate(self.search.refits);
+        others.truncate(MOST_OTHERS);
         let concerned = of_surface || (is_drawn(&own) && !is_data(&own.instance));
         if others.is_empty() || !concerned || !self.search.uses(Rule::Tolerances) {
             return Ok(Vec::new());

@@ -108,8 +108,8 @@ impl Variable {
             let values = polynomials.iter().map(|p| p[degree]).collect();
             Function { degree, values }
         };
-        let functions = (1..=different(&values, DEGREE)).map(one).collect();
-        Some(Self { quantity, values, functions })
+        let functions: Vec<Function> = (1..=different(&values, DEGREE)).map(one).collect();
+        (!functions.is_empty()).then_some(Self { quantity, values, functions })
     }
 
     /// Of plays, the widest first; none where no two of them are different.
@@ -131,8 +131,9 @@ fn same(a: &[f64], b: &[f64]) -> bool {
     apart(1.0) || apart(-1.0)
 }
 
-/// Those that a session has at a fit, in the samples `rows`; what does not change is none. Readings,
-/// torques and the ways of channels are of readings as the fit settles them.
+/// Those that a session has at a fit, in the samples `rows`; what does not change is none, nor what is not
+/// finite in a sample: a fit that closes nothing settles readings nowhere. Readings, torques and the ways of
+/// channels are of readings as the fit settles them.
 ///
 /// # Errors
 ///
@@ -168,7 +169,7 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
         (0..rows.len()).map(|p| p == 0 || session(rows[p]) != session(rows[p - 1])).collect();
     let still = standstills(&observations.mechanism.channels);
     let moves = readings.moves();
-    for (c, theta) in thetas.iter().enumerate() {
+    for (c, theta) in thetas.iter().enumerate().filter(|(_, theta)| finite(theta)) {
         let way = Way { readings: theta, begins: &begins, still: still[c] };
         add(Variable::of(Quantity::Torque(c), in_lane(&|block, lane| torque(block, lane, c))));
         add(Variable::of(Quantity::Travelled(c), way.travelled()));
@@ -189,12 +190,16 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
     Ok(all)
 }
 
-/// From -1 to 1; none where it does not change.
+fn finite(values: &[f64]) -> bool {
+    values.iter().all(|v| v.is_finite())
+}
+
+/// From -1 to 1; none where it does not change, or is not finite.
 fn scaled(values: Vec<f64>) -> Option<Vec<f64>> {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-    let changes = half.is_finite() && half > SAME * middle.abs().max(SAME);
+    let changes = finite(&values) && half > SAME * middle.abs().max(SAME);
     changes.then(|| values.into_iter().map(|v| (v - middle) / half).collect())
 }
 

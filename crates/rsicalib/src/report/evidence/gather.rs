@@ -2,8 +2,7 @@
 
 use crate::Error;
 use crate::diagnosis::held_out::averaged;
-use crate::diagnosis::price::{Data, Said, Scale};
-use crate::diagnosis::score::scored::{Judge, is_data};
+use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::trace::{Found, Traced};
 use crate::estimate::progress::Progress;
 use crate::estimate::{Fit, Observations, fit};
@@ -76,12 +75,7 @@ pub fn of_calibration(
     // Whoever listened has been told that the job is done.
     let mut observations = observations.clone();
     observations.options.progress = Progress::default();
-    let (small, last, _) = averaged(&observations, fit)?;
-    let residual = (!fit.noise.judges()).then_some([last.total, last.dof]);
-    let left = fit.unverified().then_some([last.chi2, last.dof]);
-    let data = Data { scale: Scale::Known(f64::INFINITY), dof: fit.dof };
-    let said = Said { data, chi2: fit.chi2 };
-    let judge = Judge { noise_dof: fit.noise.dof_of_pose(), residual, left, said };
+    let (small, last, judge) = averaged(&observations, fit)?;
     let full = Full { small: &small, last: &last, found: Vec::new(), excluded, judge };
     Ok(Evidence { switchboard: switchboard(&full)?, ..of_fit(&small, &last, None, known)? })
 }
