@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO
-from rsicalib.errors import OpenLoopsWarning
+from rsicalib.cli import main
+from rsicalib.errors import InputError, OpenLoopsWarning
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +89,108 @@ def test_nothing_is_edited_in_a_result_as_it_was_made(tmp_path: Path) -> None:
     # A result without a digest cannot tell this from an edited noise.
     with pytest.warns(OpenLoopsWarning, match="were edited"):
         rsicalib.forward(DEMO / "check.csv", calibration=older)
+
+
+READINGS, REST = str(DEMO / "readings.csv"), str(DEMO / "rest.csv")
+
+VERBS = {
+    "forward": f"forward {READINGS} --calibration R",
+    "calibrate": f"calibrate {READINGS} --rest {REST} --calibration R --json",
+    "trace": f"trace {READINGS} --rest {REST} --calibration R --json",
+    "export": "export R --to toml",
+    "corrected": f"export R --to csv --readings {READINGS} --out OUT",
+    "certify": "certify R --limit 100 --json",
+    "watch": f"watch {READINGS} --calibration R --json",
+    "devices": "watch STREAM --calibration FOLDER --json",
+    "plan": f"plan --result R --beside {READINGS} --poses 1",
+    "bound": "plan --calibration R --poses 12",
+    "suppose": f"suppose {READINGS} --calibration R --term curvature@a22.c2=0.02",
+    "history": "history FOLDER",
+}
+
+
+def command(words: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command on `folder/in/result.json`."""
+    own = folder / "in"
+    paths = {"R": own / "result.json", "OUT": folder / "out", "FOLDER": own}
+    head, *rows = (DEMO / "readings.csv").read_text(encoding="utf-8").splitlines()
+    stream = "\n".join([f"device,{head}", *(f"d7,{row}" for row in rows[:8]), ""])
+    (folder / "stream.csv").write_text(stream, encoding="utf-8")
+    paths["STREAM"] = folder / "stream.csv"
+    with pytest.raises(SystemExit) as left:
+        main([str(paths.get(word, word)) for word in words.split()])
+    out, err = capsys.readouterr()
+    return int(left.value.code or 0), out, err
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_tells_an_edited_result_alike(
+    verb: str, result: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One value moved by one standard deviation: loops, poses and budgets show nothing of it."""
+    first, *others = result["parameters"]
+    moved = {**first, "value": first["value"] + first["sd"]}
+    named = {**result, "device": "d7", "valid_from": "2025-03-01"}
+    (tmp_path / "in").mkdir()
+    for edited, parameters in ((False, [first, *others]), (True, [moved, *others])):
+        whole = {**named, "parameters": parameters}
+        (tmp_path / "in" / "result.json").write_text(json.dumps(whole), encoding="utf-8")
+        words = VERBS[verb] if not edited else VERBS[verb].replace("OUT", "OUT --force")
+        code, out, err = command(words, tmp_path, capsys)
+        told = [line for line in err.splitlines() if "were edited after it was written" in line]
+        assert len(told) == edited, err
+        if not edited:
+            usual = code
+        else:
+            assert code == (usual or 4)
+            assert told[0].startswith("warning: numbers of ") and "result.json" in told[0]
+    if verb in ("calibrate", "trace"):
+        assert "edited" in {one["kind"] for one in json.loads(out)["warnings"]}
+
+
+def test_functions_tell_it_where_they_were_called(result: dict[str, Any], tmp_path: Path) -> None:
+    first, *others = result["parameters"]
+    moved = {**first, "value": first["value"] + first["sd"]}
+    edited = read({**result, "parameters": [moved, *others]}, tmp_path)
+    calls: list[Callable[[], object]] = [
+        lambda: rsicalib.forward(DEMO / "check.csv", calibration=edited),
+        lambda: rsicalib.Monitor(edited),
+        lambda: rsicalib.Placer(calibration=edited),
+        lambda: rsicalib.certify(edited, limit=1.0),
+        lambda: rsicalib.suppose(DEMO / "check.csv", ["curvature@a22.c2=0.02"], calibration=edited),
+    ]
+    for call in calls:
+        with pytest.warns(OpenLoopsWarning, match=r"numbers of .*result.json were edited") as told:
+            call()
+        assert {one.filename for one in told} == {__file__}
+
+
+@pytest.mark.parametrize("factor", [10.0, 100.0, 1e3, 1e4])
+def test_sensors_all_too_steep_are_told_without_a_digest(
+    factor: float, result: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever its loops do, such a result expects it: its own session was closed far better."""
+    own = [
+        {**p, "value": factor * p["value"]} if p["term"] == "gain" else p
+        for p in result["parameters"]
+    ]
+    whole = {key: value for key, value in result.items() if key != "digest"}
+    (tmp_path / "in").mkdir()
+    for parameters, code in ((own, 4), (result["parameters"], 0)):
+        changed = {**whole, "parameters": parameters}
+        (tmp_path / "in" / "result.json").write_text(json.dumps(changed), encoding="utf-8")
+        for verb in ("watch", "export"):
+            assert command(VERBS[verb], tmp_path, capsys)[0] == code
+
+
+def test_what_was_deleted_beside_the_digest_is_told(result: dict[str, Any], tmp_path: Path) -> None:
+    bare = {k: v for k, v in result.items() if k not in ("digest", "misclosure")}
+    with pytest.warns(OpenLoopsWarning, match="neither a `digest` nor the `misclosure`"):
+        rsicalib.forward(DEMO / "check.csv", calibration=read(bare, tmp_path))
+    first, *others = result["parameters"]
+    other = {**result, "parameters": [{**first, "unit": "deg"}, *others]}
+    with pytest.raises(InputError, match=r"parameters\[0\].unit: found 'deg', expected 'rad'"):
+        rsicalib.forward(DEMO / "check.csv", calibration=read(other, tmp_path))
 
 
 def test_numbers_that_are_changed_in_memory_are_edited() -> None:

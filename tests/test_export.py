@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import DEMO, Calibration
+from rsicalib import DEMO, Calibration, _core
 from rsicalib.io.mechanisms import read_mechanism
 from rsicalib.verbs import export
 from rsicalib.work.job import Work
@@ -94,7 +94,7 @@ def invented(mechanism: rsicalib.Mechanism, terms: list[str], seed: int = 0) -> 
                     value = channels[target].offset + value
                 parameters.append(
                     {"term": term, "target": target, "name": name, "value": value, "sd": 1e-3}
-                    | {"unit": "rad"}
+                    | {"unit": _core.units_of(mechanism, [((term, target, None), name)])[0][0]}
                 )
     return Calibration.from_dict(
         {
@@ -198,7 +198,8 @@ def with_parameters(
     plain = made.to_dict()
     for term, target, place, name, value in more:
         entry = {"term": term, "target": target, "name": name, "value": value, "sd": 1e-4}
-        plain["parameters"].append({**entry, "place": place, "unit": "rad"})
+        [units] = _core.units_of(rsicalib.load_mechanism("rsi"), [((term, target, place), name)])
+        plain["parameters"].append({**entry, "place": place, "unit": (units or ["in"])[0]})
     plain["covariance"] = (1e-8 * np.eye(len(plain["parameters"]))).tolist()
     return Calibration.from_dict(plain)
 

@@ -141,7 +141,7 @@ def result_of(mechanism: dict[str, Any], parameters: list[dict[str, Any]]) -> rs
         "termination": "converged",
         "reference": {"centre": centre, "span": [[0.0, 1.0]] * len(names), "temperature": None},
     }
-    return rsicalib.Calibration.from_dict(document)
+    return rsicalib.Calibration.made(document)
 
 
 ARMS = """\

@@ -644,6 +644,11 @@ def summed(devices: Sequence[tuple[float, float, float]]) -> dict[str, Any] | No
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
 
+def units_of(mechanism: Mechanism, named: Sequence[tuple[Spec, str]]) -> list[list[str]]:
+    """The units that each parameter of a result may have, of ((term, target, place), name); empty where
+    any will do.
+    """
+
 def within_limits(mechanism: Mechanism, count: Any, *, seed: int = 0) -> Array:
     """Readings of random configurations within the limits of the joints, of shape (n, channels):
     closures between points that chains carry hold, others do not.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from typing import TypedDict
 
 from rsicalib.plain_text import printable, shortened
@@ -14,6 +16,7 @@ __all__ = [
     "RsicalibError",
     "UndeterminedError",
     "Where",
+    "tell",
 ]
 
 
@@ -130,7 +133,19 @@ class ResultError(RsicalibError, ValueError):
 
 
 class OpenLoopsWarning(UserWarning):
-    """The loops of readings do not close under the result that is applied to them."""
+    """A result not to be relied on: its numbers were edited, or loops do not close under it."""
+
+
+def tell(text: str) -> None:
+    """Warn of a result, at the line outside the package that asked for what it is applied to."""
+    level, frame = 2, sys._getframe(1)
+    while frame.f_back is not None and _is_own(frame.f_globals):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, OpenLoopsWarning, stacklevel=level)
+
+
+def _is_own(names: dict[str, object]) -> bool:
+    return str(names.get("__name__")).partition(".")[0] == __name__.partition(".")[0]
 
 
 class UndeterminedError(RsicalibError):

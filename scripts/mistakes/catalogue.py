@@ -31,6 +31,7 @@ from scripts.mistakes.damage import (
     reversed_sensor,
     rolled,
     short_curve,
+    undigested_gains,
     write,
 )
 
@@ -256,6 +257,21 @@ MISTAKES = [
     ),
     Mistake("gains times 1000", FORWARD, 4, "were edited", result(gains)),
     Mistake("two values exchanged", FORWARD, 4, "were edited", result(exchanged)),
+    Mistake(
+        "gains times 1000, and no digest",
+        "watch readings.csv --calibration result.json",
+        4,
+        "expects a misclosure",
+        result(undigested_gains),
+    ),
+    Mistake(
+        "no digest and no misclosure",
+        "export result.json --to toml",
+        4,
+        "neither",
+        result(lambda d: (d.pop("digest"), d.pop("misclosure"))),
+    ),
+    Mistake("degrees in a result", FORWARD, 2, "'rad'", result(lambda d: first(d, unit="deg"))),
     Mistake("a covariance that is not symmetric", FORWARD, 2, "covariance[1][0]", result(askew)),
     Mistake(
         "noise without a channel",

@@ -222,6 +222,12 @@ def gains(document: dict[str, object]) -> None:
             parameter["value"] *= 1000.0
 
 
+def undigested_gains(document: dict[str, object]) -> None:
+    """The same in a result without a digest."""
+    gains(document)
+    del document["digest"]
+
+
 def exchanged(document: dict[str, object]) -> None:
     """The values of two offsets exchanged."""
     one, other = _parameters(document)[:3:2]

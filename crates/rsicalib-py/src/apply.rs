@@ -167,6 +167,19 @@ pub fn lasting(mechanism: &PyMechanism, specs: Vec<PySpec>) -> Result<Vec<String
     Ok(earlier::lasting(&mechanism.0, &specs)?.iter().map(ToString::to_string).collect())
 }
 
+/// The units that each parameter of a result may have, of ((term, target, place), name); empty where
+/// any will do.
+#[pyfunction]
+pub fn units_of(
+    mechanism: &PyMechanism,
+    named: Vec<(PySpec, String)>,
+) -> Result<Vec<Vec<String>>, PyError> {
+    let own = |(spec, name): (PySpec, String)| {
+        Ok(earlier::units_of(&mechanism.0, &spec_of(spec), &name)?)
+    };
+    named.into_iter().map(own).collect()
+}
+
 /// A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`.
 #[pyfunction]
 #[pyo3(signature = (term, target=None, place=None))]

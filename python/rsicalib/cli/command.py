@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+from rsicalib.cli.output import heard
 from rsicalib.cli.parser import make_parser
 from rsicalib.cli.streams import emit, is_of_streams, open_streams, silence
 from rsicalib.cli.verbs import Args
@@ -17,6 +18,9 @@ from rsicalib.facts.records import to_json
 from rsicalib.io.files import forget_parts
 
 __all__ = ["main"]
+
+NOT_TO_BE_RELIED_ON = 4
+"""Exit code of a verb that has gone on with a result that was edited, or whose loops are open."""
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
@@ -53,7 +57,9 @@ def _run(words: list[str]) -> int:
     try:
         args = make_parser().parse_args(words)
         run: Callable[[Args], int] = args.run
-        return run(args)
+        with heard(args) as told:
+            code = run(args)
+        return NOT_TO_BE_RELIED_ON if told and code == 0 else code
     except InputError as error:
         return _fail(2, "rsicalib.error/1", error.message, as_json, where=error.where)
     except UndeterminedError as error:

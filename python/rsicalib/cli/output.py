@@ -5,18 +5,21 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from rsicalib.cli.colours import painted, wants_colour
 from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.progress import progress_of, terminal_width
 from rsicalib.cli.streams import emit, say
+from rsicalib.errors import OpenLoopsWarning
 from rsicalib.facts.warned import Warned
 from rsicalib.io.folders import MARK, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
 from rsicalib.results.result import Calibration, Result, Trace
 
-__all__ = ["prepare", "show", "warn"]
+__all__ = ["heard", "prepare", "show", "warn"]
 
 
 def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
@@ -67,8 +70,30 @@ def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
     return files | {f"figures/{name}.svg": f"{text}<!-- {MARK} -->\n" for name, text in drawn}
 
 
-def warn(args: argparse.Namespace, warnings: Sequence[Warned | str]) -> None:
-    """Print warnings on standard error, unless --quiet."""
-    if not args.quiet:
-        for warning in warnings:
-            print(f"warning: {printable(str(warning))}", file=sys.stderr)
+def warn(args: argparse.Namespace, found: Sequence[Warned | str]) -> None:
+    """Print warnings on standard error, unless --quiet; none of them twice."""
+    said: set[str] = vars(args).setdefault("said", set())
+    for text in map(str, found):
+        if not getattr(args, "quiet", False) and text not in said:
+            print(f"warning: {printable(text)}", file=sys.stderr)
+        said.add(text)
+
+
+@contextlib.contextmanager
+def heard(args: argparse.Namespace) -> Iterator[list[str]]:
+    """Print what is warned of results while a verb runs; all of it, in order."""
+    told: list[str] = []
+
+    def show_warning(
+        message: Warning | str, category: type[Warning], *where: Any, **more: Any
+    ) -> None:
+        if not issubclass(category, OpenLoopsWarning):
+            return usual(message, category, *where, **more)
+        told.append(str(message))
+        warn(args, told[-1:])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", OpenLoopsWarning)
+        usual = warnings.showwarning
+        warnings.showwarning = show_warning
+        yield told

@@ -55,9 +55,6 @@ T = TypeVar("T")
 ALARMED = 4
 """Exit code of a watch that raised an alarm."""
 
-OPEN_LOOPS = 4
-"""Exit code where the loops of readings do not close under the result that is applied."""
-
 
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
@@ -140,7 +137,7 @@ def forward(args: Args) -> int:
 
     from rsicalib.poses.places import places, readings_for
     from rsicalib.work.arguments import earlier_result
-    from rsicalib.work.closing import open_loops
+    from rsicalib.work.closing import warn_of_open_loops
 
     mechanism = api.load_mechanism(args.mechanism)
     readings = readings_for(args.readings, mechanism, args.skip_bad_rows)
@@ -149,11 +146,8 @@ def forward(args: Args) -> int:
     if args.calibration is not None:
         result, mechanism = earlier_result(args.calibration, mechanism)
     found = _heard(args, lambda _: places(readings, mechanism, result), "place the readings")
-    code = 0
-    said = None if result is None else open_loops(readings, mechanism, result)
-    if said is not None:
-        warn(args, [said])
-        code = OPEN_LOOPS
+    if result is not None:
+        warn_of_open_loops(readings, mechanism, result)
     labels: dict[str, Any] = {"pose": readings.pose.tolist()}
     if readings.sample is not None:
         labels["sample"] = readings.sample.tolist()
@@ -172,14 +166,14 @@ def forward(args: Args) -> int:
         document = {"format": "rsicalib.poses/1", "version": _core.__version__}
         document |= {"mechanism": mechanism.name, "length_unit": mechanism.length_unit}
         emit(to_json({**document, "columns": columns}))
-        return code
+        return 0
     digits = [12] * len(found.names) + [3] * (len(names) - len(found.names))
     lines = [",".join([*labels, *names])]
     for head, row in zip(zip(*labels.values(), strict=True), values.tolist(), strict=True):
         cells = (f"{v:.{d}g}" for v, d in zip(row, digits, strict=True))
         lines.append(",".join([*map(str, head), *cells]))
     emit("\n".join(lines) + "\n")
-    return code
+    return 0
 
 
 def simulate(args: Args) -> int:

@@ -24,7 +24,7 @@ TOPIC = "/joint_states"
 def _corrected(ask: Ask) -> tuple[Readings, FloatArray]:
     """The readings, and the coordinates that they are under the result."""
     readings = ask.needed("are to be corrected")
-    warn_of_open_loops(readings, ask.mechanism, ask.result, stacklevel=4)
+    warn_of_open_loops(readings, ask.mechanism, ask.result)
     return readings, coordinates(readings, ask.mechanism, ask.result)
 
 

@@ -35,6 +35,7 @@ WarnedKind: TypeAlias = Literal[
     "moved_rest",
     "imported",
     "open_loops",
+    "edited",
     "as_drawn",
     "known_poses",
     "other",

@@ -110,7 +110,7 @@ def _placed(
     if calibration is not None:
         result, loaded = earlier_result(calibration, loaded)
     if result is not None and not sd:
-        warn_of_open_loops(one, loaded, result, stacklevel=3)
+        warn_of_open_loops(one, loaded, result)
     return places(one, loaded, result, sd=sd)
 
 

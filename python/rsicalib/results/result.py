@@ -68,6 +68,11 @@ class Result(Interactive):
         """
         return None if self.digest is None else self.digest != digest_of_numbers(self)
 
+    @property
+    def called(self) -> str:
+        """The file that it was read from; `this result` of one that was made or changed here."""
+        return str(vars(self).get("_file", "this result"))
+
     def to_dict(self) -> dict[str, Any]:
         """Write the result as plain values, with the digest of its numbers."""
         out = super().to_dict()
@@ -195,7 +200,9 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
     try:
         data = _core.read_result(text)
         kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
-        return kinds[data["format"]].from_dict(data)
+        result = kinds[data["format"]].from_dict(data)
+        vars(result)["_file"] = name
+        return result
     except ResultError as error:
         raise InputError.at(
             name, column=error.place, found=error.found, expected=error.expected, column_word=""

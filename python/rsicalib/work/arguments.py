@@ -10,7 +10,8 @@ import numpy as np
 
 from rsicalib import options
 from rsicalib._core import Mechanism, Term
-from rsicalib.errors import InputError, InputTypeError
+from rsicalib.errors import InputError, InputTypeError, tell
+from rsicalib.facts.warned import Warned
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.log import Log
 from rsicalib.imports.opening import import_log
@@ -19,6 +20,7 @@ from rsicalib.io.frames import TableArg, as_table, in_memory
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.plain_text import meant
 from rsicalib.results.result import Result, load_calibration
+from rsicalib.work.edited import edits, refuse_other_units
 
 __all__ = [
     "Bare",
@@ -56,10 +58,14 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
     return load_mechanism(name_or_path)
 
 
-def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[Result, Mechanism]:
+def earlier_result(
+    calibration: CalibrationArg, mechanism: Mechanism, warned: list[Warned] | None = None
+) -> tuple[Result, Mechanism]:
     """A result, or that of its file, and the mechanism with the laws that it was found with.
 
-    Refused if it is of another mechanism, in another length unit, or lacks a value.
+    Refused if it is of another mechanism, in another length unit, or lacks a value. Every verb and
+    every function that takes a result takes it here: what was edited is told here, and
+    nowhere else; a verb that makes a result keeps it in `warned`.
     """
     if not isinstance(calibration, str | os.PathLike | Result):
         found, expected = f"a value of type {type(calibration).__name__}", "a path or a result"
@@ -87,7 +93,14 @@ def earlier_result(calibration: CalibrationArg, mechanism: Mechanism) -> tuple[R
         raise InputError.at(
             where, found=found, expected=expected, column="noise.sigma", column_word=""
         )
-    return result, _with_laws(mechanism, result)
+    extended = _with_laws(mechanism, result)
+    refuse_other_units(result, extended, where)
+    said = edits(result, extended)
+    if said is not None:
+        tell(said)
+        if warned is not None:
+            warned.append(Warned("edited", None, said))
+    return result, extended
 
 
 def _with_laws(mechanism: Mechanism, result: Result) -> Mechanism:

@@ -1,13 +1,10 @@
 """Whether the loops close under a result, in readings that it is applied to.
 
-A result that was edited, or that is of another device, gives poses like any other. But the first
-has not the digest that was written with it, and the loops of the readings do not close under the
-other as they did in its own session: both are told.
+A result of another device gives poses like any other. But the loops of the readings do not close
+under it as they did in its own session, which is told. `edited` has what a result alone tells.
 """
 
 from __future__ import annotations
-
-import warnings
 
 import numpy as np
 import numpy.typing as npt
@@ -15,26 +12,23 @@ import numpy.typing as npt
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import OpenLoopsWarning
+from rsicalib.errors import tell
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, covariance_of
+from rsicalib.work.edited import TIMES, own_misclosure
 
 __all__ = ["first_rows", "open_loops", "warn_of_open_loops"]
 
 LEVEL = 1e-6
 """Probability that the loops of a sound device are called open: of a million uses one."""
 
-TIMES = 5.0
-"""By so many times misclosure does not differ between poses of a session and others: the arms by
-which a joint moves a closure differ by less."""
-
 MOST = 200
 """Poses that are compared at the most: enough to tell, and soon done."""
 
 
 def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str | None:
-    """Say that the loops do not close as in the result's own session, or that it was edited.
+    """Say that the loops do not close as in the result's own session.
 
     Parameters
     ----------
@@ -51,11 +45,6 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
         None where they do, or where that cannot be told from readings alone: of chains whose
         points are free or touch unknown places, or of terms that need more than one row.
     """
-    if result.edited:
-        return (
-            "numbers of this result were edited after it was written, and poses follow them: "
-            "identify again, or delete its `digest` if that was meant"
-        )
     noise, covariance = result.noise, covariance_of(result)
     if noise is None or (covariance is not None and not covariance.any()):
         return None  # no parameter was determined: there is nothing that could have changed
@@ -78,23 +67,14 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
     )
     if found is None:
         return None
-    rms, expected, p_value = found
-    unit, own = mechanism.length_unit, _own(result)
-    intact = result.edited is False
+    rms, _, p_value = found
+    unit, own = mechanism.length_unit, own_misclosure(result)
     # What is not finite is not below anything.
-    small = own is None or rms < TIMES * own
-    # Under a declared noise that is far too large loops need not close, and nobody edited it.
-    usual = own is None or intact or expected < TIMES * own
-    if p_value >= LEVEL and small and usual:
+    if p_value >= LEVEL and (own is None or rms < TIMES * own):
         return None
-    if p_value >= LEVEL and small:
-        return (
-            f"this result expects a misclosure of {expected:.2g} {unit} of {readings.source}, in "
-            f"its session it was {own:.2g} {unit}: its numbers were edited"
-        )
     as_own = "" if own is None else f", in the session of the result it was {own:.2g} {unit}"
     causes = ["Something has changed since", "the result is of another device"]
-    causes += [] if intact else ["its numbers were edited"]
+    causes += [] if result.edited is False else ["its numbers were edited"]
     return (
         f"the loops of {readings.source} do not close under this result: misclosure {rms:.2g} "
         f"{unit}{as_own}. {', '.join(causes[:-1])}, or {causes[-1]}: identify again with "
@@ -102,19 +82,11 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
     )
 
 
-def warn_of_open_loops(
-    readings: Readings, mechanism: Mechanism, result: Result, *, stacklevel: int
-) -> None:
+def warn_of_open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> None:
     """Warn where they do not, before a result is applied to readings that may not be its own."""
     said = open_loops(readings, mechanism, result)
     if said is not None:
-        warnings.warn(said, OpenLoopsWarning, stacklevel=stacklevel + 1)
-
-
-def _own(result: Result) -> float | None:
-    if result.misclosure is None or not result.misclosure.rms:
-        return None
-    return float(np.sqrt(np.mean(np.square(list(result.misclosure.rms.values())))))
+        tell(said)
 
 
 def _of_poses(readings: Readings) -> FloatArray:

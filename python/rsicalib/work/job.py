@@ -63,11 +63,14 @@ class Work:
         )
         """What devices of the same design share."""
         self.skip = skip
+        self.warnings: list[Warned] = []
         self.earlier: Result | None = None
         self.supersedes: str | None = None
         """Digest of the earlier result."""
         if calibration is not None:
-            self.earlier, self.mechanism = earlier_result(calibration, self.mechanism)
+            self.earlier, self.mechanism = earlier_result(
+                calibration, self.mechanism, self.warnings
+            )
             self.supersedes = digest_of(calibration, self.earlier)
         self.readings: list[Readings] = []
         """What is used, one for each session."""
@@ -77,7 +80,6 @@ class Work:
         """Groups to use, and to leave out."""
         self.checked: Readings | None = None
         """Readings of the check poses."""
-        self.warnings: list[Warned] = []
         self.about = about
         """Device, note and date, by the keys of the result."""
 

@@ -111,6 +111,21 @@ pub fn lasting<'a>(
     Ok(lasting)
 }
 
+/// The units that a parameter of a result may have: one, or that of each of its targets; none for
+/// what is unknown, which does not outlast its session.
+///
+/// # Errors
+///
+/// [`Error::Unknown`] where there is no such term, target or name.
+pub fn units_of(mechanism: &Mechanism, spec: &Spec, name: &str) -> Result<Vec<String>, Error> {
+    if is_unknown_thing(&spec.term) {
+        return Ok(Vec::new());
+    }
+    let (term, targets) = spec.targets(mechanism)?;
+    let unit = term.info().parameters[parameter_index(term, name)?].unit;
+    Ok(targets.into_iter().map(|target| mechanism.unit_at(target, unit)).collect())
+}
+
 /// Error of a result on known poses, as [`crate::apply::check::check`] has it of a fit.
 ///
 /// # Errors

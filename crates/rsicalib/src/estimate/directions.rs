@@ -453,17 +453,12 @@ pub fn place(observations: &Observations, instance: &Instance) -> Option<String>
     })
 }
 
-/// The unit of a parameter, with the units of the mechanism and of the channel in place of `length`
-/// and `reading`.
+/// The unit of a parameter: [`Mechanism::unit_at`] of its instance.
+///
+/// [`Mechanism::unit_at`]: crate::mechanism::Mechanism::unit_at
 #[must_use]
 pub fn unit(observations: &Observations, instance: &Instance, unit: &str) -> String {
-    let mechanism = &observations.mechanism;
-    let reading = match instance.target {
-        crate::Target::Channel(c) => mechanism.channels[c].unit.as_str(),
-        _ => "reading",
-    };
-    let unit = unit.replace("rad", mechanism.coordinate_unit(instance.target));
-    unit.replace("reading", reading).replace("length", &observations.mechanism.length_unit)
+    observations.mechanism.unit_at(instance.target, unit)
 }
 
 #[cfg(test)]

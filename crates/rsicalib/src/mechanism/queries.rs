@@ -300,6 +300,18 @@ impl Mechanism {
         }
     }
 
+    /// The unit of a parameter at a target: `unit` with that of the coordinate in place of `rad`, of
+    /// the channel in place of `reading`, and of lengths in place of `length`.
+    #[must_use]
+    pub fn unit_at(&self, target: Target, unit: &str) -> String {
+        let reading = match target {
+            Target::Channel(c) => self.channels[c].unit.as_str(),
+            _ => "reading",
+        };
+        let unit = unit.replace("rad", self.coordinate_unit(target));
+        unit.replace("reading", reading).replace("length", &self.length_unit)
+    }
+
     /// The chain that a channel belongs to; `None` for an index beyond the last channel.
     #[must_use]
     pub fn chain_of(&self, channel: usize) -> Option<usize> {

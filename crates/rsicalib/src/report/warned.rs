@@ -117,6 +117,8 @@ pub enum Kind {
     Imported,
     /// The loops of check readings do not close as those of the session.
     OpenLoops,
+    /// Numbers of the earlier result were edited.
+    Edited,
     /// Offsets that were asked for stay as drawn.
     AsDrawn,
     /// Known poses look like another unit, or another order.
