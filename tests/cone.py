@@ -116,6 +116,8 @@ def session(
     sigma: float = 2e-5,
     play: float = 0.02,
     bend: float = 0.0,
+    at: str = "cone",
+    cone: Array = CONE,
 ) -> Seatings:
     """Seatings in one cone; `bend` is the error of joint 2 at the horizontal, by its load [rad]."""
     rng, noise = np.random.default_rng(seed), np.random.default_rng([seed, 1])
@@ -124,7 +126,7 @@ def session(
     while len(angles) < poses:
         near = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0])
         near = near + rng.uniform(-1, 1, 6) * [1, 0.6, 0.8, 1.5, 1.5, 3]
-        place = CONE + play * rng.standard_normal(3)
+        place = cone + play * rng.standard_normal(3)
         q = touching(near, place)
         inside = np.all((q > LIMITS[:, 0]) & (q < LIMITS[:, 1]))
         if not inside or not np.allclose(tip(q), place, atol=1e-6):
@@ -138,7 +140,7 @@ def session(
             for k in range(6):
                 columns[f"q{k + 1}"].append(float(read[k]))
     table: dict[str, list[float] | list[str]] = {**columns}
-    table["at"] = ["cone"] * len(columns["pose"])
+    table["at"] = [at] * len(columns["pose"])
     return Seatings(table, np.array(angles))
 
 
@@ -157,3 +159,53 @@ def bound(angles: Array, samples: int, sigma: float, play: float) -> Array:
         x = np.tile(np.column_stack([a[:, 1:], -np.eye(3)]), (samples, 1))
         information += x.T @ np.linalg.solve(cover, x)
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(information)))[:5])
+
+
+# ------------------------------------------------------------------ a level table
+
+TABLE = 110.0
+
+
+def at_a_table(noise: float, play: float) -> str:
+    """The mechanism whose ball touches a table of which nothing is known."""
+    text = mechanism(noise, play)
+    text = text.replace('[[point]]\nname = "cone"', '[[plane]]\nname = "table"')
+    return text.replace(
+        'kind = "touch"\nbetween = ["ball", "cone"]', 'kind = "plane"\nbetween = ["ball", "table"]'
+    )
+
+
+def on_a_table(seed: int, poses: int = 60, sigma: float = 2e-5, play: float = 0.02) -> Seatings:
+    """Touches of a level table, one sample each."""
+    rng = np.random.default_rng(seed)
+    angles, rows = [], []
+    while len(angles) < poses:
+        q = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0])
+        q = q + rng.uniform(-1, 1, 6) * [1, 0.6, 0.8, 1.5, 1.5, 3]
+        height = TABLE + play * rng.standard_normal()
+        for _ in range(30):
+            ball, slope = chain(q)
+            q = q - slope[2] * (ball[2] - height) / (slope[2] @ slope[2])
+        if np.all((q > LIMITS[:, 0]) & (q < LIMITS[:, 1])) and abs(tip(q)[2] - height) < 1e-6:
+            angles.append(q)
+            rows.append(q - OFFSETS + sigma * rng.standard_normal(6))
+    table: dict[str, list[float] | list[str]] = {
+        f"q{k + 1}": [float(row[k]) for row in rows] for k in range(6)
+    }
+    table["at"] = ["table"] * poses
+    return Seatings(table, np.array(angles))
+
+
+def sd_at_a_table(angles: Array, sigma: float, play: float) -> tuple[Array, float]:
+    """Standard deviations of the offsets of joints 2 to 6, and of a coordinate of the ball.
+
+    Root mean square over these poses. Joint 1 is as drawn: with it turns the whole.
+    """
+    information = np.zeros((8, 8))
+    for q in angles:
+        ball, a = chain(q)
+        x = np.concatenate([a[2, 1:], -ball[:2], [-1.0]])
+        information += np.outer(x, x) / (sigma**2 * a[2] @ a[2] + play**2)
+    cover = np.linalg.inv(information)[:5, :5]
+    moved = [np.trace(a @ cover @ a.T) / 3 for a in (slopes(q)[:, 1:] for q in angles)]
+    return np.sqrt(np.diag(cover)), float(np.sqrt(np.mean(moved)))

@@ -220,3 +220,34 @@ def test_a_pose_of_many_samples_is_one_seating(play: float | None) -> None:
     # One of 120 equations is better known by its readings, which make a tenth of what is left.
     assert np.all(np.abs(offsets(many)[0] - before) < 0.5 * sd)
     assert offsets(many)[1] == pytest.approx(sd, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [71, 72])
+def test_a_turn_about_the_normal_of_a_level_table_is_a_convention(seed: int) -> None:
+    """It hardly moves the table: what it shares with the tilts is no noise of joint 1."""
+    taken = cone.on_a_table(seed)
+    found = rsicalib.calibrate(taken.table, Mechanism.from_toml(cone.at_a_table(2e-5, 0.02)))
+    assert found.verdict == "adequate"
+    sd, ball = cone.sd_at_a_table(taken.angles, 2e-5, 0.02)
+    got, own = offsets(found)
+    # To what the readings differ from the truth by.
+    np.testing.assert_allclose(own, sd, rtol=0.05)
+    assert found.predicted is not None
+    assert found.predicted.position_sd == pytest.approx(ball, rel=0.2)  # 16 of the poses
+    assert np.all(np.abs(got - cone.OFFSETS[1:]) < 4.5 * sd)
+
+
+def test_groups_that_were_not_fitted_are_held_against_the_fitted_ones() -> None:
+    """Of the arm that has changed before the other cone, and of the one that has not."""
+    text = cone.mechanism(2e-5, 0.02)
+    elsewhere = np.array([-380.0, 260.0, 160.0])
+    for bend, verdict in ((0.0, "adequate"), (0.004, "unexplained")):
+        a = cone.session(81, samples=2).table
+        b = cone.session(82, samples=2, bend=bend, at="other", cone=elsewhere).table
+        b["pose"] = [float(pose) + 1000 for pose in b["pose"]]
+        both = {name: [*a[name], *b[name]] for name in a}
+        both["group"] = both["at"]
+        found = rsicalib.calibrate(both, Mechanism.from_toml(text), fit_groups=["cone"])
+        assert found.verdict == verdict
+        assert [reason.kind for reason in found.reasons] == ["groups"][: int(bend > 0)]
+        assert found.groups.others > found.groups.fitted or bend == 0.0

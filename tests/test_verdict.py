@@ -69,7 +69,24 @@ def test_check_poses_beyond_what_is_predicted_contradict(verb: Any) -> None:
 
 
 @both
-@pytest.mark.parametrize("how", ["millimetres", "degrees", "order"])
+def test_one_check_pose_that_is_off_by_itself_contradicts(verb: Any) -> None:
+    """The others share the errors of the parameters, among which it is lost."""
+    case = trials.staged([31, 0])
+    sd = fit_of(said(verb, case)).check.predicted.position_sd
+    poses = np.array(case.check["poses"], copy=True)
+    of_one = np.asarray(case.check["pose"]) == np.asarray(case.check["pose"])[-1]
+    poses[of_one, 0] += 12.0 * sd
+    found = said(verb, replace(case, check={**case.check, "poses": poses}))
+    assert found.verdict == "unexplained"
+    assert [reason.kind for reason in found.reasons] == ["check_pose"]
+    worst = fit_of(found).check.predicted.worst
+    # Of three coordinates one is off by 12, and noise is beside that.
+    assert worst.position_rms == pytest.approx(12.0 / np.sqrt(3) * sd, rel=0.3)
+    assert worst.p_value < 1e-6
+
+
+@both
+@pytest.mark.parametrize("how", ["millimetres", "degrees", "moved", "order"])
 def test_known_poses_that_are_misread_are_said_to_be(verb: Any, how: str) -> None:
     """With the unit or the order that is meant they agree; the reason is of what is off most."""
     case = trials.staged([31, 0])
@@ -78,11 +95,14 @@ def test_known_poses_that_are_misread_are_said_to_be(verb: Any, how: str) -> Non
         poses[:, :3] *= 25.4
     elif how == "degrees":
         poses[:, 3:] = np.degrees(poses[:, 3:])
+    elif how == "moved":
+        poses[:, 0] += 12.0
     else:
         poses = np.roll(poses, 8, axis=0)  # samples of a pose
     found = said(verb, replace(case, check={**case.check, "poses": poses}))
     (warning,) = (w for w in found.warnings if w.kind == "known_poses")
     words = {"millimetres": "25.4 times", "degrees": "in radians", "order": "another order"}
+    words["moved"] = "--align"
     assert words[how] in warning.text
     reasons = [reason for reason in found.reasons if reason.kind.startswith("check")]
     own = fit_of(found).check

@@ -74,6 +74,7 @@ __all__ = [
     "Update",
     "Weakest",
     "WithExcluded",
+    "Worst",
 ]
 
 
@@ -179,6 +180,18 @@ class Largest(Record):
 
 
 @dataclass(frozen=True)
+class Worst(Record):
+    """The least probable of known poses, judged by itself."""
+
+    position_rms: float
+    """Error of a coordinate of its position, root mean square [length unit]."""
+    position_sd: float
+    """Predicted standard deviation of that [length unit]."""
+    p_value: float
+    """Probability that one of so many poses is as improbable by chance."""
+
+
+@dataclass(frozen=True)
 class Expected(Record):
     """An error of known poses against what is predicted of it."""
 
@@ -193,6 +206,8 @@ class Expected(Record):
     """Its degrees of freedom: all poses share the errors of the parameters."""
     p_value: float
     """Probability of a larger one by chance."""
+    worst: Worst | None = field(default=None, metadata=IF_KNOWN)
+    """The least probable of the poses by itself."""
 
 
 @dataclass(frozen=True)

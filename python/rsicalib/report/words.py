@@ -510,11 +510,15 @@ ADVICE = {
     "predicted_declared": "Do not use it: known poses are no better off than with the mechanism as "
     "it is declared, and others may be far worse. Record more poses, from all of the workspace, or "
     "fit fewer --terms.",
+    "check_pose": "One check pose is off by itself: see whether it stands beside its own readings, "
+    "and whether the arm was pushed there.",
     "check_before": "What was found makes known poses worse: record more poses, and see whether it "
     "is found again.",
     "groups_declared": "Do not use it: other groups are better off with the mechanism as it is "
     "declared. Fit more groups together, or fewer --terms.",
     "groups_before": "What was found does not hold elsewhere: fit more groups together.",
+    "groups": "The calibration does not hold in other groups: trace the residual of all groups "
+    "together, and see whether what was touched or the arm has changed between them.",
     "held_out": "Poses that are left out fit worse than the others predict: record more poses, "
     "from all of the workspace.",
     "held_out_before": "Poses that are left out fit worse with what was found: record more poses, "
@@ -558,6 +562,7 @@ def reason_words(result: ResultShape, reason: Reason) -> str:
 REASONS = {
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
+    "check_pose": ("a check pose is off by", "is predicted"),
     "check_declared": ("check poses are off by", "with the mechanism as it is declared"),
     "predicted_declared": (
         "check poses are predicted to be off by",
@@ -569,6 +574,10 @@ REASONS = {
         "with the mechanism as it is declared",
     ),
     "groups_before": ("groups that were not fitted close to", "without what was found"),
+    "groups": (
+        "groups that were not fitted close to",
+        "by the fitted ones and the predicted errors",
+    ),
     "held_out": ("poses left out in turn have a χ² per equation of", "is fitted"),
     "held_out_before": (
         "poses left out in turn have a χ² per equation of",

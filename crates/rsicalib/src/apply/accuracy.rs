@@ -17,7 +17,8 @@
 //! χ² = ν q / n,    ν = 2 (E q)² / var q                                   (110)
 //! ```
 //!
-//! with `E q = n`, the number of coordinates. What the readings do not determine at all has no
+//! with `E q = n`, the number of coordinates; one pose alone by `ν = E q / λ`, with `λ` the largest eigenvalue of
+//! the covariance of its coordinates. What the readings do not determine at all has no
 //! variance in `C`: it is named among the unobservable directions, and is not in the figure.
 
 use faer::Mat;
@@ -73,6 +74,22 @@ pub struct Expected {
     pub dof: f64,
     /// Probability of a larger one by chance.
     pub p_value: f64,
+    /// The least probable of the poses by itself.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub worst: Option<Worst>,
+}
+
+/// The least probable of known poses, judged by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct Worst {
+    /// Error of a coordinate of its position, root mean square [length unit].
+    pub position_rms: f64,
+    /// Predicted standard deviation of that [length unit].
+    pub position_sd: f64,
+    /// Probability that one of so many poses is as improbable by chance.
+    pub p_value: f64,
 }
 
 impl Predicted {
@@ -86,7 +103,22 @@ impl Predicted {
         let turned = orientation_rms.zip(orientation_sd).map(|(rms, sd)| times(rms, sd));
         let mean = turned.map_or(position, |turned| 0.5 * (position + turned));
         let p_value = distributions::f_tail(mean, dof, noise);
-        Expected { position_sd, orientation_sd, chi2: mean * dof, dof, p_value }
+        Expected { position_sd, orientation_sd, chi2: mean * dof, dof, p_value, worst: None }
+    }
+}
+
+impl Expected {
+    /// The same with the least probable of the poses, each judged by itself: one that is off alone is lost among
+    /// errors that all share.
+    #[must_use]
+    pub fn with_each(self, each: &[(f64, Self)]) -> Self {
+        let least = each.iter().min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value));
+        let worst = least.map(|(position_rms, one)| Worst {
+            position_rms: *position_rms,
+            position_sd: one.position_sd,
+            p_value: (one.p_value * each.len() as f64).min(1.0),
+        });
+        Self { worst, ..self }
     }
 }
 
@@ -155,6 +187,27 @@ impl Wanted<'_> {
         Ok(self.of(fit, &slopes_at(observations, fit, table, self.placed)?))
     }
 
+    /// The same of each row by itself; a motion of the instrument is of all of them.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub fn at_each(
+        &self,
+        observations: &Observations,
+        fit: &Fit,
+        table: &Table,
+    ) -> Result<Vec<Predicted>, Error> {
+        let slopes = slopes_at(observations, fit, table, self.placed)?;
+        let each = slopes.iter().enumerate().map(|(row, slopes)| {
+            let samples = self.samples.get(row..=row).unwrap_or_default();
+            let (positions, turns) = (self.positions.clone(), self.turns.clone());
+            let one = Wanted { placed: self.placed, positions, turns, samples, moved: &[] };
+            one.of(fit, std::slice::from_ref(slopes))
+        });
+        Ok(each.collect())
+    }
+
     fn of(&self, fit: &Fit, slopes: &[Slopes]) -> Predicted {
         let terms = fit.model.term_parameters;
         let covariance = fit.elsewhere();
@@ -190,7 +243,10 @@ impl Wanted<'_> {
                 })
             };
             let noisy = self.samples.iter().enumerate().map(noisy);
-            (size > 0).then(|| Square::of(by_parameter, &correlation, noisy, &moved))
+            (size > 0).then(|| match slopes.len() {
+                1 => Square::of_one(&by_parameter, &correlation, noisy),
+                _ => Square::of(by_parameter, &correlation, noisy, &moved),
+            })
         };
         // Nothing is predicted where no chain carries a point.
         let sd_of = |at: &std::ops::Range<usize>, k: usize| {
@@ -337,5 +393,20 @@ impl Square {
         squares += along.norm_squared();
         let dof = if squares > 0.0 { mean * mean / squares } else { 1.0 };
         Self { mean: mean / size as f64, dof }
+    }
+
+    /// The same of one pose: among many the far tail decides, which is that of the largest eigenvalue of the
+    /// covariance, and (110) has less of it.
+    fn of_one(
+        moves: &DMatrix<f64>,
+        correlation: &DMatrix<f64>,
+        noisy: impl Iterator<Item = DMatrix<f64>>,
+    ) -> Self {
+        let covariance = noisy.fold(moves * correlation * moves.transpose(), |sum, noise| {
+            sum + &noise * noise.transpose()
+        });
+        let (size, sum) = (moves.nrows() as f64, covariance.trace());
+        let largest = covariance.symmetric_eigenvalues().max();
+        Self { mean: sum / size, dof: if largest > 0.0 { sum / largest } else { 1.0 } }
     }
 }

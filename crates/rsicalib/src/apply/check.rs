@@ -78,14 +78,22 @@ pub fn check(
     };
     let moved: Vec<_> = pairs.iter().filter(|_| align).map(|(_, found)| at(found)).collect();
     let (seen, turns) = (average(&known.table, channels, &parts), found.orientation_rms);
-    let expected = |samples: &[f64]| {
+    let wanted = |samples| {
         let turns = turns.filter(|_| placed).map_or(0..0, |_| 3..6);
-        let wanted = Wanted { placed, positions: positions.clone(), turns, samples, moved: &moved };
-        wanted.at(observations, fit, &seen)
+        Wanted { placed, positions: positions.clone(), turns, samples, moved: &moved }
     };
-    let (error, quiet) = (expected(&samples)?, expected(&[])?);
+    let error = wanted(&samples).at(observations, fit, &seen)?;
+    let quiet = wanted(&[]).at(observations, fit, &seen)?;
     let (position, orientation) = (found.position_rms, found.orientation_rms);
     let judged = error.judge(position, orientation, fit.noise.dof);
+    let motion = motion_of(&pairs, align);
+    let each = wanted(&samples).at_each(observations, fit, &seen)?.into_iter().zip(&pairs);
+    let each = each.map(|(predicted, pair)| {
+        let Check { position_rms, orientation_rms, .. } =
+            error_after(std::slice::from_ref(pair), &motion);
+        (position_rms, predicted.judge(position_rms, orientation_rms, fit.noise.dof))
+    });
+    let judged = judged.with_each(&each.collect::<Vec<_>>());
     let finite = judged.chi2.is_finite() && judged.position_sd > 0.0 && found.poses > 0;
     let noise = |all: f64, parameters: f64| {
         let square = all * all - parameters * parameters;
@@ -103,7 +111,8 @@ pub fn check(
         let Check { position_rms, orientation_rms, .. } = error_of(pairs, align);
         (position_rms, orientation_rms)
     };
-    let misread = misread(&pairs, errors, !align);
+    let moved = (!align).then(|| error_of(&pairs, true).position_rms);
+    let misread = misread(&pairs, errors, moved);
     Ok(Check { predicted: finite.then_some(judged), largest, misread, ..found })
 }
 
@@ -183,7 +192,11 @@ pub(crate) fn motion_of(pairs: &[Pair], align: bool) -> (Rotation3<f64>, Vector3
 /// Root mean square difference of pairs of poses, known first; of orientations where all are known.
 #[must_use]
 pub fn error_of(pairs: &[Pair], align: bool) -> Check {
-    let motion = motion_of(pairs, align);
+    error_after(pairs, &motion_of(pairs, align))
+}
+
+/// The same after a motion of what was found.
+fn error_after(pairs: &[Pair], motion: &(Rotation3<f64>, Vector3<f64>)) -> Check {
     let (mut position, mut orientation) = (0.0, 0.0);
     let (mut farthest, mut most_turned) = (0.0_f64, 0.0_f64);
     let whole = |pose: &[f64; 6]| pose[3..].iter().all(|v| v.is_finite());

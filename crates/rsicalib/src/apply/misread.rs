@@ -1,4 +1,4 @@
-//! Known poses in another unit, or in another order than their readings.
+//! Known poses in another unit or frame, or in another order than their readings.
 
 use crate::estimate::lengths::UNITS;
 
@@ -12,6 +12,8 @@ pub enum Misread {
     Degrees,
     /// Their lengths are so many times those of the mechanism.
     Lengths(f64),
+    /// They are those of an instrument that stands elsewhere.
+    Moved,
     /// Each is that of other readings.
     Order,
 }
@@ -25,12 +27,12 @@ const DECISIVE: f64 = 10.0;
 const MOST: usize = 1000;
 
 /// How pairs of known and found poses were misread, where something makes them agree by far better;
-/// `errors` gives root mean square errors of positions and of orientations, and `ordered` is true
-/// where an order is looked for.
+/// `errors` gives root mean square errors of positions and of orientations, and `moved` that of positions after the
+/// best rigid motion, where none was asked for.
 pub(crate) fn misread(
     pairs: &[Pair],
     errors: impl Fn(&[Pair]) -> (f64, Option<f64>),
-    ordered: bool,
+    moved: Option<f64>,
 ) -> Option<Misread> {
     if pairs.len() < 2 {
         return None;
@@ -55,7 +57,11 @@ pub(crate) fn misread(
     if degrees.is_some_and(|(now, then)| decides(then, now, spread_of(pairs, 3))) {
         return Some(Misread::Degrees);
     }
-    let other = in_other_order(pairs).filter(|_| ordered)?;
+    // Three places agree with any three after a motion, four almost never.
+    if pairs.len() > 3 && moved.is_some_and(|then| decides(then, now, spread)) {
+        return Some(Misread::Moved);
+    }
+    let other = in_other_order(pairs).filter(|_| moved.is_some())?;
     decides(positions(&other), now, spread).then_some(Misread::Order)
 }
 
@@ -97,7 +103,7 @@ mod tests {
             let check = error_of(pairs, false);
             (check.position_rms, check.orientation_rms)
         };
-        super::misread(pairs, errors, true)
+        super::misread(pairs, errors, Some(error_of(pairs, true).position_rms))
     }
 
     /// Poses within 3 length units and 0.3 rad, found with a thousandth of that as noise.
@@ -127,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn another_order_is_told_and_another_place_is_none() {
+    fn another_order_and_another_place_are_told() {
         let all = pairs(|p| p);
         let rolled =
             |n: usize| -> Vec<Pair> { (0..12).map(|k| (all[(k + n) % 12].0, all[k].1)).collect() };
@@ -135,7 +141,8 @@ mod tests {
         assert_eq!(misread(&rolled(1)), Some(Misread::Order));
         // An instrument that stands far away: its lengths over a thousand are all the same place.
         let away = pairs(|p| [p[0] + 5000.0, p[1], p[2], p[3], p[4], p[5]]);
-        assert_eq!(misread(&away), None);
+        assert_eq!(misread(&away), Some(Misread::Moved));
+        assert_eq!(misread(&away[..3]), None);
         assert_eq!(misread(&all[..1]), None);
     }
 }

@@ -134,7 +134,7 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let last = fit(&small, base, Some(&full))?;
     // Refuses what needs data that the readings do not have.
     small.model([&last.model.instances[..], &effects].concat())?;
-    let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
+    let inverse = last.inverse();
     let width = values.len();
     let projected = project_blocks(&small, &last, &inverse, &effects, &[width])?;
     let Some(it) = projected.first() else {

@@ -106,8 +106,7 @@ impl<'a> Averaged<'a> {
             }
             measured.iter_mut().for_each(|factor| *factor *= share);
         }
-        let lm =
-            lm::SolverOptions { ftol: CREEPS, xtol: SHORT, ..observations.options.lm.clone() };
+        let lm = lm::SolverOptions { ftol: CREEPS, xtol: SHORT, ..observations.options.lm.clone() };
         let noise = Some(sigma);
         small.judged = true;
         let seating = fit.noise.seating.clone();

@@ -65,7 +65,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         .into_iter()
         .filter(|i| !i.term.info().penalised)
         .collect();
-    let (inverse, ..) = crate::numerics::symmetric::invert(&last.gram);
+    let inverse = last.inverse();
     let projected = project(observations, last, &inverse, &named)?;
     let base = last.model.term_parameters;
     let model = observations.model_beside(&last.model, &named)?;

@@ -166,7 +166,9 @@ pub struct Evidence {
     pub check_declared: Option<Compared>,
     /// The same, beside the fit without the effects found.
     pub check_before: Option<Compared>,
-    /// Error on groups that were not fitted, beside the mechanism as it is declared.
+    /// Error on groups that were not fitted, beside that on the fitted ones and what the parameters add.
+    pub groups: Option<Compared>,
+    /// The same, beside the mechanism as it is declared.
     pub groups_declared: Option<Compared>,
     /// The same, beside the fit without the effects found.
     pub groups_before: Option<Compared>,
@@ -198,6 +200,8 @@ pub enum Why {
     Check,
     /// Known orientations are off by more than the calibration predicts, and positions are not.
     CheckOrientation,
+    /// One of the known poses is off by more than the calibration predicts of it.
+    CheckPose,
     /// Known poses are off by more than with the mechanism as it is declared.
     CheckDeclared,
     /// Known poses are predicted to be off by more than they are with the mechanism as it is declared,
@@ -209,6 +213,8 @@ pub enum Why {
     HeldOut,
     /// Poses left out in turn are off by more than without the effects found.
     HeldOutBefore,
+    /// Groups that were not fitted are off by more than the fitted ones and the parameters let expect.
+    Groups,
     /// Groups that were not fitted are off by more than with the mechanism as it is declared.
     GroupsDeclared,
     /// Groups that were not fitted are off by more than without the effects found.
@@ -336,7 +342,11 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
             Some(turns) if !off => (Why::CheckOrientation, turns),
             _ => (Why::Check, positions),
         };
-        Reason::beyond(kind, LEVEL, numbers, Some(predicted.p_value))
+        Reason::beyond(kind, KNOWN, numbers, Some(predicted.p_value))
+    });
+    let alone = evidence.check.and_then(|check| check.predicted?.worst).and_then(|worst| {
+        let numbers = [worst.position_rms, worst.position_sd];
+        Reason::beyond(Why::CheckPose, KNOWN, numbers, Some(worst.p_value))
     });
     // A few known poses that happen to be no worse vouch for no others.
     let predicted_declared = evidence.check_declared.filter(|it| it.found >= it.other);
@@ -357,10 +367,11 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     let declared = Reason::worse(Why::CheckDeclared, evidence.check_declared);
     [
         declared.or(predicted_declared),
-        check,
+        check.or(alone),
         Reason::worse(Why::CheckBefore, check_before),
         Reason::worse(Why::GroupsDeclared, evidence.groups_declared),
         Reason::worse(Why::GroupsBefore, found(evidence.groups_before)),
+        Reason::worse(Why::Groups, evidence.groups),
         residual,
         held_out,
         Reason::worse(Why::HeldOutBefore, found(evidence.held_out_before)),
@@ -370,6 +381,9 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     .flatten()
     .collect()
 }
+
+/// Level of each of the two looks at known poses: at all of them, and at each.
+const KNOWN: f64 = LEVEL / 2.0;
 
 /// Standard deviations by which something must have changed for an update.
 const SURE: f64 = 3.0;
@@ -449,8 +463,14 @@ mod tests {
 
     #[test]
     fn three_known_poses_that_are_no_better_do_not_vouch_for_what_is_predicted() {
-        let expected =
-            Expected { position_sd: 62.0, orientation_sd: None, chi2: 1.0, dof: 2.0, p_value: 0.9 };
+        let expected = Expected {
+            position_sd: 62.0,
+            orientation_sd: None,
+            chi2: 1.0,
+            dof: 2.0,
+            p_value: 0.9,
+            worst: None,
+        };
         let of = |position_rms, other| Evidence {
             predicted: Some([62.0, 30.0]),
             check: Some(Check { position_rms, predicted: Some(expected), ..known() }),

@@ -143,6 +143,24 @@ impl Conventions {
         Mat::from_fn(n, n, |i, j| 0.5 * (one[(i, j)] + one[(j, i)]) * norms[i] * norms[j])
     }
 
+    /// A covariance with a parameter of each where it is drawn: an S-transformation (Baarda 1973). Where the
+    /// whole hardly moves what is touched, as a turn about the normal of a table, what the direction shares
+    /// with others is small, and without it their noise would be on the parameter that stays.
+    pub(crate) fn held_in(&self, covariance: &Mat<f64>) -> Mat<f64> {
+        if self.rows.is_empty() {
+            return covariance.clone();
+        }
+        let n = covariance.nrows();
+        let mut left = Mat::<f64>::identity(n, n);
+        for (pivot, row) in &self.rows {
+            for (i, part) in row.iter().enumerate() {
+                left[(i, *pivot)] -= part * self.norms[*pivot] / self.norms[i];
+            }
+        }
+        let held = &left * covariance * left.transpose();
+        Mat::from_fn(n, n, |i, j| 0.5 * (held[(i, j)] + held[(j, i)]))
+    }
+
     /// A Gram matrix that tells each of them as well as one parameter alone: what it leaves open then
     /// is something else.
     pub(crate) fn told_beside(&self, gram: &Mat<f64>) -> Mat<f64> {

@@ -504,6 +504,7 @@ fn conclude(
     let total: f64 = live.iter().map(of).sum();
     let told = model.told_by(&observations.readings, &observations.weights);
     let (inverse, unknowable, condition) = invert(&gram);
+    let inverse = conventions.held_in(&inverse);
     let (mut chi2, mut dof) =
         (total, told as f64 - free_parameters(&gram, &inverse, &priors, &outcome.x));
     let mut within = 0.0;

@@ -119,9 +119,14 @@ impl Fit {
         lengths.any(|(_, first)| self.conventions.rows.iter().any(|row| row.1[*first].abs() > PART))
     }
 
-    /// `(Xᵀ S⁻¹ X)⁻¹`, priors included.
+    /// `(Xᵀ S⁻¹ X)⁻¹`, priors included, conventions held where they are drawn: what takes up an effect does not go
+    /// along them.
     #[must_use]
     pub fn inverse(&self) -> Mat<f64> {
-        invert(&self.gram).0
+        let mut gram = self.gram.clone();
+        for prior in self.stays.iter().filter_map(|stays| stays.held(&self.model, &self.beta)) {
+            prior.slopes(&self.beta).iter().for_each(|(i, slope)| gram[(*i, *i)] += slope * slope);
+        }
+        self.conventions.held_in(&invert(&gram).0)
     }
 }

@@ -1,13 +1,14 @@
 //! What is known beside the readings that are fitted, and what it says of a calibration.
 
 use crate::Error;
+use crate::apply::accuracy::{PREDICTED, predicted};
 use crate::apply::earlier::{self, Applied, Reference, Reported};
 use crate::apply::groups::spread;
 use crate::diagnosis::verdict::Compared;
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
-use crate::readings::Table;
+use crate::readings::{Table, runs_of_poses};
 use crate::report::named::Named;
 use crate::report::result::{FitReport, Known, parameters};
 
@@ -70,9 +71,12 @@ pub struct GroupsReport {
     /// `others` before effects were traced.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub before_others: Option<f64>,
-    /// Coordinates that the groups that were not fitted have.
+    /// Coordinates that the poses of the groups that were not fitted have.
     #[cfg_attr(feature = "serde", serde(skip))]
     coordinates: f64,
+    /// Predicted standard deviation of a coordinate of a carried point there.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    predicted: Option<f64>,
 }
 
 impl Beside {
@@ -112,8 +116,9 @@ impl Beside {
             .map(|(observations, fit)| of(&applied(observations, fit, touched.own)))
             .transpose()?
             .unwrap_or_default();
-        let rows = touched.table.values.len() / self.mechanism.channels.len().max(1);
+        let poses = runs_of_poses(&touched.table, self.mechanism.channels.len()).len();
         let others = by_group.iter().filter(|(name, _)| touched.is_other(name)).count();
+        let predicted = predicted(observations, fit, &touched.table, PREDICTED)?;
         Ok(Some(GroupsReport {
             fitted: mean(&by_group, |name| touched.is_fitted(name)),
             others: mean(&by_group, |name| touched.is_other(name)),
@@ -121,7 +126,8 @@ impl Beside {
             nominal_others: mean(&nominal, |name| touched.is_other(name)),
             before_fitted: mean(&before, |name| touched.is_fitted(name)),
             before_others: mean(&before, |name| touched.is_other(name)),
-            coordinates: (3 * rows * others / by_group.len()) as f64,
+            coordinates: (3 * poses * others / by_group.len()) as f64,
+            predicted: Some(predicted.position_sd).filter(|sd| sd.is_finite()),
             by_group: Named(by_group),
             unit: self.mechanism.length_unit.clone(),
         }))
@@ -143,6 +149,15 @@ impl Touched {
 }
 
 impl GroupsReport {
+    /// Groups that were not fitted beside what the fitted ones leave and the parameters add: errors of these
+    /// take as much from what a fit leaves of its own readings as they add to others.
+    #[must_use]
+    pub fn expected(&self) -> Option<Compared> {
+        let added = 6.0_f64.sqrt() * self.predicted?;
+        let other = self.fitted?.hypot(added);
+        Some(Compared { found: self.others?, other, errors: self.coordinates })
+    }
+
     /// Groups that were not fitted beside the mechanism as it is declared, and beside the fit without
     /// the effects found.
     #[must_use]

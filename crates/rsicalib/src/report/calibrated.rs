@@ -124,6 +124,7 @@ pub fn of(
         held_out,
         check: quality.checked(),
         check_declared: nominal.as_ref().and_then(|nominal| quality.beside(nominal)),
+        groups: groups.as_ref().and_then(GroupsReport::expected),
         groups_declared: groups.as_ref().and_then(|groups| groups.compared()[0]),
         predicted: estimates.beforehand(),
         ..Evidence::default()

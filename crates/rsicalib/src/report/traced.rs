@@ -363,6 +363,7 @@ pub fn traced(
         check: after.checked(),
         check_declared: nominal.as_ref().and_then(|nominal| after.beside(nominal)),
         check_before: after.beside(&before),
+        groups: groups.as_ref().and_then(GroupsReport::expected),
         groups_declared,
         groups_before,
     });

@@ -111,6 +111,9 @@ pub fn misread(misread: Misread, length_unit: &str) -> String {
              the unit of the mechanism, {length_unit}",
             significant(times, 4),
         ),
+        Misread::Moved => "known poses are of an instrument that stands elsewhere: moved rigidly, all of \
+                           them together, they are where the calibration puts them; give --align (align)"
+            .into(),
         Misread::Order => {
             "known poses are in another order than their readings: each is where the \
                            calibration puts another one; readings and pose stand in one row"

@@ -39,7 +39,7 @@ pub fn instead(
         return Ok((0.0, Vec::new()));
     };
     let (first, width) = (model.first[at], own.width());
-    let (inverse, ..) = invert(&fit.gram);
+    let inverse = fit.inverse();
     let variance = inverse.submatrix(first, first, width, width).to_owned();
     let (square, ..) = invert(&variance);
     let values = Mat::from_fn(width, 1, |i, _| fit.beta[first + i]);

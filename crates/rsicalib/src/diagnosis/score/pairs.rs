@@ -55,7 +55,7 @@ pub fn pairs(
     charge: &(dyn Fn(f64, f64) -> f64 + Sync),
     needed: f64,
 ) -> Result<Vec<Pair>, Error> {
-    let (inverse, ..) = crate::numerics::symmetric::invert(&fit.gram);
+    let inverse = fit.inverse();
     let widths: Vec<usize> = named.iter().map(Instance::width).collect();
     let all = [widths.iter().sum()];
     let projected = projection::project_blocks(observations, fit, &inverse, named, &all)?;

@@ -33,10 +33,10 @@ use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
 
 /// Neighbours of one explanation that are refitted at the most.
-const MOST_REFITS: usize = 24;
+const MOST_REFITS: usize = 8;
 
 /// Explanations whose neighbours are looked for at the most.
-const WIDTH: usize = 4;
+const WIDTH: usize = 2;
 
 /// Of explanations of more items, two are not taken away.
 const FEW: usize = 3;

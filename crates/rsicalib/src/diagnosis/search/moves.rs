@@ -18,9 +18,6 @@ use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
 use crate::numerics::workers;
 
-/// Neighbours of one explanation that are refitted at a time, on all cores.
-const AT_ONCE: usize = 8;
-
 /// After so many moves noise has settled, or never will.
 const NOISE_MOVES: usize = 6;
 
@@ -36,7 +33,7 @@ impl Beam<'_, '_> {
         if account.items.len() >= self.averaged.search.most {
             return Ok(());
         }
-        let left = MOST_REFITS.saturating_sub(account.tried).min(AT_ONCE);
+        let left = MOST_REFITS.saturating_sub(account.tried);
         let rest = scored.iter().skip(account.tried).take(left);
         let likely: Vec<More> = rest
             .take_while(|s| self.at_best(account, s) < limit)
@@ -65,7 +62,7 @@ impl Beam<'_, '_> {
         let mut two = pairs::pairs(&session, &account.fit, &judge, &named, &priced, needed)?;
         drop(session);
         two.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
-        let likely = two.iter().take(AT_ONCE / 2).map(More::from).collect();
+        let likely = two.iter().take(MOST_REFITS / 2).map(More::from).collect();
         self.add(of, likely)?;
         self.two_wrong(of, best)
     }
@@ -93,7 +90,7 @@ impl Beam<'_, '_> {
         };
         self.scan(one)?;
         let scored = self.accounts[one].scored.iter().flatten();
-        let second = scored.filter(|s| is_data(&s.instance)).take(AT_ONCE / 2);
+        let second = scored.filter(|s| is_data(&s.instance)).take(MOST_REFITS / 2);
         let second = second.map(|s| More::Items(vec![*s])).collect();
         self.add(one, second)
     }
@@ -134,7 +131,7 @@ impl Beam<'_, '_> {
         };
         scored.retain(|s| at_best(s) < limit);
         scored.sort_by(|a, b| at_best(a).total_cmp(&at_best(b)));
-        let likely = scored.into_iter().take(AT_ONCE).map(|s| More::Items(vec![s])).collect();
+        let likely = scored.into_iter().take(MOST_REFITS).map(|s| More::Items(vec![s])).collect();
         let without = self.without(of, &[gone])?;
         self.add(without, likely)
     }

@@ -25,7 +25,6 @@ use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::component::Contrasts;
 use crate::numerics::credible_set::AS_WELL;
-use crate::numerics::symmetric::invert;
 use crate::terms::targets::typical;
 use crate::terms::term::{Acts, Class};
 
@@ -93,7 +92,7 @@ impl Averaged<'_> {
             drawn && !mounted && !info.penalised && !info.law && !i.target.is_shared()
         });
         let width = all.iter().map(Instance::width).sum();
-        let (inverse, ..) = invert(&fit.gram);
+        let inverse = fit.inverse();
         let together = project_blocks(&self.small, fit, &inverse, &all, &[width])?;
         let Some(projected) = together.first() else { return Ok(None) };
         let mechanism = &self.small.mechanism;
