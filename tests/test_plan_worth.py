@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import DEMO, InputError, Mechanism
+from rsicalib import DEMO, InputError, Mechanism, _core
 from rsicalib.cli import main
 from rsicalib.facts.shapes import Name
 from rsicalib.planning.worthwhile import worthwhile
 from tests import cone
+from tests.machines import files
+from tests.machines.trials import MACHINES
 
 READINGS, REST = (DEMO / f"{name}.csv" for name in ("readings", "rest"))
 
@@ -85,6 +88,9 @@ def test_poses_that_hardly_decide_say_how_many_would() -> None:
     assert all(worth)
     assert "some 12 like them would be a decision" in " ".join(advice)
     assert worthwhile(planned([9.0, 9.0, 9.0]), RIVALS, 3) == ([True] * 3, ())
+    worth, advice = worthwhile(planned([1.0, 1.0, 1.0], 0.05, 1e-5), RIVALS, 3)
+    assert all(worth) and "more like them do not decide it" in advice[0]
+    assert "would be a decision" not in " ".join(advice) and "What would: " in advice[1]
 
 
 @pytest.fixture(scope="module")
@@ -116,8 +122,32 @@ def test_how_many_more_poses_is_one_call(calibration: Any) -> None:
 
 
 def test_a_target_out_of_reach_says_what_it_would_take(calibration: Any) -> None:
-    plan = rsicalib.plan(result=calibration, beside=READINGS, target=1e-5, poses=2, candidates=300)
-    assert len(plan.readings) == 2 and "it would take some" in plan.advice[0]
+    one = rsicalib.plan(result=calibration, beside=READINGS, poses=1, candidates=300)
+    assert one.forecast is not None and one.forecast.platform_sd is not None
+    before = one.forecast.platform_sd.before.position
+    assert before is not None
+    for share, said in ((0.6, "it would take some "), (1e-3, "poses like these do not reach it")):
+        plan = rsicalib.plan(
+            result=calibration, beside=READINGS, target=share * before, poses=2, candidates=300
+        )
+        assert len(plan.readings) == 2 and said in plan.advice[0]
+    # Of poses in their millions nobody is advised: of what else would help.
+    assert "would take" not in plan.advice[0] and "more samples of each pose" in plan.advice[0]
+
+
+@pytest.mark.parametrize("name", ["plane", "seen"])
+def test_beside_a_result_with_an_unknown_plane_or_frame_is_a_plan(
+    name: str, tmp_path: Path
+) -> None:
+    """A table whose place is not known, alone, or beside a tracker that stands anywhere."""
+    rng = np.random.default_rng(4)
+    machine = MACHINES[name](rng)
+    readings, mechanism = files.write(machine, machine.observe(rng), tmp_path)
+    found = rsicalib.calibrate(readings, mechanism)
+    unknown = {p.term for p in found.parameters} & {*_core.UNKNOWN_THINGS}
+    assert unknown == {"plane": {"unknown_plane"}, "seen": {"unknown_plane", "unknown_frame"}}[name]
+    plan = rsicalib.plan(mechanism, 2, result=found, beside=readings, candidates=200)
+    assert len(plan.readings) == 2
 
 
 def test_the_command_has_it_too(

@@ -25,6 +25,7 @@ use rsicalib::design::identifiability::COMPLETE;
 use rsicalib::design::observability::SCALINGS;
 use rsicalib::design::plan::MARGIN;
 use rsicalib::diagnosis::verdict::Verdict;
+use rsicalib::model::UNKNOWN_THINGS;
 use rsicalib::monitor::MonitorOptions;
 
 /// The compiled core of rsicalib.
@@ -34,6 +35,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let verdicts: Vec<(&str, u8)> = Verdict::ALL.iter().map(|v| (v.id(), v.exit_code())).collect();
     module.add("VERDICTS", verdicts)?;
     module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
+    module.add("UNKNOWN_THINGS", PyTuple::new(module.py(), UNKNOWN_THINGS)?)?;
     module.add("CRITERIA", PyTuple::new(module.py(), CRITERIA.map(|c| c.0))?)?;
     module.add("MARGIN", MARGIN)?;
     module.add("LARGEST", rsicalib::numerics::bounds::LARGEST)?;

@@ -16,7 +16,7 @@ from rsicalib.errors import InputError
 from rsicalib.facts.shapes import Name
 from rsicalib.plain_text import counted
 from rsicalib.planning.plans import Forecast, Plan
-from rsicalib.planning.worthwhile import worthwhile
+from rsicalib.planning.worthwhile import how_many, worthwhile
 from rsicalib.poses.devices import Within
 from rsicalib.report.words import UNKNOWN, subject
 from rsicalib.results.result import Result, Trace
@@ -26,7 +26,6 @@ from rsicalib.work.outcome import described
 
 __all__ = ["Choice", "Sessions", "explanations", "plan_further", "plan_until"]
 
-UNKNOWN_POINT = "unknown_point"
 Explained = tuple[list[str], float, float]
 """Effects, penalised χ², probability."""
 
@@ -109,7 +108,7 @@ class Sessions:
 def base_terms(result: Result) -> list[str]:
     """Terms that a result began with, as `terms=[…]` takes them."""
     steps = [(s.term, s.target, s.place) for s in getattr(result, "steps", ())]
-    bad = (UNKNOWN_POINT, "bad_reading")
+    bad = (*_core.UNKNOWN_THINGS, "bad_reading")
     kept = [p.spec for p in result.parameters if p.at not in steps and p.term not in bad]
     return list(dict.fromkeys(kept))
 
@@ -197,9 +196,8 @@ def plan_until(sessions: Sessions, choice: Choice, target: float) -> Plan:
         text = f"{counted(high, 'pose')} would bring it to {sd(high):.2g} {unit}, not to {target:g}"
         # What poses tell, 1/sd², adds to what is known without them.
         told, wanted = sd(high) ** -2 - before**-2, target**-2 - before**-2
-        if told > 0.0:
-            text += f"; it would take some {math.ceil(high * wanted / told)}"
-        return replace(of[high], advice=(f"{text}.", *of[high].advice))
+        text = f"{text}{how_many(high * wanted / told if told > 0.0 else math.inf, high)}"
+        return replace(of[high], advice=(text, *of[high].advice))
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if sd(middle) <= target else (middle, high)

@@ -15,6 +15,7 @@ from rsicalib.io.readings import Readings
 from rsicalib.planning.further import Choice, Sessions, plan_further, plan_until
 from rsicalib.planning.measures import counts_of, known_sd, parameters_of
 from rsicalib.planning.plans import Bound, Plan
+from rsicalib.planning.worthwhile import MOST
 from rsicalib.poses.devices import Within, workspace
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -26,8 +27,8 @@ from rsicalib.work.arguments import (
 
 __all__ = ["CRITERIA", "Bound", "Plan", "bound", "plan"]
 
-USUAL, MOST = 12, 64
-"""Poses of a plan that is not told how many, and at the most of one with a target."""
+USUAL = 12
+"""Poses of a plan that is not told how many."""
 
 CRITERIA = _core.CRITERIA
 """What is made small: the probability of a wrong decision between the explanations of a session,

@@ -9,7 +9,10 @@ from typing import Any
 from rsicalib.facts.shapes import Name
 from rsicalib.report.words import listed_words
 
-__all__ = ["worthwhile"]
+__all__ = ["MOST", "how_many", "worthwhile"]
+
+MOST = 64
+"""Poses of a plan that is told a target and no number, at the most: more than that is no advice."""
 
 SEEN = 1.0
 """What poses must bring together to `λ`, a growth of χ², to be more than its noise of one."""
@@ -66,8 +69,24 @@ def worthwhile(
         out += _undecided(found, kept, decides)
         out += _would(rivals)
     elif not kept:
-        out.append("What would: a wider range of the joints, a lower noise, a length measured.")
+        out.append(OTHERS)
     return worth, tuple(out)
+
+
+OTHERS = (
+    "What would: a wider range of the joints, more samples of each pose, a lower noise, a length "
+    "measured."
+)
+
+
+def how_many(needed: float, planned: int) -> str:
+    """The end of a sentence on a target that a plan misses: how many poses, or what else.
+
+    What poses tell grows with their number, as long as they are few more than those planned.
+    """
+    if needed <= max(MOST, planned):
+        return f"; it would take some {math.ceil(needed)}."
+    return f": poses like these do not reach it. {OTHERS}"
 
 
 def _gains(purposes: Sequence[Mapping[str, Any]]) -> tuple[list[float], float]:
@@ -94,7 +113,9 @@ def _undecided(found: Mapping[str, Any], kept: int, decides: float) -> list[str]
         return []
     text = f"These {kept} poses decide in {decides:.0%} of cases"
     if least < DECISION:
-        text += f"; some {math.ceil(kept * DECISION / least)} like them would be a decision"
+        needed = kept * DECISION / least
+        few = f"; some {math.ceil(needed)} like them would be a decision"
+        text += few if needed <= max(MOST, kept) else ": more like them do not decide it"
     return [f"{text}."]
 
 

@@ -27,7 +27,7 @@ pub use compiled::Model;
 pub use evaluation::{Want, Workspace};
 pub use instance::Instance;
 pub(crate) use instance::{bound_to_session, place_name, places};
-pub use numbering::{Thing, Unknown, is_unknown_thing};
+pub use numbering::{Thing, UNKNOWN_THINGS, Unknown, is_unknown_thing};
 pub(crate) use places::RANK;
 pub use prior::Prior;
 pub use specification::{Spec, check_names, instances_of, parse};

@@ -5,12 +5,12 @@ use crate::mechanism::{Mechanism, place_name};
 use crate::readings::Readings;
 
 /// What results call unknown things, in the place of a term.
-const NAMES: [&str; 3] = ["unknown_point", "unknown_plane", "unknown_frame"];
+pub const UNKNOWN_THINGS: [&str; 3] = ["unknown_point", "unknown_plane", "unknown_frame"];
 
 /// True for what results call an unknown thing, which is no term.
 #[must_use]
 pub fn is_unknown_thing(id: &str) -> bool {
-    NAMES.contains(&id)
+    UNKNOWN_THINGS.contains(&id)
 }
 
 /// A part of a mechanism whose place is not known: its index among those of its kind.
@@ -28,7 +28,7 @@ impl Thing {
     /// What results call it, in the place of a term.
     #[must_use]
     pub fn term(self) -> &'static str {
-        let [point, plane, frame] = NAMES;
+        let [point, plane, frame] = UNKNOWN_THINGS;
         match self {
             Self::Point(_) => point,
             Self::Plane(_) => plane,
