@@ -511,3 +511,12 @@ def test_a_verb_logs_warnings_stages_and_its_verdict(caplog: pytest.LogCaptureFi
 def test_nothing_is_printed_by_a_verb(capfd: pytest.CaptureFixture[str]) -> None:
     rsicalib.calibrate(CHECK, rest=REST)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_misspelt_parameter_is_answered_with_the_one_that_was_meant() -> None:
+    found = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv")
+    with pytest.raises(KeyError, match="did you mean 'offset@a11'"):
+        found["ofset@a11"]
+    with pytest.raises(KeyError) as long:
+        found["x" * 100_000]
+    assert len(str(long.value)) < 2000

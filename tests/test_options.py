@@ -14,6 +14,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, InputError
 from rsicalib.cli.parser import make_parser
+from rsicalib.options import number
 
 READINGS = DEMO / "readings.csv"
 
@@ -172,3 +173,12 @@ def test_poses_that_are_no_numbers_are_refused() -> None:
 def test_the_command_refuses_them_by_their_option(words: tuple[str, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         make_parser().parse_args(words)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64, np.int32])
+def test_numbers_of_numpy_are_numbers(kind: type[np.generic]) -> None:
+    """The upper end of a bound was cast to the narrow kind, with a warning of overflow."""
+    found = number("target", kind(1))  # type: ignore[call-arg]
+    assert (type(found), found) == (float, 1.0)
+    with pytest.raises(InputError, match="expected a length above 0"):
+        number("target", kind(-1))  # type: ignore[call-arg]

@@ -71,7 +71,8 @@ class Bounds:
         if isinstance(value, bool | np.bool_) or not isinstance(value, kind):
             expected = "an integer" if self.whole else self.expected
             raise InputTypeError(f"{name}: found {quoted(value)}, expected {expected}")
-        plain: Any = value
+        # A narrow float of NumPy would take the ends as its own kind, where they are infinite.
+        plain: Any = value.item() if isinstance(value, np.generic) else value
         low = plain > self.least if self.above else plain >= self.least
         high = plain < self.most if self.below else plain <= self.most
         if not (low and high):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 from rsicalib.facts.shapes import Parameter, ResultShape, Step, TraceShape
 from rsicalib.labels import Labelled
+from rsicalib.plain_text import meant, quoted
 from rsicalib.plots import bars, dots, on_axes
 from rsicalib.report.notebook import result_html
 from rsicalib.report.words import name_of
@@ -66,7 +67,9 @@ class Interactive(ResultShape):
         if found:
             names = ", ".join(p.key for p in found)
             raise KeyError(f"{key!r} has several parameters; ask for one of {names}")
-        raise KeyError(f"{key!r} is not among the parameters; there are {', '.join(self.keys())}")
+        near = meant(key, self.keys()) if isinstance(key, str) else ""
+        there = ", ".join(self.keys())
+        raise KeyError(f"{quoted(key)} is not among the parameters{near}; there are {there}")
 
     def __contains__(self, key: object) -> bool:
         if isinstance(key, Parameter):
