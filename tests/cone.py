@@ -166,7 +166,7 @@ def bound(angles: Array, samples: int, sigma: float, play: float) -> Array:
 TABLE = 110.0
 
 
-def at_a_table(noise: float, play: float) -> str:
+def at_a_table(noise: float | None, play: float | None) -> str:
     """The mechanism whose ball touches a table of which nothing is known."""
     text = mechanism(noise, play)
     text = text.replace('[[point]]\nname = "cone"', '[[plane]]\nname = "table"')
@@ -175,8 +175,10 @@ def at_a_table(noise: float, play: float) -> str:
     )
 
 
-def on_a_table(seed: int, poses: int = 60, sigma: float = 2e-5, play: float = 0.02) -> Seatings:
-    """Touches of a level table, one sample each."""
+def on_a_table(
+    seed: int, poses: int = 60, samples: int = 1, sigma: float = 2e-5, play: float = 0.02
+) -> Seatings:
+    """Touches of a level table."""
     rng = np.random.default_rng(seed)
     angles, rows = [], []
     while len(angles) < poses:
@@ -188,11 +190,12 @@ def on_a_table(seed: int, poses: int = 60, sigma: float = 2e-5, play: float = 0.
             q = q - slope[2] * (ball[2] - height) / (slope[2] @ slope[2])
         if np.all((q > LIMITS[:, 0]) & (q < LIMITS[:, 1])) and abs(tip(q)[2] - height) < 1e-6:
             angles.append(q)
-            rows.append(q - OFFSETS + sigma * rng.standard_normal(6))
+            rows += list(q - OFFSETS + sigma * rng.standard_normal((samples, 6)))
     table: dict[str, list[float] | list[str]] = {
         f"q{k + 1}": [float(row[k]) for row in rows] for k in range(6)
     }
-    table["at"] = ["table"] * poses
+    table["pose"] = [float(pose) for pose in range(poses) for _ in range(samples)]
+    table["at"] = ["table"] * len(rows)
     return Seatings(table, np.array(angles))
 
 

@@ -251,3 +251,39 @@ def test_groups_that_were_not_fitted_are_held_against_the_fitted_ones() -> None:
         assert found.verdict == verdict
         assert [reason.kind for reason in found.reasons] == ["groups"][: int(bend > 0)]
         assert found.groups.others > found.groups.fitted or bend == 0.0
+
+
+@pytest.mark.parametrize("declared", [0.05, None])
+def test_a_point_that_is_measured_in_every_sample_has_noise_in_every_sample(
+    declared: float | None,
+) -> None:
+    """A tracker draws anew where a seating does not: 8 samples tell as much as 8 places."""
+    taken = cone.session(91, poses=30, samples=8, play=20.0)
+    rng = np.random.default_rng(91)
+    places = np.repeat([cone.tip(q) for q in taken.angles], 8, axis=0)
+    places = places + 0.05 * rng.standard_normal(places.shape)
+    table = {**taken.table, **dict(zip("xyz", places.T.tolist(), strict=True))}
+    text = cone.mechanism(2e-5, declared).replace('unknown = ["at"]', 'columns = ["x", "y", "z"]')
+    found = rsicalib.calibrate(table, Mechanism.from_toml(text))
+    assert (found.verdict, found.excluded) == ("adequate", ())
+    # χ² of 84 equations has a standard deviation of 13.
+    assert abs(found.fit.chi2 - found.fit.dof) < 4 * np.sqrt(2 * found.fit.dof)
+    got, own = offsets(found)
+    information = np.zeros((6, 6))
+    for q in taken.angles:
+        a = cone.slopes(q)
+        information += 8 * a.T @ np.linalg.solve(0.05**2 * np.eye(3) + 4e-10 * a @ a.T, a)
+    sd = np.sqrt(np.diag(np.linalg.inv(information)))[1:]
+    np.testing.assert_allclose(own, sd, rtol=0.1)
+    assert np.all(np.abs(got - cone.OFFSETS[1:]) < 4.5 * sd)
+
+
+def test_a_table_that_nobody_declares_the_noise_of_judges_nothing() -> None:
+    """As of a cone: its play is a draw of each touch, and repeats of one say nothing of it."""
+    taken = cone.on_a_table(73, samples=4)
+    text = cone.at_a_table(None, None)
+    for verb in (rsicalib.calibrate, rsicalib.trace):
+        found = verb(taken.table, Mechanism.from_toml(text))
+        assert (found.verdict, found.excluded) == ("unjudged", ())
+    got, own = offsets(rsicalib.calibrate(taken.table, Mechanism.from_toml(text)))
+    assert np.all(np.abs(got - cone.OFFSETS[1:]) < 4.5 * own)

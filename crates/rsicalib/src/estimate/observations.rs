@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::estimate::options::FitOptions;
-use crate::mechanism::{Mechanism, Value};
+use crate::mechanism::{Closure, Mechanism, Value};
 use crate::model::{Instance, Model, assembly, check_names};
 use crate::readings::{Readings, Table, codes};
 
@@ -208,7 +208,7 @@ impl Observations {
     }
 
     /// Factor on the noise of each closure of a sample that every sample draws for itself: 1 where its
-    /// length is measured and differs within held poses; empty where none is.
+    /// length, or a point of it, is measured and differs within held poses; empty where none is.
     #[must_use]
     pub fn measured(&self) -> Vec<f64> {
         let (mechanism, readings) = (&self.mechanism, &self.readings);
@@ -222,14 +222,20 @@ impl Observations {
                 .filter(|&r| !column[r].is_nan() && !column[r - 1].is_nan())
                 .any(|r| readings.pose[r] == readings.pose[r - 1] && column[r] != column[r - 1])
         };
-        let of = |value: &Option<Value>| match value {
-            Some(Value::Column(name)) => {
-                let column = columns.iter().position(|column| column == name);
-                column.is_some_and(|column| differs(&readings.table.columns[column]))
-            }
-            _ => false,
+        let named = |name: &String| {
+            let column = columns.iter().position(|column| column == name);
+            column.is_some_and(|column| differs(&readings.table.columns[column]))
         };
-        closures().map(|closure| f64::from(u8::from(of(&closure.value)))).collect()
+        let of = |closure: &Closure| {
+            let ends = mechanism.points.iter().filter(|p| closure.between.contains(&p.name));
+            let seen = ends.filter_map(|p| p.columns.as_ref()).flatten();
+            let length = match &closure.value {
+                Some(Value::Column(name)) => Some(name),
+                _ => None,
+            };
+            length.into_iter().chain(seen).any(named)
+        };
+        closures().map(|closure| f64::from(u8::from(of(closure)))).collect()
     }
 
     /// The instances of the terms in the options, or else of those in the mechanism.

@@ -1065,16 +1065,21 @@ impl Model {
         self.closures.iter().map(|closure| closure.equation..closure.equation + closure.equations())
     }
 
-    /// Closures whose length stands in a column of the readings and declares no noise: their numbers,
+    /// Closures whose length, or point, stands in columns of the readings and declares no noise: their numbers,
     /// and their equations.
     pub(crate) fn undeclared_lengths(&self) -> impl Iterator<Item = (usize, usize)> {
-        let open = |closure: &CompiledClosure| closure.column.is_some() && closure.noise == 0.0;
-        let all = self.closures.iter().enumerate();
-        all.filter(move |(_, closure)| open(closure)).map(|(k, closure)| (k, closure.equation))
+        let seen = |closure: &CompiledClosure| {
+            closure.column.is_some() || closure.ends.iter().any(|e| matches!(e, End::Seen(..)))
+        };
+        let open = move |closure: &CompiledClosure| seen(closure) && closure.noise == 0.0;
+        let all = self.closures.iter().zip(self.equations_by_closure()).enumerate();
+        all.filter(move |(_, (closure, _))| open(closure))
+            .flat_map(|(k, (_, equations))| equations.map(move |equation| (k, equation)))
     }
 
     /// The kind of each closure that takes part in samples and declares no play, by kind and by what
-    /// its ends are; none for rigid distances, for joints between chains, and for closures that do.
+    /// its ends are; none for rigid distances of a mechanism, for joints between chains, and for closures that
+    /// do. A bar or a surface somewhere is set up and touched, and its seating is as unknown as it is.
     pub(crate) fn undeclared(&self) -> Vec<Option<(ClosureKind, [u8; 2])>> {
         let end = |end: &End| match end {
             End::Carried(..) => 0,
@@ -1086,7 +1091,9 @@ impl Model {
         let kind = |closure: &CompiledClosure| {
             let ends = [end(&closure.ends[0]), end(&closure.ends[1])];
             // Two chains that touch are one mechanism, with a joint there.
-            let rigid = closure.kind.has_value() || ends == [0, 0] || self.pose_unknowns > 0;
+            let set_up = ends.contains(&2) || closure.plane.is_some();
+            let rigid = closure.kind.has_value() && !set_up;
+            let rigid = rigid || ends == [0, 0] || self.pose_unknowns > 0;
             let open = !rigid && closure.noise == 0.0;
             open.then_some((closure.kind, ends))
         };

@@ -54,13 +54,14 @@ pub struct Alike {
     pub floor: Vec<f64>,
     /// Channels that stand apart whatever they show.
     pub apart: Vec<bool>,
-    /// Lengths that declare no noise.
+    /// Lengths and coordinates that declare no noise.
     pub lengths: Vec<Length>,
     /// True where the noise of the channels is known: only that of the lengths is told.
     pub known: bool,
 }
 
-/// A length that is read with every sample, and declares no noise of its own.
+/// A length, or a coordinate of a point, that is read with every sample, and declares no noise of its own: those
+/// of one point have the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Length {
     /// Number of its closure among those of samples.
@@ -200,9 +201,11 @@ impl Variances {
         if !alike.lengths.is_empty() {
             seating.resize(measured.len(), 0.0);
         }
+        alike.lengths.iter().for_each(|length| seating[length.closure] = 0.0);
         for (length, own) in alike.lengths.iter().zip(&self.own[sigma.len()..]) {
             let factor = play * measured[length.closure];
-            seating[length.closure] = own.unwrap_or_default() / factor;
+            let alike = alike.lengths.iter().filter(|other| other.closure == length.closure);
+            seating[length.closure] += own.unwrap_or_default() / factor / alike.count() as f64;
         }
         Noise { sigma, play, seating, measured }
     }
