@@ -48,6 +48,28 @@ def test_an_effect_of_all_placements_is_applied() -> None:
     assert error(found, table, angles) < error(plain, table, angles)  # type: ignore[arg-type]
 
 
+def test_placements_in_another_order_change_nothing() -> None:
+    """The halves that are left out, and the poses at which an error is predicted, are found by the
+    readings: every order of the same rows gives the same figures, to rounding."""
+    table, _ = session(3, 0.01, only_first=True)
+    found = []
+    for order in ([0, 1, 2, 3], [0, 2, 1, 3], [3, 0, 1, 2]):
+        rows = [row for k in order for row in range(k * between.POSES, (k + 1) * between.POSES)]
+        moved = {name: [column[row] for row in rows] for name, column in table.items()}  # type: ignore[index]
+        found.append(rsicalib.trace(moved, between.mechanism()))
+    figures = []
+    for one in found:
+        assert one.elsewhere is not None and one.predicted is not None
+        assert one.elsewhere.again is not None
+        figures.append(
+            [one.elsewhere.without, one.elsewhere.again, one.predicted.position_sd]
+            + [p.value for p in one.parameters if p.term == "offset"]
+        )
+    np.testing.assert_allclose(figures[1:], figures[:1] * 2, rtol=1e-5)
+    told = [[(s.term, s.target, s.applied) for s in one.steps] for one in found]
+    assert told[0] and told[1:] == [told[0]] * 2
+
+
 def test_without_effects_nothing_is_left_out() -> None:
     table, _ = session(2, 0.0, only_first=False)
     assert rsicalib.trace(table, between.mechanism()).elsewhere is None

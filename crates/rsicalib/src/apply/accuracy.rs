@@ -29,7 +29,7 @@ use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::estimate::{Fit, Observations};
 use crate::model::Model;
 use crate::numerics::distributions;
-use crate::readings::{Readings, Table, average, runs_of_poses};
+use crate::readings::{Readings, Table, along, average, runs_of_poses};
 
 /// Rigid motions that move places by less than this fraction of the most are none: rounding.
 const RANK: f64 = 1e-9;
@@ -312,7 +312,8 @@ pub fn moved_by(
     Ok([moved, within, between].map(|square| (square.max(0.0) / count).sqrt()))
 }
 
-/// Derivatives at some poses of a table, evenly spread.
+/// Derivatives at some poses of a table, evenly spread along the direction in which readings vary most:
+/// which ones they are does not depend on the order of rows.
 fn slopes_of_some(
     observations: &Observations,
     fit: &Fit,
@@ -322,7 +323,10 @@ fn slopes_of_some(
     let channels = observations.mechanism.channels.len();
     let poses = runs_of_poses(table, channels);
     let count = poses.len().min(most.max(1));
-    let some: Vec<_> = (0..count).map(|k| poses[k * poses.len() / count].clone()).collect();
+    let places = along(poses.iter().map(|rows| &table.values[rows.start * channels..][..channels]));
+    let mut order: Vec<usize> = (0..poses.len()).collect();
+    order.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
+    let some: Vec<_> = (0..count).map(|k| poses[order[k * poses.len() / count]].clone()).collect();
     slopes_at(observations, fit, &average(table, channels, &some), is_placed(observations, fit))
 }
 

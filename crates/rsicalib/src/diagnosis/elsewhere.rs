@@ -16,11 +16,12 @@ use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::WORSE;
 use crate::estimate::progress::Progress;
 use crate::estimate::{
-    Fit, Implicit, Misfit, Noise, Observations, Part, fit, numbered_groups, place_untouched,
+    Fit, Implicit, Misfit, Noise, Observations, Part, fit, groups_along, numbered_groups,
+    place_untouched,
 };
 use crate::model::Instance;
-use crate::numerics::symmetric::eigenvalues;
 use crate::numerics::workers;
+use crate::readings::along;
 use crate::terms::term::Acts;
 
 /// Placements or sessions are left out half by half: each search has half of the readings, and both
@@ -190,39 +191,34 @@ impl Left<'_> {
     }
 }
 
-/// Rows of the blocks.
+/// Rows of the blocks, which do not depend on the order of placements, sessions or poses.
 fn blocks(observations: &Observations, fitted: &Fit) -> (Blocks, Vec<Vec<usize>>) {
     let rows = 0..observations.readings.samples;
     let (kind, of_row, count) = match numbered_groups(observations, &fitted.model) {
-        Some((_, of_row, _)) => (Blocks::Groups, of_row, HALVES),
+        Some((_, of_row, _)) => {
+            let order = groups_along(observations, &of_row);
+            let mut half = vec![0; order.len()];
+            order.iter().enumerate().for_each(|(place, group)| half[*group] = place % HALVES);
+            let of_row = of_row.into_iter().map(|group| half[group]).collect();
+            (Blocks::Groups, of_row, HALVES)
+        }
         None => (Blocks::Workspace, along_readings(observations), PARTS),
     };
-    let block = |k: usize| rows.clone().filter(|row| of_row[*row] % count == k).collect();
+    let block = |k: usize| rows.clone().filter(|row| of_row[*row] == k).collect();
     (kind, (0..count).map(block).collect())
 }
 
-/// Block of each row along the direction in which readings vary most, in parts of what each channel
-/// reads; rows of a pose stay together.
+/// Block of each row along the direction in which readings vary most; rows of a pose stay together.
 fn along_readings(observations: &Observations) -> Vec<usize> {
     let readings = &observations.readings;
-    let (n, poses) = (readings.channels, readings.rows_of_poses());
-    let part = |row: usize, c: usize| {
-        let [low, high] = readings.span[c];
-        let off = readings.table.values[row * n + c] - readings.mean[c];
-        if high > low { off / (high - low) } else { 0.0 }
-    };
-    let firsts: Vec<usize> = poses.iter().map(|rows| rows[0]).collect();
-    let square = faer::Mat::from_fn(n, n, |i, j| {
-        firsts.iter().map(|row| part(*row, i) * part(*row, j)).sum::<f64>()
-    });
-    let Some((_, vectors)) = eigenvalues(square.as_ref()) else { return vec![0; readings.samples] };
-    let along =
-        |pose: usize| -> f64 { (0..n).map(|c| vectors[(c, n - 1)] * part(firsts[pose], c)).sum() };
-    let mut order: Vec<usize> = (0..poses.len()).collect();
-    order.sort_by(|a, b| along(*a).total_cmp(&along(*b)));
-    let mut block = vec![0; poses.len()];
+    let n = readings.channels;
+    let firsts: Vec<usize> = readings.rows_of_poses().iter().map(|rows| rows[0]).collect();
+    let places = along(firsts.iter().map(|row| &readings.table.values[row * n..(row + 1) * n]));
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
+    let mut block = vec![0; places.len()];
     for (place, pose) in order.iter().enumerate() {
-        block[*pose] = place * PARTS / poses.len();
+        block[*pose] = place * PARTS / places.len();
     }
     readings.pose.iter().map(|pose| block[*pose]).collect()
 }

@@ -30,6 +30,7 @@ use crate::mechanism::Target;
 use crate::model::{Model, Thing};
 use crate::numerics::component::{Component, Contrasts};
 use crate::numerics::symmetric::invert;
+use crate::readings::along;
 use crate::terms::term::{Placed, Role, Spot};
 use crate::terms::{PointPosition, targets};
 
@@ -51,7 +52,9 @@ fn between(observations: &Observations, fit: &Fit) -> Option<Between> {
     let sums = Sums::of(observations, fit, &of_row, names.len());
     let changing = changing(observations, &fit.model, &sums);
     let all: Vec<usize> = (0..names.len()).collect();
-    let here = Told { fit, sums: &sums, changing: &changing };
+    let order = groups_along(observations, &of_row);
+    let order: Vec<usize> = order.into_iter().filter(|g| *g < names.len()).collect();
+    let here = Told { fit, sums: &sums, changing: &changing, order };
     let inverse = fit.inverse();
     let component = here.component(&inverse, &all)?;
     let covariance = here.covariance(&inverse, &all, &component);
@@ -90,6 +93,29 @@ pub fn numbered_groups(
     placed.or_else(|| {
         numbered(sessions, &session).map(|(rows, names)| (Grouping::Session, rows, names))
     })
+}
+
+/// The groups along the direction in which readings vary most, by the means of their poses: every other
+/// one of them is a half that spans what the session spans, and does not depend on the order of rows.
+#[must_use]
+pub fn groups_along(observations: &Observations, of_row: &[usize]) -> Vec<usize> {
+    let Observations { readings, weights, .. } = observations;
+    let counted = readings.rows_of_poses().into_iter();
+    let firsts: Vec<usize> =
+        counted.filter_map(|rows| rows.into_iter().find(|row| weights[*row] > 0.0)).collect();
+    let n = readings.channels;
+    let values = |row: &usize| &readings.table.values[row * n..(row + 1) * n];
+    let places = along(firsts.iter().map(values));
+    let count = of_row.iter().max().map_or(0, |last| last + 1);
+    let mut sums = vec![[0.0; 2]; count];
+    for (row, place) in firsts.iter().zip(places) {
+        let [sum, poses] = &mut sums[of_row[*row]];
+        (*sum, *poses) = (*sum + place, *poses + 1.0);
+    }
+    let mean = |g: &usize| sums[*g][0] / sums[*g][1];
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|a, b| mean(a).total_cmp(&mean(b)));
+    order
 }
 
 /// Number of a value among those seen, itself included.
@@ -158,6 +184,8 @@ struct Told<'a> {
     fit: &'a Fit,
     sums: &'a Sums,
     changing: &'a [(usize, f64)],
+    /// The groups, in an order of their readings.
+    order: Vec<usize>,
 }
 
 impl Told<'_> {
@@ -239,8 +267,11 @@ impl Told<'_> {
 
     /// Every other group against the rest; none of a single group.
     fn halves(&self, all: &Component) -> Option<Halves> {
-        let count = self.sums.gram.len();
-        let halves = [0, 1].map(|first| (first..count).step_by(2).collect::<Vec<_>>());
+        let halves = [0, 1].map(|first| {
+            let mut half: Vec<usize> = self.order.iter().copied().skip(first).step_by(2).collect();
+            half.sort_unstable();
+            half
+        });
         let n = self.fit.model.parameters;
         let inverses = halves.each_ref().map(|half| invert(&self.normal(half)).0);
         // Few contrasts tell a component by its limits more than by themselves.

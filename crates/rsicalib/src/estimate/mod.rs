@@ -40,7 +40,7 @@ mod untouched;
 mod wiring;
 
 pub use algebraic::Algebraic;
-pub use by_group::{numbered_groups, with_groups};
+pub use by_group::{groups_along, numbered_groups, with_groups};
 pub use expected::{Expectation, Expected};
 pub(crate) use fit::widening;
 pub use fit::{carry_over, fit, free_parameters};

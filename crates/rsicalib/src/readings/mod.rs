@@ -1,5 +1,6 @@
 //! Readings: tables, checks, and the layout for vector lanes.
 
+mod along;
 mod block;
 pub mod codes;
 pub(crate) mod context;
@@ -9,6 +10,7 @@ pub mod sampled;
 mod samples;
 mod table;
 
+pub(crate) use along::along;
 pub use block::Block;
 pub use holding::Holding;
 pub use samples::Readings;
