@@ -6,6 +6,7 @@
 
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::{looks_bad, trace};
 use crate::estimate::{Fit, Method, Observations, fit, with_groups};
@@ -63,7 +64,8 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
             });
         }
     }
-    if excluded.is_empty() {
+    // Of readings that are not of this mechanism none is worse than the others.
+    if excluded.is_empty() || !absurdities(&rest, &clean, &[]).is_empty() {
         return Ok(whole(observations, all));
     }
     let clean = with_groups(clean, &rest);

@@ -62,6 +62,14 @@ pub enum Absurdity {
     },
 }
 
+impl Absurdity {
+    /// True for what an effect has no part in: loops that stay open, and noise.
+    #[must_use]
+    pub fn is_of_readings(&self) -> bool {
+        !matches!(self, Self::Effect { .. })
+    }
+}
+
 /// Everything absurd about a fit, effects `found` included.
 #[must_use]
 pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -> Vec<Absurdity> {

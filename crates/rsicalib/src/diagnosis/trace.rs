@@ -127,28 +127,49 @@ impl Traced {
 /// As [`SearchOptions::check`] and [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
-    let traced = explain(observations, search, true)?;
+    let (traced, lost) = explain(observations, search, Wanted::All)?;
     // Readings that are not of this mechanism: what seems to explain them means nothing.
-    let absurd = !absurdities(&traced.observations, &traced.after, &[]).is_empty();
-    match absurd && !traced.found.is_empty() {
-        true => explain(observations, search, false),
-        false => Ok(traced),
-    }
+    let effects: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
+    let absurd =
+        |found: &[Instance]| !absurdities(&traced.observations, &traced.after, found).is_empty();
+    let wanted = match lost {
+        true if traced.found.is_empty() && traced.excluded.is_empty() => return Ok(traced),
+        true if absurd(&effects) => Wanted::Nothing,
+        false if !effects.is_empty() && absurd(&[]) => Wanted::Screened,
+        _ => return Ok(traced),
+    };
+    Ok(explain(observations, search, wanted)?.0)
 }
 
-/// The search and what comes of it; where nothing is `wanted`, without a search.
+/// What is wanted of a session beside its fit.
+#[derive(Clone, Copy, PartialEq)]
+enum Wanted {
+    /// What is wrong with it, and effects.
+    All,
+    /// What is wrong whatever the model lacks.
+    Screened,
+    /// Nothing: of readings that are not of this mechanism none is worse than the others.
+    Nothing,
+}
+
+/// The search and what comes of it; and whether its fit was absurd before it began.
 fn explain(
     observations: &Observations,
     search: &SearchOptions,
-    wanted: bool,
-) -> Result<Traced, Error> {
+    wanted: Wanted,
+) -> Result<(Traced, bool), Error> {
     let all = observations;
     let base = all.instances()?;
     let before = fit(all, base.clone(), None)?;
     let progress = &all.options.progress;
     progress.enter(Stage::Screening);
     let mut observations = all.clone();
-    let (mut clean, mut excluded) = sound(&mut observations, &before)?;
+    let (mut clean, mut excluded) = match wanted {
+        Wanted::Nothing => (before.clone(), Vec::new()),
+        _ => sound(&mut observations, &before)?,
+    };
+    let wanted = wanted == Wanted::All;
+    let lost = !absurdities(&observations, &clean, &[]).is_empty();
     progress.enter(Stage::Search);
     let mut searched = search_once(&observations, &clean, &base, search, wanted)?;
     for _ in 0..if search.uses(Rule::JudgeAgain) { JUDGED_AGAIN } else { 0 } {
@@ -202,7 +223,7 @@ fn explain(
     let judge = averaged.judge(&current);
     let effects: Vec<Scored> = steps.iter().map(|step| step.scored).collect();
     let left_over = after.p_value.is_some_and(|p| p <= LEVEL);
-    let unknown = match effects.is_empty() && !left_over {
+    let unknown = match effects.is_empty() && (lost || !left_over) {
         true => None,
         false => averaged.unknown_law(&current, &effects)?,
     };
@@ -214,7 +235,7 @@ fn explain(
     let found = steps.into_iter().map(|step| Found::of(of_all(&step), step)).collect();
     let p_value = after.p_value;
     let after = with_groups(after, &observations);
-    Ok(Traced {
+    let traced = Traced {
         before: with_groups(before, all),
         after,
         observations,
@@ -231,7 +252,8 @@ fn explain(
         offsets,
         judge,
         p_value,
-    })
+    };
+    Ok((traced, lost))
 }
 
 /// The instances that have data left: a reading whose pose is left out keeps no parameter.

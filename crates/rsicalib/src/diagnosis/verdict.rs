@@ -145,6 +145,9 @@ pub struct Evidence {
     pub determined: Determined,
     /// True where something is absurd beside the size of the mechanism.
     pub absurd: bool,
+    /// True where that is how far loops stay open, or the noise: whatever else these readings determine,
+    /// they are not of this mechanism.
+    pub open: bool,
     /// Probability of the residual by chance; none where nothing judges it.
     pub p_value: Option<f64>,
     /// χ² of the residual per degree of freedom.
@@ -274,7 +277,7 @@ pub struct Judgement {
 
 /// The verdict on a calibration or a trace, by everything that is known of it.
 ///
-/// Undetermined comes first, then implausible. Readings that tell no more of where things are than the
+/// Loops that stay open come first, then what is undetermined, then effects that are absurd. Readings that tell no more of where things are than the
 /// drawing does determine nothing, unless known poses tell more. What known poses, groups that were not fitted and
 /// poses left out in turn contradict is not adequate, nor explained, whatever the residual is;
 /// without a contradiction what nothing judges is unjudged.
@@ -282,12 +285,13 @@ pub struct Judgement {
 pub fn judge(evidence: &Evidence) -> Judgement {
     let one = |verdict, kind| Judgement { verdict, reasons: vec![Reason::of(kind)] };
     match evidence.determined {
+        Determined::Nothing => return one(Verdict::Undetermined, Why::Nothing),
+        _ if evidence.open => return one(Verdict::Implausible, Why::Absurd),
         Determined::Yes if evidence.absurd => return one(Verdict::Implausible, Why::Absurd),
         Determined::NoStart if against(evidence).is_empty() => {
             return one(Verdict::Undetermined, Why::NotConverged);
         }
         Determined::Yes | Determined::NoStart => {}
-        Determined::Nothing => return one(Verdict::Undetermined, Why::Nothing),
         Determined::NotConverged => return one(Verdict::Undetermined, Why::NotConverged),
         Determined::NothingLeft => return one(Verdict::Undetermined, Why::NothingLeft),
         Determined::Unobservable => return one(Verdict::Undetermined, Why::Unobservable),
@@ -426,6 +430,20 @@ mod tests {
         assert_eq!(said(&Evidence { found: true, ..clean() }), (Verdict::Explained, vec![]));
         assert_eq!(said(&Evidence { p_value: None, ..clean() }), (Verdict::Unjudged, vec![]));
         assert_eq!(said(&Evidence::default()), (Verdict::Undetermined, vec![Why::Nothing]));
+    }
+
+    #[test]
+    fn loops_that_stay_open_say_more_than_what_is_undetermined() {
+        for determined in [Determined::NotConverged, Determined::NoStart, Determined::Unobservable]
+        {
+            let open = Evidence { determined, absurd: true, open: true, ..clean() };
+            assert_eq!(said(&open), (Verdict::Implausible, vec![Why::Absurd]));
+            // An effect is as large as that along a direction that nothing tells.
+            let effect = Evidence { open: false, p_value: None, ..open };
+            assert_eq!(said(&effect).0, Verdict::Undetermined);
+        }
+        let nothing = Evidence { determined: Determined::Nothing, open: true, ..clean() };
+        assert_eq!(said(&nothing).0, Verdict::Undetermined);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::diagnosis::calibrate::{Calibrated, calibrate};
 use crate::diagnosis::held_out::{HeldOut, averaged, held_out};
-use crate::diagnosis::plausibility::absurdities;
+use crate::diagnosis::plausibility::{Absurdity, absurdities};
 use crate::diagnosis::verdict::{self, Determined, Evidence, Judgement, Reason, Verdict};
 use crate::estimate::Observations;
 use crate::estimate::directions::directions;
@@ -119,6 +119,7 @@ pub fn of(
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {
         determined: Determined::of(fit, &directions),
         absurd: !absurd.is_empty(),
+        open: absurd.iter().any(Absurdity::is_of_readings),
         p_value: quality.p_value,
         chi2_per_dof: quality.chi2_per_dof(),
         held_out,

@@ -9,7 +9,7 @@ use crate::diagnosis::elsewhere::{Elsewhere, elsewhere};
 use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::plausibility::absurdities;
+use crate::diagnosis::plausibility::{Absurdity, absurdities};
 use crate::diagnosis::score::scored;
 use crate::diagnosis::search::rivals;
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
@@ -353,6 +353,7 @@ pub fn traced(
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {
         determined: Determined::of(&traced.after, &determined),
         absurd: !absurd.is_empty(),
+        open: absurd.iter().any(Absurdity::is_of_readings),
         p_value,
         chi2_per_dof: after.chi2_per_dof(),
         found: !traced.found.is_empty(),

@@ -5,6 +5,7 @@ use crate::apply::change::apart;
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::{Isolated, belongs, isolate, isolated_at};
 use crate::diagnosis::options::Rule;
+use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored::{self, Scored, excluded_pose, is_data};
 use crate::diagnosis::search::Beam;
 use crate::diagnosis::search::account::Account;
@@ -65,7 +66,8 @@ fn searched(averaged: &mut Averaged, start: &Fit) -> Result<(Searched, Option<Is
     let left = last.iter().copied().min_by(|a, b| a.corrected.total_cmp(&b.corrected));
     let scores = scored::best_places(&last);
     let it = Searched { current, found, poses, left, scores, rivals };
-    if it.settled(averaged) || !averaged.search.uses(Rule::Isolation) {
+    let lost = it.found.is_empty() && !absurdities(&averaged.small, start, &[]).is_empty();
+    if lost || it.settled(averaged) || !averaged.search.uses(Rule::Isolation) {
         return Ok((it, None));
     }
     averaged.small.options.progress.enter(Stage::Isolation);

@@ -23,6 +23,7 @@ use std::borrow::Cow;
 use crate::Error;
 use crate::diagnosis::averaged::{Averaged, cost};
 use crate::diagnosis::options::Rule;
+use crate::diagnosis::plausibility::{Absurdity, absurdities};
 use crate::diagnosis::price::{Family, Said, charge, room};
 use crate::diagnosis::score::scan;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
@@ -70,8 +71,13 @@ impl<'s, 'a> Beam<'s, 'a> {
     pub fn search(averaged: &'s Averaged<'a>, start: &Fit) -> Result<Self, Error> {
         let price = averaged.said_of(start);
         let nothing = Account::of(Vec::new(), None, start.clone(), price);
+        let lost = !absurdities(&averaged.small, start, &[]).is_empty();
         let mut beam = Self { averaged, accounts: vec![nothing] };
         while let Some(next) = beam.next()? {
+            if lost && beam.leads_nowhere() {
+                beam.accounts.truncate(1);
+                break;
+            }
             match next {
                 Next::Own(of) => beam.moves_of(of)?,
                 Next::Noise(of) => beam.noise_beside(of)?,
@@ -81,6 +87,17 @@ impl<'s, 'a> Beam<'s, 'a> {
             }
         }
         Ok(beam)
+    }
+
+    /// True where what explains an absurd fit best is absurd itself: readings that are not of this
+    /// mechanism fit any, once effects are large enough to undo what its joints do.
+    fn leads_nowhere(&self) -> bool {
+        let best = self.ranked().first().map(|k| &self.accounts[*k]);
+        best.is_some_and(|best| {
+            let effects: Vec<Instance> = best.items.iter().map(|item| item.instance).collect();
+            let of_effects = |it: &Absurdity| !it.is_of_readings();
+            absurdities(&self.averaged.small, &best.fit, &effects).iter().any(of_effects)
+        })
     }
 
     /// The likeliest explanations, likeliest first.
