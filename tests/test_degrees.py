@@ -242,6 +242,27 @@ def test_random_poses_are_not_called_in_degrees(seed: int) -> None:
     assert "degrees" not in {w.kind for w in found.warnings}
 
 
+@pytest.mark.parametrize(("seed", "bend"), [(3, 0.02), (3, 0.05), (2, 0.05)])
+def test_an_arm_with_an_error_is_not_called_in_another_unit(seed: int, bend: float) -> None:
+    """Readings in another unit have a noise in that unit: judged by the noise of those that were
+    read, angles times 57.3 or .017 closed the loop of any arm at a cone."""
+    made = cone.session(seed, bend=bend, samples=2)
+    drawn = Mechanism.from_toml(cone.mechanism(None, 0.02))
+    found = rsicalib.calibrate(made.table, drawn)
+    assert found.verdict == "unexplained"
+    assert "degrees" not in {w.kind for w in found.warnings}
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_an_arm_in_another_unit_is_called_so(seed: int) -> None:
+    made = cone.session(seed, samples=2)
+    drawn = Mechanism.from_toml(cone.mechanism(None, 0.02))
+    names = [f"q{k}" for k in range(1, 7)]
+    degrees = {name: np.degrees(np.array(made.table[name], float)) for name in names}
+    found = rsicalib.calibrate({**made.table, **degrees}, drawn)
+    assert "degrees" in {w.kind for w in found.warnings}
+
+
 @pytest.mark.parametrize("gain", [180.0 / np.pi, np.pi / 180.0])
 def test_a_gain_in_degrees_a_radian_is_named(gain: float) -> None:
     unit = "rad" if gain > 1.0 else "deg"

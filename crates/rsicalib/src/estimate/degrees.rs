@@ -5,7 +5,9 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use crate::Error;
+use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
+use crate::estimate::options::FitOptions;
 use crate::estimate::rewired::{DECISIVE, NEAR, OTHER_UNIT, Rewired, apart, stays};
 use crate::estimate::significance::LEVEL;
 use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Suspicion};
@@ -181,13 +183,19 @@ pub(crate) struct Again {
 
 impl Again {
     /// A fit of other readings of a session, or of its readings by another drawing; none where there is none.
+    ///
+    /// Both are judged by one `noise`, that of a fit of the session, in units of the readings that are fitted.
     pub(crate) fn of(
         observations: &Observations,
-        mechanism: &Mechanism,
-        table: Table,
+        (mechanism, table): (&Mechanism, Table),
+        noise: &Noise,
         refit: &impl Fn(&Observations) -> Result<Self, Error>,
     ) -> Option<Self> {
-        let (rest, options) = (observations.rest.clone(), observations.options.clone());
+        let Noise { sigma, play, seating, measured } = noise.clone();
+        let (noise, measured) = (Some(sigma), Some(measured));
+        let of = observations.options.clone();
+        let options = FitOptions { noise, play, seating, measured, ..of };
+        let rest = observations.rest.clone();
         let there = Observations::new(mechanism, table, rest, options).ok()?;
         let weights = observations.weights.clone();
         refit(&Observations { weights, judged: true, ..there }).ok()
@@ -195,17 +203,19 @@ impl Again {
 }
 
 /// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:
-/// `left` is χ² per degree of freedom, and `refit` a fit of other observations.
+/// `left` is χ² per degree of freedom by a `noise`, and `refit` a fit of other observations. Readings in
+/// another unit have a noise in that unit.
 pub(crate) fn in_other_unit(
     observations: &Observations,
+    noise: &Noise,
     left: f64,
     refit: impl Fn(&Observations) -> Result<Again, Error>,
 ) -> Option<Suspicion> {
     if observations.is_long() || left.is_nan() || left < DECISIVE {
         return None;
     }
-    let again = |Rewired { readings, observations: of }: Rewired| {
-        Again::of(&of, &of.mechanism, readings.table, &refit)
+    let again = |Rewired { readings, observations: of }: Rewired, noise: &Noise| {
+        Again::of(&of, (&of.mechanism, readings.table), noise, &refit)
     };
     let suspicion = |channels, what, times, with| {
         let of = InDegrees::Loop { what, times, closes: Closes { with, declared: left } };
@@ -213,16 +223,20 @@ pub(crate) fn in_other_unit(
     };
     let readings = |times: f64| {
         let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
-        // Only what moves less may close by chance; where no fit of other poses starts, they do not.
-        let others = (times < 1.0).then(|| other.of_other_poses().ok()).flatten();
-        let by_chance = others.and_then(again).map_or(f64::INFINITY, |fit| fit.left);
-        let with = again(other)?.left;
-        let closes = with * DECISIVE < left.min(by_chance);
+        let mut noise = noise.clone();
+        channels.iter().for_each(|&c| noise.sigma[c] *= times);
+        let others = other.of_other_poses();
+        let with = again(other, &noise)?.left;
+        // What moves less, or is as noisy as that, may close by chance; where no fit of other poses
+        // starts, they do not.
+        let by_chance = || others.ok().and_then(|others| again(others, &noise));
+        let closes = with * DECISIVE < left
+            && by_chance().is_none_or(|by_chance| with * DECISIVE < by_chance.left);
         closes.then(|| suspicion(channels, Scaled::Readings, times, with))
     };
     let offsets = |times: f64| {
         let (other, channels) = Rewired::offsets(observations, &observations.readings, times)?;
-        let fit = again(other)?;
+        let fit = again(other, noise)?;
         let drawn = vec![0.0; fit.beta.len()];
         let (with, there) = (fit.left, stays(&fit.model, &channels, [&drawn, &fit.beta]));
         (there && with * DECISIVE < left).then(|| suspicion(channels, Scaled::Offsets, times, with))

@@ -389,16 +389,17 @@ fn minimum(
             Ok(degrees::Again { left, model, beta })
         };
         let mut said = Vec::new();
+        let noise = fit.assumed();
         if !fit.warnings.iter().any(Suspicion::of_wiring) {
             if fit.plausible {
                 said.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
             }
-            said.extend(degrees::in_other_unit(observations, fit.chi2 / fit.dof, refit));
+            said.extend(degrees::in_other_unit(observations, &noise, fit.chi2 / fit.dof, refit));
         }
         let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !is_no_start(it));
         if wired && !said.iter().any(Suspicion::of_wiring) {
             let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
-            said.extend(lengths::in_other_unit(observations, left, refit));
+            said.extend(lengths::in_other_unit(observations, &noise, left, refit));
         }
         fit.warnings.extend(said);
     }

@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::estimate::degrees::Again;
+use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::rewired::DECISIVE;
 use crate::estimate::suspicion::{Closes, Measure, Suspicion};
@@ -74,9 +75,10 @@ fn apart(lengths: &[(Measure, f64)]) -> Vec<(Measure, f64, f64)> {
 }
 
 /// The length with which the loop closes in another unit, and by far not as it is declared: `left` is
-/// χ² per degree of freedom, and `refit` a fit of other observations.
+/// χ² per degree of freedom by a `noise`, and `refit` a fit of other observations.
 pub(crate) fn in_other_unit(
     observations: &Observations,
+    noise: &Noise,
     left: f64,
     refit: impl Fn(&Observations) -> Result<Again, Error>,
 ) -> Option<Suspicion> {
@@ -91,7 +93,7 @@ pub(crate) fn in_other_unit(
         let mut mechanism = observations.mechanism.clone();
         *place(&mut mechanism, at)? *= times;
         let table = observations.readings.table.clone();
-        let with = Again::of(observations, &mechanism, table, &refit)?.left;
+        let with = Again::of(observations, (&mechanism, table), noise, &refit)?.left;
         let closes = Closes { with, declared: left };
         (with < observations.options.good_start.min(left / DECISIVE))
             .then_some((with, Suspicion::Length { at, size: declared, times, closes }))
