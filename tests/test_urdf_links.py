@@ -154,6 +154,19 @@ def test_a_longer_link_is_named_as_the_length_of_that_link(drawn: Any, link: int
     assert f"arm/{link + 1} (j{link} to j{link + 1})" in found.summary()
 
 
+def test_two_longer_links_are_explained(drawn: Any) -> None:
+    """Each link has been made by itself: that two of a chain are longer has no other cause."""
+    links = LINKS.copy()
+    for link in (2, 3):
+        links[link] *= 1 + LONGER / np.linalg.norm(links[link])
+    found = rsicalib.trace(session(drawn, links, 7), drawn)
+    assert {(s.term, s.target) for s in found.steps} == {
+        ("link_length", "arm/3"),
+        ("link_length", "arm/4"),
+    }
+    assert (found.verdict, found.exit_code) == ("explained", 0), found.summary()
+
+
 def test_a_link_grows_along_itself_and_moves_across(drawn: Any) -> None:
     """What an export writes: the vector of the row with its length, and what is across it."""
     rows = drawn.to_dict()["chain"][0]["dh"]

@@ -1,9 +1,10 @@
 //! Effects that may stand for one that the catalogue lacks: several of its terms make it
 //! up between them, and leave nothing. Measured: docs/decisions/0004.
 
+use crate::kinematics::elements::Way;
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
-use crate::terms::term::{Needs, Placed, Role};
+use crate::terms::term::{Acts, Freedom, Needs, Placed, Role};
 
 /// An effect beside others that χ² would not rise by this much without is faint.
 const FAINT: f64 = 40.0;
@@ -82,8 +83,16 @@ fn faintest(found: &[Instance], rises: &[f64]) -> Option<Doubted> {
     (*rise < FAINT).then_some(Doubted { instance: *instance, doubt })
 }
 
+/// True for a length of one link, each of which is made by itself.
+fn is_dimension(instance: &Instance) -> bool {
+    let slides = |freedoms: &[Freedom]| freedoms.iter().all(|(_, _, way)| *way == Way::Slide);
+    matches!(instance.target, Target::Row(..))
+        && matches!(instance.term.acts(), Acts::Geometry(freedoms) if slides(freedoms))
+}
+
 /// Faults are of many kinds: the same one twice in a chain, or in three chains, has a
-/// cause behind it. But joints all give, under the weight of what they carry.
+/// cause behind it. But joints all give, under the weight of what they carry, and of two links of a
+/// chain each has its own length.
 fn repeated(mechanism: &Mechanism, found: &[Instance]) -> Option<Doubted> {
     let chain_of = |instance: &Instance| match instance.target {
         _ if instance.term.is_load() => None,
@@ -96,7 +105,7 @@ fn repeated(mechanism: &Mechanism, found: &[Instance]) -> Option<Doubted> {
         let again: Vec<Option<usize>> =
             found[..k].iter().filter(|i| i.term.info().id == id).map(chain_of).collect();
         let doubted = |doubt| Some(Doubted { instance: *instance, doubt });
-        if again.contains(&Some(chain)) {
+        if again.contains(&Some(chain)) && !is_dimension(instance) {
             return doubted(Doubt::AgainInChain(chain));
         }
         if again.iter().flatten().count() > 1 {
@@ -141,6 +150,17 @@ mod tests {
         assert_eq!(doubts(&[tilt(0, 1), tilt(1, 1), tilt(2, 2)]).as_deref(), Some("all"));
         let sag = |chain| ("sag", Target::Chain(chain), 90.0);
         assert_eq!(doubts(&[sag(0), sag(1), sag(2)]), None);
+    }
+
+    #[test]
+    fn each_link_has_its_own_length() {
+        let length = |chain, row| ("link_length", Target::Row(chain, row), 90.0);
+        let offset = |chain, row| ("link_offset", Target::Row(chain, row), 90.0);
+        assert_eq!(doubts(&[length(0, 1), length(0, 2)]), None);
+        assert_eq!(doubts(&[offset(0, 1), length(1, 2), offset(0, 2)]), None);
+        // Chains that are all off in the same way are off by their drawing.
+        let all = [length(0, 1), length(1, 1), length(2, 1)];
+        assert_eq!(doubts(&all).as_deref(), Some("all"));
     }
 
     #[test]
