@@ -31,3 +31,20 @@ def test_a_coarse_sensor_loses_no_reading(verb: object, seed: int) -> None:
     found = verb(readings, mechanism, rest=made.rest)
     # A bit that never changes is listed, and leaves out no sample.
     assert all(one.samples == 0 for one in found.excluded)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_quiet_sensors_lose_no_reading(seed: int) -> None:
+    """Noise of .05 counts, rounded to whole ones: a sample of the next code has not moved."""
+    made = rsicalib.simulate(poses=24, samples=8, seed=seed, noise=0.05)
+    found = rsicalib.calibrate(made.readings, rest=made.rest)
+    assert not found.excluded
+
+
+def test_a_wild_sample_of_a_quiet_sensor_is_left_out() -> None:
+    made = rsicalib.simulate(poses=24, samples=8, seed=1, noise=0.05)
+    values = made.readings.values.copy()
+    values[83, 4] += 6.0
+    wild = Readings.from_arrays(rsicalib.load_mechanism("rsi"), values, pose=made.readings.pose)
+    found = rsicalib.calibrate(wild, rest=made.rest)
+    assert [(e.pose, e.samples) for e in found.excluded] == [(int(made.readings.pose[83]), 1)]

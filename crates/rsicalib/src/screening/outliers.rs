@@ -17,7 +17,7 @@
 //!
 //! and fewer degrees of freedom where samples resemble their neighbours in the other poses.
 
-use crate::estimate::noise::rounding::steadied_alike;
+use crate::estimate::noise::rounding::{is_quiet, of_steadied, steadied_alike};
 use crate::estimate::noise::scatter::{Groups, Scatter};
 use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::LEAST_DOF;
@@ -45,19 +45,25 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     }
     let poses = observations.readings.rows_of_poses();
     // That some samples of a pose read the next code is no fault of theirs.
-    let lasts = |c: usize| fit.noise.lasting[c];
-    let sigma = &fit.noise.weighed;
-    let residuals = steadied_alike(observations, &poses, &fit.residuals, sigma, lasts);
-    // All samples of a pose have one play: they differ by their readings.
     let groups = Groups { rows: poses.clone(), order: 1 };
+    let lasts: Vec<bool> = (0..observations.readings.channels)
+        .map(|c| fit.noise.lasting[c] || is_quiet(&groups, observations, c))
+        .collect();
+    let sigma = &fit.noise.weighed;
+    let residuals = steadied_alike(observations, &poses, &fit.residuals, sigma, |c| lasts[c]);
+    // All samples of a pose have one play: they differ by their readings.
     let residuals = match fit.noise.measured.iter().any(|factor| *factor > 0.0) {
         true => residuals,
         false => contrasts(&groups, &residuals, (sigma, &[])).into_owned(),
     };
     let fit = &Fit { residuals: residuals.into(), ..fit.clone() };
     let told = |row: usize| fit.residuals.directions_of(row) as f64;
-    // A channel may be declared noisier than its repeats are, and the others are not then.
-    let declared = f64::from(u8::from(observations.options.noise.is_some()));
+    // A channel may be declared noisier than its repeats are, and the others are not then; where all of
+    // them stay on their codes, nothing else shows the noise of rounding.
+    let declared = match lasts.iter().all(|lasts| *lasts) {
+        true => of_steadied(observations, sigma),
+        false => f64::from(u8::from(observations.options.noise.is_some())),
+    };
     let siblings = |rows: &Vec<usize>, weights: &[f64]| -> Vec<usize> {
         rows.iter().copied().filter(|&r| weights[r] > 0.0).collect()
     };

@@ -108,6 +108,31 @@ impl Rounding {
     }
 }
 
+/// True for a channel that reads one code, or its neighbours, in most poses, however far it is off in
+/// some: which of these a sample reads is no noise.
+pub fn is_quiet(groups: &Groups, observations: &Observations, channel: usize) -> bool {
+    let channels = observations.readings.channels;
+    let read = |row: &usize| observations.readings.table.values[row * channels + channel];
+    let step = observations.steps[channel];
+    let near = |rows: &&Vec<usize>| {
+        rows.iter().all(|row| (read(row) - read(&rows[0])).abs() <= NEIGHBOURS * step)
+    };
+    let repeated = || groups.rows.iter().filter(|rows| rows.len() > 1);
+    let rows: Vec<Vec<usize>> = repeated().filter(near).cloned().collect();
+    if 2 * rows.len() <= repeated().count() {
+        return false;
+    }
+    let seen = Groups { rows, order: 1 }.scatter_in_steps(observations, channel);
+    seen.is_some_and(|seen| 12.0 * lasting(seen) > COUNTED)
+}
+
+/// Variance that rounding gives a sample, in units of the noise, on average over channels; as large as
+/// it is beside [`steadied_alike`] residuals.
+pub fn of_steadied(observations: &Observations, sigma: &[f64]) -> f64 {
+    let each = observations.steps.iter().zip(sigma).map(|(step, sigma)| (step / sigma).powi(2));
+    each.sum::<f64>() / (12.0 * KEPT * sigma.len() as f64)
+}
+
 /// Residuals as they would be, had channels whose rounding `lasts` read their mean in all samples of
 /// a pose that read no more than three neighbouring codes.
 ///
