@@ -57,6 +57,9 @@ pub struct Readings {
     pub taken: usize,
     /// Which closures hold in which rows.
     pub holding: Holding,
+    /// True where rows tell their order: by a time, or since one thing alone is touched, or one is
+    /// touched again after another. A file that has each in one piece may be sorted by their names.
+    pub ordered: bool,
     blocks: Vec<Block>,
     raw: Vec<Lanes>,
     columns: Vec<Lanes>,
@@ -186,6 +189,7 @@ impl Readings {
             merged: Some(rows),
             taken: self.taken,
             holding: self.holding.picked(&middles),
+            ordered: self.ordered,
             blocks: Vec::new(),
             raw: Vec::new(),
             columns: Vec::new(),
@@ -215,6 +219,8 @@ impl Readings {
             session_of_pose[pose] = table.session_of(row);
         }
         let (group, groups) = number_groups(&table, samples);
+        let runs = 1 + group.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let ordered = table.time.is_some() || groups.len() < 2 || runs > groups.len();
         let clock = match main {
             Some(main) => main.clock.clone(),
             None => session_clock(&table, &pose, samples),
@@ -255,6 +261,7 @@ impl Readings {
             merged: None,
             taken: main.filter(|_| own_poses).map_or(samples, |main| main.taken),
             holding,
+            ordered,
             blocks: Vec::new(),
             raw: Vec::new(),
             columns: Vec::new(),

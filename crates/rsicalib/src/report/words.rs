@@ -18,6 +18,7 @@ use crate::estimate::{AnchorKind, Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
 use crate::numerics::lm::Termination;
+use crate::readings::Readings;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::Cause;
 use crate::screening::fault::FaultKind;
@@ -440,6 +441,16 @@ pub fn directions(directions: &Directions) -> Vec<String> {
     };
     let open = directions.unobservable.iter().map(direction);
     open.chain(directions.conventions.iter().map(convention)).collect()
+}
+
+/// What could not be looked for, where rows do not tell their order.
+#[must_use]
+pub fn not_looked_for(readings: &Readings) -> Option<String> {
+    (!readings.ordered).then(|| {
+        "What happened once, as the slip of a sensor, was not looked for: rows of each place in one \
+         piece do not tell the order in which they were recorded. A column `time_s` does"
+            .to_owned()
+    })
 }
 
 /// What is left of the residual: the target, where there is one, and a sentence.

@@ -182,7 +182,7 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
 const ORDER: &str = "time_s, the order of the placements";
 
 /// As [`provided`], for a term that is searched for: what happened once has no time among
-/// placements whose order nothing tells. Rows of a file may be sorted by any name.
+/// placements whose order nothing tells, [`Readings::ordered`].
 ///
 /// # Errors
 ///
@@ -195,7 +195,7 @@ pub fn searchable(
     provided(term, mechanism, readings)?;
     let info = term.info();
     let once = term.placed() == Placed::AtPose && info.class != Class::Data;
-    match once && !readings.timed && readings.groups.len() > 1 {
+    match once && !readings.ordered {
         true => Err(Error::Context { term: info.id, needs: ORDER }),
         false => Ok(()),
     }
