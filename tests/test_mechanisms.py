@@ -13,6 +13,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import rsicalib
+from rsicalib import DEMO
 from rsicalib.errors import InputError
 from rsicalib.io.mechanisms import expansion_notes, load_mechanism, read_mechanism
 from tests import oracle
@@ -291,3 +292,39 @@ def test_a_term_that_there_is_not_is_refused_with_the_file(tmp_path: Path, model
     with pytest.raises(InputError, match=r"mine\.toml: .*gian.*offset") as error:
         rsicalib.load_mechanism(tmp_path / "mine.toml")
     assert error.value.where is not None and str(error.value.where["file"]).endswith("mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("", "nothing to read"),
+        (" ", "nothing to read"),
+        ("elbow\nleft", "with a line break"),
+        ("x" * 81, "81 characters"),
+    ],
+)
+@pytest.mark.parametrize("key", ["label", "name"])
+def test_what_people_read_of_a_channel_fits_on_a_line(key: str, text: str, found: str) -> None:
+    values = rsicalib.Mechanism("rsi").to_dict()
+    values["column"] = [{"name": "force", "unit": "N"}]
+    holder = values["channel"][0] if key == "label" else values["column"][0]
+    holder[key] = text
+    if (key, text) == ("name", ""):
+        found = "the name again, or none"
+    with pytest.raises(InputError, match=found) as refused:
+        rsicalib.Mechanism(values)
+    assert len(str(refused.value)) < 300
+    holder[key] = "x" * 80
+    assert rsicalib.Mechanism(values)
+
+
+def test_a_term_of_absurd_length_is_refused_and_not_echoed() -> None:
+    law = {"id": "z" * 200_000, "class": "sensor", "per": "channel", "correction": "a*phi"}
+    values = rsicalib.Mechanism("rsi").to_dict()
+    values["term"] = [law | {"parameters": {"a": 0.01}, "doc": "A slope."}]
+    with pytest.raises(InputError) as refused:
+        rsicalib.Mechanism(values)
+    assert len(str(refused.value)) < 300
+    with pytest.raises(InputError) as unknown:
+        rsicalib.calibrate(DEMO / "readings.csv", terms=["z" * 100_000])
+    assert "did you mean" not in str(unknown.value) and len(str(unknown.value)) < 3000

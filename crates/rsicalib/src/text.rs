@@ -71,7 +71,9 @@ pub fn word(choice: &dyn std::fmt::Debug) -> String {
 #[must_use]
 pub fn meant(found: &str, known: &str) -> String {
     let near = known.split(", ").map(|name| (distance(found, name), name));
-    let near = near.filter(|(d, name)| *d > 0 && 3 * d <= found.len().max(name.len()));
+    // No more letters are compared than `distance` looks at.
+    let letters = |text: &str| text.chars().take(2 * LONGEST).count();
+    let near = near.filter(|(d, name)| *d > 0 && 3 * d <= letters(found).max(letters(name)));
     near.min_by_key(|(d, _)| *d)
         .map_or(String::new(), |(_, name)| format!(" (did you mean {}?)", quoted(name)))
 }
@@ -126,6 +128,7 @@ mod tests {
             assert_eq!(meant(found, known), format!(" (did you mean \"{name}\"?)"));
         }
         assert_eq!(meant("nonsense", known), "");
+        assert_eq!(meant(&"z".repeat(100_000), known), "");
         assert_eq!(meant("", known), "");
     }
 

@@ -54,6 +54,7 @@ impl Mechanism {
     fn check_laws(&self) -> Result<(), Error> {
         for (k, law) in self.laws.iter().enumerate() {
             law.check()?;
+            on_one_line(&law.id, || "term".into())?;
             self.check_joints(law)?;
             if self.laws[..k].iter().any(|other| other.id == law.id) {
                 let place = format!("term {}", quoted(&law.id));
@@ -286,9 +287,26 @@ fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Result<(),
             let place = format!("{kind} {}", quoted(name));
             return Err(refuse(place, "the name again, or none".into(), "one of its own".into()));
         }
+        on_one_line(name, || kind.into())?;
         seen.push(name);
     }
     Ok(())
+}
+
+/// Characters of a line of a screen: what people are to read is no longer.
+const LINE: usize = 80;
+
+/// Refuses names and labels that no line of a report can show: empty ones, those with line breaks or
+/// other controls, and those longer than a line.
+fn on_one_line(text: &str, place: impl Fn() -> String) -> Result<(), Error> {
+    let count = text.chars().count();
+    let found = match () {
+        () if text.trim().is_empty() => "nothing to read".into(),
+        () if text.chars().any(char::is_control) => format!("{} with a line break", quoted(text)),
+        () if count > LINE => format!("{count} characters"),
+        () => return Ok(()),
+    };
+    Err(refuse(place(), found, format!("1 to {LINE} characters on one line")))
 }
 
 pub(super) fn finite<'a>(
@@ -337,6 +355,9 @@ fn check_row(row: &Row, place: impl Fn() -> String) -> Result<(), Error> {
 }
 
 fn check_channel(channel: &Channel) -> Result<(), Error> {
+    if let Some(label) = &channel.label {
+        on_one_line(label, || format!("channel {}: label", quoted(&channel.name)))?;
+    }
     let place = || format!("channel {}", quoted(&channel.name));
     finite([channel.gain, channel.offset].iter(), place)?;
     if let Some(unit) = unit_meant(&channel.unit) {
