@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import rsicalib
-from tests import paths
 from tests.oracle import Array
 from tests.test_ratio import HOOKS, NOISE, PALLETISER, WIRE, mechanism, palletiser
 
@@ -59,30 +58,3 @@ def test_hysteresis_is_named_in_single_poses_and_in_a_motion(kind: str, channel:
         explained += found.verdict == "explained"
     # Where a joint turns round, noise decides from which side it came: some sessions show it.
     assert explained >= 4
-
-
-def held(seed: int, poses: int, samples: int, share: float) -> Array:
-    """Whole counts of held poses within a share of the workspace, a count of noise."""
-    rng = np.random.default_rng(seed)
-    device = rsicalib.simulate(poses=2, samples=1, check=1, seed=seed).device
-    q = rng.uniform(-0.3, 0.3, (poses, 6)) * share * [6, 6, 3, 1, 1, 1] + [0, 0, -2.7, 0, 0, 0]
-    read = device.readings(np.repeat(q, samples, axis=0))
-    return np.clip(np.rint(read + rng.standard_normal(read.shape)), 0, 4095)
-
-
-@pytest.mark.parametrize(("poses", "samples"), [(24, 8), (48, 4), (48, 2)])
-@pytest.mark.parametrize("share", [1.0, 0.3])
-def test_repeats_are_told_by_their_scatter_in_a_small_workspace(
-    poses: int, samples: int, share: float
-) -> None:
-    """The smallest jump is 40 to 110 times the noise: by the largest step it was below 30 times."""
-    for seed in range(6):
-        assert paths.groups(held(seed, poses, samples, share)) == poses
-
-
-@pytest.mark.parametrize("kind", paths.KINDS)
-def test_rows_along_a_path_are_no_repeats(kind: str) -> None:
-    rng = np.random.default_rng(5)
-    for rows in paths.ROWS:
-        for step in (2.0, 5.0, 20.0):
-            assert paths.groups(paths.read(paths.drawn(rng, kind, rows, step), rng)) == 0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from statistics import NormalDist
-
 import numpy as np
 
 from rsicalib.arrays import FloatArray, IntArray
@@ -14,9 +12,8 @@ from rsicalib.io.suspicions import places, resolution
 
 __all__ = ["numbered", "numbered_apart"]
 
-CHANCE = 0.01
-"""Probability that noise is taken for a new pose anywhere in a session: that of other judgements of
-a clean one."""
+APART = 30.0
+"""Rows that repeat differ by so many times less than poses: in motion all sizes between occur."""
 FEWEST = 5
 """Poses that must have repeats."""
 
@@ -134,55 +131,17 @@ def _stands_between(steps: FloatArray, starts: IntArray) -> bool:
 
 
 def _jumps(steps: FloatArray, values: FloatArray, resolution: FloatArray) -> IntArray:
-    """Rows at which groups of repeats begin, the first aside; empty where rows are no repeats.
-
-    A step is a jump where a channel changes by more than noise does, the noise being that of the
-    steps that are none: the limit must reproduce itself. It is z = 4 to 5 times their root mean
-    square, so steps of all sizes, as those of a motion, raise it until no jump is left. What is
-    left are groups along a path, within which readings go on, and groups of repeats, which scatter.
-    """
+    """Rows at which groups of repeats begin, the first aside; empty where rows are no repeats."""
     none: IntArray = np.empty(0, dtype=np.int64)
     spans = np.ptp(values, axis=0)
     moving = spans > 0.0
     if not moving.any():
         return none
-    values, rounding = values[:, moving], resolution[moving]
-    changes = np.diff(values, axis=0)
-    z = NormalDist().inv_cdf(1.0 - CHANCE / (2 * changes.size))
-    # Begun at the widest gap between sizes, below which rounding makes none.
-    floor = np.maximum(np.sort(steps), (rounding / spans[moving]).max())
-    at = int(np.argmax(floor[1:] / floor[:-1]))
-    inside = steps < floor[at + 1]
-    while True:
-        if not inside.any():
-            return none
-        scatter = np.maximum(np.mean(changes[inside] ** 2, axis=0), 2.0 * rounding**2)
-        now = (np.abs(changes) <= z * np.sqrt(scatter)).all(axis=1) | inside
-        if (now == inside).all():
-            break
-        inside = now  # grows, and so ends
-    jumps = np.flatnonzero(~inside) + 1
-    if not changes[inside].any():
-        return none  # rows that were written twice are no samples, and show no noise
-    sizes = np.diff(np.r_[0, jumps, len(values)])
-    several = int((sizes > 1).sum())
-    if several < FEWEST or 2 * several < len(sizes):
+    sizes = np.sort(steps)
+    floor = np.maximum(sizes, (resolution[moving] / spans[moving]).max())
+    at = int(np.argmax(floor[1:] / floor[:-1])) + 1
+    jumps = np.flatnonzero(steps >= sizes[at]) + 1
+    several = int((np.diff(np.r_[0, jumps, len(values)]) > 1).sum())
+    if floor[at] < APART * floor[at - 1] or several < FEWEST or 2 * several < len(jumps):
         return none
-    return none if _go_on(values / np.sqrt(scatter), jumps, sizes) else np.asarray(jumps)
-
-
-def _go_on(values: FloatArray, starts: IntArray, sizes: IntArray) -> bool:
-    """Whether readings within groups are nearer to a straight motion than to noise.
-
-    By the ratio of von Neumann, the squares of steps over those of deviations from the mean of a
-    group: 2 for noise, and `12 / n (n + 1)` for `n` readings along a line. Two readings have 2 in
-    either case: pairs are told by their jumps alone.
-    """
-    first = np.r_[0, starts]
-    means = np.add.reduceat(values, first, axis=0) / sizes[:, None]
-    deviations = float(np.sum((values - np.repeat(means, sizes, axis=0)) ** 2))
-    within = np.ones(len(values) - 1, dtype=np.bool_)
-    within[starts - 1] = False
-    steps = float(np.sum(np.diff(values, axis=0)[within] ** 2))
-    line = float(np.sum(sizes - 1) / np.sum(sizes * (sizes**2 - 1) / 12.0))
-    return bool((sizes > 2).any()) and steps < 0.5 * (2.0 + line) * deviations
+    return np.asarray(jumps)
