@@ -74,7 +74,8 @@ impl<'s, 'a> Beam<'s, 'a> {
         let lost = !absurdities(&averaged.small, start, &[]).is_empty();
         let mut beam = Self { averaged, accounts: vec![nothing] };
         while let Some(next) = beam.next()? {
-            if lost && beam.leads_nowhere() {
+            // Effects and wrong readings have been tried; noise would take all of it.
+            if lost && matches!(next, Next::Noise(_)) && beam.leads_nowhere() {
                 beam.accounts.truncate(1);
                 break;
             }
@@ -93,7 +94,9 @@ impl<'s, 'a> Beam<'s, 'a> {
     /// mechanism fit any, once effects are large enough to undo what its joints do.
     fn leads_nowhere(&self) -> bool {
         let best = self.ranked().first().map(|k| &self.accounts[*k]);
-        best.is_some_and(|best| {
+        // A reading that is wrong may be all that keeps loops open.
+        let sound = |best: &&Account| best.items.iter().all(|item| !is_data(&item.instance));
+        best.filter(sound).is_some_and(|best| {
             let effects: Vec<Instance> = best.items.iter().map(|item| item.instance).collect();
             let of_effects = |it: &Absurdity| !it.is_of_readings();
             absurdities(&self.averaged.small, &best.fit, &effects).iter().any(of_effects)
