@@ -249,8 +249,9 @@ VERDICTS: Sequence[tuple[str, int]]
 COMPLETE: tuple[str, ...]
 """Terms of complete geometry of any chain, with its sensors."""
 CRITERIA: tuple[str, ...]
-UNKNOWN_THINGS: tuple[str, ...]
 """Names of what a plan can make small; the default first."""
+UNKNOWN_THINGS: tuple[str, ...]
+"""What results call unknown things, in the place of a term."""
 LARGEST: float
 """The largest number that is taken as an input, in size."""
 FALSE_ALARMS: float

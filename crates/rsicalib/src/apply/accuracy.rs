@@ -29,7 +29,7 @@ use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::estimate::{Fit, Observations};
 use crate::model::Model;
 use crate::numerics::distributions;
-use crate::readings::{Readings, Table, along, average, runs_of_poses};
+use crate::readings::{Readings, Table, along, ascending, average, runs_of_poses};
 
 /// Rigid motions that move places by less than this fraction of the most are none: rounding.
 const RANK: f64 = 1e-9;
@@ -140,13 +140,8 @@ pub fn predicted(
     let coordinates = slopes.first().map_or(0, |s| s.by_parameter.nrows());
     let placed = is_placed(observations, fit);
     let positions = if placed { 3 } else { coordinates };
-    let wanted = Wanted {
-        placed,
-        positions: 0..positions,
-        turns: positions..coordinates,
-        samples: &[],
-        moved: &[],
-    };
+    let wanted =
+        Wanted { positions: 0..positions, turns: positions..coordinates, samples: &[], moved: &[] };
     let sd = fit.model.sd_beforehand();
     let size = (slopes.len() * positions).max(1) as f64;
     let square = |by: &DMatrix<f64>| {
@@ -160,8 +155,6 @@ pub fn predicted(
 
 /// What of the derivatives an error is predicted of.
 pub(crate) struct Wanted<'a> {
-    /// True: of the pose of the platform; else of the points that chains carry.
-    pub placed: bool,
     /// Coordinates of positions.
     pub positions: std::ops::Range<usize>,
     /// Those of an orientation.
@@ -173,42 +166,18 @@ pub(crate) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// The predicted error at the rows of a table.
-    ///
-    /// # Errors
-    ///
-    /// As [`Readings::new`].
-    pub fn at(
-        &self,
-        observations: &Observations,
-        fit: &Fit,
-        table: &Table,
-    ) -> Result<Predicted, Error> {
-        Ok(self.of(fit, &slopes_at(observations, fit, table, self.placed)?))
-    }
-
-    /// The same of each row by itself; a motion of the instrument is of all of them.
-    ///
-    /// # Errors
-    ///
-    /// As [`Readings::new`].
-    pub fn at_each(
-        &self,
-        observations: &Observations,
-        fit: &Fit,
-        table: &Table,
-    ) -> Result<Vec<Predicted>, Error> {
-        let slopes = slopes_at(observations, fit, table, self.placed)?;
-        let each = slopes.iter().enumerate().map(|(row, slopes)| {
+    /// The predicted error of each row by itself; a motion of the instrument is of all of them.
+    pub fn of_each(&self, fit: &Fit, slopes: &[Slopes]) -> impl Iterator<Item = Predicted> {
+        slopes.iter().enumerate().map(|(row, slopes)| {
             let samples = self.samples.get(row..=row).unwrap_or_default();
             let (positions, turns) = (self.positions.clone(), self.turns.clone());
-            let one = Wanted { placed: self.placed, positions, turns, samples, moved: &[] };
+            let one = Wanted { positions, turns, samples, moved: &[] };
             one.of(fit, std::slice::from_ref(slopes))
-        });
-        Ok(each.collect())
+        })
     }
 
-    fn of(&self, fit: &Fit, slopes: &[Slopes]) -> Predicted {
+    /// The predicted error at the rows that have these derivatives.
+    pub fn of(&self, fit: &Fit, slopes: &[Slopes]) -> Predicted {
         let terms = fit.model.term_parameters;
         let covariance = fit.elsewhere();
         let sd: Vec<f64> = (0..terms).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
@@ -324,8 +293,7 @@ fn slopes_of_some(
     let poses = runs_of_poses(table, channels);
     let count = poses.len().min(most.max(1));
     let places = along(poses.iter().map(|rows| &table.values[rows.start * channels..][..channels]));
-    let mut order: Vec<usize> = (0..poses.len()).collect();
-    order.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
+    let order = ascending(&places);
     let some: Vec<_> = (0..count).map(|k| poses[order[k * poses.len() / count]].clone()).collect();
     slopes_at(observations, fit, &average(table, channels, &some), is_placed(observations, fit))
 }
@@ -336,7 +304,11 @@ pub(crate) fn is_placed(observations: &Observations, fit: &Fit) -> bool {
 }
 
 /// Derivatives of the platform's pose, or of where chains carry points, at the rows of a table.
-fn slopes_at(
+///
+/// # Errors
+///
+/// As [`Readings::new`].
+pub(crate) fn slopes_at(
     observations: &Observations,
     fit: &Fit,
     table: &Table,

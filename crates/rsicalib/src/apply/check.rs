@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
-use crate::apply::accuracy::{Expected, Wanted, is_placed};
+use crate::apply::accuracy::{Expected, Wanted, is_placed, slopes_at};
 use crate::apply::known::{Known, rows_of_known};
 pub(crate) use crate::apply::misread::Pair;
 use crate::apply::misread::{Misread, misread};
@@ -12,7 +12,6 @@ use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
 use crate::mechanism::Mechanism;
 use crate::readings::{Table, average};
-use crate::terms::term::Needs;
 
 /// Error of the platform pose: root mean square over components, as in Table VI.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,23 +80,23 @@ pub fn check(
     let (seen, turns) = (average(&known.table, channels, &parts), found.orientation_rms);
     let wanted = |samples| {
         let turns = turns.filter(|_| placed).map_or(0..0, |_| 3..6);
-        Wanted { placed, positions: positions.clone(), turns, samples, moved: &moved }
+        Wanted { positions: positions.clone(), turns, samples, moved: &moved }
     };
-    let error = wanted(&samples).at(observations, fit, &seen)?;
-    let quiet = wanted(&[]).at(observations, fit, &seen)?;
+    let slopes = slopes_at(observations, fit, &seen, placed)?;
+    let (error, quiet) = (wanted(&samples).of(fit, &slopes), wanted(&[]).of(fit, &slopes));
     let (position, orientation) = (found.position_rms, found.orientation_rms);
     let judged = error.judge(position, orientation, fit.noise.dof);
-    let motion = motion_of(&pairs, align);
-    let each = wanted(&samples).at_each(observations, fit, &seen)?.into_iter().zip(&pairs);
-    let each = each.map(|(predicted, pair)| {
-        let Check { position_rms, orientation_rms, .. } =
-            error_after(std::slice::from_ref(pair), &motion);
-        (position_rms, predicted.judge(position_rms, orientation_rms, fit.noise.dof))
-    });
     // What an effect of the way or of the time does at one known pose is not known as well as at those fitted.
-    let lasting = |needs| matches!(needs, Needs::Nothing | Needs::Gravity | Needs::Masses);
-    let judged = match fit.model.instances.iter().all(|i| lasting(i.term.info().needs)) {
-        true => judged.with_each(&each.collect::<Vec<_>>()),
+    let judged = match fit.model.instances.iter().all(|i| i.term.info().needs.of_pose()) {
+        true => {
+            let (alone, motion) = (wanted(&samples), motion_of(&pairs, align));
+            let each = alone.of_each(fit, &slopes).zip(&pairs).map(|(predicted, pair)| {
+                let off = error_after(std::slice::from_ref(pair), &motion);
+                let one = predicted.judge(off.position_rms, off.orientation_rms, fit.noise.dof);
+                (off.position_rms, one)
+            });
+            judged.with_each(&each.collect::<Vec<_>>())
+        }
         false => judged,
     };
     let finite = judged.chi2.is_finite() && judged.position_sd > 0.0 && found.poses > 0;

@@ -4,7 +4,7 @@
 use crate::kinematics::elements::Way;
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
-use crate::terms::term::{Acts, Freedom, Needs, Placed, Role};
+use crate::terms::term::{Acts, Freedom, Placed, Role};
 
 /// An effect beside others that χ² would not rise by this much without is faint.
 const FAINT: f64 = 40.0;
@@ -60,7 +60,7 @@ pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option
 /// is beside any law.
 fn two_laws(found: &[Instance]) -> Option<Doubted> {
     let of_pose = |i: &Instance| {
-        let needs = matches!(i.term.info().needs, Needs::Nothing | Needs::Gravity | Needs::Masses);
+        let needs = i.term.info().needs.of_pose();
         let law = i.term.placed() != Placed::AtPose && i.term.role() == Role::Other;
         needs && law && matches!(i.target, Target::Channel(_))
     };

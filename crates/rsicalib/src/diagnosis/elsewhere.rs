@@ -21,7 +21,7 @@ use crate::estimate::{
 };
 use crate::model::Instance;
 use crate::numerics::workers;
-use crate::readings::along;
+use crate::readings::{along, ascending};
 use crate::terms::term::Acts;
 
 /// Placements or sessions are left out half by half: each search has half of the readings, and both
@@ -214,8 +214,7 @@ fn along_readings(observations: &Observations) -> Vec<usize> {
     let n = readings.channels;
     let firsts: Vec<usize> = readings.rows_of_poses().iter().map(|rows| rows[0]).collect();
     let places = along(firsts.iter().map(|row| &readings.table.values[row * n..(row + 1) * n]));
-    let mut order: Vec<usize> = (0..places.len()).collect();
-    order.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
+    let order = ascending(&places);
     let mut block = vec![0; places.len()];
     for (place, pose) in order.iter().enumerate() {
         block[*pose] = place * PARTS / places.len();

@@ -127,15 +127,15 @@ impl Traced {
 /// As [`SearchOptions::check`] and [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
-    let (traced, lost) = explain(observations, search, Wanted::All)?;
+    let (traced, lost) = explain(observations, search, Scope::All)?;
     // Readings that are not of this mechanism: what seems to explain them means nothing.
     let effects: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
     let absurd =
         |found: &[Instance]| !absurdities(&traced.observations, &traced.after, found).is_empty();
     let wanted = match lost {
         true if traced.found.is_empty() && traced.excluded.is_empty() => return Ok(traced),
-        true if absurd(&effects) => Wanted::Nothing,
-        false if !effects.is_empty() && absurd(&[]) => Wanted::Screened,
+        true if absurd(&effects) => Scope::Nothing,
+        false if !effects.is_empty() && absurd(&[]) => Scope::Screened,
         _ => return Ok(traced),
     };
     Ok(explain(observations, search, wanted)?.0)
@@ -143,7 +143,7 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
 
 /// What is wanted of a session beside its fit.
 #[derive(Clone, Copy, PartialEq)]
-enum Wanted {
+enum Scope {
     /// What is wrong with it, and effects.
     All,
     /// What is wrong whatever the model lacks.
@@ -156,7 +156,7 @@ enum Wanted {
 fn explain(
     observations: &Observations,
     search: &SearchOptions,
-    wanted: Wanted,
+    wanted: Scope,
 ) -> Result<(Traced, bool), Error> {
     let all = observations;
     let base = all.instances()?;
@@ -165,10 +165,10 @@ fn explain(
     progress.enter(Stage::Screening);
     let mut observations = all.clone();
     let (mut clean, mut excluded) = match wanted {
-        Wanted::Nothing => (before.clone(), Vec::new()),
+        Scope::Nothing => (before.clone(), Vec::new()),
         _ => sound(&mut observations, &before)?,
     };
-    let wanted = wanted == Wanted::All;
+    let wanted = wanted == Scope::All;
     let lost = !absurdities(&observations, &clean, &[]).is_empty();
     progress.enter(Stage::Search);
     let mut searched = search_once(&observations, &clean, &base, search, wanted)?;

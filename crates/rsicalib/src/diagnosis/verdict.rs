@@ -277,8 +277,8 @@ pub struct Judgement {
 
 /// The verdict on a calibration or a trace, by everything that is known of it.
 ///
-/// Loops that stay open come first, then what is undetermined, then effects that are absurd. Readings that tell no more of where things are than the
-/// drawing does determine nothing, unless known poses tell more. What known poses, groups that were not fitted and
+/// Loops that stay open come first, then what is undetermined, then effects that are absurd. Readings that
+/// tell no more of where things are than the drawing does determine nothing, unless known poses tell more. What known poses, groups that were not fitted and
 /// poses left out in turn contradict is not adequate, nor explained, whatever the residual is;
 /// without a contradiction what nothing judges is unjudged.
 #[must_use]

@@ -30,7 +30,7 @@ use crate::mechanism::Target;
 use crate::model::{Model, Thing};
 use crate::numerics::component::{Component, Contrasts};
 use crate::numerics::symmetric::invert;
-use crate::readings::along;
+use crate::readings::{along, ascending};
 use crate::terms::term::{Placed, Role, Spot};
 use crate::terms::{PointPosition, targets};
 
@@ -112,10 +112,8 @@ pub fn groups_along(observations: &Observations, of_row: &[usize]) -> Vec<usize>
         let [sum, poses] = &mut sums[of_row[*row]];
         (*sum, *poses) = (*sum + place, *poses + 1.0);
     }
-    let mean = |g: &usize| sums[*g][0] / sums[*g][1];
-    let mut order: Vec<usize> = (0..count).collect();
-    order.sort_by(|a, b| mean(a).total_cmp(&mean(b)));
-    order
+    let means: Vec<f64> = sums.iter().map(|[sum, poses]| sum / poses).collect();
+    ascending(&means)
 }
 
 /// Number of a value among those seen, itself included.

@@ -34,7 +34,7 @@ use crate::numerics::random::Random;
 use crate::numerics::rank::{Spaces, eliminated, scaled, unit};
 use crate::numerics::symmetric::{eigenvalues, invert};
 use crate::readings::Readings;
-use crate::terms::term::{Acts, Needs, Placed, Term};
+use crate::terms::term::{Acts, Placed, Term};
 
 /// The most that misclosures, a thousandth of the machine at the most, tell of a convention: unit
 /// columns, squared.
@@ -491,7 +491,7 @@ fn shared<'a>(other: &'a Model, model: &'a Model) -> impl Iterator<Item = (usize
 /// or gives what stands a shape or a move.
 fn followers(model: &Model) -> Vec<usize> {
     columns_of(model, |term| {
-        let device = matches!(term.info().needs, Needs::Nothing | Needs::Gravity | Needs::Masses)
+        let device = term.info().needs.of_pose()
             && term.placed() == Placed::Once
             && !matches!(term.acts(), Acts::Surface(_) | Acts::End);
         !device

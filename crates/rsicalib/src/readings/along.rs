@@ -32,6 +32,13 @@ pub(crate) fn along<'a>(rows: impl Iterator<Item = &'a [f64]> + Clone) -> Vec<f6
     rows.map(|row| (0..n).map(|c| way * vectors[(c, n - 1)] * part(row, c)).sum()).collect()
 }
 
+/// Numbers of rows in the order of their places.
+pub(crate) fn ascending(places: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
+    order
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,7 +10,7 @@ pub mod sampled;
 mod samples;
 mod table;
 
-pub(crate) use along::along;
+pub(crate) use along::{along, ascending};
 pub use block::Block;
 pub use holding::Holding;
 pub use samples::Readings;

@@ -118,7 +118,10 @@ impl Beside {
             .unwrap_or_default();
         let poses = runs_of_poses(&touched.table, self.mechanism.channels.len()).len();
         let others = by_group.iter().filter(|(name, _)| touched.is_other(name)).count();
-        let predicted = predicted(observations, fit, &touched.table, PREDICTED)?;
+        let predicted = match others {
+            0 => None,
+            _ => Some(predicted(observations, fit, &touched.table, PREDICTED)?.position_sd),
+        };
         Ok(Some(GroupsReport {
             fitted: mean(&by_group, |name| touched.is_fitted(name)),
             others: mean(&by_group, |name| touched.is_other(name)),
@@ -127,7 +130,7 @@ impl Beside {
             before_fitted: mean(&before, |name| touched.is_fitted(name)),
             before_others: mean(&before, |name| touched.is_other(name)),
             coordinates: (3 * poses * others / by_group.len()) as f64,
-            predicted: Some(predicted.position_sd).filter(|sd| sd.is_finite()),
+            predicted: predicted.filter(|sd| sd.is_finite()),
             by_group: Named(by_group),
             unit: self.mechanism.length_unit.clone(),
         }))
@@ -150,10 +153,11 @@ impl Touched {
 
 impl GroupsReport {
     /// Groups that were not fitted beside what the fitted ones leave and the parameters add: errors of these
-    /// take as much from what a fit leaves of its own readings as they add to others.
+    /// take as much from what a fit leaves of its own readings as they add to others, in each of three
+    /// coordinates.
     #[must_use]
     pub fn expected(&self) -> Option<Compared> {
-        let added = 6.0_f64.sqrt() * self.predicted?;
+        let added = (2.0_f64 * 3.0).sqrt() * self.predicted?;
         let other = self.fitted?.hypot(added);
         Some(Compared { found: self.others?, other, errors: self.coordinates })
     }

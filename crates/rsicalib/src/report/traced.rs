@@ -8,7 +8,7 @@ use crate::diagnosis::detectability::{Detectability, could_hide};
 use crate::diagnosis::elsewhere::{Elsewhere, elsewhere};
 use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
-use crate::diagnosis::options::{LEVEL, SearchOptions};
+use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
 use crate::diagnosis::score::scored;
 use crate::diagnosis::search::rivals;
@@ -382,7 +382,8 @@ pub fn traced(
     let other = |((rival, apart), sd)| words::another(&traced.small.mechanism, rival, apart, sd);
     let unknown = traced.unknown.as_ref().filter(|law| law.ties());
     let law = unknown.map(|law| words::unknown_law(&traced.small.mechanism, law));
-    let something = !traced.found.is_empty() || p_value.is_some_and(|p| p <= LEVEL);
+    let sound = matches!(verdict, Verdict::Adequate | Verdict::Unjudged);
+    let something = !traced.found.is_empty() || !sound;
     let untried = words::not_looked_for(&observations.readings).filter(|_| something);
     let said = another.map(other).into_iter().chain([text]).chain(law).chain(untried);
     let said: Vec<String> = said.collect();

@@ -44,7 +44,7 @@ fn without_an_end(
     weights: &[f64],
     mut found: Vec<Excluded>,
 ) -> Vec<Excluded> {
-    let readings = observations.readings.clone();
+    let readings = &observations.readings;
     if !readings.held || !readings.ordered {
         return found;
     }

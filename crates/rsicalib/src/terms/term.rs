@@ -39,6 +39,12 @@ pub enum Needs {
 }
 
 impl Needs {
+    /// True for what a pose by itself tells, whenever and however it was reached.
+    #[must_use]
+    pub fn of_pose(self) -> bool {
+        matches!(self, Self::Nothing | Self::Gravity | Self::Masses)
+    }
+
     /// The missing data, for messages.
     #[must_use]
     pub fn words(self) -> &'static str {
