@@ -41,6 +41,22 @@ def test_quiet_sensors_lose_no_reading(seed: int) -> None:
     assert not found.excluded
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("step", STEPS)
+def test_a_coarse_sensor_among_quiet_ones_is_adequate(step: int, seed: int) -> None:
+    """Noise of .05 counts: the rounding of every sensor lasts over a pose, and that of one is larger."""
+    made = rsicalib.simulate(poses=36, samples=8, seed=seed, noise=0.05)
+    values = made.readings.values.copy()
+    # Not rounded twice: of two roundings the second has no error that is uniform.
+    values[:, 4] = np.floor(values[:, 4] / step) * step
+    readings = Readings.from_arrays(
+        rsicalib.load_mechanism("rsi"), values, pose=made.readings.pose
+    )
+    found = rsicalib.calibrate(readings, rest=made.rest)
+    assert (found.verdict, found.noise.kind) == ("adequate", "quantisation")
+    assert found.noise.sigma["a22"] == pytest.approx(step / np.sqrt(12.0), rel=0.1)
+
+
 def test_a_wild_sample_of_a_quiet_sensor_is_left_out() -> None:
     made = rsicalib.simulate(poses=24, samples=8, seed=1, noise=0.05)
     values = made.readings.values.copy()

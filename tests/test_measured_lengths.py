@@ -65,6 +65,9 @@ CASES = [
     ("column", None, None),
     ("channel", SIGMA, WIRE),
     ("channel", None, WIRE),
+    # Declared too small: what repeats show is of the wire, and of no joint.
+    ("column", SIGMA, WIRE / 5),
+    ("column", None, WIRE / 5),
 ]
 
 

@@ -1,7 +1,7 @@
 //! Doubts about what a session declares: units, noise, and readings that say nothing new.
 
 use crate::estimate::degrees;
-use crate::estimate::noise::source::{NoiseEstimate, Source, misdeclared};
+use crate::estimate::noise::source::{ALIKE, NoiseEstimate, Source, misdeclared};
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
 use crate::model::Model;
@@ -57,4 +57,28 @@ pub(crate) fn of_noise(
         found.extend(factor.map(|factor| Suspicion::Noise { by: Witness::Fit, factor, play }));
     }
     found
+}
+
+/// Lengths and points that are read with every sample, whose noise is not what they declare.
+pub(crate) fn of_lengths(
+    observations: &Observations,
+    model: &Model,
+    noise: &NoiseEstimate,
+) -> Vec<Suspicion> {
+    let (play, lengths) = (model.play(), model.lengths());
+    let by = if observations.readings.held { Witness::Repeats } else { Witness::Neighbours };
+    let of = |(closure, equation): (usize, usize)| {
+        let declared = play[equation] * lengths[equation].powi(2);
+        let more = noise.seating.get(closure).copied().unwrap_or(0.0);
+        let factor = ((declared + more) / declared).sqrt();
+        let doubted = declared > 0.0 && !(1.0 / ALIKE..ALIKE).contains(&factor);
+        let declared = declared.sqrt();
+        let closure = model.closures[closure].number;
+        doubted.then_some(Suspicion::LengthNoise { closure, by, declared, factor })
+    };
+    let mut found: Vec<(usize, Suspicion)> =
+        model.lengths_read().filter_map(|at| Some((at.0, of(at)?))).collect();
+    // The coordinates of one point declare one noise.
+    found.dedup_by_key(|(closure, _)| *closure);
+    found.into_iter().map(|(_, suspicion)| suspicion).collect()
 }

@@ -148,14 +148,16 @@ fn seated_alike(a: &Noise, b: &Noise) -> bool {
     (0..a.seating.len().max(b.seating.len())).all(same)
 }
 
-/// Lengths that differ from sample to sample and declare no noise; `measured` are the variances of the
-/// equations that do.
+/// Lengths that differ from sample to sample; `measured` are the variances of the equations that do.
 fn lengths_of(model: &Model, noise: &Noise, measured: &[f64]) -> Vec<Length> {
     let drawn = |k: usize| noise.measured.get(k).is_some_and(|factor| *factor > 0.0);
-    let lengths = model.undeclared_lengths().filter(|(k, e)| drawn(*k) && *e < measured.len());
-    lengths
-        .map(|(closure, equation)| Length { closure, equation, variance: measured[equation] })
-        .collect()
+    let declared = Noise { seating: Vec::new(), ..noise.clone() }.measured_lengths(model);
+    let lengths = model.lengths_read().filter(|(k, e)| drawn(*k) && *e < measured.len());
+    let of = |(closure, equation): (usize, usize)| {
+        let (variance, declared) = (measured[equation], declared[equation]);
+        Length { closure, equation, variance, declared }
+    };
+    lengths.map(of).collect()
 }
 
 /// True for two noises that are proportional and differ by no factor, to 1 %.
@@ -380,6 +382,7 @@ fn minimum(
         let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
+        fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
         let no_start = fit.warnings.iter().any(is_no_start);
         let terms = || fit.model.instances.clone();
         let refit = |other: &Observations| {

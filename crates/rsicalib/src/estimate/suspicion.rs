@@ -86,6 +86,17 @@ pub enum Suspicion {
         /// True where play was declared, too, and is multiplied with it.
         play: bool,
     },
+    /// The declared noise of a length or a point that is read with every sample is not what these show.
+    LengthNoise {
+        /// The closure, counted in the mechanism.
+        closure: usize,
+        /// What shows it.
+        by: Witness,
+        /// What is declared, length units.
+        declared: f64,
+        /// By what the declared noise would have to be multiplied.
+        factor: f64,
+    },
     /// No start led to a fit in which every joint moves.
     NoStart {
         /// Starts that were tried.

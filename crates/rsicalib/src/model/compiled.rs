@@ -1065,15 +1065,13 @@ impl Model {
         self.closures.iter().map(|closure| closure.equation..closure.equation + closure.equations())
     }
 
-    /// Closures whose length, or point, stands in columns of the readings and declares no noise: their numbers,
-    /// and their equations.
-    pub(crate) fn undeclared_lengths(&self) -> impl Iterator<Item = (usize, usize)> {
+    /// Closures whose length, or point, stands in columns of the readings: their numbers, and their equations.
+    pub(crate) fn lengths_read(&self) -> impl Iterator<Item = (usize, usize)> {
         let seen = |closure: &CompiledClosure| {
             closure.column.is_some() || closure.ends.iter().any(|e| matches!(e, End::Seen(..)))
         };
-        let open = move |closure: &CompiledClosure| seen(closure) && closure.noise == 0.0;
         let all = self.closures.iter().zip(self.equations_by_closure()).enumerate();
-        all.filter(move |(_, (closure, _))| open(closure))
+        all.filter(move |(_, (closure, _))| seen(closure))
             .flat_map(|(k, (_, equations))| equations.map(move |equation| (k, equation)))
     }
 

@@ -190,6 +190,9 @@ fn of_suspicion(observations: &Observations, suspicion: &Suspicion) -> Warned {
         Suspicion::Length { at, .. } => (Kind::Units, Some(words::length(mechanism, *at).0)),
         Suspicion::Coarse { channel, .. } => (Kind::Coarse, channels(&[*channel])),
         Suspicion::Noise { .. } => (Kind::Noise, None),
+        Suspicion::LengthNoise { closure, .. } => {
+            (Kind::Noise, Some(mechanism.closures[*closure].name.clone()))
+        }
         Suspicion::NoStart { .. } => (Kind::NoStart, None),
     };
     Warned { kind, target, text: words::suspicion(mechanism, suspicion) }

@@ -211,6 +211,14 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
             100.0 * share
         ),
         Suspicion::Noise { by, factor, play } => declared_noise(*by, *factor, *play),
+        Suspicion::LengthNoise { closure, by, declared, factor } => format!(
+            "{} declares noise = {} {}: {} show {} times as much, which is used",
+            mechanism.closures[*closure].name,
+            significant(*declared, 3),
+            mechanism.length_unit,
+            shown_by(*by),
+            significant(*factor, 3)
+        ),
         Suspicion::NoStart { tried } => format!(
             "none of {tried} starts led to a fit in which every joint moves: check the wiring, the \
              rest reading and the nominal gains, or record poses that differ more"
@@ -292,6 +300,15 @@ fn in_degrees(names: &str, of: InDegrees) -> String {
     }
 }
 
+/// What shows a noise, in the plural.
+fn shown_by(by: Witness) -> &'static str {
+    match by {
+        Witness::Repeats => "repeats",
+        Witness::Neighbours => "neighbouring rows",
+        Witness::Fit => "residuals",
+    }
+}
+
 /// Declared noise that is not what the readings show.
 fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
     let (what, is) = if play { ("noise and play", "are") } else { ("noise", "is") };
@@ -304,7 +321,7 @@ fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
     let words = match by {
         Witness::Repeats | Witness::Neighbours => format!(
             "the declared {what} {is} too {size}: {} show {factor} times as much, which is used",
-            if by == Witness::Repeats { "repeats" } else { "neighbouring rows" }
+            shown_by(by)
         ),
         Witness::Fit if smaller => format!(
             "the declared {what} {is} too large: the residual is smaller than chance allows, and \

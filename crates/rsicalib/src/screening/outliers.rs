@@ -60,9 +60,10 @@ pub fn samples(observations: &mut Observations, fit: &Fit) -> Vec<Excluded> {
     let told = |row: usize| fit.residuals.directions_of(row) as f64;
     // A channel may be declared noisier than its repeats are, and the others are not then; where all of
     // them stay on their codes, nothing else shows the noise of rounding.
+    let known = observations.options.noise.is_some() || lasts.contains(&true);
     let declared = match lasts.iter().all(|lasts| *lasts) {
         true => of_steadied(observations, sigma),
-        false => f64::from(u8::from(observations.options.noise.is_some())),
+        false => f64::from(u8::from(known)),
     };
     let siblings = |rows: &Vec<usize>, weights: &[f64]| -> Vec<usize> {
         rows.iter().copied().filter(|&r| weights[r] > 0.0).collect()

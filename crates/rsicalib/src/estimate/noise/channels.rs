@@ -13,7 +13,8 @@
 //!
 //! Channels are alike until `g² / I` says otherwise, then stand apart one by one; those in coarse
 //! steps of their own stand apart from the start. So does a length that is read with every sample and
-//! declares no noise: `b_c` is then the derivative by that length.
+//! declares no noise: `b_c` is then the derivative by that length. A length that declares its noise has
+//! what it declares until the same test says otherwise.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
@@ -54,14 +55,14 @@ pub struct Alike {
     pub floor: Vec<f64>,
     /// Channels that stand apart whatever they show.
     pub apart: Vec<bool>,
-    /// Lengths and coordinates that declare no noise.
+    /// Lengths and coordinates that are read with every sample.
     pub lengths: Vec<Length>,
     /// True where the noise of the channels is known: only that of the lengths is told.
     pub known: bool,
 }
 
-/// A length, or a coordinate of a point, that is read with every sample, and declares no noise of its own: those
-/// of one point have the same.
+/// A length, or a coordinate of a point, that is read with every sample: those of one point have the same
+/// noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Length {
     /// Number of its closure among those of samples.
@@ -70,6 +71,8 @@ pub struct Length {
     pub equation: usize,
     /// Variance that whitens the residuals, length units squared.
     pub variance: f64,
+    /// Variance that it declares, zero where it declares none.
+    pub declared: f64,
 }
 
 /// Groups by which channels are told apart.
@@ -112,15 +115,20 @@ pub fn by_channel(
 ) -> Option<Told> {
     let seen = Seen::of(groups, residuals, used, alike);
     let channels = alike.noise.sigma.len();
-    let limit = distributions::two_sided_limit(ALPHA, channels);
     let mut variances = Variances::new(seen.units.len(), alike.known);
     let lengths = channels..seen.units.len();
     for c in (0..channels).filter(|&c| alike.apart[c]).chain(lengths) {
         variances.own[c] = Some(seen.unit(c));
+        variances.declared[c] = c >= channels && alike.lengths[c - channels].declared > 0.0;
     }
+    let open = |variances: &Variances, c: usize| {
+        variances.declared[c] || (!alike.known && variances.own[c].is_none())
+    };
+    let count = (0..seen.units.len()).filter(|&c| open(&variances, c)).count();
+    let limit = distributions::two_sided_limit(ALPHA, count.max(1));
     loop {
         variances.settle(&seen)?;
-        if alike.known {
+        if !(0..seen.units.len()).any(|c| open(&variances, c)) {
             break;
         }
         let scores = seen.scores(&variances)?;
@@ -128,22 +136,22 @@ pub fn by_channel(
             let (all, rest) = scores[*c];
             (all * share.sqrt()).abs() > limit && all * rest > 0.0 && rest.abs() > WITHOUT
         };
-        let found = (0..channels)
-            .filter(|c| variances.own[*c].is_none())
+        let found = (0..seen.units.len())
+            .filter(|&c| open(&variances, c))
             .filter(sure)
             .max_by(|a, b| scores[*a].0.abs().total_cmp(&scores[*b].0.abs()));
         match found {
+            Some(c) if variances.declared[c] => variances.declared[c] = false,
             // One channel less than there are says it all.
-            Some(c) if variances.apart() + 1 < seen.units.len() => {
+            Some(c) if alike.known || variances.apart() + 1 < seen.units.len() => {
                 variances.own[c] = Some(variances.common * seen.unit(c));
             }
             _ => break,
         }
     }
-    let all = variances.apart();
     let noise = variances.noise(alike);
-    let apart = all - alike.lengths.len();
-    (all > 0).then_some(Told { noise, common: variances.common, apart })
+    let apart = variances.own[..channels].iter().flatten().count();
+    (variances.apart() > 0).then_some(Told { noise, common: variances.common, apart })
 }
 
 /// Common scale, and the variance of each channel that stands apart.
@@ -153,20 +161,27 @@ struct Variances {
     /// True where the common scale is known.
     known: bool,
     own: Vec<Option<f64>>,
+    /// True where the own variance is what is declared, and stays.
+    declared: Vec<bool>,
 }
 
 impl Variances {
     fn new(columns: usize, known: bool) -> Self {
-        Self { common: 1.0, known, own: vec![None; columns] }
+        Self { common: 1.0, known, own: vec![None; columns], declared: vec![false; columns] }
+    }
+
+    /// True for a column whose own variance is told.
+    fn is_apart(&self, column: usize) -> bool {
+        self.own[column].is_some() && !self.declared[column]
     }
 
     fn apart(&self) -> usize {
-        self.own.iter().flatten().count()
+        (0..self.own.len()).filter(|&c| self.is_apart(c)).count()
     }
 
     /// The columns of [`ScoreSums`] that belong to it: the scale, then channels that stand apart.
     fn columns(&self) -> Vec<usize> {
-        let own = (0..self.own.len()).filter(|c| self.own[*c].is_some()).map(|c| c + 1);
+        let own = (0..self.own.len()).filter(|&c| self.is_apart(c)).map(|c| c + 1);
         std::iter::once(0).filter(|_| !self.known).chain(own).collect()
     }
 
@@ -205,7 +220,8 @@ impl Variances {
         for (length, own) in alike.lengths.iter().zip(&self.own[sigma.len()..]) {
             let factor = play * measured[length.closure];
             let alike = alike.lengths.iter().filter(|other| other.closure == length.closure);
-            seating[length.closure] += own.unwrap_or_default() / factor / alike.count() as f64;
+            let more = own.unwrap_or_default() - length.declared;
+            seating[length.closure] += more / factor / alike.count() as f64;
         }
         Noise { sigma, play, seating, measured }
     }
@@ -315,7 +331,8 @@ impl Seen {
         let mut units: Vec<f64> = alike.noise.sigma.iter().map(|s| s * s).collect();
         let mut floor = alike.floor.clone();
         for column in channels..channels + lengths.len() {
-            let all = explaining(&groups, column);
+            let declared = lengths[column - channels].declared;
+            let all = if declared > 0.0 { declared } else { explaining(&groups, column) };
             units.push(all);
             floor.push(LEAST * all);
         }
@@ -507,12 +524,12 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_the_likelihood() {
         let seen = seen();
-        let at = Variances { common: 0.7, known: false, own: vec![None, Some(1.3), None] };
+        let at = Variances { common: 0.7, known: false, own: vec![None, Some(1.3), None], declared: vec![false; 3] };
         let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
         let step = 1e-5;
         let moved = |common: f64, own: f64| {
             let own = vec![None, Some(1.3 + own), None];
-            likelihood(&seen, &Variances { common: 0.7 + common, known: false, own })
+            likelihood(&seen, &Variances { common: 0.7 + common, own, ..at.clone() })
         };
         let by_common = (moved(step, 0.0) - moved(-step, 0.0)) / (2.0 * step);
         let by_own = (moved(0.0, step) - moved(0.0, -step)) / (2.0 * step);
@@ -524,7 +541,7 @@ mod tests {
     #[test]
     fn variances_settle_where_the_gradient_vanishes() {
         let seen = seen();
-        let mut at = Variances { common: 1.0, known: false, own: vec![None, Some(1.0), None] };
+        let mut at = Variances { common: 1.0, known: false, own: vec![None, Some(1.0), None], declared: vec![false; 3] };
         assert!(at.settle(&seen).is_some());
         let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
         assert!(sums[0].abs() < 1e-2 && sums[2].abs() < 1e-2, "{sums:?}");

@@ -26,6 +26,10 @@ use crate::estimate::residuals::Residuals;
 /// the variance that is presumed of a channel sets none apart.
 const COUNTED: f64 = 0.05;
 
+/// The same for a channel whose samples of the next code stand off no pose: noise of a third of a step. With
+/// more, codes scatter nearly as a normal distribution does.
+const QUIET: f64 = 0.01;
+
 /// Noises or steps that differ by less than this part are alike.
 const ALIKE: f64 = 0.01;
 
@@ -60,9 +64,6 @@ impl Rounding {
         for c in 0..channels {
             let step = observations.steps[c];
             let Some(seen) = groups.scatter_in_steps(observations, c) else { continue };
-            if !observations.coded(c) {
-                continue;
-            }
             let share = 12.0 * lasting(seen);
             if share > COUNTED {
                 held[c] = share * step * step / 12.0;
@@ -73,7 +74,7 @@ impl Rounding {
         // Numbers of any file end somewhere, and that is no noise of their channels.
         let counts = |c: usize| held[c] > 0.0 || relative(c).powi(2) / 12.0 > COUNTED;
         let coarse: Vec<bool> = (0..channels).map(|c| observations.coded(c) && counts(c)).collect();
-        let any = coarse.iter().any(|coarse| *coarse) && groups.rows.iter().any(|r| r.len() > 1);
+        let any = coarse.contains(&true) && groups.rows.iter().any(|r| r.len() > 1);
         let samples = groups.usual();
         any.then_some(Self { coarse, lasting: held, passing, scatter, samples })
     }
@@ -81,6 +82,17 @@ impl Rounding {
     /// True for a channel whose rounding lasts.
     pub fn lasts(&self, channel: usize) -> bool {
         self.lasting[channel] > 0.0
+    }
+
+    /// True where the rounding of all channels lasts: their readings then scatter by less than half of
+    /// a step, and nothing else tells their noise.
+    pub fn all_last(&self) -> bool {
+        self.lasting.iter().all(|lasting| *lasting > 0.0)
+    }
+
+    /// Variance by which the readings of a channel whose rounding lasts scatter within poses.
+    pub fn scatter(&self, channel: usize) -> f64 {
+        self.scatter[channel]
     }
 
     /// Variance of what differs from sample to sample, where the sensor's noise has the variance
@@ -123,7 +135,7 @@ pub fn is_quiet(groups: &Groups, observations: &Observations, channel: usize) ->
         return false;
     }
     let seen = Groups { rows, order: 1 }.scatter_in_steps(observations, channel);
-    seen.is_some_and(|seen| 12.0 * lasting(seen) > COUNTED)
+    seen.is_some_and(|seen| 12.0 * lasting(seen) > QUIET)
 }
 
 /// Variance that rounding gives a sample, in units of the noise, on average over channels; as large as
@@ -167,7 +179,9 @@ pub fn steadied<'a>(
 }
 
 /// Steadied residuals, whitened anew: without the noise of channels whose rounding `lasts`, of which
-/// each has the standard deviation `sigma`, poses would differ by how much these move them.
+/// each has the standard deviation `sigma`, poses would differ by how much these move them. Beside
+/// channels of which none lasts each keeps the variance of its rounding, and samples scatter by no more
+/// than by what whitens them.
 pub fn steadied_alike(
     observations: &Observations,
     rows_of_poses: &[Vec<usize>],
@@ -181,11 +195,16 @@ pub fn steadied_alike(
     if lasting.is_empty() {
         return steady;
     }
+    let rounding: Vec<f64> = observations.roundings().collect();
+    let kept = |c: usize| match lasting.len() == channels {
+        true => KEPT,
+        false => (rounding[c] / (sigma[c] * sigma[c])).min(1.0),
+    };
     for row in 0..observations.readings.samples {
         let a = |e: usize, c: usize| residuals.by_reading[(row * k + e) * channels + c] * sigma[c];
         let left = Mat::from_fn(k, k, |i, j| {
-            let gone: f64 = lasting.iter().map(|&c| a(i, c) * a(j, c)).sum();
-            f64::from(u8::from(i == j)) - (1.0 - KEPT) * gone
+            let gone = lasting.iter().map(|&c| (1.0 - kept(c)) * a(i, c) * a(j, c));
+            f64::from(u8::from(i == j)) - gone.sum::<f64>()
         });
         let Ok(factor) = left.llt(Side::Lower) else { continue };
         let first = row * k;

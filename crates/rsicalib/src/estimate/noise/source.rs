@@ -236,7 +236,13 @@ pub(crate) fn rounded(
 ) -> Option<Rounded> {
     let steady = steadied(observations, &groups.rows, within, |c| rounding.lasts(c));
     let scatter = groups.scatter(&steady, 0.0);
-    if scatter.dof < LEAST_DOF || scatter.within == 0.0 {
+    if scatter.dof < LEAST_DOF {
+        return None;
+    }
+    if rounding.all_last() {
+        return Some(all_rounded(observations, rounding));
+    }
+    if scatter.within == 0.0 {
         return None;
     }
     let mut noise = Noise { play: used.play, ..first_noise(observations, None) };
@@ -264,6 +270,20 @@ pub(crate) fn rounded(
         apart,
         scatter: Some(scatter),
     })
+}
+
+/// The noise where the rounding of all channels lasts: as much as they scatter by, and what lasts.
+fn all_rounded(observations: &Observations, rounding: &Rounding) -> Rounded {
+    let channels = 0..rounding.lasting.len();
+    let one = |c: usize| (rounding.scatter(c) + rounding.lasting[c]).sqrt();
+    let sigma = channels.clone().map(|c| rounding.weighed(c, rounding.scatter(c), 1.0)).collect();
+    Rounded {
+        one: channels.clone().map(one).collect(),
+        weighed: Noise { sigma, ..first_noise(observations, None) },
+        lasting: vec![true; channels.len()],
+        apart: 0,
+        scatter: None,
+    }
 }
 
 /// What is declared of the noise, or guessed, rounding aside.
@@ -384,8 +404,9 @@ pub(crate) fn estimate_noise(
     let seen = scatter.within / scatter.dof.max(1.0) / scatter.shown;
     let least = resolution(observations, used).max(f64::MIN_POSITIVE);
     let still = seen.sqrt() <= least;
-    // Rounding of numbers has no correlation.
-    let scatter = if still { scatter.alone() } else { scatter };
+    // Rounding has no correlation but what lasts.
+    let all_rounded = !declared && rounded.is_some() && steady.is_none();
+    let scatter = if still || all_rounded { scatter.alone() } else { scatter };
     let Scatter { correlation, inflation, slow, effective, shown, dof, .. } = scatter;
     let one = rounded.map_or(&used.sigma, |rounded| &rounded.one);
     let none = vec![false; one.len()];
@@ -412,6 +433,9 @@ pub(crate) fn estimate_noise(
     };
     if declared {
         return scaled(1.0, Source::Declared, f64::INFINITY);
+    }
+    if all_rounded {
+        return scaled(1.0, Source::Quantisation, f64::INFINITY);
     }
     if steady.is_some() {
         return scaled(1.0, Source::Repeats, effective.max(1.0));
