@@ -49,9 +49,7 @@ def test_a_coarse_sensor_among_quiet_ones_is_adequate(step: int, seed: int) -> N
     values = made.readings.values.copy()
     # Not rounded twice: of two roundings the second has no error that is uniform.
     values[:, 4] = np.floor(values[:, 4] / step) * step
-    readings = Readings.from_arrays(
-        rsicalib.load_mechanism("rsi"), values, pose=made.readings.pose
-    )
+    readings = Readings.from_arrays(rsicalib.load_mechanism("rsi"), values, pose=made.readings.pose)
     found = rsicalib.calibrate(readings, rest=made.rest)
     assert (found.verdict, found.noise.kind) == ("adequate", "quantisation")
     assert found.noise.sigma["a22"] == pytest.approx(step / np.sqrt(12.0), rel=0.1)

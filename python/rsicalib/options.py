@@ -20,7 +20,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.errors import InputError, InputTypeError
-from rsicalib.plain_text import quoted
+from rsicalib.plain_text import meant, quoted
 
 __all__ = ["NUMBERS", "Bounds", "checked", "names", "noise_of", "number", "parsed", "rows"]
 
@@ -146,7 +146,12 @@ def checked(verb: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(verb)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
-        given = signature.bind(*args, **kwargs)
+        try:
+            given = signature.bind(*args, **kwargs)
+        except TypeError as error:
+            known = list(signature.parameters)
+            hint = next((meant(name, known) for name in kwargs if name not in known), "")
+            raise TypeError(f"{verb.__name__}() {error}{hint}") from None
         for name, (bound, optional) in bounds.items():
             if name in given.arguments and not (optional and given.arguments[name] is None):
                 given.arguments[name] = bound.of(name, given.arguments[name])

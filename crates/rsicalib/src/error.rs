@@ -1,6 +1,11 @@
 //! The errors of this crate.
 
-use crate::text::{meant, quoted};
+use crate::text::{meant, meant_by, quoted};
+
+/// The known name that may have been meant by what stands in quotation marks.
+fn hint(found: &str, known: &str) -> String {
+    found.split('"').nth(1).map_or(String::new(), |name| meant(name, known))
+}
 
 /// Input from which no answer can be computed.
 ///
@@ -11,7 +16,7 @@ use crate::text::{meant, quoted};
 #[non_exhaustive]
 pub enum Error {
     /// A mechanism with an entry that cannot be used.
-    #[error("mechanism, {place}: found {found}; expected {expected}")]
+    #[error("mechanism, {place}: found {found}{}; expected {expected}", hint(found, expected))]
     Mechanism {
         /// Which entry, as a path: `closure "wrist1-wrist2", between`.
         place: String,
@@ -24,7 +29,7 @@ pub enum Error {
     #[error("mechanism: {0}")]
     Toml(String),
     /// A value that has no place in a mechanism.
-    #[error("mechanism, {place}: {why}")]
+    #[error("mechanism, {place}: {why}{}", meant_by(why))]
     Entry {
         /// Which entry, as a path: `chain[0].dh[2].alpha`.
         place: String,

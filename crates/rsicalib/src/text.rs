@@ -78,6 +78,14 @@ pub fn meant(found: &str, known: &str) -> String {
         .map_or(String::new(), |(_, name)| format!(" (did you mean {}?)", quoted(name)))
 }
 
+/// The same by a message in which names stand between backticks: the one that was found, then those that
+/// are known.
+#[must_use]
+pub fn meant_by(message: &str) -> String {
+    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    names.split_first().map_or(String::new(), |(found, known)| meant(found, &known.join(", ")))
+}
+
 /// Letters left out, added, exchanged or changed between two names (optimal string alignment).
 fn distance(a: &str, b: &str) -> usize {
     let a: Vec<char> = a.chars().take(2 * LONGEST).collect();

@@ -396,7 +396,16 @@ impl Law {
         let at_zero = at(&graph, value);
         if at_zero.0.iter().any(|v| *v != 0.0) {
             let found = format!("an effect at parameters of zero, from {}", quoted(text));
-            return Err(refuse(place, found, "0: no effect".into()));
+            let columns = variables.iter().filter_map(|variable| match variable {
+                Variable::Column(name) => Some(quoted(name)),
+                _ => None,
+            });
+            let columns = columns.collect::<Vec<_>>().join(", ");
+            let no_parameters = match columns.is_empty() {
+                true => String::new(),
+                false => format!("; {columns}: no parameter, so a column of the readings"),
+            };
+            return Err(refuse(place, found, format!("0: no effect{no_parameters}")));
         }
         for (k, name) in self.parameters.keys().enumerate() {
             let slope = graph.derivative(value, k);

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::mechanism::drawing::Mechanism;
 #[cfg(feature = "toml")]
-use crate::text::meant;
+use crate::text::meant_by;
 
 #[cfg(feature = "toml")]
 impl Mechanism {
@@ -35,11 +35,7 @@ fn said(error: &toml::de::Error, text: &str) -> Error {
     let message = error.message();
     let mut words = message.replace("invalid type: string", "found text");
     words = words.replace("invalid type: ", "found ").replace("f64", "a number");
-    // Names stand between backticks: the one that was found, then those that are known.
-    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-    if let Some((found, known)) = names.split_first() {
-        words += &meant(found, &known.join(", "));
-    }
+    words += &meant_by(message);
     let before = error.span().and_then(|span| text.get(..span.start));
     let place = before.map(|before| {
         let lines: Vec<&str> = before.split('\n').collect();

@@ -9,7 +9,7 @@ use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
-use crate::text::{meant, number, quoted, significant};
+use crate::text::{number, quoted, significant};
 
 impl Mechanism {
     /// Checks that every name is known and unique, and that every number can be used.
@@ -273,8 +273,7 @@ pub(super) fn refuse(place: String, found: String, expected: String) -> Error {
 pub(crate) fn known(found: Result<usize, Error>, place: impl Fn() -> String) -> Result<(), Error> {
     match found {
         Err(Error::Unknown { kind, found, known }) => {
-            let hint = meant(&found, &known);
-            Err(refuse(place(), format!("{kind} {}{hint}", quoted(&found)), known))
+            Err(refuse(place(), format!("{kind} {}", quoted(&found)), known))
         }
         other => other.map(|_| ()),
     }

@@ -524,7 +524,12 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_the_likelihood() {
         let seen = seen();
-        let at = Variances { common: 0.7, known: false, own: vec![None, Some(1.3), None], declared: vec![false; 3] };
+        let at = Variances {
+            common: 0.7,
+            known: false,
+            own: vec![None, Some(1.3), None],
+            declared: vec![false; 3],
+        };
         let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
         let step = 1e-5;
         let moved = |common: f64, own: f64| {
@@ -541,7 +546,12 @@ mod tests {
     #[test]
     fn variances_settle_where_the_gradient_vanishes() {
         let seen = seen();
-        let mut at = Variances { common: 1.0, known: false, own: vec![None, Some(1.0), None], declared: vec![false; 3] };
+        let mut at = Variances {
+            common: 1.0,
+            known: false,
+            own: vec![None, Some(1.0), None],
+            declared: vec![false; 3],
+        };
         assert!(at.settle(&seen).is_some());
         let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
         assert!(sums[0].abs() < 1e-2 && sums[2].abs() < 1e-2, "{sums:?}");
