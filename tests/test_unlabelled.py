@@ -58,3 +58,31 @@ def test_hysteresis_is_named_in_single_poses_and_in_a_motion(kind: str, channel:
         explained += found.verdict == "explained"
     # Where a joint turns round, noise decides from which side it came: some sessions show it.
     assert explained >= 4
+
+
+def counts(seed: int, noise: float, reach: int) -> Array:
+    """Whole numbers of nine channels: 24 poses within a small reach, eight samples of each."""
+    rng = np.random.default_rng(seed)
+    held = rng.integers(2000 - reach, 2000 + reach, (24, 9)).repeat(8, axis=0)
+    return np.round(held + noise * rng.standard_normal(held.shape))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_repeats_of_a_small_workspace_are_told_and_not_taken(seed: int) -> None:
+    mechanism = rsicalib.load_mechanism("rsi")
+    readings = rsicalib.Readings.from_arrays(mechanism, counts(seed, 2.0, 60))
+    (said,) = (w for w in readings.warnings if w.kind == "unlabelled_repeats")
+    assert "24 groups of 8" in said.text and readings.repeats is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_poses_of_their_own_are_no_repeats(seed: int) -> None:
+    """Poses anywhere, a grid that is walked row by row, and a slow motion."""
+    mechanism = rsicalib.load_mechanism("rsi")
+    rng = np.random.default_rng(seed)
+    grid = np.stack(np.meshgrid(np.arange(6), np.arange(8), indexing="ij"), axis=-1).reshape(-1, 2)
+    walked = 1500 + (grid @ rng.uniform(-40, 40, (2, 9))) + rng.standard_normal((48, 9))
+    wave = 1500 + 400 * np.sin(np.linspace(0, 9, 96)[:, None] * rng.uniform(0.5, 1.5, 9))
+    for values in (rng.integers(1000, 3000, (96, 9)).astype(float), walked.round(), wave.round()):
+        readings = rsicalib.Readings.from_arrays(mechanism, values)
+        assert not [w for w in readings.warnings if w.kind == "unlabelled_repeats"]

@@ -16,6 +16,8 @@ APART = 30.0
 """Rows that repeat differ by so many times less than poses: in motion all sizes between occur."""
 FEWEST = 5
 """Poses that must have repeats."""
+WALKED = 1.5
+"""Rows that walk along a grid are this many times nearer to each other than repeats would be."""
 
 
 def numbered(readings: Samples, mechanism: MechanismLike) -> tuple[IntArray | None, list[Warned]]:
@@ -48,7 +50,7 @@ def numbered(readings: Samples, mechanism: MechanismLike) -> tuple[IntArray | No
     else:
         starts = _jumps(steps, readings.values, resolution(readings.values, mechanism))
         if not len(starts):
-            return None, []
+            return None, _gathered(readings, steps)
         begin = f"begin{'s' * (len(starts) == 1)} a new one"
         why = (
             f"the rows come in {len(starts) + 1} groups that repeat the same readings within noise "
@@ -145,3 +147,41 @@ def _jumps(steps: FloatArray, values: FloatArray, resolution: FloatArray) -> Int
     if floor[at] < APART * floor[at - 1] or several < FEWEST or 2 * several < len(jumps):
         return none
     return np.asarray(jumps)
+
+
+def _gathered(readings: Samples, steps: FloatArray) -> list[Warned]:
+    """What to say of rows in groups of one size that are nearer to each other than to other groups.
+
+    They may repeat held poses in a small part of the range, or be poses beside one another.
+    """
+    size = _group_size(readings.values, steps)
+    if size is None:
+        return []
+    text = (
+        f"there is no column pose, and the rows come in {len(readings) // size} groups of {size} "
+        "that differ less within than from group to group: every row is taken for a pose of its "
+        "own. Where rows repeat a held pose, number it in the column pose: they show the noise "
+        "that everything is judged by"
+    )
+    return [Warned("unlabelled_repeats", None, text)]
+
+
+def _group_size(values: FloatArray, steps: FloatArray) -> int | None:
+    """The size of groups of rows, if from each to the next more changes than within any of them.
+
+    By chance the largest steps stand at equal distances once in as many sessions as there are ways
+    to place them.
+    """
+    rows, spans = len(values), np.ptp(values, axis=0)
+    moving = spans > 0.0
+    for size in range(3, rows // FEWEST + 1):
+        if rows % size:
+            continue
+        groups = values[:, moving].reshape(rows // size, size, -1)
+        within = (np.ptp(groups, axis=1) / spans[moving]).max()
+        inside = np.r_[steps, 0.0].reshape(-1, size)[:, :-1].max()
+        # What walks on from row to row ends as far away as it has gone.
+        to_and_fro = (size - 1) * inside > WALKED * within
+        if to_and_fro and steps[size - 1 :: size].min() > within:
+            return size
+    return None
