@@ -44,7 +44,7 @@ def test_quiet_sensors_lose_no_reading(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("step", STEPS)
 def test_a_coarse_sensor_among_quiet_ones_is_adequate(step: int, seed: int) -> None:
-    """Noise of .05 counts: the rounding of every sensor lasts over a pose; that of one is larger."""
+    """Noise of .05 counts: the rounding of every sensor lasts over a pose; one has more."""
     made = rsicalib.simulate(poses=36, samples=8, seed=seed, noise=0.05)
     values = made.readings.values.copy()
     # Not rounded twice: of two roundings the second has no error that is uniform.

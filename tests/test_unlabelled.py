@@ -75,7 +75,7 @@ def test_repeats_of_a_small_workspace_are_told_and_not_taken(seed: int) -> None:
     assert "24 groups of 8" in said.text and readings.repeats is None
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(60))
 def test_poses_of_their_own_are_no_repeats(seed: int) -> None:
     """Poses anywhere, a grid that is walked row by row, and a slow motion."""
     mechanism = rsicalib.load_mechanism("rsi")

@@ -177,11 +177,12 @@ def _group_size(values: FloatArray, steps: FloatArray) -> int | None:
     for size in range(3, rows // FEWEST + 1):
         if rows % size:
             continue
-        groups = values[:, moving].reshape(rows // size, size, -1)
-        within = (np.ptp(groups, axis=1) / spans[moving]).max()
-        inside = np.r_[steps, 0.0].reshape(-1, size)[:, :-1].max()
+        groups = values[:, moving].reshape(rows // size, size, -1) / spans[moving]
+        reach = np.ptp(groups, axis=1).max(axis=0)
+        widest = int(np.argmax(reach))
+        step = np.abs(np.diff(groups[:, :, widest], axis=1)).max()
         # What walks on from row to row ends as far away as it has gone.
-        to_and_fro = (size - 1) * inside > WALKED * within
-        if to_and_fro and steps[size - 1 :: size].min() > within:
+        to_and_fro = (size - 1) * step > WALKED * reach[widest]
+        if to_and_fro and steps[size - 1 :: size].min() > reach[widest]:
             return size
     return None
