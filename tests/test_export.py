@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ from rsicalib import DEMO, Calibration, _core
 from rsicalib.io.mechanisms import read_mechanism
 from rsicalib.verbs import export
 from rsicalib.work.job import Work
-from tests import oracle
+from tests import commands, oracle
 from tests.full import sized
 
 # Readings that are drawn at will close no loop, and `forward` says so.
@@ -255,8 +253,7 @@ def test_the_next_calibration_takes_the_terms_that_outlast_their_session() -> No
 
 
 def run(*words: str | Path, cwd: Path | None = None) -> str:
-    command = [sys.executable, "-m", "rsicalib", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
+    done = commands.run_text(*words, cwd=cwd)
     assert done.returncode in (0, 3, 4), done.stderr
     return done.stdout
 

@@ -19,6 +19,7 @@ import rsicalib
 from rsicalib import DEMO, InputError, Monitor
 from rsicalib.io.stream import rows_of
 from tests import oracle
+from tests.commands import run_text
 from tests.machines import belt, files
 from tests.oracle import Array
 from tests.watch import table
@@ -198,8 +199,7 @@ def test_the_command_prints_a_line_for_each_alarm(step: dict[str, Any], tmp_path
     result = tmp_path / "result.json"
     step["calibration"].save(result)
     path = csv(step["values"], tmp_path / "work.csv")
-    words = command(path, "--calibration", result, "--json")
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    done = run_text("watch", path, "--calibration", result, "--json")
     assert done.returncode == 4, done.stderr
     *alarms, summary = [json.loads(line) for line in done.stdout.splitlines()]
     assert alarms[0]["format"] == "rsicalib.alarm/1"
@@ -420,8 +420,7 @@ def test_many_devices_need_a_column_and_results(shared: dict[str, Any], tmp_path
 
 
 def test_the_command_watches_a_folder_of_results(shared: dict[str, Any]) -> None:
-    words = command(shared["path"], "--calibration", shared["results"], "--json")
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    done = run_text("watch", shared["path"], "--calibration", shared["results"], "--json")
     assert done.returncode == 4, done.stderr
     *alarms, summary = [json.loads(line) for line in done.stdout.splitlines()]
     assert {alarm["device"] for alarm in alarms} == {"a/1", "ä"}
