@@ -46,8 +46,8 @@ def honest(request: pytest.FixtureRequest) -> Honesty:
 
 def test_intervals_cover_the_truth_as_often_as_they_say(honest: Honesty) -> None:
     assert abs(honest.coverage - 0.95) < SURE * honest.coverage_error
-    # The largest of 18 correlated binomials of 100 with a mean miss of 5, or of 50 with 2.5: skewed,
-    # hence 5, which none of 18 passes but by bad luck of 1 in 1,500.
+    # The largest of 18 correlated binomials of 100 with a mean miss of 5, or of 50 with 2.5:
+    # skewed, hence 5, which none of 18 passes but by bad luck of 1 in 1,500.
     assert honest.worst < 5.0
 
 
