@@ -255,7 +255,7 @@ def row_slope(function: Callable[[Array], Array], x: Array, steps: Array) -> Arr
     """
     shifts = np.diag(steps)[:, None, :]
     ahead, behind = function(np.stack([x + shifts, x - shifts]))
-    return np.moveaxis(ahead - behind, 0, -1) / (2 * steps)
+    return np.asarray(np.moveaxis(ahead - behind, 0, -1) / (2 * steps))
 
 
 def close(function: Callable[[Array], Array], q: Array, steps: Array, tol: float) -> Array:
