@@ -247,9 +247,9 @@ def test_what_other_poses_could_tell_is_undetermined(verb: Any) -> None:
             out = (oracle.point(arm, "ball", a) - np.array(at)) / 100.0
             return np.concatenate([out, a[:, 3:4] - 0.7], axis=1)
 
-        angles.append(simulated.closed(arm, off, 25, rng))
-        keys["group"] += [group] * 25
-        keys["at"] += ["A"] * 25
+        angles.append(simulated.closed(arm, off, 12, rng))
+        keys["group"] += [group] * 12
+        keys["at"] += ["A"] * 12
     read = simulated.read(arm, np.concatenate(angles), offsets, rng)
     read[:, 3] = 0.7 - offsets[3]
     session = Readings.from_arrays(mechanism, read, keys=keys)

@@ -356,23 +356,25 @@ def test_every_kind_of_change_leaves_the_rows_before_it_alone() -> None:
         assert np.abs(counts - ideal)[table.BEFORE :].max() > 0.1, kind
 
 
-@pytest.fixture
-def shared(step: dict[str, Any], tmp_path: Path) -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def shared(step: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Rows of three devices in turn, of which one has no result; each as it is by itself."""
-    results = tmp_path / "results"
+    folder = tmp_path_factory.mktemp("shared")
+    results = folder / "results"
     for name in ("a/1", "ä"):
-        folder = results / name.replace("/", "-")
-        folder.mkdir(parents=True)
-        dataclasses.replace(step["calibration"], device=name).save(folder / "result.json")
+        own = results / name.replace("/", "-")
+        own.mkdir(parents=True)
+        dataclasses.replace(step["calibration"], device=name).save(own / "result.json")
     values = step["values"][2500:4500]
     alone = {"a/1": values, "ä": values[::-1], "other": values[:50]}
     rng = np.random.default_rng(0)
     order = rng.permutation([name for name, own in alone.items() for _ in own])
     left = {name: iter(own) for name, own in alone.items()}
     lines = [",".join([name, *(f"{v:.0f}" for v in next(left[name]))]) for name in order]
-    path = tmp_path / "fleet.csv"
+    path = folder / "fleet.csv"
     path.write_text("\n".join([",".join(["device", *NAMES]), *lines]) + "\n")
-    return {"path": path, "results": results, "alone": alone, "calibration": step["calibration"]}
+    said = {name: Monitor(step["calibration"]).update(alone[name]) for name in ("a/1", "ä")}
+    return {"path": path, "results": results, "alone": alone, "said": said}
 
 
 @pytest.mark.parametrize("awake", [1, 128])
@@ -384,7 +386,7 @@ def test_devices_of_one_stream_are_watched_as_if_each_were_alone(
     watching = rsicalib.watch_devices(shared["path"], shared["results"], awake=awake)
     found = list(watching)
     for name in ("a/1", "ä"):
-        expected = Monitor(shared["calibration"]).update(shared["alone"][name])
+        expected = shared["said"][name]
         own = [dataclasses.replace(a, device=None) for a in found if a.device == name]
         assert expected and [(a.row, a.target, a.revises) for a in own] == [
             (a.row, a.target, a.revises) for a in expected
