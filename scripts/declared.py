@@ -13,6 +13,7 @@ import re
 import textwrap
 import types
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -76,7 +77,7 @@ def schema(name: str) -> dict[str, Any]:
 
 
 def _record(kind: type[Record], inner: dict[str, type[Record]]) -> dict[str, Any]:
-    hints, words = get_type_hints(kind), _words(kind)
+    hints, words = get_type_hints(kind), _words(cast(Any, kind))
     properties, required = {}, []
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         if not field.metadata.get("written", True):
@@ -116,6 +117,7 @@ def _type(kind: Any, inner: dict[str, type[Record]]) -> dict[str, Any]:
     raise TypeError(f"found {kind!r}, expected what a document can hold")
 
 
+@cache
 def _words(kind: Any) -> Mapping[str, str]:
     """What stands below each field, those of the classes before it included."""
     found: dict[str, str] = {}

@@ -39,6 +39,8 @@ from rsicalib.io.files import write_text
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 
+BIN = Path(sys.executable).parent
+
 READ_ONLY = {"console", "rust", "math", "bibtex", "yaml"}
 """Languages of blocks that are not run: commands that change the reader's machine, and excerpts."""
 
@@ -62,6 +64,8 @@ class Page:
 
     path: Path
     folder: Path
+    bin: Path = BIN
+    """Where shells look for the command first."""
     names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
 
     def text(self) -> str:
@@ -130,8 +134,7 @@ class Page:
 
     def shell(self, code: str) -> str:
         """Run commands; what cannot be used, or is a defect, stops everything."""
-        bin_ = str(Path(sys.executable).parent)
-        path = f"{bin_}{os.pathsep}{os.environ.get('PATH', '')}"
+        path = os.pathsep.join([str(self.bin), str(BIN), os.environ.get("PATH", "")])
         done = subprocess.run(
             ["sh", "-c", code],
             cwd=self.folder,
@@ -156,13 +159,13 @@ def _indented(text: str, indent: str) -> str:
 
 
 @contextlib.contextmanager
-def page(path: Path) -> Iterator[Page]:
+def page(path: Path, bin: Path = BIN) -> Iterator[Page]:
     """A page with a folder of its own; that of the README has the session of the package."""
     with tempfile.TemporaryDirectory() as folder:
         if path.name == "README.md":
             for file in rsicalib.DEMO.glob("*.csv"):
                 shutil.copy(file, folder)
-        yield Page(path, Path(folder))
+        yield Page(path, Path(folder), bin)
 
 
 def pages() -> list[Path]:

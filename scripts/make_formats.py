@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -276,6 +277,7 @@ def documented(name: str) -> Iterable[str]:
     return BY_HAND[name] if name in BY_HAND else declared.schema(name)["properties"]
 
 
+@cache
 def files() -> dict[Path, str]:
     """Everything that is written, by path."""
     schemas = {"mechanism": json.loads(_core.mechanism_schema())}

@@ -6,10 +6,13 @@ Every seating is one draw of where the ball sits; all samples of a pose read the
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
+from tests import oracle
 from tests.oracle import Array
 
 LIMITS = np.array([[-3.1, 3.1], [-3.1, 0], [-2.8, 2.8], [-3.1, 3.1], [-3.1, 3.1], [-3.1, 3.1]])
@@ -65,18 +68,24 @@ def mechanism(noise: float | None, play: float | None, terms: str = '["offset"]'
 
 
 def chain(q: Array) -> tuple[Array, Array]:
-    """Place of the ball for joint angles, and its derivative: each joint turns what it carries."""
-    frame = np.eye(4)
+    """Place of the ball for joint angles (…, 6), (…, 3), and its derivative, (…, 3, 6).
+
+    Each joint turns what it carries.
+    """
+    frame = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
     axes, places = [], []
-    for angle, (d, a, alpha) in zip(q.tolist(), ROWS, strict=True):
-        axes.append(frame[:3, 2])
-        places.append(frame[:3, 3])
-        c, s, ca, sa = math.cos(angle), math.sin(angle), math.cos(alpha), math.sin(alpha)
-        frame = frame @ np.array(
-            [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
-        )
-    ball = (frame @ BALL)[:3]
-    return ball, np.cross(axes, ball - places).T
+    for k, (d, a, alpha) in enumerate(ROWS):
+        axes.append(frame[..., :3, 2])
+        places.append(frame[..., :3, 3])
+        c, s, ca, sa = np.cos(q[..., k]), np.sin(q[..., k]), math.cos(alpha), math.sin(alpha)
+        row = np.zeros(frame.shape)
+        row[..., 0, 0], row[..., 0, 1], row[..., 0, 2], row[..., 0, 3] = c, -s * ca, s * sa, a * c
+        row[..., 1, 0], row[..., 1, 1], row[..., 1, 2], row[..., 1, 3] = s, c * ca, -c * sa, a * s
+        row[..., 2, 1:], row[..., 3, 3] = (sa, ca, d), 1.0
+        frame = frame @ row
+    ball = (frame @ BALL)[..., :3]
+    turned = oracle.crossed(np.stack(axes), ball - np.stack(places))
+    return ball, np.moveaxis(turned, 0, -1)
 
 
 def tip(q: Array) -> Array:
@@ -90,15 +99,29 @@ def slopes(q: Array) -> Array:
 
 
 def touching(q: Array, place: Array) -> Array:
-    """Joint angles near `q` at which the ball is at a place, by Newton's method."""
+    """Joint angles near `q`, (n, 6), at which the ball is at places, (n, 3), by Newton's method."""
+    q, going = q.copy(), np.arange(len(q))
     for _ in range(30):
-        at, slope = chain(q)
-        step = np.linalg.pinv(slope) @ (at - place)
-        largest = float(np.abs(step).max())
-        q = q - step * min(1.0, 0.3 / max(largest, 1e-300))
-        if largest < 1e-11:
+        at, slope = chain(q[going])
+        step = (np.linalg.pinv(slope) @ (at - place[going])[..., None])[..., 0]
+        largest = np.abs(step).max(axis=1)
+        q[going] -= step * np.minimum(1.0, 0.3 / np.maximum(largest, 1e-300))[:, None]
+        going = going[largest >= 1e-11]
+        if not len(going):
             break
     return q
+
+
+def seated(rng: np.random.Generator, cone: Array, play: float) -> Iterator[Array]:
+    """Joint angles of seatings one after the other, each with a draw of where the ball sits."""
+    while True:
+        draws = [(rng.uniform(-1, 1, 6), rng.standard_normal(3)) for _ in range(100)]
+        turns, sits = (np.array(column) for column in zip(*draws, strict=True))
+        near = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0]) + turns * [1, 0.6, 0.8, 1.5, 1.5, 3]
+        place = cone + play * sits
+        q = touching(near, place)
+        inside = np.all((q > LIMITS[:, 0]) & (q < LIMITS[:, 1]), axis=1)
+        yield from q[inside & np.isclose(tip(q), place, atol=1e-6).all(axis=1)]
 
 
 @dataclass(frozen=True)
@@ -123,14 +146,7 @@ def session(
     rng, noise = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     columns: dict[str, list[float]] = {"pose": [], **{f"q{k + 1}": [] for k in range(6)}}
     angles: list[Array] = []
-    while len(angles) < poses:
-        near = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0])
-        near = near + rng.uniform(-1, 1, 6) * [1, 0.6, 0.8, 1.5, 1.5, 3]
-        place = cone + play * rng.standard_normal(3)
-        q = touching(near, place)
-        inside = np.all((q > LIMITS[:, 0]) & (q < LIMITS[:, 1]))
-        if not inside or not np.allclose(tip(q), place, atol=1e-6):
-            continue
+    for q in islice(seated(rng, cone, play), poses):
         angles.append(q)
         wrong = np.zeros(6)
         wrong[1] = bend * np.cos(q[1])

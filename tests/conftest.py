@@ -1,4 +1,4 @@
-"""What the tests of a run share: which of them were skipped, and why."""
+"""What the tests of a run share: who runs them, which of them were skipped, and why."""
 
 from __future__ import annotations
 
@@ -8,11 +8,23 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 # One process for each core is at work: threads of small products only wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Modules are imported for their doctests; these need the extra `physics`.
 collect_ignore = [] if find_spec("mujoco") else ["drive/body.py", "drive/robot.py"]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Tests of one file run in one process, so that what they share is computed once."""
+    if config.getoption("dist") != "load":
+        return None  # somebody asked for another order
+    from xdist.scheduler import LoadFileScheduling
+
+    return LoadFileScheduling(config, log)
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -92,6 +92,13 @@ def roll_pitch_yaw(rx: Array | float, ry: Array | float, rz: Array | float) -> A
     return rotation("z", rz) @ rotation("y", ry) @ rotation("x", rx)
 
 
+def crossed(a: Array, b: Array) -> Array:
+    """The cross product of the last axes, of three: written out, as numpy's own takes long."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
 # ------------------------------------------------------------------ any mechanism
 
 
@@ -111,7 +118,7 @@ def chain_end(mechanism: Mechanism, chain: str, angles: Array) -> Array:
     """`base_from_end` of one chain for angles of shape (n, channels): shape (n, 4, 4)."""
     names = channel_names(mechanism)
     rows = next(c["dh"] for c in mechanism["chain"] if c["name"] == chain)
-    out: Array = np.broadcast_to(np.eye(4), (len(angles), 4, 4))
+    out: Array = np.broadcast_to(IDENTITY, (len(angles), 4, 4))
     for row in rows:
         theta = row.get("theta", 0.0)
         if "channel" in row:

@@ -160,19 +160,20 @@ def test_a_limit_is_decided_beyond_the_uncertainty_alone(traced: rsicalib.Trace)
 
 
 def test_more_confidence_more_places_and_units(traced: rsicalib.Trace) -> None:
-    sizes = []
+    sizes, default = [], None
     for options in ({"confidence": 0.9}, {}, {"confidence": 0.99}):
         one = rsicalib.certify(traced, limit=1.0, **options)  # type: ignore[arg-type]
         assert one.uncertainty is not None and one.uncertainty.places == PLACES
         sizes.append(one.uncertainty.expanded)
+        default = one if not options else default
     assert sizes == sorted(sizes)
     length = rsicalib.certify(traced, limit="25.4 mm")
     assert (length.limit, length.unit) == (pytest.approx(1.0), "in")
     angle = rsicalib.certify(traced, limit="5 mrad")
     assert (angle.quantity, angle.unit, angle.limit) == ("orientation", "rad", pytest.approx(5e-3))
     assert angle.uncertainty is not None and 0 < angle.uncertainty.expanded < 0.1
-    again = rsicalib.certify(traced, limit=1.0)
-    assert again.to_dict() == rsicalib.certify(traced, limit=1.0).to_dict()
+    assert default is not None
+    assert default.to_dict() == rsicalib.certify(traced, limit=1.0).to_dict()
 
 
 @pytest.mark.parametrize("verdict", ["unexplained", "partly_explained", "undetermined", "unjudged"])

@@ -15,15 +15,11 @@ import numpy as np
 import pytest
 
 from rsicalib import DEMO
+from tests.commands import run_text as run
 
 READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
 VERBS = ("demo", "calibrate", "trace", "fixture", "forward", "terms", "mechanism")
 VERBS += ("simulate", "plan", "guide", "paper", "fleet", "watch", "history")
-
-
-def run(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rsicalib", *words]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300)
 
 
 def strict(text: str) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from scripts import (
     make_terms,
     public_names,
 )
+from tests import commands
 
 ROOT = Path(__file__).parents[1]
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -64,7 +65,8 @@ def test_every_number_that_is_claimed_stands_on_the_page_that_it_names() -> None
 
 @pytest.mark.parametrize("path", make_docs.pages(), ids=lambda p: p.name)
 def test_the_code_of_a_page_runs_and_prints_what_stands_below_it(path: Path) -> None:
-    with make_docs.page(path) as page:
+    forked = commands.program()
+    with make_docs.page(path, forked.parent if forked else make_docs.BIN) as page:
         text = page.text()
         pictures = page.pictures()
     assert path.read_text(encoding="utf-8") == text, "run python -m scripts.make_docs"

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ from rsicalib import DEMO, Calibration, _core
 from rsicalib.io.mechanisms import read_mechanism
 from rsicalib.verbs import export
 from rsicalib.work.job import Work
-from tests import oracle
+from tests import commands, oracle
 from tests.full import sized
 
 # Readings that are drawn at will close no loop, and `forward` says so.
@@ -178,7 +176,9 @@ def test_the_rows_agree_with_plain_matrix_products(bent: tuple[Path, Path]) -> N
 
 @pytest.mark.parametrize("terms", [["offset", "gain"], ["gain"], ["offset"]])
 def test_platform_poses_are_the_same_too(terms: list[str], tmp_path: Path) -> None:
-    made = rsicalib.calibrate(READINGS, rest=REST, terms=terms)
+    whole = rsicalib.load_readings(READINGS)
+    # Gains alone fit nothing, and many poses take long to tell.
+    made = rsicalib.calibrate(whole.select(whole.pose <= 12), rest=REST, terms=terms)
     wanted = rsicalib.forward(READINGS, "rsi", made)
     (tmp_path / "calibrated.toml").write_text(rsicalib.export_toml("rsi", made))
     found = rsicalib.forward(READINGS, tmp_path / "calibrated.toml")
@@ -255,8 +255,7 @@ def test_the_next_calibration_takes_the_terms_that_outlast_their_session() -> No
 
 
 def run(*words: str | Path, cwd: Path | None = None) -> str:
-    command = [sys.executable, "-m", "rsicalib", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
+    done = commands.run_text(*words, cwd=cwd)
     assert done.returncode in (0, 3, 4), done.stderr
     return done.stdout
 

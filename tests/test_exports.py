@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import rsicalib
 from rsicalib import InputError, Trace
 from rsicalib.exports.coordinates import coordinates
 from rsicalib.exports.opening import export_result
+from tests.commands import run_text
 
 DEMO = rsicalib.DEMO / "readings.csv"
 
@@ -208,11 +208,7 @@ def test_the_command_writes_files_and_writes_them_again(traced: Trace, tmp_path:
     traced.save(tmp_path / "result.json")
     words = ["export", str(tmp_path / "result.json"), "--to", "csv", "--readings", str(DEMO)]
     for _ in range(2):
-        done = subprocess.run(
-            [sys.executable, "-m", "rsicalib", *words, "--out", str(tmp_path / "out")],
-            capture_output=True,
-            text=True,
-        )
+        done = run_text(*words, "--out", tmp_path / "out")
         assert done.returncode == 0, done.stderr
     found = {path.name for path in (tmp_path / "out").iterdir()}
     assert found == {"corrected.csv", "corrected.toml", "export.json"}

@@ -17,14 +17,10 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, InputError
 from rsicalib.io.folders import MARK, write_folder
+from tests.commands import run_text as run
 
 READINGS = (DEMO / "readings.csv").read_text(encoding="utf-8")
 MINE = "measured by me\n"
-
-
-def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rsicalib", *words]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=100)
 
 
 def names(folder: Path) -> set[str]:

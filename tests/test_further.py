@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ from rsicalib.planning.plan import Plan, plan
 from tests import oracle
 from tests.blind import effects, planning, simulator
 from tests.blind.scene import SESSION_S, held, room
+from tests.commands import run_text
 from tests.full import sized
 from tests.oracle import Array
 from tests.test_examples import sockets
@@ -30,10 +29,14 @@ MIDDLE, HALF = 2047.5, 2047.5
 """Of the converter's range, as terms of a sensor curve see it."""
 
 
+TIED = 75
+"""No seed before this one has such a tie: to find that out takes as many traces."""
+
+
 @pytest.fixture(scope="module")
 def tie() -> planning.Tie:
     """A session in which the curve of a sensor could have several shapes."""
-    for seed in range(200):
+    for seed in range(TIED, 200):
         found = planning.tie(0, seed)
         if found is None or abs(found.result.noise.correlation) > 0.02:
             continue  # the witness knows no correlation of samples
@@ -285,12 +288,11 @@ def drifting(rng: np.random.Generator) -> Sessions:
 def test_the_command_writes_what_the_guide_and_people_read(tmp_path: Path) -> None:
     result = rsicalib.trace(DEMO / "readings.csv", rest=DEMO / "rest.csv")
     result.save(tmp_path / "trace.json")
-    command = [sys.executable, "-m", "rsicalib", "plan", "--poses", "3", "--json"]
-    command += ["--result", str(tmp_path / "trace.json"), "--beside", str(DEMO / "readings.csv")]
-    run = subprocess.run(
-        [*command, "--out", str(tmp_path / "plan.csv")], capture_output=True, text=True, check=True
-    )
-    told = json.loads(run.stdout)
+    words = ["plan", "--poses", "3", "--json"]
+    words += ["--result", tmp_path / "trace.json", "--beside", DEMO / "readings.csv"]
+    done = run_text(*words, "--out", tmp_path / "plan.csv")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
     assert told["format"] == "rsicalib.plan/1"
     assert set(told["forecast"]) == {"decides", "least_lambda", "platform_sd", "worst_hidden"}
     rows = list(csv.DictReader(io.StringIO((tmp_path / "plan.csv").read_text())))
@@ -298,9 +300,8 @@ def test_the_command_writes_what_the_guide_and_people_read(tmp_path: Path) -> No
     assert list(rows[0]) == ["pose", "x", "y", "z", "rx", "ry", "rz", *channels, "why"]
     old = rsicalib.load_readings(DEMO / "readings.csv").pose.max()
     assert [int(row["pose"]) for row in rows] == [old + 1, old + 2, old + 3]
-    again = subprocess.run(
-        [*command, "--off", str(tmp_path / "plan.csv")], capture_output=True, text=True, check=True
-    )
+    again = run_text(*words, "--off", tmp_path / "plan.csv")
+    assert again.returncode == 0, again.stderr
     assert json.loads(again.stdout)["readings"] != told["readings"]
 
 

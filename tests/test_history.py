@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -16,6 +14,7 @@ from rsicalib import InputError
 from tests import oracle
 from tests.blind import simulator
 from tests.blind.simulator import Device
+from tests.commands import run_text
 from tests.watch.device import readings_of
 
 matplotlib.use("Agg")
@@ -120,14 +119,12 @@ def test_the_day_of_too_large_an_error_is_that_of_the_drift(folder: Path) -> Non
 
 
 def test_the_command_prints_text_json_and_a_page(folder: Path, tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "rsicalib", "history", str(folder), "--target", "0.02"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    words = ["history", folder, "--target", "0.02"]
+    done = run_text(*words)
     assert done.returncode == 0, done.stderr
     assert "drifts beyond chance: offset@a22" in done.stdout
     assert "broken.json" in done.stdout
-    done = subprocess.run(
-        [*words, "--json", "--out", str(tmp_path)], capture_output=True, text=True, timeout=120
-    )
+    done = run_text(*words, "--json", "--out", tmp_path)
     assert json.loads(done.stdout)["format"] == "rsicalib.history/1"
     page = (tmp_path / "history.html").read_text()
     assert page.count("<figure") == 18 + 1  # and all in one grid

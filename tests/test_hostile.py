@@ -24,14 +24,10 @@ from rsicalib.io.sources import LIMIT, LONGEST_LINE, read_json
 from rsicalib.io.stream import rows_of
 from rsicalib.work.prior import read_population
 from rsicalib.work.state import read_state
+from tests.commands import run
 
 READINGS = (DEMO / "readings.csv").read_text(encoding="utf-8")
 POSIX = pytest.mark.skipif(os.name != "posix", reason="names of files are bytes on POSIX alone")
-
-
-def run(*words: str | bytes | Path, **more: object) -> subprocess.CompletedProcess[bytes]:
-    command = [sys.executable, "-m", "rsicalib", *map(os.fspath, words)]
-    return subprocess.run(command, capture_output=True, timeout=300, check=False, **more)  # type: ignore[call-overload, no-any-return]
 
 
 @POSIX

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from rsicalib import InputError
 from rsicalib.imports.extras import EXTRAS
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.stretches import _running, still_stretches
+from tests.commands import run_text
 
 # ------------------------------------------------------------------ Maslow4
 
@@ -337,12 +336,7 @@ def test_held_poses_leave_their_motion_in_a_file_of_its_own(tmp_path: Path) -> N
     values, time, _ = waved(1e-4, 1e-5, np.random.default_rng(3))
     rows: list[tuple[object, ...]] = [(t, *row) for t, row in zip(time, values, strict=True)]
     path = plotted(tmp_path / "plot.csv", rows, "__time,q1,q2,q3")
-    done = subprocess.run(
-        [sys.executable, "-m", "rsicalib", "import", str(path), "--out", str(tmp_path / "in")]
-        + ["--labels", "surface=table"],
-        capture_output=True,
-        text=True,
-    )
+    done = run_text("import", path, "--out", tmp_path / "in", "--labels", "surface=table")
     assert done.returncode == 0, done.stderr
     assert "10 held poses" in done.stdout and "still for 0.5 s or more" in done.stdout
     held = (tmp_path / "in" / "readings.csv").read_text().splitlines()

@@ -10,12 +10,14 @@ import pytest
 from scipy.optimize import least_squares
 
 import rsicalib
+from tests.full import sized
 from tests.oracle import Array
 from tests.test_imports import PRINTER
 
 ARM, RADIUS, STOP, STEP = 340.0, 172.0, 332.99, 60 / 6400
 BEARING = np.deg2rad([211.5, 330.0, 90.0])
 CALIPER, TOUCH = 0.05, 0.03
+HEIGHTS = sized(15, 30)
 FURTHER, LONGER, STOPS = 0.8, 0.6, np.array([-0.7, 0.4, 0.9])
 """How far out the towers really stand, how much longer the arms are, and the endstops [mm]."""
 
@@ -41,7 +43,7 @@ def nozzle(up: Array, radius: float, arm: float) -> Array:
 
 
 def printer(rng: np.random.Generator, pairs: int) -> str:
-    """`printer.cfg` with 30 heights, and distances between places that were asked for as drawn."""
+    """`printer.cfg` with heights, and distances between places that were asked for as drawn."""
     drawn, true = STOP + np.sqrt(ARM**2 - RADIUS**2), STOP + STOPS
     true = true + np.sqrt(ARM**2 - RADIUS**2)
 
@@ -49,8 +51,8 @@ def printer(rng: np.random.Generator, pairs: int) -> str:
         return ",".join(f"{s:.3f}" for s in np.round((top - up) / STEP))
 
     text = PRINTER
-    for k in range(30):
-        far, turn = 110 * np.sqrt((k + 1) / 30), 2.4 * k
+    for k in range(HEIGHTS):
+        far, turn = 110 * np.sqrt((k + 1) / HEIGHTS), 2.4 * k
         at = np.array([far * np.cos(turn), far * np.sin(turn), rng.normal(0, TOUCH)])
         text += f"#*# height{k} = 0.0\n"
         text += (
@@ -85,8 +87,8 @@ def test_distances_are_pairs_of_rows_on_no_bed(six: tuple[rsicalib.Log, Any]) ->
     log, found = six
     (session,) = log.sessions
     assert np.isnan(np.asarray(session.columns["height"])).sum() == 12
-    assert session.columns["touch"][30:32] == ["distance0a", "distance0b"]
-    # 30 heights and six distances tell three endstops, a radius and three arms.
+    assert session.columns["touch"][HEIGHTS : HEIGHTS + 2] == ["distance0a", "distance0b"]
+    # These heights and six distances tell three endstops, a radius and three arms.
     assert found.to_dict()["fit"]["p_value"] > 1e-3
     for p in found.parameters:
         truth = {"link_length": FURTHER, "distance": LONGER}.get(p.term)

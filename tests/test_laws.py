@@ -308,7 +308,7 @@ def test_families_have_the_legs_that_are_alike() -> None:
 
 @pytest.mark.parametrize("form", ["n_per_turn", "step", "none"])
 def test_the_closed_form_of_a_curve_is_named_and_only_where_there_is_one(form: str) -> None:
-    every = [curves.run((form, k), seed=5) for k in range(4)]
+    every = [curves.run((form, k), seed=5) for k in range(sized(3, 4))]
     heard = [row for row in every if row.curve or row.periodic]
     assert len(heard) >= 2  # else a named term does as well
     assert sum(row.right for row in heard) >= len(heard) - 1

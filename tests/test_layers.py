@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 import rsicalib
 from scripts import imports_rust
-from scripts.layers import PYTHON, ROOT, problems, python_tree, rust_tree
+from scripts.layers import PYTHON, ROOT, Tree, problems, python_tree, rust_tree
 
 LAYERS = ("error", "numerics", "model", "report")
 
@@ -32,17 +33,20 @@ def arrows(tree) -> list[str]:
     return [str(one) for one in tree.imports]
 
 
+@cache
+def package() -> Tree:
+    """Files and imports of the package, which take a second to read."""
+    return python_tree(ROOT / "python" / "rsicalib")
+
+
 def test_the_python_package_keeps_its_layers() -> None:
-    tree = python_tree(ROOT / "python" / "rsicalib")
+    tree = package()
     assert len(tree.imports) > 100
     assert problems(tree, PYTHON) == []
 
 
 def test_no_function_of_the_package_hides_a_module() -> None:
-
-    modules = {
-        file.split("/")[0].split(".")[0] for file in python_tree(ROOT / "python/rsicalib").files
-    }
+    modules = {file.split("/")[0].split(".")[0] for file in package().files}
     assert not modules & set(rsicalib.__all__)
 
 

@@ -63,10 +63,11 @@ def test_a_later_clean_session_of_seatings_has_no_change(play: float | None) -> 
     Gains that a result does not have were taken for zero, and the play of a seating for as many
     draws as it has samples.
     """
-    mechanism = at_known_cone(play)
-    first = rsicalib.calibrate(cone.session(21).table, mechanism)
+    mechanism, samples = at_known_cone(play), sized(4, 8)
+    first = rsicalib.calibrate(cone.session(21, samples=samples).table, mechanism)
     for seed in sized((22,), (22, 23, 24)):
-        later = rsicalib.calibrate(cone.session(seed).table, mechanism, calibration=first)
+        table = cone.session(seed, samples=samples).table
+        later = rsicalib.calibrate(table, mechanism, calibration=first)
         assert later.update is not None
         assert later.update.changes == ()
         # 120 equations: χ² per degree of freedom has a standard deviation of .13.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 
 import pytest
 
 from scripts.mistakes.catalogue import MISTAKES, Mistake
-from scripts.mistakes.run import prepared, run
+from scripts.mistakes.run import REAL, prepared, run
+from tests.commands import program
 
 SMALL = [mistake for mistake in MISTAKES if not mistake.large]
 
@@ -22,11 +24,19 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def commanded(mistake: Mistake) -> str:
+    """The command: a process of its own where its streams or variables are the mistake."""
+    forked = program()
+    if forked is None or mistake.shell or mistake.environment:
+        return REAL
+    return shlex.quote(str(forked))
+
+
 @pytest.mark.parametrize("mistake", SMALL, ids=[mistake.what for mistake in SMALL])
 def test_a_mistake_comes_to_its_exit_code_and_message(
     mistake: Mistake, good: Path, tmp_path: Path
 ) -> None:
-    came = run(mistake, good, tmp_path)
+    came = run(mistake, good, tmp_path, commanded(mistake))
     assert came.code == mistake.code, came.text
     assert mistake.says in came.text
     assert "Traceback" not in came.text

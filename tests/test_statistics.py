@@ -38,7 +38,8 @@ CELLS = [
 ]
 
 
-@pytest.fixture(scope="module", params=CELLS, ids=lambda cell: cell.name)
+# The error of a coverage is that of these sessions: of fewer than 100 it is too small at times.
+@pytest.fixture(scope="module", params=sized(CELLS[::2], CELLS), ids=lambda cell: cell.name)
 def honest(request: pytest.FixtureRequest) -> Honesty:
     """100 sessions of a cell; the 18 parameters of one go together, as its errors know."""
     return bench.honesty(request.param, 100)

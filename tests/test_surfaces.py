@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import rsicalib
+from tests.full import sized
 from tests.machines import files, surfaces
 from tests.machines.arm import JOINTS
 from tests.machines.surfaces import Said
 
-TRIALS = 6
+TRIALS = sized(3, 6)
 
 
 def of(kind: str, sure: bool, folder: Path) -> list[Said]:

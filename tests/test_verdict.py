@@ -7,6 +7,7 @@ core.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,12 @@ def said(verb: Any, case: Case, **options: Any) -> Any:
     return verb(it.readings, it.mechanism, rest=it.rest, check=it.check, **options)
 
 
+@cache
+def sound(verb: Any) -> Any:
+    """What a verb says of a clean session that several tests spoil."""
+    return said(verb, trials.staged([31, 0]))
+
+
 def fit_of(result: Any) -> Any:
     return result.fit if isinstance(result, rsicalib.Calibration) else result.after
 
@@ -45,7 +52,7 @@ def test_check_poses_have_a_chi2_of_their_own(verb: Any) -> None:
     """Of clean sessions its p-values are uniform: a mean of 20 is known to 0.065."""
     p = []
     for number in range(sized(8, 20)):
-        found = said(verb, trials.staged([31, number]))
+        found = said(verb, trials.staged([31, number])) if number else sound(verb)
         against = fit_of(found).check.predicted
         assert against.dof > 1.0
         p.append(against.p_value)
@@ -57,7 +64,7 @@ def test_check_poses_have_a_chi2_of_their_own(verb: Any) -> None:
 def test_check_poses_beyond_what_is_predicted_contradict(verb: Any) -> None:
     """Each known pose is nine predicted standard deviations off along x."""
     case = trials.staged([31, 0])
-    clean = said(verb, case)
+    clean = sound(verb)
     assert (clean.verdict, clean.reasons) == ("adequate", ())
     poses = np.array(case.check["poses"], copy=True)
     poses[:, 0] += 9.0 * fit_of(clean).check.predicted.position_sd
@@ -72,7 +79,7 @@ def test_check_poses_beyond_what_is_predicted_contradict(verb: Any) -> None:
 def test_one_check_pose_that_is_off_by_itself_contradicts(verb: Any) -> None:
     """The others share the errors of the parameters, among which it is lost."""
     case = trials.staged([31, 0])
-    sd = fit_of(said(verb, case)).check.predicted.position_sd
+    sd = fit_of(sound(verb)).check.predicted.position_sd
     poses = np.array(case.check["poses"], copy=True)
     of_one = np.asarray(case.check["pose"]) == np.asarray(case.check["pose"])[-1]
     poses[of_one, 0] += 12.0 * sd
@@ -112,7 +119,7 @@ def test_known_poses_that_are_misread_are_said_to_be(verb: Any, how: str) -> Non
         assert reasons[0].expected == own.predicted.orientation_sd
         assert " rad" in found.summary().splitlines()[0]
     assert found.exit_code == 4
-    assert "known_poses" not in {w.kind for w in said(verb, case).warnings}
+    assert "known_poses" not in {w.kind for w in sound(verb).warnings}
 
 
 def test_the_first_line_is_of_the_reason_that_says_most() -> None:
@@ -164,7 +171,7 @@ def test_the_open_loop_is_judged_by_check_poses_as_well() -> None:
 # ------------------------------------------------------------------ one number for one residual
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(sized(3, 6)))
 def test_one_residual_has_one_probability(number: int) -> None:
     found = said(rsicalib.trace, trials.make("single", number, 0))
     assert found.unexplained is not None
@@ -240,9 +247,9 @@ def test_what_other_poses_could_tell_is_undetermined(verb: Any) -> None:
             out = (oracle.point(arm, "ball", a) - np.array(at)) / 100.0
             return np.concatenate([out, a[:, 3:4] - 0.7], axis=1)
 
-        angles.append(simulated.closed(arm, off, 25, rng))
-        keys["group"] += [group] * 25
-        keys["at"] += ["A"] * 25
+        angles.append(simulated.closed(arm, off, 12, rng))
+        keys["group"] += [group] * 12
+        keys["at"] += ["A"] * 12
     read = simulated.read(arm, np.concatenate(angles), offsets, rng)
     read[:, 3] = 0.7 - offsets[3]
     session = Readings.from_arrays(mechanism, read, keys=keys)
@@ -296,7 +303,7 @@ def test_placements_in_any_order_give_the_same_result() -> None:
 
 def test_a_predicted_error_far_above_the_misclosure_is_in_the_first_line() -> None:
     """Of sound sessions it is 0.2 to 1.6 times the misclosure, of arms and of hand controllers."""
-    found = said(rsicalib.calibrate, trials.staged([31, 0]))
+    found = sound(rsicalib.calibrate)
     assert found.predicted is not None and found.fit.rms_misclosure is not None
     assert found.summary().startswith("Adequate: ")
     far = replace(found.predicted, position_sd=20.0 * found.fit.rms_misclosure)

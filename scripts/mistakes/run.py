@@ -44,14 +44,18 @@ def prepared(folder: Path) -> None:
     (folder / "rsi.toml").write_text(rsicalib.load_mechanism("rsi").to_toml(), encoding="utf-8")
 
 
-def run(mistake: Mistake, good: Path, folder: Path) -> Came:
+REAL = f'"{sys.executable}" -m rsicalib'
+"""The command, as a shell runs it."""
+
+
+def run(mistake: Mistake, good: Path, folder: Path, program: str = REAL) -> Came:
     """Make one mistake in an empty folder."""
     for path in good.iterdir():
         shutil.copy(path, folder / path.name)
     mistake.damage(folder)
     variables = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", **mistake.environment}
     kept = {key: value for key, value in variables.items() if value is not None}
-    command = f'"{sys.executable}" -m rsicalib {mistake.words} {mistake.shell}'
+    command = f"{program} {mistake.words} {mistake.shell}"
     begin = time.monotonic()
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         process = subprocess.Popen(

@@ -33,7 +33,8 @@ def main() -> None:
             continue
         q = shown(rng) if asked["go"] is None else None
         if q is None:
-            q = touching(np.array([asked["go"][n] for n in NAMES]) + OFFSETS, CONE)
+            near = np.array([asked["go"][n] for n in NAMES]) + OFFSETS
+            (q,) = touching(near[None], CONE[None])
         if not holds(q):
             print(json.dumps({"cannot": "the cone is out of reach"}), flush=True)
             continue
@@ -46,7 +47,8 @@ def shown(rng: np.random.Generator) -> Array:
     """Joint angles to which a hand has led the arm."""
     while True:
         near = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0])
-        q = touching(near + rng.uniform(-1, 1, 6) * [1, 0.6, 0.8, 1.5, 1.5, 3], CONE)
+        drawn = near + rng.uniform(-1, 1, 6) * [1, 0.6, 0.8, 1.5, 1.5, 3]
+        (q,) = touching(drawn[None], CONE[None])
         if holds(q):
             return q
 

@@ -2,7 +2,7 @@
 
 A mechanism is the dictionary of a mechanism file. Rows turn or slide, may carry a mass, and may
 have any rigid motion after them that no drawing has. Angles in radians, lengths in the mechanism's
-unit; arrays have one row per sample.
+unit; arrays have one row per sample, and where they are coordinates any axes before that.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Build:
 
     def motion(self, chain: str, row: int, q: Array) -> Array:
         """The rigid motion behind a row, (4, 4) or one for each row of `q`."""
-        return np.asarray(self.after.get((chain, row), np.eye(4)))
+        return np.asarray(self.after.get((chain, row), oracle.IDENTITY))
 
     @property
     def is_loaded(self) -> bool:
@@ -78,7 +78,7 @@ class Lever:
         """How a point that it carries moves per unit of its coordinate."""
         if self.slides:
             return np.broadcast_to(self.axis, at.shape)
-        return np.cross(np.broadcast_to(self.axis, at.shape), at - self.origin)
+        return oracle.crossed(self.axis, at - self.origin)
 
 
 def names(mechanism: Mechanism) -> list[str]:
@@ -128,7 +128,7 @@ def _body(
 
 def then(frame: Array, motion: Array) -> Array:
     """`frame @ motion`, as one product where all frames, (n, 4, 4), have the same motion behind."""
-    if motion.ndim == 3:
+    if motion.ndim > 2:
         return np.asarray(frame @ motion)
     return np.asarray((frame.reshape(-1, 4) @ motion).reshape(frame.shape))
 
@@ -136,10 +136,11 @@ def then(frame: Array, motion: Array) -> Array:
 def posture(
     build: Build, chain: str, q: Array
 ) -> tuple[Array, list[Lever], list[tuple[int, float, Array]]]:
-    """The end of a chain, (n, 4, 4), levers, and masses (levers before it, weight, place)."""
+    """The end of a chain, (…, n, 4, 4), levers, and masses (levers before it, weight, place)."""
     channels = names(build.mechanism)
     rows = next(c["dh"] for c in build.mechanism["chain"] if c["name"] == chain)
-    frame = np.broadcast_to(build.after.get((chain, -1), np.eye(4)), (len(q), 4, 4))
+    ahead = build.after.get((chain, -1), oracle.IDENTITY)
+    frame = np.broadcast_to(ahead, (*q.shape[:-1], 4, 4))
     levers: list[Lever] = []
     masses: list[tuple[int, float, Array]] = []
     for k, row in enumerate(rows):
@@ -148,13 +149,13 @@ def posture(
         if "channel" in row:
             i = channels.index(row["channel"])
             sliding = row.get("joint") == "prismatic"
-            levers.append(Lever(i, sliding, frame[:, :3, 2], frame[:, :3, 3]))
+            levers.append(Lever(i, sliding, frame[..., :3, 2], frame[..., :3, 3]))
             frame = frame @ (
-                oracle.translation(z=q[:, i]) if sliding else oracle.rotation("z", q[:, i])
+                oracle.translation(z=q[..., i]) if sliding else oracle.rotation("z", q[..., i])
             )
         if "mass" in row:
             centre = frame @ np.append(np.array(row.get("com", [0.0, 0.0, 0.0])), 1.0)
-            masses.append((len(levers), float(row["mass"]), centre[:, :3]))
+            masses.append((len(levers), float(row["mass"]), centre[..., :3]))
         frame = then(frame, body(row) @ build.motion(chain, k, q))
     return frame, levers, masses
 
@@ -175,12 +176,12 @@ def torques(build: Build, q: Array, *, of_tips: bool = False) -> Array:
         frame, levers, masses = posture(build, chain["name"], q)
         if of_tips:
             masses = [
-                (len(levers), 1.0, (frame @ np.append(at, 1.0))[:, :3])
+                (len(levers), 1.0, (frame @ np.append(at, 1.0))[..., :3])
                 for at in carried(build, chain["name"]).values()
             ]
         for carrying, weight, centre in masses:
             for lever in levers[:carrying]:
-                out[:, lever.channel] += weight * (lever.moves(centre) @ down)
+                out[..., lever.channel] += weight * (lever.moves(centre) @ down)
     return out
 
 
@@ -193,12 +194,12 @@ def loaded(build: Build, q: Array) -> Array:
         torque = torques(build, q)
         for name, compliance in build.gives.items():
             source = build.swaps.get(name, name)
-            out[:, channels.index(name)] += compliance * torque[:, channels.index(source)]
+            out[..., channels.index(name)] += compliance * torque[..., channels.index(source)]
     if build.bends:
         torque = torques(build, q, of_tips=True)
         for i, name in enumerate(channels):
             bend = build.bends.get(chain_of(build.mechanism, name), 0.0)
-            out[:, i] += bend * torque[:, i]
+            out[..., i] += bend * torque[..., i]
     return out
 
 
@@ -209,11 +210,11 @@ def points(build: Build, q: Array, where: Where | None = None) -> dict[str, Arra
     for chain in build.mechanism["chain"]:
         frame = posture(build, chain["name"], q)[0]
         for name, at in carried(build, chain["name"]).items():
-            out[name] = (frame @ np.append(at, 1.0))[:, :3]
+            out[name] = (frame @ np.append(at, 1.0))[..., :3]
     for point in build.mechanism["point"]:
         if "chain" not in point and "at" in point:
             at = np.array(point["at"], dtype=float)
-            out[point["name"]] = np.broadcast_to(at, (len(q), 3))
+            out[point["name"]] = np.broadcast_to(at, (*q.shape[:-1], 3))
         elif "unknown" in point and where is not None:
             out[point["name"]] = where[point["name"]]
     return out
@@ -231,30 +232,30 @@ def apart(build: Build, at: Where, closure: Mapping[str, Any]) -> Array:
 
 
 def misclosure(build: Build, q: Array, where: Where | None = None) -> Array:
-    """How far every closure is open, in length units: shape (n, equations)."""
+    """How far every closure is open, in length units: shape (…, n, equations)."""
     at, columns = points(build, q, where), []
     for closure in build.mechanism["closure"]:
         if is_link(closure):
             continue
         gap = apart(build, at, closure)
         if closure["kind"] == "touch":
-            columns += [gap[:, k] for k in range(3)]
+            columns += [gap[..., k] for k in range(3)]
             continue
         value = closure["value"]
         value = where[value] if isinstance(value, str) and where is not None else value
         value = value + build.longer.get(closure["name"], 0.0)
-        columns.append((np.sum(gap**2, axis=1) - value**2) / (2 * value))
-    return np.stack(columns, axis=1)
+        columns.append((np.sum(gap**2, axis=-1) - value**2) / (2 * value))
+    return np.stack(columns, axis=-1)
 
 
 def row_slope(function: Callable[[Array], Array], x: Array, steps: Array) -> Array:
-    """Central differences of a row-wise function (n, m) -> (n, K) by its own row: (n, K, m)."""
-    columns = []
-    for i, step in enumerate(steps):
-        shift = np.zeros(x.shape[1])
-        shift[i] = step
-        columns.append((function(x + shift) - function(x - shift)) / (2 * step))
-    return np.stack(columns, axis=-1)
+    """Central differences of a row-wise function (n, m) -> (n, K) by its own row: (n, K, m).
+
+    All shifted rows go to the function at once, (2, m, n, m).
+    """
+    shifts = np.diag(steps)[:, None, :]
+    ahead, behind = function(np.stack([x + shifts, x - shifts]))
+    return np.asarray(np.moveaxis(ahead - behind, 0, -1) / (2 * steps))
 
 
 def close(function: Callable[[Array], Array], q: Array, steps: Array, tol: float) -> Array:

@@ -123,12 +123,12 @@ class Longer(linkage.Build):
         return cls(**plain, moving=moving, by=by)
 
     def motion(self, chain: str, row: int, q: Array) -> Array:
-        """The rigid motion behind a row, (4, 4) or (n, 4, 4)."""
+        """The rigid motion behind a row, (4, 4) or (…, n, 4, 4)."""
         plain = super().motion(chain, row, q)
         if self.moving is None or (chain, row) != (self.moving.chain, self.moving.row):
             return plain
-        out = np.tile(np.eye(4), (len(q), 1, 1))
-        out[:, :3, 3] = self.by * q[:, self.moving.joint, None] * self.moving.along
+        out = np.tile(np.eye(4), (*q.shape[:-1], 1, 1))
+        out[..., :3, 3] = self.by * q[..., self.moving.joint, None] * self.moving.along
         return np.asarray(plain @ out)
 
 

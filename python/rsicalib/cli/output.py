@@ -7,7 +7,7 @@ import contextlib
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rsicalib.cli.colours import painted, wants_colour
 from rsicalib.cli.interruption import interruptible
@@ -17,7 +17,9 @@ from rsicalib.errors import OpenLoopsWarning
 from rsicalib.facts.warned import Warned
 from rsicalib.io.folders import MARK, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
-from rsicalib.results.result import Calibration, Result, Trace
+
+if TYPE_CHECKING:
+    from rsicalib.results.result import Calibration, Result, Trace
 
 __all__ = ["heard", "prepare", "show", "warn"]
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from rsicalib import _core, api
+from rsicalib import _core
 from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import prepare, show, warn
@@ -58,6 +58,8 @@ ALARMED = 4
 
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
+    from rsicalib import api
+
     prepare(args)
     _with_logs(args)
     options = {**_session(args), "method": args.method}
@@ -66,6 +68,8 @@ def calibrate(args: Args) -> int:
 
 def trace(args: Args) -> int:
     """Close the loop: residual, missing term, error before and after."""
+    from rsicalib import api
+
     prepare(args)
     _with_logs(args)
     options = {**_session(args), "without": args.without, "seed": args.seed}
@@ -117,6 +121,8 @@ def export(args: Args) -> int:
 
 def fixture(args: Args) -> int:
     """Open loop, from known poses in the readings."""
+    from rsicalib import api
+
     prepare(args)
     names = "mechanism check align skip_bad_rows device note date"
     options = {name: getattr(args, name) for name in names.split()}
@@ -125,6 +131,8 @@ def fixture(args: Args) -> int:
 
 def demo(args: Args) -> int:
     """The main job on data that come with the package; writes a report, prints its path."""
+    from rsicalib import api
+
     if args.out is None:
         args.out = Path("rsicalib-demo")
     prepare(args)
@@ -135,6 +143,7 @@ def forward(args: Args) -> int:
     """Readings to platform poses under a calibration, CSV on standard output."""
     import numpy as np
 
+    from rsicalib import api
     from rsicalib.poses.places import places, readings_for
     from rsicalib.work.arguments import earlier_result
     from rsicalib.work.closing import warn_of_open_loops
@@ -393,6 +402,8 @@ def watch(args: Args) -> int:
 
 def terms(args: Args) -> int:
     """What can be identified."""
+    from rsicalib import api
+
     known = {term["id"]: term for term in api.terms(args.mechanism)}
     if args.id is not None and args.id not in known:
         found = f"no term {args.id!r}{meant(args.id, known)}"
@@ -431,6 +442,7 @@ def completion(args: Args) -> int:
 
 def mechanism(args: Args) -> int:
     """Show a built-in mechanism, or check a file: what it says, and what can be identified."""
+    from rsicalib import api
     from rsicalib.io.mechanisms import expansion_notes
     from rsicalib.planning.identifiability import COMPLETE, identifiable
 
