@@ -119,3 +119,13 @@ def test_of_two_surfaces_the_one_that_is_not_as_it_should_be_is_named(
     assert {p["target"] for p in again.to_dict()["parameters"] if p["term"] == term} == {
         "surface[surface=wall]"
     }
+
+
+def test_poses_are_planned_beside_rows_that_touch_no_socket(tmp_path: Path) -> None:
+    *_, csv, mechanism = session("sockets", tmp_path)
+    found = rsicalib.calibrate(csv, mechanism)
+    planned = rsicalib.plan(mechanism, 4, result=found, beside=csv)
+    assert 1 <= len(planned.readings) <= 4 and set(planned.keys) == {"surface", "at"}
+    # A pose touches a socket, or the table.
+    touched = zip(planned.keys["at"], planned.keys["surface"], strict=True)
+    assert all((at == "") != (surface == "") for at, surface in touched)

@@ -146,8 +146,11 @@ impl<'a> Linearised<'a> {
         let model = Model::like(&self.model, mechanism, readings)?;
         let mut columns: Vec<usize> = (0..self.model.term_parameters).collect();
         for unknown in &model.unknowns {
-            let same =
-                |known: &&Unknown| known.thing == unknown.thing && known.keys == unknown.keys;
+            // What no row of these readings touches has no derivatives: any place will do.
+            let nowhere = unknown.keys.iter().any(String::is_empty);
+            let same = |known: &&Unknown| {
+                known.thing == unknown.thing && (nowhere || known.keys == unknown.keys)
+            };
             let own = self.model.unknowns.iter().find(same).ok_or_else(|| Error::Unknown {
                 kind: "point",
                 found: unknown.name.clone(),

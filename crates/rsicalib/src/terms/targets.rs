@@ -82,6 +82,9 @@ fn touched(mechanism: &Mechanism, readings: &Readings, closure: usize) -> Vec<Ta
     for group in &readings.groups {
         let key = |column: &String| all.iter().position(|c| c == column).map(|k| group[k].clone());
         let keys: Vec<String> = columns.iter().filter_map(key).collect();
+        if keys.iter().any(String::is_empty) {
+            continue; // nothing is touched where a key is blank
+        }
         let place = Target::Place(PlaceName::of(&place_name(thing, columns, &keys)));
         if !places.contains(&place) {
             places.push(place);
