@@ -17,7 +17,8 @@ APART = 30.0
 FEWEST = 5
 """Poses that must have repeats."""
 WALKED = 1.5
-"""Rows that walk along a grid are this many times nearer to each other than repeats would be."""
+"""Steps of rows that walk along a grid add up to how far they go; those of repeats to more than
+this many times as much. Only a warning hangs on it."""
 
 
 def numbered(readings: Samples, mechanism: MechanismLike) -> tuple[IntArray | None, list[Warned]]:

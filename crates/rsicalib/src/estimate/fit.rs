@@ -150,6 +150,9 @@ fn seated_alike(a: &Noise, b: &Noise) -> bool {
 
 /// Lengths that differ from sample to sample; `measured` are the variances of the equations that do.
 fn lengths_of(model: &Model, noise: &Noise, measured: &[f64]) -> Vec<Length> {
+    if measured.is_empty() {
+        return Vec::new();
+    }
     let drawn = |k: usize| noise.measured.get(k).is_some_and(|factor| *factor > 0.0);
     let declared = Noise { seating: Vec::new(), ..noise.clone() }.measured_lengths(model);
     let lengths = model.lengths_read().filter(|(k, e)| drawn(*k) && *e < measured.len());

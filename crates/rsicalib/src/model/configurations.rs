@@ -43,8 +43,8 @@ const STEPS: usize = 60;
 /// Rounds of drawing, each twice what is missing.
 const ROUNDS: usize = 40;
 
-/// Rounds after which nothing more is drawn for keys of which none has closed: as one in twenty times as many
-/// draws as are asked for is the most to be hoped for, the rounds that are left would find about three.
+/// Rounds after which nothing more is drawn for keys of which none has closed. Of twenty draws for each that is
+/// asked for none has: the rounds that are left would find three in all, by that rate.
 const HOPELESS: usize = 10;
 
 /// Longest Newton step of a joint [rad, or lengths of the longest link].

@@ -215,12 +215,17 @@ pub(crate) struct Rounded {
 
 /// The noise where channels read in steps that are unlike, as it is declared.
 pub(crate) fn declared_rounded(observations: &Observations, rounding: &Rounding) -> Rounded {
-    let first = first_noise(observations, None);
-    let one = first.sigma.clone();
+    without_repeats(observations, rounding, first_noise(observations, None).sigma)
+}
+
+/// The noise where `one` reading of each channel has this standard deviation, and what lasts of its
+/// rounding is a part of it.
+fn without_repeats(observations: &Observations, rounding: &Rounding, one: Vec<f64>) -> Rounded {
     let white = |c: usize| (one[c] * one[c] - rounding.lasting[c]).max(0.0);
     let sigma = (0..one.len()).map(|c| rounding.weighed(c, white(c), 1.0)).collect();
     let lasting = (0..one.len()).map(|c| rounding.lasts(c)).collect();
-    Rounded { weighed: Noise { sigma, ..first }, one, lasting, apart: 0, scatter: None }
+    let weighed = Noise { sigma, ..first_noise(observations, None) };
+    Rounded { weighed, one, lasting, apart: 0, scatter: None }
 }
 
 /// The noise where channels read in steps that are unlike, as repeats show it: coarse channels stand
@@ -240,7 +245,9 @@ pub(crate) fn rounded(
         return None;
     }
     if rounding.all_last() {
-        return Some(all_rounded(observations, rounding));
+        let one = |c: usize| (rounding.scatter(c) + rounding.lasting[c]).sqrt();
+        let one = (0..rounding.lasting.len()).map(one).collect();
+        return Some(without_repeats(observations, rounding, one));
     }
     if scatter.within == 0.0 {
         return None;
@@ -270,20 +277,6 @@ pub(crate) fn rounded(
         apart,
         scatter: Some(scatter),
     })
-}
-
-/// The noise where the rounding of all channels lasts: as much as they scatter by, and what lasts.
-fn all_rounded(observations: &Observations, rounding: &Rounding) -> Rounded {
-    let channels = 0..rounding.lasting.len();
-    let one = |c: usize| (rounding.scatter(c) + rounding.lasting[c]).sqrt();
-    let sigma = channels.clone().map(|c| rounding.weighed(c, rounding.scatter(c), 1.0)).collect();
-    Rounded {
-        one: channels.clone().map(one).collect(),
-        weighed: Noise { sigma, ..first_noise(observations, None) },
-        lasting: vec![true; channels.len()],
-        apart: 0,
-        scatter: None,
-    }
 }
 
 /// What is declared of the noise, or guessed, rounding aside.
