@@ -65,9 +65,11 @@ CASES = [
     ("column", None, None),
     ("channel", SIGMA, WIRE),
     ("channel", None, WIRE),
-    # Declared too small: what repeats show is of the wire, and of no joint.
+    # Declared too small, or too large: what repeats show is of the wire, and of no joint.
     ("column", SIGMA, WIRE / 5),
     ("column", None, WIRE / 5),
+    ("column", SIGMA, WIRE * 5),
+    ("column", None, WIRE * 5),
 ]
 
 

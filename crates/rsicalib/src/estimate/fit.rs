@@ -141,11 +141,10 @@ fn proportional(a: &Noise, b: &Noise) -> bool {
     a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y))
 }
 
-/// True for two noises by which closures hold alike, to 1 %.
-fn seated_alike(a: &Noise, b: &Noise) -> bool {
-    let of = |noise: &Noise, k: usize| noise.seating.get(k).copied().unwrap_or(0.0).sqrt();
-    let same = |k: usize| (of(a, k) - of(b, k)).abs() <= 0.01 * of(a, k);
-    (0..a.seating.len().max(b.seating.len())).all(same)
+/// True for two noises by which the closures of a model hold alike, to 1 %.
+fn seated_alike(model: &Model, a: &Noise, b: &Noise) -> bool {
+    let same = |(x, y): (f64, f64)| (x - y).abs() <= 0.01 * x;
+    a.by_closure(model).into_iter().zip(b.by_closure(model)).all(same)
 }
 
 /// Lengths that differ from sample to sample; `measured` are the variances of the equations that do.
@@ -314,7 +313,7 @@ fn minimum(
         let lengths = lengths_of(&model, &noise, &measured);
         if declared && !judged && round + 1 < ROUNDS {
             let wanted = with_lengths(observations, &groups, &within, &noise, &lengths);
-            if let Some(wanted) = wanted.filter(|wanted| !seated_alike(wanted, &noise)) {
+            if let Some(wanted) = wanted.filter(|wanted| !seated_alike(&model, wanted, &noise)) {
                 noise = wanted;
                 continue;
             }
@@ -345,7 +344,7 @@ fn minimum(
                 }
             };
             apart = count;
-            if !reached || !seated_alike(&wanted, &noise) {
+            if !reached || !seated_alike(&model, &wanted, &noise) {
                 noise = wanted;
                 continue;
             }

@@ -121,8 +121,9 @@ pub struct Noise {
     pub sigma: Vec<f64>,
     /// Factor on Π, the variance of the play.
     pub play: f64,
-    /// Variance of the seating of each closure of the model that declares none, length units squared;
-    /// empty where all of these are exact.
+    /// Variance of each closure of the model beside what it declares, length units squared: of the seating
+    /// of one that declares none, and what repeats of a length show beyond its declared noise, which is
+    /// negative where they show less. Empty where all are as declared.
     pub seating: Vec<f64>,
     /// Of each closure of the model, the factor on its noise where that is drawn anew for each sample,
     /// as of a length that is measured in each; zero where it is of the seating. Empty: of none.

@@ -58,9 +58,8 @@ pub struct NoiseEstimate {
     pub still: bool,
     /// Multiplies the variance of declared play.
     pub play: f64,
-    /// Variance of the seating of each closure that declares none, where only the fit tells it, and of
-    /// each length that declares none, where repeats do; length units squared, empty where these are
-    /// exact.
+    /// As [`Noise::seating`]: where a closure declares nothing only the fit tells it, of a length that is
+    /// read with every sample repeats do.
     pub seating: Vec<f64>,
     /// Closures whose noise is drawn for each sample, [`Noise::measured`].
     pub measured: Vec<f64>,
