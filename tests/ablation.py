@@ -1,10 +1,10 @@
 """What each rule and prior of the search is worth: `python -m tests.ablation --devices 4`.
 
-Draws devices of `tests/families` and of `tests/blind`, traces each with every rule on, and again
-with one rule, or a list of them joined by `+`, switched off. Prints, for each rule, how many
-devices that rule alone puts right and how many it spoils, paired device by device, with the
-probability of as uneven a split by chance (sign test). `--against FILE` compares with the answers
-that another version of the library gave, written by `--out`.
+Draws devices of `tests/families`, of `tests/blind` and machines of `tests/machines`, traces each
+with every rule on, and again with one rule, or a list of them joined by `+`, switched off. Prints,
+for each rule, how many devices that rule alone puts right and how many it spoils, paired device by
+device, with the probability of as uneven a split by chance (sign test). `--against FILE` compares
+with the answers that another version of the library gave, written by `--out`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from tests.blind import trials as blind
 from tests.families import grade as of_family
 from tests.families import trials as families
 from tests.families.draw import FAMILIES
+from tests.machines import trials as machines
 
 KINDS = ("clean", "single", "pair", "wrong_readings", "outside", "faint_30")
 BLIND = ("clean", "single", "pairs", "triples", "outside", "left_out", "moved", "recordings")
@@ -100,6 +101,17 @@ def of_controllers(case: blind.Case) -> Said:
     return Said(f"rsi {suite}", device, right, it.extras, it.misled, it.verdict, said, seconds)
 
 
+def of_machines(name: str, suite: str, number: int, seed: int) -> Said:
+    """What is said of a machine with belts, planes, points, equal joints or forces in its loop."""
+    it = machines.run(name, suite, number, seed)
+    kind, device = f"machine {suite}", f"{name} {suite} {number}"
+    said, verdict = " ".join(it.get("said", ())), it.get("verdict", "refused")
+    named = bool(it.get("named") or it.get("among"))
+    right = named if suite == "effect" else it.get("flagged") is False
+    misled = verdict == "explained" and not named
+    return Said(kind, device, right, 0, misled, verdict, said, it["seconds"])
+
+
 def devices(
     asked: Sequence[str], count: int, first: int, seed: int
 ) -> Iterator[Callable[[], Said]]:
@@ -110,6 +122,9 @@ def devices(
                 yield partial(of_families, families.make(family, suite, number, seed))
         for suite in BLIND if "blind" in asked else ():
             yield partial(of_controllers, blind.make(suite, number, seed))
+        for suite in machines.SUITES if "machines" in asked else ():
+            for name in machines.MACHINES:
+                yield partial(of_machines, name, suite, number, seed)
 
 
 def compared(name: str, base: Sequence[Said], other: Sequence[Said], show: bool) -> None:
@@ -138,7 +153,7 @@ def compared(name: str, base: Sequence[Said], other: Sequence[Said], show: bool)
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m tests.ablation", description=__doc__)
-    parser.add_argument("--suites", nargs="+", default=["families", "blind"])
+    parser.add_argument("--suites", nargs="+", default=["families", "blind", "machines"])
     parser.add_argument("--rules", nargs="*", help="rules to switch off, `a+b` together; else all")
     parser.add_argument("--devices", type=int, default=2, help="of every suite of every family")
     parser.add_argument("--first", type=int, default=0, help="number of the first device")

@@ -467,3 +467,15 @@ def test_a_given_recording_closes_at_the_truth() -> None:
     white = power.whitener(device, values, 1.0)
     chi2 = np.sum(np.einsum("nij,nj->ni", white, f) ** 2) / f.size
     assert abs(chi2 - 1) < 5 * np.sqrt(2 / f.size)
+
+
+@pytest.mark.parametrize("number", range(sized(3, 20)))
+def test_a_hand_that_trembles_by_six_degrees_leaves_a_sound_device_adequate(number: int) -> None:
+    """Each sample closes; the mean of the readings of a pose does not, by 5 times their noise."""
+    rng = np.random.default_rng([4711, number])
+    device = Device.random(rng)
+    scene = trials.stage(device, rng, False, trials.Conditions(poses=40, tremor=(0.1, 0.1)))
+    it = trials.given(trials.recorded("clean", number, device, scene, rng, ()))
+    for verb in (rsicalib.calibrate, rsicalib.trace):
+        found = verb(it.readings, it.mechanism, check=it.check, rest=it.rest)
+        assert (found.verdict, found.reasons) == ("adequate", ())

@@ -19,6 +19,7 @@ import pytest
 import rsicalib
 from rsicalib import Mechanism
 from tests import cone
+from tests.commands import run_text
 from tests.families.device import Device, Session, observe, stage
 from tests.families.trials import readings_of, toml
 from tests.machines import files
@@ -143,6 +144,21 @@ def test_limits_in_radians_of_a_channel_in_degrees_are_named() -> None:
 def test_limits_in_degrees_of_a_channel_in_radians_are_named() -> None:
     text = warned(changed(lambda c: c.update(limits=[-180.0, 180.0])))
     assert "limits of" in text and "degrees" in text
+
+
+def test_limits_in_degrees_are_told_before_there_are_readings(tmp_path: Any) -> None:
+    """`mechanism` and `plan` say so as well; half a turn in radians, or a fraction, is none."""
+    wide, true = (
+        Mechanism(changed(lambda c, ends=ends: c.update(limits=ends)))
+        for ends in ([-180.0, 180.0], [-np.pi, np.pi])
+    )
+    (text,) = wide.doubts
+    assert all(channel.name in text for channel in wide.channels) and "degrees" in text
+    assert true.doubts == []
+    path = tmp_path / "wide.toml"
+    path.write_text(wide.to_toml(), encoding="utf-8")
+    for verb in (["mechanism", str(path)], ["plan", "--mechanism", str(path), "--poses", "4"]):
+        assert f"warning: {text}\n" in run_text(*verb).stderr
 
 
 def test_noise_in_radians_of_a_channel_in_degrees_is_named() -> None:

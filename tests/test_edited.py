@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import rsicalib
 from rsicalib import DEMO, InputError
-from tests.edited import run
+from rsicalib.errors import OpenLoopsWarning
+from tests.edited import Case, run
 from tests.full import sized
 
 
 def test_an_edited_result_is_refused_or_told_or_gives_the_poses_that_it_gave(
     tmp_path: Path,
 ) -> None:
-    counts, faults = run(sized(100, 800), 1, tmp_path)
+    counts, faults = run(sized(150, 1200), 1, tmp_path)
     assert faults == []
     assert min(counts["refused"], counts["told"], counts["as good"]) > sized(2, 20)
 
@@ -34,3 +37,22 @@ def test_a_table_with_rows_of_unlike_lengths_is_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps(found), encoding="utf-8")
     with pytest.raises(InputError, match="rows of unlike lengths"):
         rsicalib.load_calibration(path)
+
+
+def test_an_arm_at_cones_whose_result_has_two_values_exchanged_is_told(tmp_path: Path) -> None:
+    """Without the digest: the readings say which cone they touch, and the result where that is."""
+    case = Case.of_arm(7, tmp_path)
+    bare = {key: value for key, value in case.result.items() if key != "digest"}
+    offsets = [p for p in bare["parameters"] if p["term"] == "offset"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OpenLoopsWarning)
+        case.forward(bare)
+    one, other = offsets[1], offsets[3]
+    one["value"], other["value"] = other["value"], one["value"]
+    with pytest.warns(OpenLoopsWarning, match="do not close"):
+        case.forward(bare)
+    # Without the column of the cones the arm is in the air, and nothing tells.
+    in_the_air = {name: column for name, column in case.readings.items() if name != "at"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OpenLoopsWarning)
+        replace(case, readings=in_the_air).forward(bare)

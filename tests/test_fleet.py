@@ -503,7 +503,10 @@ def test_a_killed_worker_costs_its_partition_and_no_device(
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_scheduler_that_goes_is_told_and_the_rows_are_kept(
-    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     pytest.importorskip("distributed", reason="no package distributed: pip install rsicalib[dask]")
     monkeypatch.setattr(running, "PARTITION", 1)
@@ -523,6 +526,7 @@ def test_a_scheduler_that_goes_is_told_and_the_rows_are_kept(
     try:
         with pytest.raises(InputError, match=r"the scheduler at .* gone .* --resume"):
             rsicalib.fleet(dataset, out=tmp_path / "out", dask=address, progress=kill)
+        assert caplog.records == []  # what is told is told once, and not as a traceback
     finally:
         for process in (scheduler, working):
             process.kill()

@@ -85,6 +85,19 @@ def test_a_seating_that_nobody_declares_is_told_by_the_fit_and_judges_nothing(si
         assert np.all(np.abs(value - cone.OFFSETS[1:]) < 4.0 * sd)
 
 
+def test_few_poses_whose_noise_only_the_fit_gives_contradict_nothing() -> None:
+    """Of 12 equations for 8 unknowns a pose that is left out takes 3 of the 4 that are too many."""
+    for seed in range(12):
+        found = rsicalib.calibrate(cone.session(seed, poses=4).table, mechanism(None, None))
+        assert (found.verdict, found.reasons) == ("unjudged", ())
+
+
+def test_where_nothing_that_moves_the_ball_was_fitted_no_error_is_predicted() -> None:
+    taken = cone.session(3, poses=10)
+    found = rsicalib.calibrate(taken.table, Mechanism.from_toml(cone.mechanism(None, PLAY, "[]")))
+    assert found.predicted is None and "should be right" not in found.summary()
+
+
 def test_an_exact_closure_that_nobody_declares_is_judged_by_the_readings() -> None:
     taken = cone.session(5, play=0.0)
     found = rsicalib.calibrate(taken.table, mechanism(None, None))

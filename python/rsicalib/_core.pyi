@@ -131,6 +131,10 @@ class Mechanism:
         """Columns of the readings that hold measured distances."""
 
     @property
+    def doubts(self) -> Any:
+        """What is suspicious of it as it is declared, in words."""
+
+    @property
     def equations(self) -> int:
         """Scalar equations of one sample."""
 
@@ -386,15 +390,15 @@ def check(
 def closing(
     mechanism: Mechanism,
     applied: Mapping[str, Any],
-    values: Array,
+    table: Mapping[str, Any],
     covariance: Array | None = None,
     *,
     scale: Any = 1.0,
     dof: Any = None,
 ) -> Any:
-    """How the loops close under a result in readings of shape (n, channels): misclosure, root mean
-    square in units of length, what the noise makes of it, and the probability of more by chance. None where the mechanism or
-    the result needs more than one row for that.
+    """How the loops close under a result in a table of readings: misclosure, root mean square in units of
+    length, what the noise makes of it, and the probability of more by chance. None where no row of
+    the table tells that.
     """
 
 def common_shift(devices: Sequence[tuple[float, float]]) -> dict[str, Any] | None:

@@ -10,6 +10,7 @@ use rsicalib::diagnosis::options::Rule;
 use rsicalib::estimate::paper::Layout;
 use rsicalib::mechanism::{Law, Mechanism};
 use rsicalib::model::check_names;
+use rsicalib::report::warned::of_drawing;
 use rsicalib::terms::targets::{shared, targets};
 use rsicalib::terms::term::Class;
 use serde::Serialize;
@@ -220,6 +221,12 @@ impl PyMechanism {
     #[getter]
     fn key_columns(&self) -> Vec<String> {
         self.0.key_columns()
+    }
+
+    /// What is suspicious of it as it is declared, in words.
+    #[getter]
+    fn doubts(&self) -> Vec<String> {
+        of_drawing(&self.0).into_iter().map(|warned| warned.text).collect()
     }
 
     /// Columns of the readings that hold measured distances.

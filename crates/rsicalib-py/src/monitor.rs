@@ -11,6 +11,7 @@ use rsicalib::monitor::{Alarm, Monitor, MonitorOptions, Quiet};
 use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
+use crate::tables::PyTable;
 use crate::threads::work;
 
 /// A calibrated mechanism that is watched at work.
@@ -117,30 +118,26 @@ impl PyMonitor {
     }
 }
 
-/// How the loops close under a result in readings of shape (n, channels): misclosure, root mean
-/// square in units of length, what the noise makes of it, and the probability of more by chance. None where the mechanism or
-/// the result needs more than one row for that.
+/// How the loops close under a result in a table of readings: misclosure, root mean square in units of
+/// length, what the noise makes of it, and the probability of more by chance. None where no row of
+/// the table tells that.
 #[pyfunction]
-#[pyo3(signature = (mechanism, applied, values, covariance=None, *, scale=1.0, dof=None))]
+#[pyo3(signature = (mechanism, applied, table, covariance=None, *, scale=1.0, dof=None))]
 pub fn closing(
     py: Python<'_>,
     mechanism: &PyMechanism,
     applied: PyApplied,
-    values: PyReadonlyArray2<'_, f64>,
+    table: PyTable<'_>,
     covariance: Option<PyReadonlyArray2<'_, f64>>,
     scale: f64,
     dof: Option<f64>,
 ) -> PyResult<Option<(f64, f64, f64)>> {
-    let values: Vec<f64> = values.as_array().iter().copied().collect();
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
-    let applied = applied.into();
+    let (applied, table) = (applied.into(), table.table());
     let found =
-        work(py, || closes(&mechanism.0, &applied, covariance.as_deref(), &values, scale, dof))?;
-    match found {
-        Ok(found) => Ok(Some((found.rms_misclosure, found.expected_rms, found.p_value))),
-        Err(Error::Missing { .. } | Error::Context { .. }) => Ok(None),
-        Err(error) => Err(PyError::from(error).into()),
-    }
+        work(py, || closes(&mechanism.0, &applied, covariance.as_deref(), table, scale, dof))?
+            .map_err(PyError::from)?;
+    Ok(found.map(|found| (found.rms_misclosure, found.expected_rms, found.p_value)))
 }
 
 fn shape(found: usize, expected: usize) -> Error {

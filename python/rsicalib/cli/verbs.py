@@ -202,13 +202,16 @@ def simulate(args: Args) -> int:
 
 def plan(args: Args) -> int:
     """Which poses to visit."""
+    from rsicalib import api
     from rsicalib.planning.plan import plan as plan_poses
     from rsicalib.report.poses import poses_html
 
+    mechanism = api.load_mechanism(args.mechanism)
+    warn(args, mechanism.doubts)
     found = _heard(
         args,
         lambda _: plan_poses(
-            args.mechanism,
+            mechanism,
             args.poses,
             target=args.target,
             result=args.result,
@@ -447,6 +450,7 @@ def mechanism(args: Args) -> int:
     from rsicalib.planning.identifiability import COMPLETE, identifiable
 
     loaded = api.load_mechanism(args.name)
+    warn(args, loaded.doubts)
     models = () if args.quiet else (None, COMPLETE)
     counts = []
     try:

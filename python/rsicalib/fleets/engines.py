@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
@@ -126,7 +127,7 @@ def over_dask(job: Task, partitions: Iterable[Part], address: str) -> Iterator[t
     except (OSError, ValueError, TimeoutError) as error:
         found = f"{address!r}, where no scheduler answers ({error})"
         raise InputError(f"--dask: found {found}, expected the address of one") from None
-    with client:
+    with _alone_told(client):
         source = _sent(partitions, client)
         running: dict[str, Part] = {}
         ready = distributed.as_completed()
@@ -171,6 +172,27 @@ def _sent(partitions: Iterable[Part], client: Any) -> Iterator[Part]:
                 yield from part.read()
                 continue
         yield part
+
+
+@contextmanager
+def _alone_told(client: Any) -> Iterator[None]:
+    """Close a client at the end, without what it logs of a scheduler whose loss is told already."""
+    loggers = [logging.getLogger(name) for name in ("asyncio", "distributed.client")]
+    try:
+        with client:
+            try:
+                yield
+            except InputError:
+                for logger in loggers:
+                    logger.addFilter(_nothing)
+                raise
+    finally:
+        for logger in loggers:
+            logger.removeFilter(_nothing)
+
+
+def _nothing(_: logging.LogRecord) -> bool:
+    return False
 
 
 @contextmanager

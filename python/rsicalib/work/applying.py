@@ -14,7 +14,7 @@ from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.units import is_count
 
-__all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed"]
+__all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed", "tell_closures"]
 
 Known: TypeAlias = tuple[dict[str, Any], FloatArray, str | None]
 """Table of readings, the poses they were taken in, shape (n, 6), and the point whose places they
@@ -61,14 +61,19 @@ def _of_open_chains(readings: Readings, mechanism: Mechanism) -> dict[str, Any]:
     return as_table([readings], mechanism, bare=True) | {"keys": keys, "columns": columns}
 
 
+def tell_closures(readings: Readings, mechanism: Mechanism) -> bool:
+    """Whether the rows of readings say what closures touch and measure."""
+    keys, columns = {*mechanism.key_columns}, {*mechanism.value_columns}
+    return {*readings.keys} >= keys and {*readings.columns} >= columns
+
+
 def posed(readings: Readings, mechanism: Mechanism, point: str | None = None) -> Known:
     """Readings with known poses, or with known places of a point, as the core takes them."""
     if readings.poses is None or not np.isfinite(readings.poses).any():
         found = "no known pose" if readings.poses is not None else "no columns x y z rx ry rz"
         expected = "known poses: x y z [length unit] and rx ry rz [rad]"
         raise InputError.at(readings.source, found=found, expected=expected)
-    needed = {*readings.keys} >= {*mechanism.key_columns}
-    whole = needed and {*readings.columns} >= {*mechanism.value_columns}
+    whole = tell_closures(readings, mechanism)
     table = as_table([readings], mechanism) if whole else _of_open_chains(readings, mechanism)
     return table, np.ascontiguousarray(readings.poses), point
 

@@ -11,20 +11,16 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.arrays import FloatArray
 from rsicalib.errors import tell
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
-from rsicalib.work.applying import as_applied, covariance_of
+from rsicalib.work.applying import as_applied, as_table, covariance_of, tell_closures
 from rsicalib.work.edited import TIMES, own_misclosure
 
 __all__ = ["first_rows", "open_loops", "warn_of_open_loops"]
 
 LEVEL = 1e-6
 """Probability that the loops of a sound device are called open: of a million uses one."""
-
-MOST = 200
-"""Poses that are compared at the most: enough to tell, and soon done."""
 
 
 def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str | None:
@@ -42,25 +38,21 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
     Returns
     -------
     str or None
-        None where they do, or where that cannot be told from readings alone: of chains whose
-        points are free or touch unknown places, or of terms that need more than one row.
+        None where they do, or where these readings cannot tell it: of chains in the air, and of
+        chains that touch only places which the result does not know.
     """
     noise, covariance = result.noise, covariance_of(result)
     if noise is None or (covariance is not None and not covariance.any()):
         return None  # no parameter was determined: there is nothing that could have changed
-    poses = _of_poses(readings)
-    applied = as_applied(result, mechanism)
-    # In the mean of `n` samples the part of the noise that all share stays whole, and an `n`-th of
-    # the rest. How much is shared is not known here: the variance is taken to fall by √n.
-    less = (len(poses) / len(readings)) ** 0.25
-    applied["sigma"] = [less * sigma for sigma in applied["sigma"]]
+    if not tell_closures(readings, mechanism):
+        return None
     fit = result.quality
     judged = fit.chi2 is not None and fit.dof
     scale = fit.chi2 / fit.dof if judged and fit.chi2 and fit.dof else 1.0
     found = _core.closing(
         mechanism,
-        applied,
-        thinned(poses),
+        as_applied(result, mechanism),
+        as_table([readings], mechanism),
         covariance,
         scale=max(1.0, scale),
         dof=noise.dof,
@@ -87,23 +79,6 @@ def warn_of_open_loops(readings: Readings, mechanism: Mechanism, result: Result)
     said = open_loops(readings, mechanism, result)
     if said is not None:
         tell(said)
-
-
-def _of_poses(readings: Readings) -> FloatArray:
-    """Mean reading of each pose: shape (n, C)."""
-    values = readings.values
-    if readings.labels is not None:
-        starts = first_rows(readings.labels, len(readings))
-        sizes = np.diff(np.append(starts, len(values)))
-        values = np.add.reduceat(values, starts, axis=0) / sizes[:, None]
-    return values
-
-
-def thinned(values: FloatArray) -> FloatArray:
-    """Not more rows than are compared."""
-    if len(values) > MOST:
-        values = values[np.linspace(0, len(values) - 1, MOST).astype(np.intp)]
-    return np.ascontiguousarray(values)
 
 
 def first_rows(pose: npt.NDArray[np.integer] | None, n: int) -> npt.NDArray[np.intp]:

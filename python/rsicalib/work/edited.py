@@ -12,8 +12,9 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
+from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
-from rsicalib.work.applying import as_applied, covariance_of
+from rsicalib.work.applying import as_applied, as_table, covariance_of
 
 __all__ = ["TIMES", "edits", "own_misclosure", "refuse_other_units"]
 
@@ -75,12 +76,22 @@ def own_misclosure(result: Result) -> float | None:
 
 
 def _expected(result: Result, mechanism: Mechanism) -> float | None:
-    """What the noise makes of the misclosure under a result, over the span of its session."""
+    """What the noise makes of the misclosure under a result, over the span of its session.
+
+    None where that depends on what is touched or measured: only readings say that.
+    """
+    if mechanism.key_columns or mechanism.value_columns:
+        return None
     applied = as_applied(result, mechanism)
     span = np.array(applied["span"], dtype=np.float64)
     drawn = np.random.default_rng(0).uniform(0.0, 1.0, (ROWS, len(span)))
     rows = np.ascontiguousarray(span[:, 0] + drawn * (span[:, 1] - span[:, 0]))
-    found = _core.closing(mechanism, applied, rows, covariance_of(result))
+    try:
+        readings = Readings.from_arrays(mechanism, rows)
+    except InputError:  # no session has readings beyond the range of a channel
+        return np.inf
+    table = as_table([readings], mechanism)
+    found = _core.closing(mechanism, applied, table, covariance_of(result))
     # What is not finite is above anything.
     return None if found is None else float(np.nan_to_num(found[1], nan=np.inf))
 

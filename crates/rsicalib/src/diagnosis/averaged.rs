@@ -12,6 +12,7 @@ use crate::diagnosis::search::known::KnownScans;
 use crate::diagnosis::stretches::Stretches;
 use crate::estimate::noise::open;
 use crate::estimate::noise::source::variance_of_readings;
+use crate::estimate::on_closures::means;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
 use crate::model::Instance;
 use crate::numerics::lm;
@@ -58,7 +59,7 @@ impl<'a> Averaged<'a> {
     ) -> Result<Self, Error> {
         let readings = &observations.readings;
         let averaged = match readings.held {
-            true => Some(readings.averaged(&observations.mechanism, &observations.weights)?),
+            true => Some(means(observations, fit)?),
             false => None,
         };
         let samples = readings.rows_of_poses().iter().map(Vec::len).collect();

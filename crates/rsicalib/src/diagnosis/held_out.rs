@@ -69,7 +69,8 @@ fn errors(
     let folds = FOLDS.min(poses);
     let (judge, noise) = (judge.of(full), full.assumed());
     let whole = chi2(observations, full, &noise, &observations.weights);
-    let measure = if judge.residual.is_some() { full.dof / whole } else { 1.0 };
+    // In units of what the judge takes to be left of the whole.
+    let measure = judge.residual.map_or(1.0, |[total, _]| total / whole);
     let without = |fold: usize| {
         let out = poses * fold / folds..poses * (fold + 1) / folds;
         let mut training = observations.clone();

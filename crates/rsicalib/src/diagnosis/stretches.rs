@@ -17,8 +17,9 @@ use std::ops::Range;
 use crate::diagnosis::price::{Family, least_that_pays, prior};
 use crate::diagnosis::score::scored::Scored;
 use crate::estimate::noise::source::NoiseEstimate;
+use crate::estimate::on_closures::OnClosures;
 use crate::estimate::settle::Room;
-use crate::estimate::{Fit, Implicit, LONG, Noise, Observations, Part};
+use crate::estimate::{Fit, Implicit, LONG, Observations, Part};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
@@ -119,8 +120,9 @@ impl Stretches {
     /// One sample for each stretch by (76), and how many rows it is the mean of.
     #[must_use]
     pub fn merged(&self, observations: &Observations, fit: &Fit) -> (Readings, Vec<f64>) {
-        let mut settled = Settled::new(observations, fit);
-        let weights = &observations.weights;
+        let Observations { readings, weights, .. } = observations;
+        let part = Part { model: &fit.model, readings, weights: None };
+        let mut settled = OnClosures::new(part, &fit.beta, &fit.assumed());
         let (mut values, mut counts) = (Vec::new(), Vec::new());
         let mut ends = Vec::with_capacity(self.rows.len());
         for stretch in &self.rows {
@@ -128,7 +130,7 @@ impl Stretches {
             let middle = live[live.len() / 2];
             let mut sample = vec![0.0; observations.readings.channels];
             for &row in &live {
-                let raw = observations.readings.row(row);
+                let raw = readings.row(row);
                 for (c, sum) in sample.iter_mut().enumerate() {
                     *sum += (raw[c] - settled.at(row, c)) / live.len() as f64;
                 }
@@ -231,42 +233,6 @@ impl<'a> Ends<'a> {
         let side = |row: usize| &readings.sides()[row * c..(row + 1) * c];
         let far = from.iter().zip(to).zip(&self.travel).any(|((a, b), most)| (a - b).abs() > *most);
         far || side(before) != side(row)
-    }
-}
-
-/// Readings on the closures, block by block.
-struct Settled<'a> {
-    part: Part<'a>,
-    fit: &'a Fit,
-    room: Room,
-    /// Block and lane of each row.
-    lane_of: Vec<(usize, usize)>,
-    block: Option<usize>,
-    a_hat: Vec<Lanes>,
-}
-
-/// Share of the noise of closures with which readings are moved onto them: where closures say the
-/// same of a pose, none at all would leave nothing to divide by.
-const HARDLY: f64 = 1e-6;
-
-impl<'a> Settled<'a> {
-    fn new(observations: &'a Observations, fit: &'a Fit) -> Self {
-        let readings = &observations.readings;
-        let part = Part { model: &fit.model, readings, weights: None };
-        let noise = Noise { play: HARDLY * fit.noise.play, ..fit.assumed() };
-        let room = Room::new(&fit.model, &noise);
-        let lane_of = readings.lane_of_rows();
-        Self { part, fit, room, lane_of, block: None, a_hat: Vec::new() }
-    }
-
-    /// `â` of a row and channel: quick where rows are asked for one after another.
-    fn at(&mut self, row: usize, channel: usize) -> f64 {
-        let (block, lane) = self.lane_of[row];
-        if self.block.replace(block) != Some(block) {
-            self.a_hat = self.part.start(block);
-            self.room.settle(&self.part, block, &self.fit.beta, &mut self.a_hat, false);
-        }
-        self.a_hat[channel].0[lane]
     }
 }
 

@@ -42,7 +42,7 @@ pub(crate) fn of_readings(observations: &Observations) -> Vec<Suspicion> {
     };
     add(spans.in_degrees(), InDegrees::Readings);
     add(spans.at(|c| spans.limits_are_narrow(c)), InDegrees::LimitsInRadians);
-    add(spans.at(|c| spans.limits_are_wide(c)), InDegrees::LimitsInDegrees);
+    add(spans.of_wide_limits(), InDegrees::LimitsInDegrees);
     found
 }
 
@@ -90,13 +90,10 @@ impl Spans<'_> {
         channel.is_in_degrees() && channel.limits.is_some() && self.fits_in_degrees(c)
     }
 
-    /// True for limits that are whole numbers of degrees, and many turns in radians, of which the
-    /// joint uses a part that would be all of them in degrees.
-    fn limits_are_wide(&self, c: usize) -> bool {
-        let whole = |[low, high]: [f64; 2]| {
-            low.fract() == 0.0 && high.fract() == 0.0 && high - low > TAU && high - low <= 720.0
-        };
-        self.channel(c).limits.is_some_and(whole) && self.times(c).to_degrees() <= ROUND
+    /// Channels with limits as in degrees, of which the readings span a part that would be all of them in degrees.
+    fn of_wide_limits(&self) -> Vec<usize> {
+        let narrow = |c: &usize| self.times(*c).to_degrees() <= ROUND;
+        self.observations.mechanism.limits_as_in_degrees().into_iter().filter(narrow).collect()
     }
 }
 

@@ -21,6 +21,7 @@ pub mod noise;
 mod note;
 mod objective;
 mod observations;
+pub(crate) mod on_closures;
 mod options;
 pub mod paper;
 mod priors;

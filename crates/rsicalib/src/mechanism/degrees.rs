@@ -1,5 +1,7 @@
 //! Channels that read in degrees: written in degrees in a file, kept in radians.
 
+use std::f64::consts::TAU;
+
 use crate::mechanism::drawing::{Channel, Mechanism};
 
 const DEGREES: &str = "deg";
@@ -29,6 +31,18 @@ impl Mechanism {
     #[must_use]
     pub fn in_written_units(self) -> Self {
         self.converted(degrees)
+    }
+
+    /// Channels of joints that turn whose limits are whole numbers and more than a turn in radians: they may be
+    /// meant in degrees.
+    #[must_use]
+    pub fn limits_as_in_degrees(&self) -> Vec<usize> {
+        let whole = |[low, high]: [f64; 2]| {
+            low.fract() == 0.0 && high.fract() == 0.0 && high - low > TAU && high - low <= 720.0
+        };
+        let limits = |c: &usize| self.channels[*c].limits;
+        let meant = |c: &usize| self.turns(*c) && limits(c).is_some_and(whole);
+        (0..self.channels.len()).filter(meant).collect()
     }
 
     fn converted(mut self, convert: fn(f64) -> f64) -> Self {

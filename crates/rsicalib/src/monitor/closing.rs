@@ -1,30 +1,34 @@
 //! Whether the loops close under a result, in readings that it has not seen.
 //!
-//! A result that was edited, or that is of another device, opens its loops. With `r` and `G` of
-//! (101) and no change, the readings move the estimate of `δ` from zero to `μ`, and its covariance
-//! from `P₀` to `P`. If the result holds,
+//! A result that was edited, or that is of another device, opens its loops. With the whitened misclosures
+//! `w` of all samples, `X` their derivatives and `P₀` the covariance of the parameters,
 //!
 //! ```text
+//! P = (P₀⁻¹ + XᵀX)⁻¹,    μ = -P Xᵀw
 //! T = μᵀ (P₀ - P)⁺ μ ~ χ²(rank (P₀ - P))                                      (107)
 //! ```
 //!
-//! A result whose parameters cannot be moved to where the loops close leaves the innovations of
-//! the samples large: their median is compared with `χ²` of one sample, as a bad reading or two
+//! if the result holds. A result whose parameters cannot be moved to where the loops close leaves much of
+//! `w + X μ` in every sample: the median over the samples is compared with chance, as a bad reading or two
 //! do not speak against a result.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::Error;
-use crate::apply::earlier::Applied;
+use crate::apply::earlier::{Applied, Under};
+use crate::estimate::{Implicit, Part, Residuals};
 use crate::mechanism::Mechanism;
-use crate::monitor::rows::Rows;
-use crate::monitor::state::State;
+use crate::model::Instance;
 use crate::monitor::thresholds::{as_chi2, log_tail};
-use crate::monitor::watched::Watched;
-use crate::numerics::lanes::WIDTH;
+use crate::monitor::watched::internal_covariance;
+use crate::readings::{Readings, Table, rows_of};
+use crate::terms::term::Needs;
 
 /// Directions of which the readings tell less than this share are not compared.
 const TOLD: f64 = 1e-3;
+
+/// Samples that are compared at the most, evenly spread: enough to tell, and soon done.
+const MOST: usize = 200;
 
 /// How the loops close under a result.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,82 +43,162 @@ pub struct Closing {
     pub p_value: f64,
 }
 
-/// Compares readings, `values` row by row, with a result whose parameters have this covariance.
+/// Compares readings with a result whose parameters have this covariance, row by row. Samples that touch
+/// an unknown place which the result does not have say nothing. None where no others are left, and for terms
+/// that need the samples in between where only some of many are compared.
 ///
 /// `scale` is the variance of its residual over that of its noise, `dof` the degrees of freedom of
 /// the noise; none where it was declared.
 ///
 /// # Errors
 ///
-/// As [`super::Monitor::new`].
+/// As [`Readings::new`]; [`Error::Shape`] for a result or a covariance of another size.
 pub fn closing(
     mechanism: &Mechanism,
     applied: &Applied,
     covariance: Option<&[f64]>,
-    values: &[f64],
+    table: Table,
     scale: f64,
     dof: Option<f64>,
-) -> Result<Closing, Error> {
-    let watched = Watched::new(mechanism, applied, covariance, Vec::new())?;
-    let (width, equations) = (watched.order.len(), watched.under.model.equations());
-    let mut rows = Rows::new(&watched, &watched.under.noise);
-    let lengths = watched.under.model.lengths();
-    let used: Vec<(u64, &[f64])> =
-        values.chunks_exact(mechanism.channels.len()).map(|row| (0, row)).collect();
-    let (mut squares, mut expected) = (0.0, 0.0);
-    for block in used.chunks(WIDTH) {
-        for (lane, (_, readings)) in block.iter().enumerate() {
-            rows.put(lane, readings);
-        }
-        squares += rows.misclosure(&watched, &lengths, block.len());
-        rows.linearise(&watched, 0);
-        expected += rows.expected(&lengths, block.len());
+) -> Result<Option<Closing>, Error> {
+    let all = Readings::new(mechanism, table)?;
+    let means = all.averaged(mechanism, &vec![1.0; all.samples])?.0;
+    let mut under = Under::new(mechanism, applied, thinned(&means))?;
+    let out_of_order = means.samples > MOST && under.model.instances.iter().any(needs_neighbours);
+    let used = compared(&under);
+    if used.is_empty() || under.model.closures.is_empty() || out_of_order {
+        return Ok(None);
     }
-    let rms = |sum: f64| (sum / (used.len() * lengths.len()).max(1) as f64).sqrt();
+    // In the mean of `n` samples the part of the noise that all share stays whole, and an `n`-th of
+    // the rest. How much is shared is not known here: the variance is taken to fall by √n.
+    let less = (means.samples as f64 / all.samples as f64).powf(0.25);
+    under.noise.sigma.iter_mut().for_each(|sigma| *sigma *= less);
 
-    let mut state = State::new(watched.prior.clone(), watched.uncertain, width, equations);
-    let mut innovations = Vec::with_capacity(used.len());
-    rows.each(&watched, &used, |_, r, g| {
-        innovations.push(state.compare(r, g, width));
-        state.absorb();
-    });
-    innovations.sort_by(f64::total_cmp);
-    let median = innovations.get(innovations.len() / 2).copied().unwrap_or(0.0);
-    let (moved, rank) = shift(&watched.prior, &state);
-    let tail = |statistic: f64, dof_of: f64| {
+    let beta = under.internal(&under.values);
+    let part = Part { model: &under.model, readings: &under.readings, weights: None };
+    let problem = Implicit::of(part, under.noise.clone());
+    let [rms_misclosure, expected_rms] = misclosures(&problem, &under, &beta, &used);
+    let prior = internal_covariance(&under, covariance)?;
+    let (shift, left) = moved(&problem.residuals(&beta, true), &used, &prior);
+    let tail = |statistic: f64, rank: usize| {
         let statistic = statistic / scale.max(1.0);
         let statistic = dof.map_or(statistic, |dof| as_chi2(statistic, dof));
-        if statistic.is_finite() { log_tail(statistic, dof_of).exp() } else { 0.0 }
+        if statistic.is_finite() { log_tail(statistic, rank as f64).exp() } else { 0.0 }
     };
-    let shifted = if rank > 0 { tail(moved, rank as f64) } else { 1.0 };
-    let p_value = (2.0 * shifted.min(tail(median, equations as f64))).min(1.0);
-    Ok(Closing { rms_misclosure: rms(squares), expected_rms: rms(expected), p_value })
+    let shifted = if shift.rank > 0 { tail(shift.statistic, shift.rank) } else { 1.0 };
+    let told = |row: &usize| under.model.told(&under.readings, *row);
+    let mut open: Vec<f64> = left.iter().zip(&used).map(|(w, row)| tail(*w, told(row))).collect();
+    open.sort_by(f64::total_cmp);
+    let p_value = (2.0 * shifted.min(open[open.len() / 2])).min(1.0);
+    Ok(Some(Closing { rms_misclosure, expected_rms, p_value }))
 }
 
-/// `T` of (107) and its degrees of freedom.
-fn shift(prior: &[f64], state: &State) -> (f64, usize) {
-    let m = state.size;
-    if m == 0 || state.mean.iter().chain(&state.covariance).any(|v| !v.is_finite()) {
-        return (f64::INFINITY, usize::from(m > 0));
+/// The rows that are compared at the most.
+fn thinned(means: &Readings) -> Table {
+    let (all, most) = (means.samples, MOST.min(means.samples));
+    let rows: Vec<usize> = (0..most).map(|k| k * all / most).collect();
+    rows_of(&means.table, means.channels, &rows)
+}
+
+/// True for a term that depends on where the mechanism came from.
+fn needs_neighbours(instance: &Instance) -> bool {
+    matches!(instance.term.info().needs, Needs::Approach | Needs::Motion)
+}
+
+/// Rows that are compared: those in which everything unknown is the result's.
+fn compared(under: &Under) -> Vec<usize> {
+    let Under { model, readings, columns, .. } = under;
+    let found = |column: &usize| {
+        *column < model.term_parameters || columns.iter().any(|own| own.contains(column))
+    };
+    let known: Vec<bool> = model.columns().iter().map(|own| own.iter().all(found)).collect();
+    let mut used: Vec<usize> = Vec::new();
+    for meta in readings.blocks().iter().filter(|meta| known[meta.group]) {
+        used.extend(meta.rows[..meta.live].iter().filter(|row| model.told(readings, **row) > 0));
     }
-    let before = DMatrix::from_row_slice(m, m, prior);
-    let told = &before - DMatrix::from_row_slice(m, m, &state.covariance);
-    // In units in which P₀ is 1, so that each direction is told by a share from 0 to 1.
-    let own = before.symmetric_eigen();
-    let largest = own.eigenvalues.max();
-    let kept: Vec<usize> = (0..m).filter(|&k| own.eigenvalues[k] > 1e-12 * largest).collect();
-    let units = DMatrix::from_fn(m, kept.len(), |i, k| {
-        own.eigenvectors[(i, kept[k])] / own.eigenvalues[kept[k]].sqrt()
-    });
-    let shares = (units.transpose() * told * &units).symmetric_eigen();
-    let mean = DMatrix::from_column_slice(m, 1, &state.mean);
-    let along = shares.eigenvectors.transpose() * units.transpose() * mean;
+    used.sort_unstable();
+    used
+}
+
+/// Misclosure of the raw readings of some rows and what the noise makes of it, root mean squares in units
+/// of length.
+fn misclosures(problem: &Implicit<'_>, under: &Under, beta: &[f64], used: &[usize]) -> [f64; 2] {
+    let Under { model, readings, .. } = under;
+    let lengths = model.lengths();
+    let counts = |row: usize| used.binary_search(&row).is_ok();
+    let misfit = problem.misfit(beta, counts);
+    let expected = problem.over_blocks(
+        beta,
+        counts,
+        |sum: &mut f64, block, room| {
+            let meta = &readings.blocks()[block];
+            for lane in (0..meta.live).filter(|&lane| counts(meta.rows[lane])) {
+                let variances = room.variances().into_iter().zip(&lengths);
+                *sum += variances.map(|(v, length)| v.0[lane] * length * length).sum::<f64>();
+            }
+        },
+        |sum, more| *sum += more,
+    );
+    [misfit.square, expected].map(|sum| (sum / misfit.misclosures.max(1.0)).sqrt())
+}
+
+/// How far readings move the estimate of a result, in units of its own uncertainty.
+struct Shift {
+    /// `T` of (107).
+    statistic: f64,
+    /// Its degrees of freedom.
+    rank: usize,
+}
+
+/// How far some rows move a result that is this uncertain, and the squares of what is then left in each.
+fn moved(here: &Residuals, used: &[usize], prior: &DMatrix<f64>) -> (Shift, Vec<f64>) {
+    let (k, p) = (here.equations, prior.nrows());
+    let rows = || used.iter().flat_map(|row| row * k..(row + 1) * k);
+    let w = DVector::from_iterator(used.len() * k, rows().map(|e| here.whitened[e]));
+    let x = rows().flat_map(|e| &here.by_parameter[e * p..(e + 1) * p]).copied();
+    let x = DMatrix::from_row_iterator(used.len() * k, p, x);
+    let open = || vec![f64::INFINITY; used.len()];
+    if x.iter().chain(&w).chain(prior).any(|v| !v.is_finite()) {
+        return (Shift { statistic: f64::INFINITY, rank: 1 }, open());
+    }
+
+    // In units in which P₀ is 1, so that each direction is told by a share h/(1 + h) from 0 to 1.
+    let units = root(prior);
+    let along = &x * &units;
+    let told = (along.transpose() * &along).symmetric_eigen();
+    let pull = told.eigenvectors.transpose() * (along.transpose() * &w);
     let (mut statistic, mut rank) = (0.0, 0);
-    for (share, value) in shares.eigenvalues.iter().zip(along.iter()) {
-        if *share > TOLD {
-            statistic += value * value / share;
+    let mut mu = DVector::zeros(pull.len());
+    for (n, (&h, &pull)) in told.eigenvalues.iter().zip(&pull).enumerate() {
+        let h = h.max(0.0);
+        mu[n] = -pull / (1.0 + h);
+        if h / (1.0 + h) > TOLD {
+            statistic += pull * pull / (h * (1.0 + h));
             rank += 1;
         }
     }
-    (statistic, rank)
+    let left = w + along * (told.eigenvectors * mu);
+    let left = left.as_slice().chunks_exact(k).map(|w| w.iter().map(|w| w * w).sum()).collect();
+    (Shift { statistic, rank }, left)
+}
+
+/// `U` with `U Uᵀ` a covariance, one column for each direction that is uncertain.
+fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = covariance.nrows();
+    let scale = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+    let uncertain: Vec<usize> = (0..size).filter(|&i| scale(i) > 0.0).collect();
+    let n = uncertain.len();
+    if n == 0 {
+        return DMatrix::zeros(size, 0);
+    }
+    let at = |i: usize, j: usize| covariance[(uncertain[i], uncertain[j])];
+    let own = DMatrix::from_fn(n, n, |i, j| at(i, j) / (scale(uncertain[i]) * scale(uncertain[j])));
+    let own = own.symmetric_eigen();
+    let kept: Vec<usize> = (0..n).filter(|&k| own.eigenvalues[k] > 1e-12 * n as f64).collect();
+    let mut units = DMatrix::zeros(size, kept.len());
+    for (i, (column, &k)) in (0..n).flat_map(|i| kept.iter().enumerate().map(move |k| (i, k))) {
+        let row = uncertain[i];
+        units[(row, column)] = scale(row) * own.eigenvectors[(i, k)] * own.eigenvalues[k].sqrt();
+    }
+    units
 }

@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::apply::earlier::Applied;
+use crate::estimate::on_closures::means_under;
 use crate::estimate::{Noise, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Spec;
@@ -156,7 +157,7 @@ pub fn compare(
     let noise = &judged.noise;
     let mechanism = &observations.mechanism;
     let mut watched = Watched::new(mechanism, earlier, covariance, candidates(mechanism))?;
-    let session = Session::of(observations, judged)?;
+    let session = Session::of(observations, judged, &watched)?;
     let mut seen = Seen::new(mechanism.channels.len());
     session.used.iter().for_each(|&row| seen.see(session.rows.row(row)));
     let count = session.used.len() as f64 * watched.under.model.equations() as f64;
@@ -221,11 +222,17 @@ fn name(watched: &Watched, candidate: usize) -> [String; 2] {
 }
 
 impl<'a> Session<'a> {
-    fn of(observations: &Observations, judged: &'a Judged) -> Result<Self, Error> {
+    fn of(
+        observations: &Observations,
+        judged: &'a Judged,
+        watched: &Watched,
+    ) -> Result<Self, Error> {
         let Observations { readings, mechanism, weights, .. } = observations;
         let (rows, samples) = match readings.held {
             true => {
-                let (poses, samples) = readings.averaged(mechanism, weights)?;
+                let under = (&watched.under.model, &watched.at[..]);
+                let all = (&**readings, &weights[..]);
+                let (poses, samples) = means_under(mechanism, all, under, &judged.noise)?;
                 (Arc::new(poses), samples)
             }
             false => (Arc::clone(readings), weights.clone()),

@@ -95,13 +95,6 @@ impl Rows {
         self.room.ws.f.iter().zip(lengths).map(|(f, length)| lanes(f) * length * length).sum()
     }
 
-    /// As [`Rows::misclosure`], what is expected of it by the noise, where the lanes are linearised.
-    pub(crate) fn expected(&self, lengths: &[f64], live: usize) -> f64 {
-        let lanes = |v: Lanes| v.0[..live].iter().sum::<f64>();
-        let variances = self.room.variances().into_iter().zip(lengths);
-        variances.map(|(v, length)| lanes(v) * length * length).sum()
-    }
-
     /// `r` and `G` of one lane, which holds this row; `G` row by row, one entry per column that is
     /// watched.
     #[inline(always)]

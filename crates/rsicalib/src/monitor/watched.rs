@@ -356,7 +356,10 @@ fn spread(mechanism: &Mechanism, applied: &Applied) -> Table {
 }
 
 /// Covariance of the model's own parameters, which depend linearly on the reported ones.
-fn internal_covariance(under: &Under, covariance: Option<&[f64]>) -> Result<DMatrix<f64>, Error> {
+pub(crate) fn internal_covariance(
+    under: &Under,
+    covariance: Option<&[f64]>,
+) -> Result<DMatrix<f64>, Error> {
     let (n, p) = (under.values.len(), under.model.parameters);
     let Some(covariance) = covariance else { return Ok(DMatrix::zeros(p, p)) };
     if covariance.len() != n * n {

@@ -150,6 +150,20 @@ impl Readings {
         Ok((Self::build(mechanism, table, Some(self), true)?, live))
     }
 
+    /// These poses and all that is known of them, with other readings, row by row.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub(crate) fn with_values(
+        self,
+        mechanism: &Mechanism,
+        values: Vec<f64>,
+    ) -> Result<Self, Error> {
+        let table = Table { values, ..self.table.clone() };
+        Self::build(mechanism, table, Some(&self), true)
+    }
+
     /// One sample for each stretch of this recording: all that is known of its middle row, with these
     /// readings, one per channel, in place of that row's. `stretches` holds the first row and the
     /// middle row of each; `rows` is how many rows of the recording count.

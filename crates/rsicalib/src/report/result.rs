@@ -301,7 +301,8 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         predicted: (fit.termination.converged() && fit.plausible)
             .then(|| predicted(observations, fit, &observations.readings.table, PREDICTED).ok())
             .flatten()
-            .filter(|error| error.position_sd.is_finite()),
+            // Where nothing was fitted that moves the points, they are as declared.
+            .filter(|error| error.position_sd.is_finite() && error.position_sd > 0.0),
         unobservable: words::directions(directions),
         too_many: directions.too_many.iter().map(ToString::to_string).collect(),
         reference: Reference::of(&observations.readings),

@@ -3,8 +3,9 @@
 use crate::apply::check::Check;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::directions::ParameterReport;
-use crate::estimate::suspicion::Suspicion;
+use crate::estimate::suspicion::{InDegrees, Suspicion};
 use crate::estimate::{Fit, Note, Observations};
+use crate::mechanism::Mechanism;
 use crate::report::words;
 
 /// Something suspicious about the readings, or about what is declared of them.
@@ -133,7 +134,16 @@ pub enum Kind {
 pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<Warned> {
     let wiring = before.warnings.iter().filter(|s| s.of_wiring());
     let rest = after.warnings.iter().filter(|s| !s.of_wiring());
-    wiring.chain(rest).map(|s| of_suspicion(observations, s)).collect()
+    wiring.chain(rest).map(|s| of_suspicion(&observations.mechanism, s)).collect()
+}
+
+/// What is suspicious of a mechanism as it is declared, without any readings.
+#[must_use]
+pub fn of_drawing(mechanism: &Mechanism) -> Vec<Warned> {
+    let channels = mechanism.limits_as_in_degrees();
+    let limits = Suspicion::Degrees { channels: channels.clone(), of: InDegrees::LimitsInDegrees };
+    let found = (!channels.is_empty()).then_some(limits);
+    found.iter().map(|suspicion| of_suspicion(mechanism, suspicion)).collect()
 }
 
 /// That offsets stay as drawn; none where they do not.
@@ -159,7 +169,7 @@ pub fn known_poses(observations: &Observations, check: Option<Check>) -> Option<
 #[must_use]
 pub fn wires(observations: &Observations, fit: &Fit) -> Option<Warned> {
     let found = fit.warnings.iter().find(|s| s.of_wires());
-    found.map(|s| of_suspicion(observations, s))
+    found.map(|s| of_suspicion(&observations.mechanism, s))
 }
 
 /// What must be noted of an estimate.
@@ -171,8 +181,7 @@ pub fn of_parameter(parameter: &ParameterReport) -> Option<Warned> {
     Some(Warned { kind, target: Some(parameter.target.clone()), text: parameter.remark()? })
 }
 
-fn of_suspicion(observations: &Observations, suspicion: &Suspicion) -> Warned {
-    let mechanism = &observations.mechanism;
+fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
     let channel = |c: &usize| mechanism.channels[*c].name.as_str();
     let closure = |c: &usize| mechanism.closures[*c].name.as_str();
     let joined = |names: Vec<&str>| Some(names.join("+"));

@@ -286,8 +286,8 @@ fn in_degrees(names: &str, of: InDegrees) -> String {
              in radians: all keys of a channel with unit = \"deg\" are in degrees, its limits, too"
         ),
         InDegrees::LimitsInDegrees => format!(
-            "limits of {names} are many turns, of which the readings span a part that would be all \
-             of them in degrees: limits are in radians, unless a channel has unit = \"deg\""
+            "limits of {names} are whole numbers and more than a turn in radians, as if they were \
+             meant in degrees: limits are in radians, unless a channel has unit = \"deg\""
         ),
         InDegrees::Gain => format!(
             "gains of {names} are 57.3 times what is declared, or the other way round: one of \

@@ -17,6 +17,7 @@
 
 use crate::Error;
 use crate::estimate::at_fit::AtFit;
+use crate::estimate::on_closures::means;
 use crate::estimate::{Fit, FitOptions, Noise, Observations};
 use crate::mechanism::Target;
 use crate::numerics::{distributions, symmetric};
@@ -73,8 +74,7 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>,
 /// The session with the mean of its samples in place of each pose, which weighs as all of them.
 fn of_seatings(observations: &Observations, fit: &Fit) -> Result<Observations, Error> {
     let mut seatings = observations.clone();
-    let (mechanism, weights) = (&observations.mechanism, &observations.weights);
-    let (readings, counts) = observations.readings.averaged(mechanism, weights)?;
+    let (readings, counts) = means(observations, fit)?;
     seatings.readings = readings.into();
     seatings.weights = counts.into_iter().map(f64::sqrt).collect();
     let Noise { sigma, play, seating, measured } = fit.assumed();
