@@ -160,6 +160,7 @@ RETURNS = {
     "Mechanism.to_dict": "dict[str, Any]",
     "Mechanism.to_toml": "str",
     "Mechanism.distance_columns": "list[str]",
+    "Mechanism.doubts": "list[str]",
     "Mechanism.value_columns": "list[str]",
     "Mechanism.terms": "list[Term]",
     "Mechanism.with_sensors": "Mechanism",

@@ -131,7 +131,7 @@ class Mechanism:
         """Columns of the readings that hold measured distances."""
 
     @property
-    def doubts(self) -> Any:
+    def doubts(self) -> list[str]:
         """What is suspicious of it as it is declared, in words."""
 
     @property

@@ -98,8 +98,6 @@ rules! {
     AsDrawn = "as_drawn",
     /// Errors of a surface beside small errors of everything drawn.
     Tolerances = "tolerances",
-    /// No standing point has moved where places of such points are estimated.
-    PointsStand = "points_stand",
 }
 
 pub use crate::estimate::significance::{CLEAN, LEVEL};

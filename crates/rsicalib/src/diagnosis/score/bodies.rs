@@ -69,9 +69,7 @@ impl<'a> Bodies<'a> {
         let all = terms::all(mechanism);
         let of = |&term: &&'static dyn Term| {
             let targets = targets_in(term, mechanism, readings).into_iter();
-            let held = search.uses(Rule::PointsStand);
-            let tried = move |target: &Target| !(held && is_estimated(mechanism, term, *target));
-            targets.filter(tried).map(move |target| Instance { term, target, place: 0 })
+            targets.map(move |target| Instance { term, target, place: 0 })
         };
         Self::of(at, all.iter().filter(tried).flat_map(of).collect())
     }
@@ -158,15 +156,4 @@ impl<'a> Bodies<'a> {
         }
         found
     }
-}
-
-/// True for a point that stands at a length, moved, where places of such points are estimated: beside
-/// that, a move takes up whatever changes slowly (docs/machines.md). Whoever knows that such a point
-/// moved declares it. A point that is touched has three equations in each pose, which tell its place.
-fn is_estimated(mechanism: &Mechanism, term: &dyn Term, target: Target) -> bool {
-    let mut standing = mechanism.points.iter().filter(|p| p.chain.is_none() && !p.moves());
-    let of_length = |k: usize| mechanism.closures[k].kind.has_value();
-    matches!(term.acts(), Acts::End)
-        && mechanism.closures_of(target).any(of_length)
-        && standing.any(|p| p.is_unknown())
 }
