@@ -19,7 +19,7 @@ from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
-from rsicalib.cli.streams import emit, say
+from rsicalib.cli.streams import columns_of, emit, say
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.records import plain, to_json
 from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
@@ -269,7 +269,7 @@ def guide(args: Args) -> int:
     if args.json:
         emit(found.to_json())
     elif not args.quiet:
-        say(found.summary())
+        say(found.summary(width=columns_of(sys.stdout)))
     return found.exit_code
 
 
@@ -391,12 +391,12 @@ def watch(args: Args) -> int:
             emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
             sys.stdout.flush()
             if not (args.json or args.quiet):
-                print(alarm.text(), file=sys.stderr)
+                say(alarm.text(), sys.stderr)
     found = watching.summary()
     if args.json:
         emit(json.dumps(plain(found), ensure_ascii=False) + "\n")
     elif not args.quiet:
-        print(found.text(), file=sys.stderr)
+        say(found.text(), sys.stderr)
     return ALARMED if found.alarms else 0
 
 
