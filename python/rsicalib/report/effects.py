@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rsicalib.facts.shapes import Against, EffectEvidence, Law, Name, Score, Step
+from rsicalib.facts.shapes import Against, EffectEvidence, Evidence, Law, Name, Score, Step
+from rsicalib.report.curves import ANY_CURVE, AnyCurve, any_curve
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
 from rsicalib.report.words import name_of, number, subject
@@ -24,13 +25,17 @@ def effect_key(effect: Step | Name) -> str:
     return f"{effect.term}@{effect.target}"
 
 
-def effect_figures(step: Step, evidence: EffectEvidence | None, name: str) -> list[Figure]:
-    """The figures of an effect; from its result alone where no evidence was gathered."""
-    if evidence is None:
+def effect_figures(step: Step, gathered: Evidence | None, number: int) -> list[Figure]:
+    """The figures of an effect, the first of which has the number 0; from its result alone where
+    no evidence was gathered.
+    """
+    name = f"effect{number + 1}"
+    evidence = gathered.effects[number] if gathered and number < len(gathered.effects) else None
+    if gathered is None or evidence is None:
         return [_curve_figure(step, name)] if step.curve else []
     figures = []
-    if evidence.law is not None:
-        figures.append(_law_figure(step, evidence.law, name))
+    if (law := evidence.law) is not None:
+        figures.append(_law_figure(step, law, name, any_curve(gathered, step, law)))
     elif evidence.against is not None:
         figures.append(_against_figure(evidence.against, name))
     figures.append(_added_variable_figure(step, evidence, name))
@@ -78,17 +83,21 @@ def _curve_figure(step: Step, name: str) -> Figure:
     return Figure(f"{name}-law", draw, caption)
 
 
-def _law_figure(step: Step, law: Law, name: str) -> Figure:
+def _law_figure(step: Step, law: Law, name: str, curve: AnyCurve) -> Figure:
     times, unit = in_thousandths(law.correction_unit)
     what = "correction of all readings" if law.correction_unit == "1" else "correction"
     dots = [(x, times * y, times * sd) for x, y, sd in law.dots]
-    lines = [[(x, times * y) for x, y in line] for line in _lines(law)]
+    own = [law.line, *(a.line for a in law.alternatives), *([curve] if curve else [])]
+    lines = [[(x, times * y) for x, y in line] for line in own]
     on_reading = step.curve_over != "time"
     upper, lower = _band(step, times) if step.curve and on_reading else ([], [])
     if step.curve and on_reading:
         lines[0] = [(row[0], times * row[1]) for row in step.curve]
     others = [subject(a.effect) for a in law.alternatives]
     keys = [effect_key(step), *(effect_key(a.effect) for a in law.alternatives)]
+    if curve:
+        others.append("a law that no term has (any curve)")
+        keys.append(f"{ANY_CURVE}@{step.target}")
     # Of each dot the correction, and the number of its pose where it is of one.
     of_pose = law.poses or (None,) * len(dots)
 
@@ -120,16 +129,14 @@ def _law_figure(step: Step, law: Law, name: str) -> Figure:
         "standard deviation: what the law gives there and what is left. Dots that follow the line "
         "are evidence for the law."
     )
-    if others:
+    if law.alternatives:
         caption += (
             " The broken lines are what these poses cannot tell from it: where they part, a "
             "reading would decide."
         )
+    if curve:
+        caption += " Any curve is smooth, and of the shape that the readings ask for."
     return Figure(f"{name}-law", draw, caption)
-
-
-def _lines(law: Law) -> list[Sequence[Sequence[float]]]:
-    return [law.line, *(a.line for a in law.alternatives)]
 
 
 def _legend(canvas: Canvas, top: float, names: Sequence[str]) -> None:
