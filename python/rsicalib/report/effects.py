@@ -48,6 +48,21 @@ def of(pose: int | None) -> dict[str, Any]:
     return {} if pose is None else {"p": pose}
 
 
+def _cloud(
+    chart: Chart,
+    points: Sequence[Sequence[float]],
+    poses: Sequence[int | None],
+    radius: float,
+    kind: str = "dot",
+) -> None:
+    """Dots at points, each of its pose; those that are of none have nothing to light up."""
+    if all(pose is None for pose in poses):
+        chart.canvas.dots(map(chart.at, points), radius, kind)
+        return
+    for point, pose in zip(points, poses, strict=True):
+        chart.canvas.dot(*chart.at(point), radius, kind, **of(pose))
+
+
 def _per_dot(count: int, what: str) -> str:
     return f"one {what}" if count == 1 else f"the mean of {count} neighbouring {what}s"
 
@@ -113,11 +128,13 @@ def _law_figure(step: Step, law: Law, name: str, curve: AnyCurve) -> Figure:
         if upper:
             edge = [(u, min(max(v, y[0]), y[1])) for u, v in [*upper, *lower[::-1]]]
             canvas.path([chart.at(p) for p in edge], "band", closed=True)
-        for (at, value, sd), pose in zip(shown, poses, strict=True):
-            px, py = chart.at((at, value))
-            canvas.line(px, chart.y(value - sd), px, chart.y(value + sd), "whisker")
-            kind = "dot" if sd <= 1.5 * usual else "dot faint"
-            canvas.dot(px, py, 2.6, kind, **of(pose))
+        spans = [(chart.x(at), chart.y(v - sd), chart.y(v + sd)) for at, v, sd in shown]
+        canvas.uprights(spans, "whisker")
+        for weak, kind in ((False, "dot"), (True, "dot faint")):
+            cloud = [
+                (d, p) for d, p in zip(shown, poses, strict=True) if weak == (d[2] > 1.5 * usual)
+            ]
+            _cloud(chart, [d[:2] for d, _ in cloud], [p for _, p in cloud], 2.6, kind)
         for k, line in enumerate(lines[1:]):
             chart.curve(line, f"rival rival{k}", keys[k + 1])
         chart.curve(lines[0], "law", keys[0])
@@ -156,8 +173,7 @@ def _against_figure(against: Against, name: str) -> Figure:
         words = axis_words(against.over, against.unit), "residual / noise"
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         chart.band(-2.0, 2.0)
-        for at, residual, _ in against.dots:
-            canvas.dot(*chart.at((at, residual)), 2.6)
+        canvas.dots((chart.at((at, residual)) for at, residual, _ in against.dots), 2.6)
         for at, _, explained in against.dots:
             canvas.dot(*chart.at((at, explained)), 2.6, "ring")
         return canvas.svg(f"residual over {against.over}, and what the effect explains")
@@ -179,8 +195,7 @@ def _added_variable_figure(step: Step, evidence: EffectEvidence, name: str) -> F
         words = ("what it explains / noise", "residual without it / noise")
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         low, high = max(x[0], y[0]), min(x[1], y[1])
-        for dot, pose in zip(dots, evidence.of_pose or (None,) * len(dots), strict=True):
-            canvas.dot(*chart.at(dot), 2.4, **of(pose))
+        _cloud(chart, dots, evidence.of_pose or (None,) * len(dots), 2.4)
         chart.curve([(low, low), (high, high)], "law")
         return canvas.svg(f"added-variable plot of {subject(step)}")
 
