@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
@@ -194,8 +194,11 @@ def table(
     words: str = "",
     *,
     long: str | None = None,
+    links: Mapping[str, str] | None = None,
 ) -> str:
-    """A table: the first `text` columns are words, `long` one of sentences, the others numbers."""
+    """A table: the first `text` columns are words, `long` one of sentences, the others numbers;
+    cells that are in `links` lead there.
+    """
 
     def cells(row: Sequence[str], tag: str) -> str:
         kinds = ["" if k < text else ' class="n"' for k in range(len(row))]
@@ -206,7 +209,10 @@ def table(
             # Numbers are never broken as it is.
             words = k < text or heads[k] == long
             own = tag if cell else "td"  # a head without words is none
-            out.append(f"<{own}{kind}>{whole(escape(cell)) if words else escape(cell)}</{own}>")
+            shown = whole(escape(cell)) if words else escape(cell)
+            if links and cell in links:
+                shown = f'<a href="{escape(links[cell])}">{shown}</a>'
+            out.append(f"<{own}{kind}>{shown}</{own}>")
         return "".join(out)
 
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
