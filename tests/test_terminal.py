@@ -142,6 +142,15 @@ def test_no_verb_is_wider_than_its_terminal_or_breaks_a_word(words: tuple[str, .
     assert shown.split() == wide.split()
 
 
+def test_comments_of_a_mechanism_follow_the_terminal_and_its_values_do_not() -> None:
+    wide = on_a_terminal(500, "mechanism").splitlines()
+    shown = on_a_terminal(60, "mechanism").splitlines()
+    values = [line for line in shown if not line.startswith("#")]
+    assert values == [line for line in wide if not line.startswith("#")]
+    comments = [line for line in shown if line.startswith("#")]
+    assert max(map(len, comments)) <= 60 < max(map(len, wide))
+
+
 def test_words_that_are_folded_go_on_below_where_they_began() -> None:
     assert folded("  may hide  link length of each/4 up to 2 in", 30) == (
         "  may hide  link length of\n            each/4 up to 2 in"
