@@ -71,3 +71,14 @@ def look(page: str, probe: str, folder: Path, width: int = 1280, fonts: Path | N
     found = re.search(r'<pre id="answer">(.*?)</pre>', done.stdout, flags=re.S)
     assert found is not None, f"the page has no answer: {done.stderr[-500:]}"
     return tuple(json.loads(html.unescape(found.group(1))))
+
+
+def sheets(page: Path) -> int:
+    """Number of sheets that a page is printed on."""
+    assert CHROMIUM is not None
+    printed = page.with_suffix(".pdf")
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+    command += [f"--user-data-dir={page.parent / 'profile'}", "--no-pdf-header-footer"]
+    command += [f"--print-to-pdf={printed}", page.as_uri()]
+    subprocess.run(command, capture_output=True, timeout=120, check=True)
+    return len(re.findall(rb"/Type /Page\b", printed.read_bytes()))

@@ -198,11 +198,13 @@ def guided(
     folder: Path,
     target: float,
     until: Callable[[State], bool] = lambda state: False,
+    take_over: list[int] | None = None,
     **settings: Any,
 ) -> tuple[Session, Trace | None]:
     """A session in this process: the operator reads the state, without page or terminal.
 
-    It ends early where the operator has seen enough.
+    It ends early where the operator has seen enough. Where `take_over` is given, exchanged wires
+    are taken over, and the number of poses that were taken by then is put there.
     """
     mechanism = built()
     codes = simulator.rest(person.device, person.rng, effects=person.effects)["values"]
@@ -232,6 +234,10 @@ def guided(
         feed()
         session.poll()
         found = session.state()
+        if take_over is not None and found["exchanged"]:
+            take_over.append(found["taken"])
+            session.take_over()
+            found = session.state()
         return found | {"done": found["done"] or until(found)}
 
     operate(person, state, write, session.strike_off)

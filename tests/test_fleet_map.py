@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +12,7 @@ import rsicalib
 from rsicalib.fleets.map import MOST, map_figure
 from rsicalib.fleets.page import page
 from rsicalib.fleets.standing_out import spreads
+from rsicalib.report.figure import STYLE
 from rsicalib.report.svg import NARROW, WIDE
 
 COUNT = 100
@@ -54,6 +56,18 @@ def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
     assert f"{COUNT - MOST} more are nearer" in figure.caption
 
 
+def test_what_is_not_known_is_no_dark_cell() -> None:
+    """A device that could not be calibrated was a row of black cells."""
+    rows = drawn()
+    for name in NAMES:
+        rows[name][8] = rows[f"{name}_sd"][8] = None
+    rows = {name: cells[:MOST] for name, cells in rows.items()}
+    figure = map_figure(spreads(rows), rows, "device")
+    assert figure is not None
+    (cell,) = set(re.findall(r'class="(\w+)"[^>]*><title>no\. 8,', figure.draw(WIDE)))
+    assert re.search(rf"svg \.{cell} {{ fill: none;", STYLE)
+
+
 def test_why_of_a_traced_device_is_what_was_found() -> None:
     rows = drawn()
     rows["verdict"][5] = "explained"
@@ -61,3 +75,31 @@ def test_why_of_a_traced_device_is_what_was_found() -> None:
     text = page(rows, "device", rsicalib.load_mechanism("rsi"))
     assert '<td>no. 5</td><td>explained</td><td class="long">once per turn of a22</td>' in text
     assert '<figure id="map">' in text
+
+
+def test_a_device_that_stands_out_has_one_row_with_why_and_a_link(tmp_path: Path) -> None:
+    """A device of random readings had a row for each of its parameters, and its verdict after."""
+    rows = drawn()
+    rows["file"] = [str(tmp_path / f"device {k}" / "readings.csv") for k in range(COUNT)]
+    for k, verdict, message in (
+        (3, "implausible", "noise of 110 count in a11"),
+        (4, "unexplained", "Errors of arm3 alone explain it. " + 99 * "More words. "),
+        (5, "partly_explained", "Something is left."),
+    ):
+        rows["verdict"][k], rows["message"][k] = verdict, message
+        for name in NAMES:
+            rows[name][k] = 9.0 + k
+    rows["steps"][5] = json.dumps([{"term": "wander", "target": "a12"}])
+    text = page(rows, "device", rsicalib.load_mechanism("rsi"), at=tmp_path / "out")
+    found = dict(
+        re.findall(r'>(no\. \d+)</a></td><td>[\w ]+</td><td class="long">(.*?)</td>', text)
+    )
+    assert found["no. 3"] == "noise of 110 count in a11"  # its numbers mean nothing
+    assert found["no. 4"].startswith("Errors of arm3 alone explain it.")
+    assert found["no. 4"].endswith(" …") and len(found["no. 4"]) <= 240
+    assert re.fullmatch(
+        r"wander of a12; Something is left\.; \S+ = 14: .*; and 1 more parameter", found["no. 5"]
+    )
+    assert found["no. 17"].startswith("gain@a11 = 1.3: ")
+    assert len(found) == 4 and all(found.values())
+    assert text.count('<a href="../device%203/readings.csv">no. 3</a>') == 1

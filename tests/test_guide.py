@@ -170,6 +170,49 @@ def test_what_is_wrong_with_a_channel_is_said_while_it_can_be_repeated(kind: str
     assert told.right is not None and told.right <= 16
 
 
+def test_exchanged_wires_are_taken_over_and_the_poses_so_far_are_of_use(tmp_path: Path) -> None:
+    operator = trouble.drawn("exchanged", (20261122, 1))
+    wrong = operator.trouble
+    assert isinstance(wrong, trouble.Exchanged)
+    both = tuple(sorted((wrong.name, CHANNELS[wrong.other])))
+    pressed: list[int] = []
+    taken, result = person.guided(operator, tmp_path / "o", TARGET, most=24, take_over=pressed)
+    assert len(pressed) == 1 and pressed[0] <= 12
+    shown = taken.state()
+    assert shown["done"] and shown["order"]["word"] == "done" and shown["exchanged"] is None
+    assert taken.log.exchanged == [both]
+    assert result is not None and result.exit_code == 0
+    # Poses from before and after are one session, in the right columns.
+    assert min(taken.log.poses) < pressed[0] < max(taken.log.poses)
+    again = rsicalib.load_readings(tmp_path / "o" / "readings.csv")
+    assert rsicalib.trace(again).verdict == result.verdict
+    assert person.truth_error(operator, result) < 3 * TARGET
+
+
+def test_an_exchange_is_not_lost_when_the_program_is_killed_in_the_middle_of_it(
+    tmp_path: Path,
+) -> None:
+    log = Log(tmp_path, CHANNELS, False)
+    first = Sample(0.0, None, tuple(map(float, range(9))))
+    log.take([first])
+    log.pose(1, [first, first])
+    before = (tmp_path / "readings.csv").read_text()
+    log.exchange("a11", "a23")
+    log.exchange("a11", "a12")
+    arrived = log.named(Sample(1.0, None, first.values))
+    log.take([arrived])
+    log.close()
+    # What arrives first is a23's, what arrives second a11's, what arrives sixth a12's.
+    assert log.samples[0].values == arrived.values == (1.0, 5.0, 2.0, 3.0, 4.0, 0.0, 6.0, 7.0, 8.0)
+    (tmp_path / "readings.csv").write_text(before)  # not reached yet
+    back = Log(tmp_path, CHANNELS, True)
+    assert back.samples == log.samples and back.poses == log.poses
+    assert back.named(first).values == arrived.values
+    back.close()
+    found = rsicalib.load_readings(tmp_path / "readings.csv").values[0]
+    assert tuple(found) == arrived.values
+
+
 def test_a_slip_is_said_with_its_channel() -> None:
     operator = trouble.drawn("slipped", (20261122, 2))
     # 40 mrad are 26 counts of noise 1: it cannot hide once three poses on either side see it.
@@ -417,7 +460,9 @@ def test_a_file_that_grows_is_read_line_by_line(tmp_path: Path) -> None:
 
 def test_the_page_answers_to_this_machine_alone() -> None:
     struck: list[int] = []
-    page = Page(lambda: {"done": False, "note": "</script>"}, lambda: struck.append(1))
+    page = Page(
+        lambda: {"done": False, "note": "</script>"}, {"strike-off": lambda: struck.append(1)}
+    )
     try:
         assert page.url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(page.url) as answer:
@@ -442,7 +487,7 @@ def test_the_page_answers_to_this_machine_alone() -> None:
 
 def test_another_address_answers_to_who_has_the_token() -> None:
     """127.0.0.2 is no other machine, and is treated as one."""
-    page = Page(lambda: {"done": False}, lambda: None, host="127.0.0.2")
+    page = Page(lambda: {"done": False}, {}, host="127.0.0.2")
     try:
         bare, token = page.url[:-1].rsplit("/", 1)
         assert len(token) >= 16
@@ -456,7 +501,7 @@ def test_another_address_answers_to_who_has_the_token() -> None:
 
 
 def test_a_page_that_is_closed_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
-    page = Page(lambda: {"long": "x" * 10_000_000}, lambda: None)
+    page = Page(lambda: {"long": "x" * 10_000_000}, {})
     try:
         host, port = page.url.split("/")[2].split(":")
         for _ in range(8):  # as many tabs, none of which reads its answer

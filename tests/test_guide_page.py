@@ -80,6 +80,8 @@ return { names: ["above", "front"].map((id) => boxes(document.getElementById(id)
   now: shown.length ? points("now") : [], want: shown.length ? points("want") : [],
   scale: scale && [+scale.getAttribute("d").match(/h([0-9.]+)/)[1],
     scale.nextElementSibling.textContent],
+  button: document.getElementById("take-over").getClientRects().length
+    ? document.getElementById("take-over").textContent : "",
   figures: [...document.querySelectorAll("#course text")].map((t) => t.textContent) };
 """
 
@@ -117,3 +119,12 @@ def test_where_the_order_is_to_stop_no_way_to_a_pose_is_shown(word: str, tmp_pat
     found = seen(tmp_path, order={"word": word, "text": "now"})
     assert found["order"] == f"{word} now"
     assert found["ways"] == (word == "go")
+
+
+@pytest.mark.parametrize("pair", [None, ["a11", "a23"]])
+def test_exchanged_wires_can_be_taken_over_where_the_order_is_to_stop(
+    pair: list[str] | None, tmp_path: Path
+) -> None:
+    words = "a11 and a23 look exchanged"
+    found = seen(tmp_path, order={"word": "stop", "text": words}, exchanged=pair)
+    assert found["button"] == ("Take a11 and a23 for one another" if pair else "")

@@ -5,6 +5,7 @@ Full size: `python -m tests.blind.long --rows 20000 --sessions 40`.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import Any
 
@@ -44,6 +45,18 @@ def test_noise_that_resembles_its_neighbours_is_no_effect(kind: str) -> None:
     """Of few rows, too: a search that took them for independent named something in 5 of 5."""
     it = long.make(kind, 4000, seed=302, alike=0.5)
     assert long.said(traced(it)) == (it.names, it.out)
+
+
+def test_the_report_of_a_long_recording_is_sent_by_mail() -> None:
+    """Of two effects it had 1001 kB."""
+    _, found = recording("two")
+    assert len(found.steps) == 2
+    page = found.report()
+    assert len(page.encode()) < 750_000
+    # Every block of rows has its dot yet, and every equation.
+    (residuals,) = re.findall(r'<figure id="residuals">.*?</figure>', page, flags=re.S)
+    desk, phone = residuals.split('<div class="phone">')
+    assert desk.count("<circle") == 2 * 300 * 3 == phone.count("h0") + phone.count("<circle")
 
 
 def test_the_same_is_named_by_stretches_as_by_rows() -> None:

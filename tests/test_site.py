@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from scripts.site_equations import mathml, typeset
 from scripts.site_links import on_page_markdown
 
 
@@ -25,3 +29,56 @@ def test_links_that_leave_the_pages_name_the_file(
 ) -> None:
     file = SimpleNamespace(file=SimpleNamespace(src_uri=page))
     assert on_page_markdown(text, file, SimpleNamespace(repo_url=repo)) == expected
+
+
+MODEL = (Path(__file__).parents[1] / "docs/model.md").read_text(encoding="utf-8")
+PLAIN = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺ᵀⁱ₀₁₂₃₄₅₆₇₈₉'−", "0123456789-+Ti0123456789′-")
+
+
+def letters(text: str) -> list[str]:
+    """What a formula consists of, in no order: scripts are told below before above."""
+    text = (
+        text.translate(PLAIN)
+        .replace("½", "12")
+        .replace("¼", "14")
+        .replace("−", "-")
+        .replace("<=", "≤")
+    )
+    return sorted(re.sub(r"[\s\u00a0_{}√^]", "", text))
+
+
+def test_every_equation_of_the_model_is_typeset_and_nothing_of_it_is_lost() -> None:
+    blocks = re.findall(r"^```text\n(.*?)^```$", MODEL, flags=re.M | re.S)
+    page = typeset(MODEL)
+    assert "```text" not in page
+    drawn = re.findall(r'<div class="equations">(.*?)</div>', page)
+    assert len(drawn) == len(blocks) > 50
+    for text, found in zip(blocks, drawn, strict=True):
+        table = ElementTree.fromstring(found)  # well-formed
+        lines = [line for line in text.splitlines() if line.strip()]
+        assert len(table.findall("mtable/mtr")) == len(lines)
+        for line, row in zip(lines, table.iter("mtr"), strict=True):
+            # Brackets of roots and powers are drawn, and the index `ij,off` has a comma.
+            sides = [letters(t.replace(",", "")) for t in (line, "".join(row.itertext()))]
+            lost = len(sides[0]) - len(sides[1])
+            assert lost in (0, 2, 4) and set(sides[0]) - set(sides[1]) <= set("()"), line
+    numbers = re.findall(r"<mtext>\((\d+)\)</mtext>", page)
+    assert len(numbers) == len(set(numbers)) + 1 and numbers.count("10") == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("θz", "<msub><mi>θ</mi><mi>z</mi></msub>"),
+        ("xH2", "<msub><mi>x</mi><mrow><mi>H</mi><mn>2</mn></mrow></msub>"),
+        ("Σ⁻¹", "<msup><mi>Σ</mi><mrow><mo>−</mo><mn>1</mn></mrow></msup>"),
+        ("sin θ", '<mi>sin</mi><mspace width=".2em"/><mi>θ</mi>'),
+        ("√3", "<msqrt><mn>3</mn></msqrt>"),
+        ("½ a", "<mfrac><mn>1</mn><mn>2</mn></mfrac><mi>a</mi>"),
+        ("χ²_c", "<msubsup><mi>χ</mi><mi>c</mi><mn>2</mn></msubsup>"),
+        ("a line", "<mtext>&#160;a&#160;</mtext><mtext>&#160;line&#160;</mtext>"),
+        ("a < b", "<mi>a</mi><mo>&lt;</mo><mi>b</mi>"),
+    ],
+)
+def test_a_formula_has_its_scripts_fractions_and_roots(text: str, expected: str) -> None:
+    assert mathml(text) == expected

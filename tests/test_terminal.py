@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import re
@@ -18,6 +19,7 @@ from rsicalib import DEMO
 from rsicalib.cli import colours, completion, progress
 from rsicalib.cli.parser import make_parser
 from rsicalib.cli.progress import ProgressLine, progress_of
+from rsicalib.cli.streams import folded
 
 READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
 
@@ -105,6 +107,57 @@ def test_a_pipe_is_never_cut(capsys: pytest.CaptureFixture[str]) -> None:
     for p in result.parameters:
         assert p.target in said and p.name in said
     assert "check poses [in]" in said and "held-out" in said
+
+
+def on_a_terminal(columns: int, *words: str) -> str:
+    """What a command shows on a terminal of so many columns."""
+    pty = pytest.importorskip("pty", reason="no terminals here")
+    import fcntl
+    import struct
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
+    command = [sys.executable, "-m", "rsicalib", *words]
+    with subprocess.Popen(
+        command, stdin=theirs, stdout=theirs, stderr=theirs, env={**os.environ, "NO_COLOR": "1"}
+    ):
+        os.close(theirs)
+        shown = b""
+        with contextlib.suppress(OSError):  # the end of a terminal is an error of Linux
+            while part := os.read(ours, 65536):
+                shown += part
+    os.close(ours)
+    return shown.decode()
+
+
+@pytest.mark.parametrize(
+    "words", [("terms",), ("terms", "curvature"), ("calibrate", "nowhere.csv", "--terms", "x" * 9)]
+)
+def test_no_verb_is_wider_than_its_terminal_or_breaks_a_word(words: tuple[str, ...]) -> None:
+    wide = on_a_terminal(500, *words)
+    shown = on_a_terminal(60, *words)
+    lines = [line.rsplit("\r", 1)[-1] for line in shown.replace("\r\n", "\n").split("\n")]
+    assert max(map(len, lines)) <= 60 < max(map(len, wide.splitlines()))
+    assert shown.split() == wide.split()
+
+
+def test_comments_of_a_mechanism_follow_the_terminal_and_its_values_do_not() -> None:
+    wide = on_a_terminal(500, "mechanism").splitlines()
+    shown = on_a_terminal(60, "mechanism").splitlines()
+    values = [line for line in shown if not line.startswith("#")]
+    assert values == [line for line in wide if not line.startswith("#")]
+    comments = [line for line in shown if line.startswith("#")]
+    assert max(map(len, comments)) <= 60 < max(map(len, wide))
+
+
+def test_words_that_are_folded_go_on_below_where_they_began() -> None:
+    assert folded("  may hide  link length of each/4 up to 2 in", 30) == (
+        "  may hide  link length of\n            each/4 up to 2 in"
+    )
+    assert folded("- one of a list that is long", 20) == "- one of a list that\n  is long"
+    assert folded("# 7 cannot be known at all", 18) == "# 7 cannot be\n# known at all"
+    assert folded("a-path/that-no-line-holds", 8) == "a-path/that-no-line-holds"
 
 
 # ------------------------------------------------------------------ progress

@@ -30,16 +30,22 @@ if TYPE_CHECKING:
         terms,
         trace,
     )
-    from rsicalib.errors import InputError, OpenLoopsWarning, RsicalibError, UndeterminedError
+    from rsicalib.errors import (
+        InputError,
+        OpenLoopsWarning,
+        RsicalibError,
+        UndeterminedError,
+        Where,
+    )
     from rsicalib.exports.opening import export_result
-    from rsicalib.facts.shapes import Parameter, Step
+    from rsicalib.facts.shapes import Parameter, Skipped, Step
     from rsicalib.facts.warned import Warned
     from rsicalib.fleets.devices import calibrate_devices
     from rsicalib.fleets.run import Fleet, fleet
     from rsicalib.imports.log import Log
     from rsicalib.imports.opening import import_log
     from rsicalib.io.readings import Readings
-    from rsicalib.planning.identifiability import Identifiable, identifiable
+    from rsicalib.planning.identifiability import Counted, Identifiable, identifiable
     from rsicalib.planning.measures import Observability, observability
     from rsicalib.planning.plan import plan
     from rsicalib.planning.plans import Plan
@@ -48,6 +54,7 @@ if TYPE_CHECKING:
     from rsicalib.poses.devices import Device
     from rsicalib.poses.placing import Placer
     from rsicalib.poses.simulation import Simulated, simulate
+    from rsicalib.report.figure import Figure
     from rsicalib.report.past import History
     from rsicalib.reproduction.document import Paper
     from rsicalib.reproduction.paper import paper
@@ -65,7 +72,9 @@ __all__ = [
     "Calibration",
     "Certificate",
     "Channel",
+    "Counted",
     "Device",
+    "Figure",
     "Fleet",
     "History",
     "Identifiable",
@@ -82,6 +91,7 @@ __all__ = [
     "Readings",
     "RsicalibError",
     "Simulated",
+    "Skipped",
     "Step",
     "Supposition",
     "Term",
@@ -91,6 +101,7 @@ __all__ = [
     "Watch",
     "Watching",
     "WatchingDevices",
+    "Where",
     "Workspace",
     "__version__",
     "calibrate",
@@ -130,12 +141,12 @@ _HOMES = {
     "rsicalib.results.certificate": "Certificate",
     "rsicalib.verbs.certifying": "certify",
     "rsicalib.poses.devices": "Device",
-    "rsicalib.errors": "InputError OpenLoopsWarning RsicalibError UndeterminedError",
+    "rsicalib.errors": "InputError OpenLoopsWarning RsicalibError UndeterminedError Where",
     "rsicalib.verbs.export": "export_toml export_urdf",
     "rsicalib.exports.opening": "export_result",
     "rsicalib.fleets.devices": "calibrate_devices",
     "rsicalib.fleets.run": "Fleet fleet",
-    "rsicalib.planning.identifiability": "Identifiable identifiable",
+    "rsicalib.planning.identifiability": "Counted Identifiable identifiable",
     "rsicalib.imports.log": "Log",
     "rsicalib.imports.opening": "import_log",
     "rsicalib.io.readings": "Readings",
@@ -147,11 +158,12 @@ _HOMES = {
     "rsicalib.planning.plan": "plan",
     "rsicalib.planning.plans": "Plan",
     "rsicalib.planning.platform_sd": "Workspace workspace",
+    "rsicalib.report.figure": "Figure",
     "rsicalib.report.past": "History",
     "rsicalib.reproduction.document": "Paper",
     "rsicalib.reproduction.paper": "paper",
     "rsicalib.results.result": "Calibration Trace load_calibration",
-    "rsicalib.facts.shapes": "Parameter Step",
+    "rsicalib.facts.shapes": "Parameter Skipped Step",
     "rsicalib.poses.simulation": "Simulated simulate",
     "rsicalib.planning.supposing": "Supposition suppose",
     "rsicalib.facts.warned": "Warned",

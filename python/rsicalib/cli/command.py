@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from rsicalib.cli.output import heard
 from rsicalib.cli.parser import make_parser
-from rsicalib.cli.streams import emit, is_of_streams, open_streams, silence
+from rsicalib.cli.streams import emit, is_of_streams, open_streams, say, silence
 from rsicalib.cli.verbs import Args
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.records import to_json
@@ -82,5 +82,5 @@ def _fail(code: int, form: str, message: str, as_json: bool, **more: Any) -> int
     if as_json:
         emit(to_json({"format": form, "message": message, **more}))
     else:
-        print(f"error: {message}", file=sys.stderr)
+        say(f"error: {message}", sys.stderr)
     return code

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from rsicalib.cli.colours import painted, wants_colour
 from rsicalib.cli.interruption import interruptible
-from rsicalib.cli.progress import progress_of, terminal_width
-from rsicalib.cli.streams import emit, say
+from rsicalib.cli.progress import progress_of
+from rsicalib.cli.streams import columns_of, emit, say
 from rsicalib.errors import OpenLoopsWarning
 from rsicalib.facts.warned import Warned
 from rsicalib.io.folders import MARK, refuse_foreign, write_folder
@@ -34,9 +34,9 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     if args.json:
         emit(result.to_json())
     elif not args.quiet:
-        seen = sys.stdout.isatty()
+        columns = columns_of(sys.stdout)
         # Whoever reads a pipe or a file has no report beside it: nothing is left out there.
-        summary = result.summary(width=terminal_width(sys.stdout) if seen else None, whole=not seen)
+        summary = result.summary(width=columns, whole=columns is None)
         summary = printable(summary)
         if wants_colour(sys.stdout):
             summary = painted(summary, result.exit_code == 0)
@@ -77,7 +77,7 @@ def warn(args: argparse.Namespace, found: Sequence[Warned | str]) -> None:
     said: set[str] = vars(args).setdefault("said", set())
     for text in map(str, found):
         if not getattr(args, "quiet", False) and text not in said:
-            print(f"warning: {printable(text)}", file=sys.stderr)
+            say(f"warning: {text}", sys.stderr)
         said.add(text)
 
 

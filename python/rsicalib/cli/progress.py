@@ -14,7 +14,9 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TextIO
 
-__all__ = ["ProgressLine", "duration", "progress_of", "terminal_width"]
+from rsicalib.cli.streams import columns_of
+
+__all__ = ["ProgressLine", "duration", "progress_of"]
 
 PATIENCE = 1.0
 """What takes less than this needs no progress [s]."""
@@ -63,7 +65,7 @@ class ProgressLine:
         done = f"{100 * share:.0f} %, {duration(spent)}" if share > 0.0 else duration(spent)
         left = f", about {duration(spent * (1 - share) / share)} left" if share > 0.02 else ""
         words = f"{what}: {done}{left}"
-        self._write(words[: max(20, terminal_width(self.stream) - 1)])
+        self._write(words[: max(20, (columns_of(self.stream) or 80) - 1)])
 
     def counted(self, what: str, done: int, total: int) -> None:
         """Show progress that is counted."""
@@ -122,11 +124,3 @@ def duration(seconds: float) -> str:
         return f"{minutes}:{rest:02d} min"
     minutes += rest > 0
     return f"{minutes // 60}:{minutes % 60:02d} h"
-
-
-def terminal_width(stream: TextIO) -> int:
-    """Columns of a terminal; 80 where there is none to ask."""
-    try:
-        return os.get_terminal_size(stream.fileno()).columns or 80
-    except (OSError, ValueError):
-        return 80

@@ -5,13 +5,15 @@ from __future__ import annotations
 import codecs
 import errno
 import os
+import re
 import sys
+import textwrap
 import unicodedata
 from typing import TextIO
 
 from rsicalib.plain_text import printable
 
-__all__ = ["emit", "is_of_streams", "open_streams", "say", "silence"]
+__all__ = ["columns_of", "emit", "folded", "is_of_streams", "open_streams", "say", "silence"]
 
 REPLACED = "rsicalib.replaced"
 """Name of the handler of characters that a terminal has not."""
@@ -57,9 +59,54 @@ def _ascii(character: str) -> str:
     return plain or "?"
 
 
-def say(text: str) -> None:
-    """Print words for a person."""
-    print(printable(text))
+def say(text: str, stream: TextIO | None = None) -> None:
+    """Print words for a person: on a terminal in lines that it has room for, else as they are."""
+    to = sys.stdout if stream is None else stream
+    columns = columns_of(to)
+    print(printable(text) if columns is None else folded(printable(text), columns), file=to)
+
+
+COLUMN = re.compile(r"#?\s*(?:[-•→] +|\S+(?: \S+)* {2,})?")
+"""What a line begins with: an indent, and a mark of a list or a label in a column of its own."""
+
+
+def folded(text: str, width: int) -> str:
+    r"""Text in lines of so many columns: no word is broken, and lines go on below where they began.
+
+    Examples
+    --------
+    >>> print(folded("  noise   one count in each of the channels", 24))
+      noise   one count in
+              each of the
+              channels
+    """
+    return "\n".join(part for line in text.split("\n") for part in _folded(line, width))
+
+
+def _folded(line: str, width: int) -> list[str]:
+    if len(line) <= width:
+        return [line]
+    begins = COLUMN.match(line)
+    left = len(begins[0]) if begins else 0
+    if left > width // 2:  # a column of its own would leave no room
+        left = len(line) - len(line.lstrip(" ")) + 2
+    # What is a comment stays one.
+    indent = f"#{' ' * (left - 1)}" if line.startswith("#") else " " * left
+    return textwrap.wrap(
+        line,
+        width,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def columns_of(stream: TextIO) -> int | None:
+    """Columns of a terminal, 80 where it does not tell; None of a file or a pipe."""
+    try:
+        return (os.get_terminal_size(stream.fileno()).columns or 80) if stream.isatty() else None
+    except (OSError, ValueError):
+        return 80
 
 
 def emit(text: str) -> None:

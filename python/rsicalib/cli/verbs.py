@@ -10,7 +10,7 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -19,7 +19,7 @@ from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
 from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
-from rsicalib.cli.streams import emit, say
+from rsicalib.cli.streams import columns_of, emit, folded, say
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.records import plain, to_json
 from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
@@ -272,7 +272,7 @@ def guide(args: Args) -> int:
     if args.json:
         emit(found.to_json())
     elif not args.quiet:
-        say(found.summary())
+        say(found.summary(width=columns_of(sys.stdout)))
     return found.exit_code
 
 
@@ -394,12 +394,12 @@ def watch(args: Args) -> int:
             emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
             sys.stdout.flush()
             if not (args.json or args.quiet):
-                print(alarm.text(), file=sys.stderr)
+                say(alarm.text(), sys.stderr)
     found = watching.summary()
     if args.json:
         emit(json.dumps(plain(found), ensure_ascii=False) + "\n")
     elif not args.quiet:
-        print(found.text(), file=sys.stderr)
+        say(found.text(), sys.stderr)
     return ALARMED if found.alarms else 0
 
 
@@ -462,11 +462,18 @@ def mechanism(args: Args) -> int:
         counted = {"identifiable": [c.to_dict() for c in counts]} if counts else {}
         emit(to_json({**loaded.to_dict(), **counted}))
         return 0
-    emit("".join(f"# {printable(note)}\n" for note in expansion_notes(args.name)))
+    emit(_comments(expansion_notes(args.name)))
     emit(loaded.to_toml())
     for count in counts:
-        emit("\n" + "".join(f"# {printable(line)}\n" for line in count.text().splitlines()))
+        emit("\n" + _comments(count.text().splitlines()))
     return 0
+
+
+def _comments(lines: Iterable[str]) -> str:
+    """Lines as comments of TOML: on a terminal as wide as it is."""
+    text = "".join(f"# {printable(line)}\n" for line in lines)
+    columns = columns_of(sys.stdout)
+    return text if columns is None else folded(text, columns)
 
 
 def _heard(args: Args, job: Callable[[dict[str, Any]], T], what: str = "fit") -> T:

@@ -45,7 +45,7 @@ class Record:
 
         Returns
         -------
-        Record
+        Self
             Of this class.
 
         Raises

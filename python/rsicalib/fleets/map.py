@@ -81,7 +81,7 @@ def _text(x: float, y: float, words: str) -> str:
 def _kind(sd: float) -> str:
     """Shade of a cell; above and below the median have colours of their own."""
     if not math.isfinite(sd):
-        return "grid"
+        return "unknown"
     level = sum(abs(sd) >= at for at in LEVELS)
     return "usual" if level == 0 else f"{'above' if sd > 0.0 else 'below'}{level}"
 

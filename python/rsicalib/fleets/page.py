@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import islice
+from pathlib import Path
+from textwrap import shorten
 from typing import Any
+from urllib.parse import quote
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
@@ -24,12 +30,22 @@ __all__ = ["page"]
 LISTED = 200
 """Devices that the page lists before it only counts."""
 
+LONG = 240
+"""Characters of a reason that is read at a glance; `fleet.parquet` has all of it."""
+
+USED = {"adequate", "unjudged", "explained", "partly_explained", "unexplained"}
+"""Verdicts of devices whose parameters can be compared with those of others."""
+
 BINS = 20
 HEIGHT = 220.0
 
 
 def page(
-    rows: Mapping[str, Sequence[Any]], by: str, mechanism: Mechanism, together: Sequence[str] = ()
+    rows: Mapping[str, Sequence[Any]],
+    by: str,
+    mechanism: Mechanism,
+    together: Sequence[str] = (),
+    at: Path | None = None,
 ) -> str:
     """Write the page as one HTML file that needs no network.
 
@@ -43,6 +59,8 @@ def page(
         What all devices are.
     together : sequence of str
         What the devices have in common, in sentences.
+    at : Path, optional
+        Folder that the page is for: files of devices are links from there.
 
     Returns
     -------
@@ -51,8 +69,8 @@ def page(
     """
     spread = spreads(rows)
     out = remarks(rows, by, spread)
-    devices = {remark.device for remark in out}
-    listed = {str(remark.device) for remark in out[:LISTED]}
+    devices = list(dict.fromkeys(str(remark.device) for remark in out))
+    listed = set(devices[:LISTED])
     good = "bad" if devices else "good"
     count = len(rows[by])
     sentence = f"{len(devices) or 'None'} of {count} devices stand{'s' * (len(devices) < 2)} out."
@@ -62,7 +80,7 @@ def page(
         *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
         section("All at a glance", pictures([map_figure(spread, rows, by), _fits(rows)])),
-        _remarks(out, _found(rows, by, listed), _files(rows, by, listed)),
+        _remarks(out, _found(rows, by, listed), _files(rows, by, listed), at),
         _effects(rows),
         _parameters(spread, rows, by),
         f'<p class="faint">rsicalib {escape(_core.__version__)}; every number is in '
@@ -74,7 +92,7 @@ def page(
 
 def _verdicts(rows: Mapping[str, Sequence[Any]]) -> str:
     counts = Counter(verdict or "refused" for verdict in rows["verdict"])
-    words = ", ".join(f"{n} {verdict}" for verdict, n in counts.most_common())
+    words = ", ".join(f"{n} {verdict.replace('_', ' ')}" for verdict, n in counts.most_common())
     return f"<p>{escape(words)}.</p>"
 
 
@@ -97,20 +115,54 @@ def _files(rows: Mapping[str, Sequence[Any]], by: str, listed: set[str]) -> dict
     return {str(device): file or "" for device, file in pairs if str(device) in listed}
 
 
-def _why(remark: Remark, found: Mapping[str, str], files: Mapping[str, str]) -> tuple[str, ...]:
-    """Why a device stands out, and the file to open where it has one of its own."""
-    device = str(remark.device)
-    return (remark.why or found[device], *([files[device]] if files else []))
+def _why(own: Sequence[Remark], found: str) -> str:
+    """Why a device stands out, in one cell: what was traced, its verdict, its worst parameter."""
+    said = [found, *(r.why for r in own if not r.parameter)]
+    # Numbers that cannot be used are far from all others: that says nothing more.
+    odd = [r for r in own if r.parameter and (r.verdict in USED or not any(said))]
+    if odd:
+        said.append(max(odd, key=lambda r: r.size).why)
+    if len(odd) > 1:
+        said.append(f"and {counted(len(odd) - 1, 'more parameter')}")
+    return shorten("; ".join(filter(None, said)), LONG, placeholder=" …")
 
 
-def _remarks(out: Sequence[Remark], found: Mapping[str, str], files: Mapping[str, str]) -> str:
-    if not out:
+def _remarks(
+    out: Sequence[Remark], found: Mapping[str, str], files: Mapping[str, str], at: Path | None
+) -> str:
+    """A row for each device, with a link to its file where it has one of its own."""
+    by_device: dict[str, list[Remark]] = {}
+    for remark in out:
+        by_device.setdefault(str(remark.device), []).append(remark)
+    if not by_device:
         return ""
-    listed = [(str(r.device), r.verdict, *_why(r, found, files)) for r in out[:LISTED]]
-    more = f'<p class="faint">and {len(out) - LISTED} more</p>' if len(out) > LISTED else ""
+    listed = [
+        (
+            device,
+            own[0].verdict.replace("_", " "),
+            _why(own, found[device]),
+            *([files[device]] if files else []),
+        )
+        for device, own in islice(by_device.items(), LISTED)
+    ]
+    more = len(by_device) - len(listed)
     heads = ("device", "verdict", "why", *(["file"] if files else []))
-    found_out = table(heads, listed, len(heads), "devices that stand out", long="why")
-    return section("Devices that stand out", found_out, more)
+    words = "devices that stand out"
+    shown = table(heads, listed, len(heads), words, long="why", links=_links(files, at))
+    notes = [f"and {more} more"] * (more > 0)
+    notes += ["rsicalib trace FILE --out FOLDER writes the report of one device"] * bool(files)
+    return section(words.capitalize(), shown, *(f'<p class="faint">{n}</p>' for n in notes))
+
+
+def _links(files: Mapping[str, str], at: Path | None) -> dict[str, str]:
+    """Where the page, which is in the folder `at`, finds the file of each device."""
+    if at is None:
+        return {}
+    links = {}
+    for device, file in files.items():
+        with contextlib.suppress(ValueError):  # none, or on another drive of Windows
+            links[device] = quote(Path(os.path.relpath(file, at)).as_posix())
+    return links
 
 
 def _effects(rows: Mapping[str, Sequence[Any]]) -> str:

@@ -206,7 +206,7 @@ def fleet(
         again = lambda task: over(task, iter(all_parts()))  # noqa: E731
         found, devices = joint(job.mechanism, by, tolerances, used, again)
         files = store.write_population(found, devices)
-    html = page(table, by, job.mechanism, sentences(first, found))
+    html = page(table, by, job.mechanism, sentences(first, found), Path(out))
     return Fleet(table, by, (*store.write_page(html), *files), first, found)
 
 

@@ -29,12 +29,16 @@ FINE = {"adequate", "explained", "unjudged"}
 
 @dataclass(frozen=True)
 class Remark:
-    """A device that stands out: the more, the larger `size` (standard deviations)."""
+    """A device that stands out: the more, the larger `size` (standard deviations).
+
+    `parameter` is the column that stands out; empty where the verdict does.
+    """
 
     device: Any
     size: float
     verdict: str
     why: str
+    parameter: str = ""
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,7 @@ def _by_parameter(
                 )
             else:
                 why = f"{one.name} is known {weak[i]:.1f} times worse than usual"
-            yield Remark(labels[i], float(abs(far[i])), verdicts[i], why)
+            yield Remark(labels[i], float(abs(far[i])), verdicts[i], why, one.name)
 
 
 def _numbers(cells: Sequence[Any]) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -89,6 +89,25 @@ class Adviser:
     """What is wrong with the wires, once it shows."""
 
     def __post_init__(self) -> None:
+        self.prior = _with_priors(self.mechanism, self.rest)
+
+    @property
+    def exchanged(self) -> tuple[str, str] | None:
+        """Two channels whose wires are exchanged; None where that is not what is wrong."""
+        if self.mistake is None or self.mistake.kind != "exchanged":
+            return None
+        one, other = self.mistake.targets
+        return one, other
+
+    def exchange(self, one: str, other: str) -> None:
+        """Take the rest reading of one channel for the other's, as the log does with the poses."""
+        self.mistake = None
+        if self.rest is None:
+            return
+        a, b = map([c.name for c in self.mechanism.channels].index, (one, other))
+        values = self.rest.values.copy()
+        values[:, [a, b]] = values[:, [b, a]]
+        self.rest = replace(self.rest, values=values)
         self.prior = _with_priors(self.mechanism, self.rest)
 
     def advise(

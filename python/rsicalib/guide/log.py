@@ -8,16 +8,17 @@ is dropped, and a pose of which rows are missing is taken again from its samples
 from __future__ import annotations
 
 import csv
+import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_text
 from rsicalib.io.messages import message_of, positions_of
-from rsicalib.io.sources import read_text
+from rsicalib.io.sources import read_json, read_text
 
 __all__ = ["FITTED", "Columns", "Log", "Sample"]
 
@@ -99,6 +100,9 @@ def _message(line: str) -> dict[str, str] | str:
     return {k: str(v) for k, v in plain.items() if not isinstance(v, bool)}
 
 
+WIRES = "wires.json"
+"""Which channels were taken over as exchanged."""
+
 FITTED = 3
 """Poses before the first that is kept out, where it is not known how many a trace needs."""
 
@@ -130,6 +134,8 @@ class Log:
         self.samples: list[Sample] = []
         self.poses: dict[int, list[Sample]] = {}
         self._files: dict[str, TextIO] = {}
+        self.exchanged: list[tuple[str, str]] = []
+        """Channels whose wires are exchanged: what arrives as one is of the other."""
         if there:
             self._restore()
 
@@ -138,6 +144,41 @@ class Log:
         and every fourth from there on.
         """
         return label > self.fitted and (label - self.fitted) % 4 == 1
+
+    @property
+    def columns(self) -> list[str]:
+        """Channels in the order in which their numbers arrive, and stand in the files."""
+        names = list(self.channels)
+        for pair in self.exchanged:
+            one, other = map(names.index, pair)
+            names[one], names[other] = names[other], names[one]
+        return names
+
+    def named(self, sample: Sample) -> Sample:
+        """A sample as it arrives, by the channels that its numbers are of."""
+        if not self.exchanged:
+            return sample
+        of = dict(zip(self.columns, sample.values, strict=True))
+        return replace(sample, values=tuple(of[name] for name in self.channels))
+
+    def exchange(self, one: str, other: str) -> None:
+        """Take what arrived, and will arrive, as one channel for the other's.
+
+        Numbers stay where they are in the files, and their columns change names: a file that was
+        not reached before the program was killed is named when the session is resumed.
+        """
+        before = self.columns
+        self.exchanged.append((one, other))
+        write_text(self.folder / WIRES, json.dumps({"exchanged": self.exchanged}) + "\n")
+        turned = dict(zip(self.columns, before, strict=True))
+        place = [self.channels.index(turned[name]) for name in self.channels]
+
+        def again(sample: Sample) -> Sample:
+            return replace(sample, values=tuple(sample.values[k] for k in place))
+
+        self.samples = [again(s) for s in self.samples]
+        self.poses = {k: [again(s) for s in rows] for k, rows in self.poses.items()}
+        self._rewrite_all()
 
     @property
     def warm(self) -> bool:
@@ -167,7 +208,7 @@ class Log:
     def _header(self, name: str) -> list[str]:
         of_pose = [] if name == "samples" else ["pose", "sample"]
         warm = ["temperature_c"] if self.warm else []
-        return [*of_pose, "time_s", *warm, *self.channels, *self.keys]
+        return [*of_pose, "time_s", *warm, *self.columns, *self.keys]
 
     def _file(self, name: str) -> TextIO:
         """A file to append to, with its header."""
@@ -203,6 +244,7 @@ class Log:
 
     def _restore(self) -> None:
         """Read back what is whole, and drop the rest."""
+        self.exchanged = self._wires()
         self.samples = [self._sample(row) for row in self._rows("samples")]
         for name in ("readings", "held_out"):
             for row in self._rows(name):
@@ -213,9 +255,28 @@ class Log:
             usual = max(len(rows) for rows in self.poses.values())
             if len(self.poses[last]) < usual:
                 del self.poses[last]
+        self._rewrite_all()
+
+    def _rewrite_all(self) -> None:
+        """Write every file that is there anew."""
         for name in ("samples", "readings", "held_out"):
             if (self.folder / f"{name}.csv").exists():
                 self._rewrite(name)
+
+    def _wires(self) -> list[tuple[str, str]]:
+        """Channels that were taken over as exchanged."""
+        path = self.folder / WIRES
+        if not path.exists():
+            return []
+        expected = "pairs of channels in 'exchanged'"
+        try:
+            pairs = [(str(a), str(b)) for a, b in read_json(path, expected)["exchanged"]]
+            if {name for pair in pairs for name in pair} <= set(self.channels):
+                return pairs
+            error: Exception = ValueError("a name that is no channel")
+        except (KeyError, TypeError, ValueError) as wrong:
+            error = wrong
+        raise InputError.at(str(path), found=str(error), expected=expected)
 
     def _rows(self, name: str) -> list[dict[str, str]]:
         """Rows of a file that are whole: a last line without its end is dropped."""
@@ -231,12 +292,16 @@ class Log:
         if missing:
             found = f"no column {missing[0]}"
             raise InputError.at(str(path), found=found, expected="a session of this mechanism")
-        rows = list(csv.DictReader(lines))
+        # Numbers stand as they arrived, whatever their columns were called before an exchange.
+        names = iter(self.columns)
+        header = [next(names) if c in self.channels else c for c in lines[0].split(",")]
+        rows = list(csv.DictReader(lines[1:], header if self.exchanged else lines[0].split(",")))
         return [row for row in rows if all(row.get(c) not in (None, "") for c in needed)]
 
     def _cells(self, sample: Sample) -> list[object]:
         warm = [repr(sample.temperature_c)] if self.warm else []
-        values = (f"{v:.10g}" for v in sample.values)
+        of = dict(zip(self.channels, sample.values, strict=True))
+        values = (f"{of[name]:.10g}" for name in self.columns)
         return [repr(sample.time_s), *warm, *values, *sample.keys]
 
     def _sample(self, row: dict[str, str]) -> Sample:

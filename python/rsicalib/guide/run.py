@@ -130,7 +130,8 @@ def guide(
         log,
         Settings(target, samples, seconds, alone=drive is not None),
     )
-    page = None if port is None else Page(session.state, session.strike_off, port, host)
+    acts = {"strike-off": session.strike_off, "take-over": session.take_over}
+    page = None if port is None else Page(session.state, acts, port, host)
     try:
         if page is not None:
             if told is not None:

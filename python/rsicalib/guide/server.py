@@ -12,7 +12,7 @@ import secrets
 import socket
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
@@ -50,12 +50,12 @@ def _reached(host: str) -> str:
 
 
 class Page:
-    """Serves the page, and tells it the state of the session."""
+    """Serves the page, and tells it the state of the session; `acts` are what its buttons do."""
 
     def __init__(
         self,
         state: Callable[[], dict[str, Any]],
-        strike_off: Callable[[], None],
+        acts: Mapping[str, Callable[[], None]],
         port: int = 0,
         host: str = HOST,
     ) -> None:
@@ -83,8 +83,9 @@ class Page:
             def do_POST(self) -> None:
                 if not self._ours():
                     return
-                if self.path == f"{root}strike-off" and self.headers.get("X-Guide") == "1":
-                    strike_off()
+                act = acts.get(self.path.removeprefix(root))
+                if act is not None and self.headers.get("X-Guide") == "1":
+                    act()
                     self._send(200, "application/json", b"{}")
                 else:
                     self._send(404, "text/plain", b"not found")

@@ -110,6 +110,8 @@ class Session:
         """Why no more samples come, once none do."""
         self.course: list[tuple[int, float]] = []
         """Standard deviation of the platform after each number of poses [length unit]."""
+        for pair in self.log.exchanged:
+            self.adviser.exchange(*pair)
         self.handle = Handle(self.mechanism, self.adviser.prior)
         self._heard = time.monotonic()
         self._near_since: float | None = None
@@ -124,6 +126,7 @@ class Session:
     def feed(self, samples: Sequence[Sample]) -> None:
         """Take samples: to the disk first, then into the session."""
         with self._lock:
+            samples = [self.log.named(sample) for sample in samples]
             self.log.take(samples)
             if samples:
                 self._heard = time.monotonic()
@@ -137,7 +140,8 @@ class Session:
         """Take poses that a robot holds, each as a whole."""
         with self._lock:
             self._heard = time.monotonic()
-            for samples in poses:
+            for arrived in poses:
+                samples = [self.log.named(sample) for sample in arrived]
                 self.log.take(samples)
                 self._recent.extend(sample.values for sample in samples)
                 self._take(samples)
@@ -152,6 +156,29 @@ class Session:
             self.note = "struck off: another pose is chosen"
             self._save()
             self._ask()
+
+    def take_over(self) -> None:
+        """Take the two channels whose wires are exchanged for one another, and go on."""
+        with self._lock:
+            pair = self._exchange()
+            if pair is None:
+                return
+            self.log.exchange(*pair)
+            self.adviser.exchange(*pair)
+            # What was shown and struck off until now was by the wrong channels.
+            self.advice, self.course, self.off = None, [], []
+            self.handle = Handle(self.mechanism, self.adviser.prior)
+            self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
+            self._recent.clear()
+            self.hold.clear()
+            self.note = f"{pair[0]} and {pair[1]} are taken for one another: exchange their names"
+            self.note += " or wires where the readings come from as well"
+            self._save()
+            self._ask()
+
+    def _exchange(self) -> tuple[str, str] | None:
+        """Two channels that can be taken for one another now."""
+        return None if self._pending is not None or self.done else self.adviser.exchanged
 
     def poll(self) -> bool:
         """Take advice that has arrived; True where it has."""
@@ -193,7 +220,7 @@ class Session:
 
     def _look(self) -> None:
         """Whether the pose that is held can be taken."""
-        if self.done:
+        if self.done or self.adviser.mistake is not None:
             return
         now = self.hold.now
         if now is None or self.hold.progress < 1.0:
@@ -465,6 +492,7 @@ class Session:
             "verdict": None if advice is None or advice.result is None else advice.result.verdict,
             "troubles": troubles,
             "message": self.message if asks else "",
+            "exchanged": self._exchange(),
             "note": self.note,
             "done": self.done,
         }

@@ -76,7 +76,7 @@ class Log(Told, Sealed):
         Path as it was given.
     format : str
         What it is, in words.
-    sessions : tuple of Session
+    sessions : tuple
         One for each run, episode or file.
     mechanism : str or None
         Text of a mechanism file, where the log has one in it.
@@ -103,7 +103,7 @@ class Log(Told, Sealed):
 
         Parameters
         ----------
-        mechanism : MechanismLike
+        mechanism : Mechanism
             Whose channels are taken.
         skip_bad_rows : bool
             Drop rows that cannot be used.

@@ -111,7 +111,7 @@ class Readings(Samples, Tabular):
 
         Parameters
         ----------
-        mechanism : MechanismLike
+        mechanism : Mechanism
             Names, units and ranges of its `C` channels.
         values : array_like, shape (n, C)
             Readings, in the order of the mechanism's channels and their units.
@@ -250,7 +250,7 @@ def load_readings(
         line, also compressed by gzip; `-` is standard input. A data frame is one of pandas, polars,
         pyarrow or another library that offers its columns by `__arrow_c_stream__` or
         `__dataframe__`. The columns of an array are the channels, in their order.
-    mechanism : MechanismLike
+    mechanism : Mechanism
         Names, units and ranges of its channels.
     skip_bad_rows : bool, optional
         Drop rows that cannot be used and list them in `skipped`, instead of refusing the file.

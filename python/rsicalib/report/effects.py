@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rsicalib.facts.shapes import Against, EffectEvidence, Law, Name, Score, Step
+from rsicalib.facts.shapes import Against, EffectEvidence, Evidence, Law, Name, Score, Step
+from rsicalib.report.curves import ANY_CURVE, AnyCurve, any_curve
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
 from rsicalib.report.words import name_of, number, subject
@@ -24,13 +25,17 @@ def effect_key(effect: Step | Name) -> str:
     return f"{effect.term}@{effect.target}"
 
 
-def effect_figures(step: Step, evidence: EffectEvidence | None, name: str) -> list[Figure]:
-    """The figures of an effect; from its result alone where no evidence was gathered."""
-    if evidence is None:
+def effect_figures(step: Step, gathered: Evidence | None, number: int) -> list[Figure]:
+    """The figures of an effect, the first of which has the number 0; from its result alone where
+    no evidence was gathered.
+    """
+    name = f"effect{number + 1}"
+    evidence = gathered.effects[number] if gathered and number < len(gathered.effects) else None
+    if gathered is None or evidence is None:
         return [_curve_figure(step, name)] if step.curve else []
     figures = []
-    if evidence.law is not None:
-        figures.append(_law_figure(step, evidence.law, name))
+    if (law := evidence.law) is not None:
+        figures.append(_law_figure(step, law, name, any_curve(gathered, step, law)))
     elif evidence.against is not None:
         figures.append(_against_figure(evidence.against, name))
     figures.append(_added_variable_figure(step, evidence, name))
@@ -41,6 +46,21 @@ def effect_figures(step: Step, evidence: EffectEvidence | None, name: str) -> li
 def of(pose: int | None) -> dict[str, Any]:
     """The data of a dot that is of one pose: it lights up with all of that pose."""
     return {} if pose is None else {"p": pose}
+
+
+def _cloud(
+    chart: Chart,
+    points: Sequence[Sequence[float]],
+    poses: Sequence[int | None],
+    radius: float,
+    kind: str = "dot",
+) -> None:
+    """Dots at points, each of its pose; those that are of none have nothing to light up."""
+    if all(pose is None for pose in poses):
+        chart.canvas.dots(map(chart.at, points), radius, kind)
+        return
+    for point, pose in zip(points, poses, strict=True):
+        chart.canvas.dot(*chart.at(point), radius, kind, **of(pose))
 
 
 def _per_dot(count: int, what: str) -> str:
@@ -78,17 +98,21 @@ def _curve_figure(step: Step, name: str) -> Figure:
     return Figure(f"{name}-law", draw, caption)
 
 
-def _law_figure(step: Step, law: Law, name: str) -> Figure:
+def _law_figure(step: Step, law: Law, name: str, curve: AnyCurve) -> Figure:
     times, unit = in_thousandths(law.correction_unit)
     what = "correction of all readings" if law.correction_unit == "1" else "correction"
     dots = [(x, times * y, times * sd) for x, y, sd in law.dots]
-    lines = [[(x, times * y) for x, y in line] for line in _lines(law)]
+    own = [law.line, *(a.line for a in law.alternatives), *([curve] if curve else [])]
+    lines = [[(x, times * y) for x, y in line] for line in own]
     on_reading = step.curve_over != "time"
     upper, lower = _band(step, times) if step.curve and on_reading else ([], [])
     if step.curve and on_reading:
         lines[0] = [(row[0], times * row[1]) for row in step.curve]
     others = [subject(a.effect) for a in law.alternatives]
     keys = [effect_key(step), *(effect_key(a.effect) for a in law.alternatives)]
+    if curve:
+        others.append("a law that no term has (any curve)")
+        keys.append(f"{ANY_CURVE}@{step.target}")
     # Of each dot the correction, and the number of its pose where it is of one.
     of_pose = law.poses or (None,) * len(dots)
 
@@ -104,11 +128,13 @@ def _law_figure(step: Step, law: Law, name: str) -> Figure:
         if upper:
             edge = [(u, min(max(v, y[0]), y[1])) for u, v in [*upper, *lower[::-1]]]
             canvas.path([chart.at(p) for p in edge], "band", closed=True)
-        for (at, value, sd), pose in zip(shown, poses, strict=True):
-            px, py = chart.at((at, value))
-            canvas.line(px, chart.y(value - sd), px, chart.y(value + sd), "whisker")
-            kind = "dot" if sd <= 1.5 * usual else "dot faint"
-            canvas.dot(px, py, 2.6, kind, **of(pose))
+        spans = [(chart.x(at), chart.y(v - sd), chart.y(v + sd)) for at, v, sd in shown]
+        canvas.uprights(spans, "whisker")
+        for weak, kind in ((False, "dot"), (True, "dot faint")):
+            cloud = [
+                (d, p) for d, p in zip(shown, poses, strict=True) if weak == (d[2] > 1.5 * usual)
+            ]
+            _cloud(chart, [d[:2] for d, _ in cloud], [p for _, p in cloud], 2.6, kind)
         for k, line in enumerate(lines[1:]):
             chart.curve(line, f"rival rival{k}", keys[k + 1])
         chart.curve(lines[0], "law", keys[0])
@@ -120,16 +146,14 @@ def _law_figure(step: Step, law: Law, name: str) -> Figure:
         "standard deviation: what the law gives there and what is left. Dots that follow the line "
         "are evidence for the law."
     )
-    if others:
+    if law.alternatives:
         caption += (
             " The broken lines are what these poses cannot tell from it: where they part, a "
             "reading would decide."
         )
+    if curve:
+        caption += " Any curve is smooth, and of the shape that the readings ask for."
     return Figure(f"{name}-law", draw, caption)
-
-
-def _lines(law: Law) -> list[Sequence[Sequence[float]]]:
-    return [law.line, *(a.line for a in law.alternatives)]
 
 
 def _legend(canvas: Canvas, top: float, names: Sequence[str]) -> None:
@@ -149,8 +173,7 @@ def _against_figure(against: Against, name: str) -> Figure:
         words = axis_words(against.over, against.unit), "residual / noise"
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         chart.band(-2.0, 2.0)
-        for at, residual, _ in against.dots:
-            canvas.dot(*chart.at((at, residual)), 2.6)
+        canvas.dots((chart.at((at, residual)) for at, residual, _ in against.dots), 2.6)
         for at, _, explained in against.dots:
             canvas.dot(*chart.at((at, explained)), 2.6, "ring")
         return canvas.svg(f"residual over {against.over}, and what the effect explains")
@@ -172,8 +195,7 @@ def _added_variable_figure(step: Step, evidence: EffectEvidence, name: str) -> F
         words = ("what it explains / noise", "residual without it / noise")
         chart = Chart.on(canvas, x, y, words, height=HEIGHT)
         low, high = max(x[0], y[0]), min(x[1], y[1])
-        for dot, pose in zip(dots, evidence.of_pose or (None,) * len(dots), strict=True):
-            canvas.dot(*chart.at(dot), 2.4, **of(pose))
+        _cloud(chart, dots, evidence.of_pose or (None,) * len(dots), 2.4)
         chart.curve([(low, low), (high, high)], "law")
         return canvas.svg(f"added-variable plot of {subject(step)}")
 

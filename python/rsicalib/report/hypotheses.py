@@ -11,8 +11,8 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.facts.shapes import Evidence, Hypothesis, ParameterName, Rival, Slice, SwitchFit
+from rsicalib.report.certainty import is_same
 from rsicalib.report.effects import effect_key
-from rsicalib.report.plain import is_same
 from rsicalib.report.residuals import Dots
 from rsicalib.report.scene import Scene
 from rsicalib.report.words import (

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 from rsicalib.facts.shapes import Evidence, Parameter, ResultShape, Step, TraceShape
 from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.plain_text import counted
+from rsicalib.report.certainty import certainty_html
 from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
 from rsicalib.report.effects import effect_figures, scores_figure
 from rsicalib.report.figure import STYLE, Figure, data_element, whole
 from rsicalib.report.mechanism import mechanism_figure
-from rsicalib.report.plain import certainty_html, plain_words
+from rsicalib.report.plain import plain_words
 from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_figure
 from rsicalib.report.scene import scene_of
 from rsicalib.report.switches import switchboard_html
@@ -193,8 +194,11 @@ def table(
     words: str = "",
     *,
     long: str | None = None,
+    links: Mapping[str, str] | None = None,
 ) -> str:
-    """A table: the first `text` columns are words, `long` one of sentences, the others numbers."""
+    """A table: the first `text` columns are words, `long` one of sentences, the others numbers;
+    cells that are in `links` lead there.
+    """
 
     def cells(row: Sequence[str], tag: str) -> str:
         kinds = ["" if k < text else ' class="n"' for k in range(len(row))]
@@ -205,7 +209,10 @@ def table(
             # Numbers are never broken as it is.
             words = k < text or heads[k] == long
             own = tag if cell else "td"  # a head without words is none
-            out.append(f"<{own}{kind}>{whole(escape(cell)) if words else escape(cell)}</{own}>")
+            shown = whole(escape(cell)) if words else escape(cell)
+            if links and cell in links:
+                shown = f'<a href="{escape(links[cell])}">{shown}</a>'
+            out.append(f"<{own}{kind}>{shown}</{own}>")
         return "".join(out)
 
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
@@ -388,8 +395,7 @@ def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | Non
     """Figures of all effects, in their order."""
     found: list[Figure | None] = []
     for k, step in enumerate(result.steps):
-        own = evidence.effects[k] if evidence and k < len(evidence.effects) else None
-        found += effect_figures(step, own, f"effect{k + 1}")
+        found += effect_figures(step, evidence, k)
     if evidence is not None and not result.steps:
         found.append(scores_figure(evidence.left, "left-scores"))
     return found
@@ -398,11 +404,10 @@ def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | Non
 def _found(result: TraceShape, evidence: Evidence | None) -> str:
     parts = []
     for k, step in enumerate(result.steps):
-        own = evidence.effects[k] if evidence and k < len(evidence.effects) else None
         parts.append(f"<h3>{escape(subject(step))}: {escape(size_words(step))}</h3>")
         parts.append(_said(_cost(step, result.length_unit)))
         parts += [] if step.applied else [f"<p>{_capital(not_applied(result))}.</p>"]
-        parts.append(pictures(effect_figures(step, own, f"effect{k + 1}")))
+        parts.append(pictures(effect_figures(step, evidence, k)))
     if words := elsewhere_words(result):
         parts.append(_said(f"{_capital(words)}."))
     if result.unexplained is not None:

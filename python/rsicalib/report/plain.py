@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from html import escape
 
-from rsicalib.facts.shapes import Evidence, Hypothesis, ResultShape, Rival, Step, TraceShape
+from rsicalib.facts.shapes import Evidence, ResultShape, Step, TraceShape
 from rsicalib.report.words import (
-    UNKNOWN,
     labelled,
     listed_words,
     name_of,
     number,
-    percent,
     size_words,
     subject,
     target_words,
 )
 
-__all__ = ["certainty_html", "is_same", "plain_words"]
+__all__ = ["plain_words"]
 
 WRONG = {
     "sensor": "the {target} does not read true",
@@ -51,9 +47,6 @@ SHAPES = {
 
 SURE = 0.95
 """Probability from which something is called certain."""
-
-SEGMENTS = 5
-"""Explanations that have a part of the strip of their own."""
 
 
 def plain_words(result: ResultShape, evidence: Evidence | None) -> str:
@@ -158,55 +151,3 @@ def _what(step: Step, terms: list[str]) -> str:
 
 def _either(items: list[str]) -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} or {items[-1]}"
-
-
-def certainty_html(result: ResultShape, evidence: Evidence | None) -> str:
-    """The explanations with their probabilities, as one bar; nothing where there are none.
-
-    `script.js` lets each be chosen where it was fitted.
-    """
-    rivals = result.rivals if isinstance(result, TraceShape) else ()
-    if not rivals:
-        return ""
-    shown = sorted(rivals, key=lambda r: -r.probability)[:SEGMENTS]
-    rest = 1.0 - sum(r.probability for r in shown)
-    rows = [(_name(r), r.probability) for r in shown]
-    rows += [("others", rest)] if rest > 0.005 else []
-    bar = "".join(
-        f'<span class="part{k}" style="flex:{max(p, 0.004):.4f}"></span>'
-        for k, (_, p) in enumerate(rows)
-    )
-    known = evidence.hypotheses if evidence is not None else ()
-    chosen = [_number(rival, known) for rival in shown] + [None] * (len(rows) - len(shown))
-    keys = "".join(
-        f"<li{_choice(at)}>"
-        f'<span class="key part{k}"></span>{escape(words)} <strong>{percent(p)}</strong></li>'
-        for k, ((words, p), at) in enumerate(zip(rows, chosen, strict=True))
-    )
-    if any(at is not None for at in chosen) and known[0].kind == "nothing":
-        keys += f'<li{_choice(0)}><span class="key"></span>as if nothing were missing</li>'
-    said = ", ".join(f"{words} {percent(p)}" for words, p in rows)
-    return (
-        f'<div class="certainty"><div class="strip" role="img" aria-label="How sure: '
-        f'{escape(said)}">{bar}</div><ul>{keys}</ul></div>'
-    )
-
-
-def _choice(at: int | None) -> str:
-    return "" if at is None else f' data-choose="{at}"'
-
-
-def _number(rival: Rival, known: Sequence[Hypothesis]) -> int | None:
-    """Number of the hypothesis that is this explanation; None where it was not fitted."""
-    return next((k for k, one in enumerate(known) if is_same(one, rival)), None)
-
-
-def is_same(one: Hypothesis, rival: Rival) -> bool:
-    """True where both are the same effects; any curve stands for a law that no term has."""
-    unknown = one.kind == "any_curve"
-    own = {(UNKNOWN if unknown else n.term, n.target) for n in one.effects}
-    return {(n.term, n.target) for n in rival.terms} == own
-
-
-def _name(rival: Rival) -> str:
-    return listed_words([subject(name) for name in rival.terms] or ["nothing"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 
@@ -166,6 +165,7 @@ def draw_residuals(
         chart.band(-2.0, 2.0)
         radius = 3.0 if count <= 120 and width == WIDE else 2.0
         far = {} if numbered else _far(rows, dots)
+        plain: list[tuple[float, float]] = []
         for pose, row in enumerate(rows):
             for e, value in enumerate(row):
                 if not np.isfinite(value):
@@ -177,7 +177,12 @@ def draw_residuals(
                 kind = f"{kind} far" if culprit else kind
                 number = {"p": pose} if dots.size == 1 else {}
                 number |= {"k": pose * len(row) + e} if numbered else {}
-                canvas.dot(x, y, radius, kind, said, **number)
+                # No pointer rests on a phone.
+                if kind == "dot" and not number and width != WIDE:
+                    plain.append((x, y))
+                else:
+                    canvas.dot(x, y, radius, kind, said, **number)
+        canvas.dots(plain, radius)
         _label(chart, rows, far, bound)
     return canvas.svg("residuals in units of noise, before and after")
 
@@ -244,7 +249,7 @@ def normal_figure(result: ResultShape) -> Figure | None:
     some = np.unique(np.linspace(0, len(values) - 1, min(len(values), MOST_DOTS)).astype(int))
     quantile = NormalDist().inv_cdf
     points = [(quantile(float(shares[i])), float(values[i])) for i in some]
-    poses: list[dict[str, Any]] = [{"p": int(own[i])} if single else {} for i in some]
+    poses = [int(own[i]) for i in some]
 
     def draw(width: float) -> str:
         canvas = Canvas(width, 240.0)
@@ -253,8 +258,11 @@ def normal_figure(result: ResultShape) -> Figure | None:
         chart = Chart.on(canvas, x, y, words, height=240.0)
         low, high = max(x[0], y[0]), min(x[1], y[1])
         chart.curve([(low, low), (high, high)], "law")
-        for point, pose in zip(points, poses, strict=True):
-            canvas.dot(*chart.at(point), 2.2, **pose)
+        if single:
+            for point, pose in zip(points, poses, strict=True):
+                canvas.dot(*chart.at(point), 2.2, p=pose)
+        else:
+            canvas.dots(map(chart.at, points), 2.2)
         return canvas.svg("normal probability plot of the residuals")
 
     return Figure(
