@@ -4,7 +4,7 @@
 //! displaced in all samples, from one pose on. Running sums score all times, (71) and (72).
 
 use crate::Error;
-use crate::diagnosis::options::{Rule, SearchOptions};
+use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
