@@ -518,7 +518,7 @@ def test_text_of_any_kind_stays_text(traced: Trace, tmp_path: Path) -> None:
 
 def test_the_page_of_a_plan_has_a_row_and_a_dot_for_each_pose(tmp_path: Path) -> None:
     found = rsicalib.plan(poses=12, candidates=300, starts=1)
-    said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
+    said = found.mechanism, found.length_unit, found.csv(), found.brings(), found.poses
     probe = """
     const heads = [...document.querySelectorAll("thead th")].map((cell) => cell.textContent);
     const column = (head) => [...document.querySelectorAll("tbody tr")]

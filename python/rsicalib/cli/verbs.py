@@ -222,8 +222,8 @@ def plan(args: Args) -> int:
         "choose poses",
     )
     if args.out is not None:
-        said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
-        page = f"{poses_html(*said)}<!-- {MARK} -->\n"
+        shown = found.mechanism, found.length_unit, found.csv(), found.brings(), found.poses
+        page = f"{poses_html(*shown)}<!-- {MARK} -->\n"
         files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
         write_folder(args.out.parent, files, force=args.force)
     if args.json:

@@ -17,7 +17,8 @@ from rsicalib.facts.records import plain
 from rsicalib.facts.warned import WIRING, Warned
 from rsicalib.guide.log import Sample
 from rsicalib.io.readings import Readings
-from rsicalib.planning.further import explanations, reason, words
+from rsicalib.planning.further import explanations, words
+from rsicalib.planning.purposes import gain_of, reason
 from rsicalib.results.result import Trace
 from rsicalib.verbs.certifying import certify
 from rsicalib.verbs.tracing import trace
@@ -252,7 +253,7 @@ class Adviser:
             "keys": tuple(column[0] for column in found["keys"]),
             "why": reason(found["purposes"][0], names, self.mechanism.length_unit),
             "criterion": found["criterion"],
-            "gain": found["purposes"][0].get("tells", (None, None))[1],
+            "gain": gain_of(found["purposes"][0]),
             "sd": _known(spread[0]["position"]),
             "sd_next": _known(spread[1]["position"]),
             "wait_s": found["waits"][0] * _length_s(fitted),
