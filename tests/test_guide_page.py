@@ -21,7 +21,7 @@ STATE: dict[str, Any] = {
     "mechanism": "rsi",
     "unit": "in",
     "phase": "move",
-    "order": {"word": "go", "text": "to pose 6"},
+    "order": {"word": "go", "text": "to pose 6", "trouble": None},
     "handle": {
         "names": ["wrist1", "wrist2", "wrist3"],
         "now": NOW,
@@ -59,6 +59,7 @@ STATE: dict[str, Any] = {
     "largest": None,
     "named": [],
     "open": [],
+    "found": "",
     "verdict": None,
     "troubles": [],
     "message": "",
@@ -80,6 +81,8 @@ return { names: ["above", "front"].map((id) => boxes(document.getElementById(id)
   now: shown.length ? points("now") : [], want: shown.length ? points("want") : [],
   scale: scale && [+scale.getAttribute("d").match(/h([0-9.]+)/)[1],
     scale.nextElementSibling.textContent],
+  troubles: [...document.querySelectorAll("#troubles p")].map((p) => p.textContent),
+  open: document.getElementById("open").textContent,
   figures: [...document.querySelectorAll("#course text")].map((t) => t.textContent) };
 """
 
@@ -114,6 +117,21 @@ def test_the_handle_is_drawn_to_a_scale_and_its_names_lie_apart(tmp_path: Path) 
 
 @pytest.mark.parametrize("word", ["stop", "go"])
 def test_where_the_order_is_to_stop_no_way_to_a_pose_is_shown(word: str, tmp_path: Path) -> None:
-    found = seen(tmp_path, order={"word": word, "text": "now"})
+    found = seen(tmp_path, order={"word": word, "text": "now", "trouble": None})
     assert found["order"] == f"{word} now"
     assert found["ways"] == (word == "go")
+
+
+def test_what_the_order_says_is_not_said_twice_and_other_explanations_are(tmp_path: Path) -> None:
+    facts = {"kind": "slip", "target": "a22", "pose": "4"}
+    slip = {**facts, "id": "slip@a22:4", "text": "a22 slipped, and more"}
+    other = {**facts, "id": "constant@a31", "text": "a31 does not change"}
+    order = {"word": "stop", "text": "a22 slipped", "trouble": "slip@a22:4"}
+    explained = [
+        {"id": "curvature@a22", "text": "a parabola"},
+        {"id": "curvature@a22+gain@a11", "text": "both"},
+    ]
+    changes = {"named": ["a parabola"], "open": explained, "found": "curvature@a22"}
+    found = seen(tmp_path, order=order, troubles=[slip, other], **changes)
+    assert found["troubles"] == ["a31 does not change"]
+    assert found["open"] == "not decided from both"
