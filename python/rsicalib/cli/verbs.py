@@ -222,7 +222,8 @@ def plan(args: Args) -> int:
         "choose poses",
     )
     if args.out is not None:
-        shown = found.mechanism, found.length_unit, found.csv(), found.brings(), found.poses
+        brings = [("", list(found.advice)), *found.brings()]
+        shown = found.mechanism, found.length_unit, found.csv(), brings, found.poses
         page = f"{poses_html(*shown)}<!-- {MARK} -->\n"
         files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
         write_folder(args.out.parent, files, force=args.force)

@@ -71,7 +71,7 @@ def poses_html(
 
 def _brought(brings: Sequence[tuple[str, Sequence[str]]]) -> str:
     parts = []
-    for heading, below in brings:
+    for heading, below in (one for one in brings if one[1]):
         words = f"{heading[:1].upper()}{heading[1:]}:" if heading else ""
         parts.append(f"<p>{escape(words)}</p>{listed(below)}")
     return "\n".join(parts)
