@@ -289,10 +289,10 @@ def _headline(result: ResultShape, evidence: Evidence | None) -> str:
     if row is None:
         return ""
     first, drawn = row.before, ""
-    if first == "–" and (error := _as_drawn(evidence)):
+    if first is None and (error := _as_drawn(evidence)):
         first, drawn = error, " as drawn"
-    old = "" if first == "–" else f"<del>{escape(first)}</del>{drawn} → "
-    now = f"<strong data-now>{escape(row.after)}</strong> {escape(unit)}"
+    old = "" if first is None else f"<del>{escape(first)}</del>{drawn} → "
+    now = f"<strong data-now>{escape(row.cells[2])}</strong> {escape(unit)}"
     return f'<p class="headline">{old}{now} <span>off at {escape(row.at)} (rms)</span></p>'
 
 
@@ -366,8 +366,8 @@ def _errors(result: ResultShape) -> tuple[str, str]:
     title = "Error before and after"
     if not rows:
         return title, ""
-    if all(row.before == "–" for row in rows):
-        alone = [(row.name, row.after) for row in rows]
+    if all(row.before is None for row in rows):
+        alone = [row.cells[::2] for row in rows]
         return "Error", table(["", "calibrated"], alone, words="error")
     return title, table(["", *heads], [row.cells for row in rows], words=title.lower())
 

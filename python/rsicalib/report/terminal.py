@@ -156,8 +156,8 @@ def _errors(result: ResultShape, look: Look) -> list[str]:
     rows.sort(key=lambda row: row.kind == "held_out")
     if not rows:
         return []
-    if all(row.before == "–" for row in rows):
-        return _columns([(row.name, row.after) for row in rows], 14, look)
+    if all(row.before is None for row in rows):
+        return _columns([row.cells[::2] for row in rows], 14, look)
     return _columns([("", *heads), *(row.cells for row in rows)], 14, look)
 
 

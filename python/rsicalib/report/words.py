@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from rsicalib.facts.shapes import (
@@ -326,15 +326,16 @@ class ErrorRow(NamedTuple):
 
     kind: Literal["chi2", "p_value", "misclosure", "held_out", "position", "orientation", "touched"]
     name: str
-    before: str
-    after: str
+    before: str | None
+    """None where it is not known."""
+    after: str | None
     at: str = ""
     """Where it was measured: `20 check poses`."""
 
     @property
     def cells(self) -> tuple[str, str, str]:
         """What a table shows."""
-        return self.name, self.before, self.after
+        return self.name, self.before or number(None), self.after or number(None)
 
 
 def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
@@ -358,31 +359,42 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
         )
     unit = result.length_unit
 
-    def ratio(fit: FitQuality) -> str:
-        return "–" if fit.chi2 is None else f"{number(fit.chi2)} / {number(fit.dof)}"
+    def both(of: Callable[[FitQuality], str | None]) -> tuple[str | None, str | None]:
+        return of(before), of(after)
 
-    p_values = [probability(fit.p_value) for fit in (before, after)]
-    misclosures = [number(fit.rms_misclosure) for fit in (before, after)]
-    held = [number(fit.held_out.chi2_per_dof if fit.held_out else None) for fit in (before, after)]
+    def ratio(fit: FitQuality) -> str | None:
+        return None if fit.chi2 is None else f"{number(fit.chi2)} / {number(fit.dof)}"
+
+    def chance(fit: FitQuality) -> str | None:
+        return None if fit.p_value is None else probability(fit.p_value)
+
+    def held_out(fit: FitQuality) -> str | None:
+        return None if fit.held_out is None else _known(fit.held_out.chi2_per_dof)
+
+    misclosures = both(lambda fit: _known(fit.rms_misclosure))
     rows = [
-        ErrorRow("chi2", "χ² / degrees of freedom", ratio(before), ratio(after)),
-        ErrorRow("p_value", "p-value", *p_values),
+        ErrorRow("chi2", "χ² / degrees of freedom", *both(ratio)),
+        ErrorRow("p_value", "p-value", *both(chance)),
         ErrorRow("misclosure", f"misclosure, rms [{unit}]", *misclosures),
-        ErrorRow("held_out", "held-out χ² per degree of freedom", *held),
+        ErrorRow("held_out", "held-out χ² per degree of freedom", *both(held_out)),
     ]
     for key, words in (("check", ""), ("aligned", ", aligned")):
         old, new = getattr(before, key), getattr(after, key)
         if new is None:
             continue
         poses = f"{new.poses} check poses{words}"
-        off = [number(c.position_rms) if c else "–" for c in (old, new)]
-        turned = [number(c.orientation_rms) if c else "–" for c in (old, new)]
+        off = [_known(c.position_rms) if c else None for c in (old, new)]
+        turned = [_known(c.orientation_rms) if c else None for c in (old, new)]
         rows.append(ErrorRow("position", f"position, {poses} [{unit}]", off[0], off[1], poses))
         rows.append(
             ErrorRow("orientation", f"orientation, {poses} [rad]", turned[0], turned[1], poses)
         )
     rows += _touched(result)
-    return heads, [row for row in rows if (row.before, row.after) != ("–", "–")]
+    return heads, [row for row in rows if row.before is not None or row.after is not None]
+
+
+def _known(value: float | None) -> str | None:
+    return number(value) if value is not None and math.isfinite(value) else None
 
 
 def not_applied(result: TraceShape) -> str:
@@ -443,7 +455,7 @@ def _touched(result: ResultShape) -> list[ErrorRow]:
     old = old or (groups.nominal_fitted, groups.nominal_others)
     names = (f"at what it touches, {which} [{groups.unit}]" for which in ("fitted", "other groups"))
     return [
-        ErrorRow("touched", name, number(before), number(after))
+        ErrorRow("touched", name, _known(before), _known(after))
         for name, before, after in zip(names, old, (groups.fitted, groups.others), strict=True)
     ]
 
