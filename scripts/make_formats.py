@@ -223,6 +223,8 @@ def _kind(value: Mapping[str, Any], types: Mapping[str, Any]) -> str:
         if "anyOf" in found:
             return " or ".join(_kind(v, types) for v in found["anyOf"])
         return str(name)
+    if "enum" in value:
+        return _choices(value)
     if "anyOf" in value:
         kinds = [_kind(v, types) for v in value["anyOf"] if v.get("type") != "null"]
         return " or ".join(kinds)

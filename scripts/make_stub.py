@@ -186,7 +186,7 @@ RETURNS = {
     "calibrated_sensors": "Mechanism",
     "check": "dict[str, Any]",
     "exchange": "tuple[list[int], float]",
-    "exported": "tuple[Mechanism, dict[str, dict[str, Any]], list[str]]",
+    "exported": "tuple[Mechanism, dict[str, dict[str, Any]], list[dict[str, Any]]]",
     "faults": "list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]",
     "fixture": "tuple[list[dict[str, Any]], int]",
     "jacobian": "Array",

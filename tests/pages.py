@@ -139,7 +139,8 @@ def guided() -> dict[str, dict[str, Any]]:
         lost.lost = 7
 
         def wrong(state: dict[str, Any]) -> bool:
-            seen = state["phase"] in ("move", "hold") and any("a32" in t for t in state["troubles"])
+            lost = any(trouble["target"] == "a32" for trouble in state["troubles"])
+            seen = lost and state["phase"] in ("move", "hold")
             if seen:
                 shown.setdefault("guide-trouble", state)
             return seen

@@ -147,8 +147,8 @@ def operate(
     remembered: dict[int, Array] = {}
     while time.monotonic() - since < patience_s:
         now = state()
-        for text in now["troubles"]:
-            person.said.setdefault(text, now["taken"])
+        for told in now["troubles"]:
+            person.said.setdefault(told["text"], now["taken"])
         if now["done"]:
             return
         if now["phase"] == "think" or (now["taken"] == taken and now["hold"] > 0.3):

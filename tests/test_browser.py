@@ -518,7 +518,7 @@ def test_text_of_any_kind_stays_text(traced: Trace, tmp_path: Path) -> None:
 
 def test_the_page_of_a_plan_has_a_row_and_a_dot_for_each_pose(tmp_path: Path) -> None:
     found = rsicalib.plan(poses=12, candidates=300, starts=1)
-    said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
+    said = found.mechanism, found.length_unit, found.csv(), found.brings(), found.poses
     probe = """
     const heads = [...document.querySelectorAll("thead th")].map((cell) => cell.textContent);
     const column = (head) => [...document.querySelectorAll("tbody tr")]
@@ -534,6 +534,23 @@ def test_the_page_of_a_plan_has_a_row_and_a_dot_for_each_pose(tmp_path: Path) ->
     np.testing.assert_allclose(x, found.poses[:, 0], atol=5e-5)
     np.testing.assert_allclose(a22, found.readings[:, found.channels.index("a22")], rtol=5e-6)
     assert [text.split(":")[0] for text in dots] == 2 * [f"pose {label}" for label in labels]
+
+
+def test_the_page_of_a_plan_says_what_it_brings_and_no_pose_twice(tmp_path: Path) -> None:
+    found = rsicalib.plan(poses=12, candidates=300, starts=1)
+    found = dataclasses.replace(found, advice=("More poses are better.",), merged=("A is B",))
+    assert found.text().splitlines()[:2] == ["More poses are better.", ""]
+    probe = """
+    const [brings] = [...document.querySelectorAll("section")]
+      .filter((one) => one.querySelector("h2").textContent === "What they bring");
+    return [[...brings.querySelectorAll("p")].map((one) => one.textContent),
+      [...brings.querySelectorAll("li")].map((one) => one.textContent)];
+    """
+    said = found.mechanism, found.length_unit, found.csv(), found.brings(), found.poses
+    (heads, lines), errors = look(poses_html(*said), probe, tmp_path)
+    assert errors == []
+    assert lines == [line for _, below in found.brings() for line in below]
+    assert [head for head in heads if head] == [f"{found.brings()[1][0].capitalize()}:"]
 
 
 def test_the_page_of_the_paper_has_every_table_and_every_misprint(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ STATE: dict[str, Any] = {
     "mechanism": "rsi",
     "unit": "in",
     "phase": "move",
-    "order": {"word": "go", "text": "to pose 6"},
+    "order": {"word": "go", "text": "to pose 6", "trouble": None},
     "handle": {
         "names": ["wrist1", "wrist2", "wrist3"],
         "now": NOW,
@@ -59,6 +59,7 @@ STATE: dict[str, Any] = {
     "largest": None,
     "named": [],
     "open": [],
+    "found": "",
     "verdict": None,
     "troubles": [],
     "message": "",
@@ -82,6 +83,8 @@ return { names: ["above", "front"].map((id) => boxes(document.getElementById(id)
     scale.nextElementSibling.textContent],
   button: document.getElementById("take-over").getClientRects().length
     ? document.getElementById("take-over").textContent : "",
+  troubles: [...document.querySelectorAll("#troubles p")].map((p) => p.textContent),
+  open: document.getElementById("open").textContent,
   figures: [...document.querySelectorAll("#course text")].map((t) => t.textContent) };
 """
 
@@ -116,7 +119,7 @@ def test_the_handle_is_drawn_to_a_scale_and_its_names_lie_apart(tmp_path: Path) 
 
 @pytest.mark.parametrize("word", ["stop", "go"])
 def test_where_the_order_is_to_stop_no_way_to_a_pose_is_shown(word: str, tmp_path: Path) -> None:
-    found = seen(tmp_path, order={"word": word, "text": "now"})
+    found = seen(tmp_path, order={"word": word, "text": "now", "trouble": None})
     assert found["order"] == f"{word} now"
     assert found["ways"] == (word == "go")
 
@@ -128,3 +131,18 @@ def test_exchanged_wires_can_be_taken_over_where_the_order_is_to_stop(
     words = "a11 and a23 look exchanged"
     found = seen(tmp_path, order={"word": "stop", "text": words}, exchanged=pair)
     assert found["button"] == ("Take a11 and a23 for one another" if pair else "")
+
+
+def test_what_the_order_says_is_not_said_twice_and_other_explanations_are(tmp_path: Path) -> None:
+    facts = {"kind": "slip", "target": "a22", "pose": "4"}
+    slip = {**facts, "id": "slip@a22:4", "text": "a22 slipped, and more"}
+    other = {**facts, "id": "constant@a31", "text": "a31 does not change"}
+    order = {"word": "stop", "text": "a22 slipped", "trouble": "slip@a22:4"}
+    explained = [
+        {"id": "curvature@a22", "text": "a parabola"},
+        {"id": "curvature@a22+gain@a11", "text": "both"},
+    ]
+    changes = {"named": ["a parabola"], "open": explained, "found": "curvature@a22"}
+    found = seen(tmp_path, order=order, troubles=[slip, other], **changes)
+    assert found["troubles"] == ["a31 does not change"]
+    assert found["open"] == "not decided from both"

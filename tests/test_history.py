@@ -89,6 +89,7 @@ def test_damaged_and_foreign_files_are_listed_and_left_out(folder: Path) -> None
     left = {one.file: one.reason for one in rsicalib.history(folder).left_out}
     assert set(left) == {"broken.json", "none.json", "other.json", "undated.json"}
     assert "JSON" in left["broken.json"]
+    assert not [reason for reason in left.values() if str(folder) in reason]  # `file` says which
     assert "'eight'" in left["other.json"]
     assert "date" in left["undated.json"]
     assert rsicalib.history(folder, device="eight").results[0].file == "other.json"

@@ -60,7 +60,7 @@ def test_without_a_workspace_the_joint_limits_are_used() -> None:
 
 def planned(gains: list[float], decides: float = 0.9, least: float = 20.0) -> dict[str, Any]:
     """What the core gives of a plan that is to decide."""
-    purposes = [{"tells": ((0, 1), gain)} for gain in gains]
+    purposes = [{"kind": "tells", "apart": (0, 1), "gain": gain} for gain in gains]
     return {"purposes": purposes, "forecast": {"decides": decides, "least_lambda": least}}
 
 

@@ -645,6 +645,11 @@ def test_the_page_of_garbage_says_why_and_draws_nothing() -> None:
     values = np.random.default_rng(0).integers(0, 4096, whole.values.shape).astype(float)
     found = rsicalib.trace(dataclasses.replace(whole, values=values), rest=REST)
     assert found.verdict == "implausible"
+    # What is to be said of all channels alike is said once.
+    noise, open_loops = found.implausible
+    assert found.noise is not None
+    assert (noise.kind, noise.targets) == ("absurd_noise", tuple(found.noise.sigma))
+    assert (open_loops.kind, open_loops.target) == ("absurd_misclosure", None)
     page = found.report()
     assert "<svg" not in page and "Error before and after" not in page
     assert "<h2>Why it cannot be used</h2>" in page

@@ -229,7 +229,9 @@ def session(operator: person.Operator, target: float = 0.003, most: int = 24) ->
     assert trouble is not None
 
     def enough(state: person.State) -> bool:
-        return trouble.begins_again and any(map(trouble.said, state["troubles"]))
+        return trouble.begins_again and any(
+            trouble.said(told["text"]) for told in state["troubles"]
+        )
 
     with tempfile.TemporaryDirectory() as folder:
         taken, _ = person.guided(operator, Path(folder) / "o", target, enough, most=most)

@@ -439,9 +439,10 @@ def evidence_schema() -> str:
 
 def exported(
     mechanism: Mechanism, applied: Mapping[str, Any]
-) -> tuple[Mechanism, dict[str, dict[str, Any]], list[str]]:
+) -> tuple[Mechanism, dict[str, dict[str, Any]], list[dict[str, Any]]]:
     """The mechanism with the parameters of a result in it, the same motions of the ends of its
-    chains as rows `{chain: row}`, and what could not be put in.
+    chains as rows `{chain: row}`, and what could not be put in: objects with `kind`, `term`, `target`
+    and `text`.
     """
 
 def faults(

@@ -55,6 +55,8 @@ class InputError(RsicalibError, ValueError):
         As given; also what `str()` returns.
     where : Where or None
         Keys `file`, `line`, `column`, `found`, `expected`.
+    said : str
+        The message without the file, for those who show it beside the file's name.
 
     Examples
     --------
@@ -65,11 +67,14 @@ class InputError(RsicalibError, ValueError):
     7
     """
 
-    def __init__(self, message: str, where: Where | None = None) -> None:
+    def __init__(
+        self, message: str, where: Where | None = None, *, said: str | None = None
+    ) -> None:
         message = printable(shortened(message))
         super().__init__(message)
         self.message = message
         self.where = where
+        self.said = message if said is None else printable(shortened(said))
 
     @classmethod
     def at(
@@ -113,9 +118,10 @@ class InputError(RsicalibError, ValueError):
             place.append(f"{line_word} {line}")
         if column is not None:
             place.append(f"{column_word} {column}".strip())
-        message = f"{', '.join(place)}: found {found}, expected {expected}"
+        what = f"found {found}, expected {expected}" + (f". {hint}" if hint else "")
         where = Where(file=file, line=line, column=column, found=found, expected=expected)
-        return cls(f"{message}. {hint}" if hint else message, where)
+        said = ": ".join([*filter(None, [", ".join(place[1:])]), what])
+        return cls(f"{', '.join(place)}: {what}", where, said=said)
 
 
 class InputTypeError(InputError, TypeError):

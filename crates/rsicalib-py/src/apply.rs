@@ -2,13 +2,13 @@
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyAny;
+use pyo3::types::{PyAny, PyDict};
 use pythonize::{depythonize, pythonize};
 use rsicalib::apply::budget::{Drawing, Errors, Quantity};
 use rsicalib::apply::check::Check;
 use rsicalib::apply::decision::{self, Seen};
 use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
-use rsicalib::apply::export::{self, Exported};
+use rsicalib::apply::export::{self, Exported, Note};
 use rsicalib::apply::moved::{Compared, Estimate};
 use rsicalib::apply::placer::Placer;
 use rsicalib::diagnosis::verdict;
@@ -133,19 +133,29 @@ impl PyPlacer {
 }
 
 /// The mechanism with the parameters of a result in it, the same motions of the ends of its
-/// chains as rows `{chain: row}`, and what could not be put in.
+/// chains as rows `{chain: row}`, and what could not be put in: objects with `kind`, `term`, `target`
+/// and `text`.
 #[pyfunction]
 pub fn exported<'py>(
     py: Python<'py>,
     mechanism: &PyMechanism,
     applied: PyApplied,
-) -> PyResult<(PyMechanism, Bound<'py, PyAny>, Vec<String>)> {
+) -> PyResult<(PyMechanism, Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
     let applied = applied.into();
     let Exported { mechanism, tips, notes } =
         work(py, || export::exported(&mechanism.0, &applied))?.map_err(PyError::from)?;
     let tips: std::collections::BTreeMap<_, _> = tips.into_iter().collect();
-    let notes = notes.iter().map(ToString::to_string).collect();
+    let notes = notes.iter().map(|note| noted(py, note)).collect::<PyResult<_>>()?;
     Ok((mechanism.into(), pythonize(py, &tips)?, notes))
+}
+
+fn noted<'py>(py: Python<'py>, note: &Note) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("kind", note.id())?;
+    out.set_item("term", note.effect().map(|spec| spec.term.as_str()))?;
+    out.set_item("target", note.target())?;
+    out.set_item("text", note.to_string())?;
+    Ok(out)
 }
 
 /// The mechanism with the gains and offsets that a result has found.

@@ -225,8 +225,9 @@ def plan(args: Args) -> int:
         "choose poses",
     )
     if args.out is not None:
-        said = found.mechanism, found.length_unit, found.csv(), found.text(), found.poses
-        page = f"{poses_html(*said)}<!-- {MARK} -->\n"
+        brings = [("", list(found.advice)), *found.brings()]
+        shown = found.mechanism, found.length_unit, found.csv(), brings, found.poses
+        page = f"{poses_html(*shown)}<!-- {MARK} -->\n"
         files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
         write_folder(args.out.parent, files, force=args.force)
     if args.json:

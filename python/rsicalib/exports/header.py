@@ -10,6 +10,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import coordinates, unit_of, without_place
 from rsicalib.io.readings import Readings
+from rsicalib.verbs.export import Noted
 from rsicalib.work.arguments import Bare
 
 __all__ = ["write"]
@@ -32,8 +33,9 @@ def write(ask: Ask) -> dict[str, str]:
         f"/* Joint coordinates of {_comment(ask.result.mechanism)} from readings,\n",
         f" * by rsicalib {ask.result.version}: {ask.result.verdict}.\n",
     ]
-    left = [*without_place(ask.mechanism, ask.result), *ask.calibrated.notes]
-    out += [f" * not in here: {_comment(note)}\n" for note in left if not _is_curve(ask, note)]
+    left = without_place(ask.mechanism, ask.result)
+    left += [note.text for note in ask.calibrated.notes if not _is_curve(ask, note)]
+    out += [f" * not in here: {_comment(text)}\n" for text in left]
     out += [f" */\n#ifndef {name.upper()}_H\n#define {name.upper()}_H\n"]
     for number, channel in enumerate(ask.mechanism.channels):
         readings, wanted = _curve(ask, number)
@@ -46,9 +48,9 @@ def write(ask: Ask) -> dict[str, str]:
     return {"rsicalib.h": "".join([*out, "\n#endif\n"])}
 
 
-def _is_curve(ask: Ask, note: str) -> bool:
+def _is_curve(ask: Ask, note: Noted) -> bool:
     """Whether what a mechanism has no words for is a sensor's, and so is in the functions."""
-    return any(note.startswith(f"{c}@") for c in _sensor_terms(ask)) and "no place" in note
+    return note.kind == "no_place" and note.term in _sensor_terms(ask)
 
 
 def _sensor_terms(ask: Ask) -> set[str]:

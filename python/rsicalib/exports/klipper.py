@@ -30,7 +30,7 @@ def write(ask: Ask) -> dict[str, str]:
     carried = {point["name"]: point["at"] for point in document["point"]}
     arms = {c["name"]: c.get("value") for c in document["closure"] if c["kind"] == "distance"}
     channels = {channel["name"]: channel for channel in document["channel"]}
-    places, notes = [], list(ask.calibrated.notes)
+    places, notes = [], list(ask.calibrated.said)
     for tower in TOWERS:
         foot, way = _tower(chains[f"tower {tower}"], carried[f"carriage {tower}"])
         lean = float(np.arccos(np.clip(way[2], -1.0, 1.0)))

@@ -39,7 +39,7 @@ def write(ask: Ask) -> dict[str, str]:
         raise InputError.at(base, found=found, expected=f"{expected} (follower_…)")
     notes = [
         "ranges are whole steps: each end is right to half a step",
-        *(f"not in the file: {note}" for note in ask.calibrated.notes),
+        *(f"not in the file: {note}" for note in ask.calibrated.said),
     ]
     text = json.dumps(document, indent=4) + "\n"
     return {"follower.json": text, "notes.txt": "".join(f"{note}\n" for note in notes)}

@@ -42,7 +42,7 @@ def write(ask: Ask) -> dict[str, str]:
 
 def _left_out(ask: Ask) -> list[str]:
     """What the firmware has no place for: it takes a belt as its sensor reads it."""
-    out = list(ask.calibrated.notes)
+    out = list(ask.calibrated.said)
     drawn = {channel.name: channel for channel in ask.mechanism.channels}
     for channel in ask.calibrated.mechanism.channels:
         gain, offset = channel.gain, channel.offset

@@ -27,7 +27,7 @@ def write(ask: Ask) -> dict[str, str]:
         raise InputError(f"mechanism: found no chain in {document['name']!r}, expected bodies")
     units = unit_of(found.mechanism)
     channels = {channel["name"]: channel for channel in document["channel"]}
-    notes = list(found.notes)
+    notes = list(found.said)
     direct = {}
     for name, channel in channels.items():
         direct[name] = channel["unit"] == units[name] and channel["gain"] == 1.0

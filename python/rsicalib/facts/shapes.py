@@ -150,6 +150,8 @@ class Excluded(Record):
     """Why."""
     samples: int | None = None
     """How many samples that are."""
+    kind: str = "other"
+    """Why, for programs."""
 
 
 @dataclass(frozen=True)
@@ -407,6 +409,11 @@ class Start(Record):
     """`fᵀf` where the start ended."""
     collapsed: bool | None = None
     """True where a gain went to zero: the trivial solution."""
+    anchor: str | None = field(default=None, metadata=IF_KNOWN)
+    """The reading of each channel whose coordinate is known or presumed; null in results of earlier
+    versions, as `gains`."""
+    gains: str | None = field(default=None, metadata=IF_KNOWN)
+    """Gains from which it began."""
 
 
 @dataclass(frozen=True)
@@ -1122,7 +1129,7 @@ class ResultShape(Record):
     """The verdict."""
     reasons: tuple[Reason, ...] = field(default=(), metadata=OMIT)
     """Why it is not better; the first says most."""
-    implausible: tuple[str, ...] = field(default=(), metadata=OMIT)
+    implausible: tuple[Warned, ...] = field(default=(), metadata=OMIT)
     """What is absurd beside the size of the mechanism."""
     parameters: tuple[Parameter, ...]
     """Estimates."""
@@ -1147,6 +1154,11 @@ class ResultShape(Record):
     """Starts that were tried."""
     termination: str = ""
     """Why the solver stopped."""
+    termination_kind: str | None = field(default=None, metadata=IF_KNOWN)
+    """The same for programs; null where no solver ran, and in results of earlier versions."""
+    converged: bool | None = field(default=None, metadata=IF_KNOWN)
+    """True where the solver ended at a minimum in which every joint moves; null as
+    `termination_kind`."""
     reference: Reference | None = field(default=None, metadata=IF_KNOWN)
     """The readings that the parameters refer to."""
     nominal: FitQuality | None = field(default=None, metadata=IF_KNOWN)

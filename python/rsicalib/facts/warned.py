@@ -38,6 +38,9 @@ WarnedKind: TypeAlias = Literal[
     "edited",
     "as_drawn",
     "known_poses",
+    "absurd_noise",
+    "absurd_misclosure",
+    "absurd_effect",
     "other",
 ]
 """What a warning is about; the schema of the results says what each of them means."""

@@ -14,16 +14,18 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import RsicalibError
 from rsicalib.facts.records import plain
+from rsicalib.facts.shapes import Name, Step
 from rsicalib.facts.warned import WIRING, Warned
 from rsicalib.guide.log import Sample
 from rsicalib.io.readings import Readings
-from rsicalib.planning.further import explanations, reason, words
+from rsicalib.planning.further import explanations, words
+from rsicalib.planning.purposes import gain_of, reason
 from rsicalib.results.result import Trace
 from rsicalib.verbs.certifying import certify
 from rsicalib.verbs.tracing import trace
 from rsicalib.work.applying import as_applied, as_table
 
-__all__ = ["Advice", "Adviser", "Repeat", "needed_poses"]
+__all__ = ["Advice", "Adviser", "Explained", "Repeat", "explained_id", "needed_poses"]
 
 WAY = 0.1
 """Weight of the way to the next pose, beside ln(variance after / variance before)."""
@@ -46,6 +48,18 @@ class Repeat:
 
 
 @dataclass(frozen=True)
+class Explained:
+    """An explanation that is open: what it is called by programs, and in words."""
+
+    id: str
+    text: str
+
+    def state(self) -> dict[str, str]:
+        """Plain values for a page."""
+        return {"id": self.id, "text": self.text}
+
+
+@dataclass(frozen=True)
 class Advice:
     """What the poses so far say.
 
@@ -62,7 +76,7 @@ class Advice:
     sd: float | None = None
     sd_next: float | None = None
     result: Trace | None = None
-    open: tuple[str, ...] = ()
+    open: tuple[Explained, ...] = ()
     troubles: tuple[Warned, ...] = ()
     repeat: tuple[Repeat, ...] = ()
     closure: float | None = None
@@ -135,7 +149,7 @@ class Adviser:
         Returns
         -------
         Advice
-            Troubles are in words.
+            With what is wrong, as warnings.
         """
         result = None if self.mistake else self._traced(fitted)
         if not usable(result) and self.mistake is None:
@@ -151,7 +165,7 @@ class Adviser:
         return Advice(
             **planned,
             result=result,
-            open=tuple(words(terms) for terms, _, _ in rivals) if many else (),
+            open=tuple(_explained(terms) for terms, _, _ in rivals) if many else (),
             repeat=_repeats(result),
             closure=check[1],
             closure_fitted=check[0],
@@ -271,7 +285,7 @@ class Adviser:
             "keys": tuple(column[0] for column in found["keys"]),
             "why": reason(found["purposes"][0], names, self.mechanism.length_unit),
             "criterion": found["criterion"],
-            "gain": found["purposes"][0].get("tells", (None, None))[1],
+            "gain": gain_of(found["purposes"][0]),
             "sd": _known(spread[0]["position"]),
             "sd_next": _known(spread[1]["position"]),
             "wait_s": found["waits"][0] * _length_s(fitted),
@@ -326,6 +340,15 @@ def closure_errors(mechanism: Mechanism, result: Trace, readings: Readings) -> F
         first, second = (np.stack([at[c] for c in end], axis=1) for end in columns)
         errors.append(np.linalg.norm(first - second, axis=1) - closure["value"])
     return np.stack(errors, axis=1) if errors else None
+
+
+def explained_id(terms: Sequence[Name | Step]) -> str:
+    """What an explanation is called by programs: its effects, in whatever order they were found."""
+    return "+".join(sorted(_core.spec(t.term, t.target, t.place) for t in terms))
+
+
+def _explained(terms: Sequence[Name]) -> Explained:
+    return Explained(explained_id(terms), words(terms))
 
 
 def _known(sd: float | None) -> float | None:

@@ -16,10 +16,11 @@ import numpy as np
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.guide.advice import Advice, Adviser
+from rsicalib.guide.advice import Advice, Adviser, explained_id
 from rsicalib.guide.handle import Handle
 from rsicalib.guide.hold import Hold, apart
 from rsicalib.guide.log import Log, Sample
+from rsicalib.guide.trouble import Trouble
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_json
 from rsicalib.report.words import subject
@@ -33,7 +34,6 @@ NEAR = 0.06
 """A pose this near its target is taken at once, as a share of what channels can read."""
 SAME = 0.01
 """A pose this near one that was taken is that one."""
-"""What a message begins with where the hand is at a pose that was taken."""
 LONGER = 3.0
 """A pose that is not near its target is taken where it is when it is held this much longer."""
 DECIDING = 12
@@ -405,26 +405,30 @@ class Session:
 
     # ------------------------------------------------------------------ what is shown
 
-    def troubles(self) -> list[str]:
-        """What is wrong while it can still be repeated, in words."""
-        out = []
+    def troubles(self) -> list[Trouble]:
+        """What is wrong while it can still be repeated."""
         now = self.hold.now
         ends = self._at_ends(now) if now is not None else []
-        out += [
-            f"{name} is at the end of its range: a dead zone, or a wire is off" for name in ends
-        ]
+        out = [Trouble.at_end(name) for name in ends]
         lost = [name for name in self._lost() if name not in ends]
-        out += [f"{name} does not change while others do: is it connected?" for name in lost]
+        out += [Trouble.lost(name) for name in lost]
         advice = self.advice
         if advice is not None:
             repeat = self._repeat()
-            out += [r.why + "; hold it once more" for r in advice.repeat if r.label == repeat]
-            out += [_changed(label) for label in self._unmended()]
-            out += [_short(w.text) for w in advice.troubles if not set(w.targets) & set(lost)]
+            out += [
+                Trouble("repeat", f"{r.why}; hold it once more", pose=str(r.label))
+                for r in advice.repeat
+                if r.label == repeat
+            ]
+            out += [Trouble.repeated(label) for label in self._unmended()]
+            others = [w for w in advice.troubles if not set(w.targets) & set(lost)]
+            out += [Trouble.of_warning(w) for w in others]
             if advice.result is not None:
-                out += [_slipped(s) for s in advice.result.steps if s.term in ("slip", "wander")]
+                moved = [s for s in advice.result.steps if s.term in ("slip", "wander")]
+                out += [Trouble.of_step(s) for s in moved]
         if self.bad_lines:
-            out.append(f"{self.bad_lines} lines could not be read; the last: {self.bad_line}")
+            text = f"{self.bad_lines} lines could not be read; the last: {self.bad_line}"
+            out.append(Trouble("bad_lines", text))
         return out
 
     def state(self) -> dict[str, Any]:
@@ -486,11 +490,12 @@ class Session:
             "target": self.settings.target,
             "largest": None if advice is None else advice.largest,
             "named": [subject(s) for s in steps],
-            "open": [] if advice is None else list(advice.open),
+            "open": [] if advice is None else [one.state() for one in advice.open],
+            "found": explained_id(steps),
             "closure": None if advice is None else advice.closure,
             "closure_fitted": None if advice is None else advice.closure_fitted,
             "verdict": None if advice is None or advice.result is None else advice.result.verdict,
-            "troubles": troubles,
+            "troubles": [trouble.state() for trouble in troubles],
             "message": self.message if asks else "",
             "exchanged": self._exchange(),
             "note": self.note,
@@ -508,24 +513,38 @@ class Session:
         here = self.hold.progress > 0.3 and not self.elsewhere
         return "hold" if here else "move"
 
-    def _order(self, phase: str, troubles: list[str]) -> dict[str, str]:
-        """The one thing to do now: a word, and what of.
+    def _order(self, phase: str, troubles: list[Trouble]) -> dict[str, str | None]:
+        """The one thing to do now: a word, what of, and the trouble that it is for, if any.
 
         The words are `go`, `hold`, `wait`, `stop` and `done`; nothing is done while something is
         wrong.
         """
         broken = self._broken()
         if broken is not None and (phase != "wait" or self.ended):
-            return {"word": "stop", "text": broken}
+            return _stop(broken)
         if phase == "done":
-            result = None if self.advice is None else self.advice.result
-            grave = [text for text in troubles if not text.endswith(self.bad_line or "\n")]
-            if result is None:
-                grave.append("the poses do not determine the calibration")
-            elif result.exit_code != 0:
-                grave.append(f"what is left is not noise: {result.verdict.replace('_', ' ')}")
-            if grave:
-                return {"word": "stop", "text": grave[0]}
+            grave = self._grave(troubles)
+            if grave is not None:
+                return _stop(grave)
+        return {**self._to_do(phase), "trouble": None}
+
+    def _grave(self, troubles: list[Trouble]) -> Trouble | None:
+        """Why a session whose poses are taken is not done; None where it is.
+
+        Lines that could not be read have changed nothing.
+        """
+        grave = [trouble for trouble in troubles if trouble.kind != "bad_lines"]
+        result = None if self.advice is None else self.advice.result
+        if result is None:
+            grave.append(Trouble("too_few", "the poses do not determine the calibration"))
+        elif result.exit_code != 0:
+            verdict = result.verdict.replace("_", " ")
+            grave.append(Trouble("not_noise", f"what is left is not noise: {verdict}"))
+        return grave[0] if grave else None
+
+    def _to_do(self, phase: str) -> dict[str, str | None]:
+        """The one thing to do where nothing is wrong."""
+        if phase == "done":
             return {"word": "done", "text": f"{len(self.log.poses)} poses"}
         silent = time.monotonic() - self._heard
         if phase == "wait" or silent >= SILENT_S:
@@ -545,18 +564,18 @@ class Session:
             return {"word": "go", "text": text}
         return {"word": "go", "text": f"to pose {label}{again}"}
 
-    def _broken(self) -> str | None:
+    def _broken(self) -> Trouble | None:
         """Why going on is of no use; None where it is."""
         if self.adviser.mistake is not None:
-            return self.adviser.mistake.text
+            return Trouble.of_warning(self.adviser.mistake)
         result = None if self.advice is None else self.advice.result
-        slipped = [_slipped(s) for s in result.steps if s.term == "slip"] if result else []
-        if slipped:
-            return slipped[0]
+        slips = [s for s in result.steps if s.term == "slip"] if result else []
+        if slips:
+            return Trouble.of_step(slips[0])
         dead = self._dead()
         if dead:
-            return f"{dead[0]} has read the same in all poses: connect it, and begin again"
-        return None if self.done else self.ended
+            return Trouble.dead(dead[0])
+        return None if self.done or self.ended is None else Trouble("ended", self.ended)
 
     def _bear_with(self, time_s: float) -> None:
         """Let a hand shake that stays near its pose and cannot be still: shaking keeps loops
@@ -598,19 +617,5 @@ def _doubtful(result: Trace) -> bool:
     return result.exit_code != 0 or (p_value is not None and p_value < DOUBT)
 
 
-def _short(text: str) -> str:
-    return text if len(text) < 160 else text[:157] + "…"
-
-
-def _slipped(step: Any) -> str:
-    if step.term == "wander":
-        return f"{step.target} changes in the course of the session: look whether it slipped"
-    at = f" before pose {step.place}" if step.place else ""
-    return f"{step.target} slipped{at}: fasten it, and begin again with --out of another folder"
-
-
-def _changed(label: int) -> str:
-    return (
-        f"pose {label}, measured again, does not fit the others either: look whether a sensor "
-        "slipped or an arm was moved before it"
-    )
+def _stop(trouble: Trouble) -> dict[str, str | None]:
+    return {"word": "stop", "text": trouble.text, "trouble": trouble.id}

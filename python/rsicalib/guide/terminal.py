@@ -28,7 +28,7 @@ class Screen:
             self.out.write("\x1b[H\x1b[2J" + "\n".join(screen(state)) + "\n")
             self.out.flush()
             return
-        news = [state["note"], *(f"! {t}" for t in state["troubles"])]
+        news = [state["note"], *_troubles(state)]
         if state["phase"] in ("move", "think") and (state["pose"] is not None or state["touch"]):
             news.append(f"{headline(state)}: {place(state)}  {state['why']}")
         if state["done"]:
@@ -63,9 +63,12 @@ def screen(state: dict[str, Any]) -> list[str]:
     if state["named"]:
         lines.append("found: " + ", ".join(state["named"]))
     if state["open"]:
-        lines.append("still open: " + " | ".join(state["open"]))
-    lines += [f"! {trouble}" for trouble in state["troubles"]]
-    return [*lines, state["note"]]
+        lines.append("still open: " + " | ".join(one["text"] for one in state["open"]))
+    return [*lines, *_troubles(state), state["note"]]
+
+
+def _troubles(state: dict[str, Any]) -> list[str]:
+    return [f"! {trouble['text']}" for trouble in state["troubles"]]
 
 
 def ended(state: dict[str, Any]) -> str:

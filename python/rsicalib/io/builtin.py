@@ -8,7 +8,10 @@ from pathlib import Path
 
 from rsicalib._core import Mechanism
 
-__all__ = ["BUILTIN"]
+__all__ = ["BUILTIN", "DEFAULT"]
+
+DEFAULT = "rsi"
+"""The mechanism that holds where none is given."""
 
 FOLDER = Path(__file__).parents[1] / "mechanisms"
 
@@ -18,7 +21,7 @@ def _of_file(file: Path) -> Mechanism:
 
 
 BUILTIN: dict[str, Callable[[], Mechanism]] = {
-    "rsi": Mechanism.rsi,
+    DEFAULT: Mechanism.rsi,
     **{file.stem: partial(_of_file, file) for file in sorted(FOLDER.glob("*.toml"))},
 }
 """By name. Apart from the files of mechanisms, which only those need who have one."""

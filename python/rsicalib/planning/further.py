@@ -16,6 +16,7 @@ from rsicalib.errors import InputError
 from rsicalib.facts.shapes import Name
 from rsicalib.plain_text import counted
 from rsicalib.planning.plans import Forecast, Plan
+from rsicalib.planning.purposes import reason
 from rsicalib.planning.worthwhile import how_many, worthwhile
 from rsicalib.poses.devices import Within
 from rsicalib.report.words import UNKNOWN, subject
@@ -244,19 +245,6 @@ def _pause(wait: float, seconds: float | None) -> str:
     if seconds is None:
         return f"wait {wait:g} of the session first; "
     return f"wait {wait * seconds / 60:.3g} min first; "
-
-
-def reason(purpose: Mapping[str, Any], names: Sequence[str], unit: str) -> str:
-    """What a pose is visited for, in words."""
-    if "tells" in purpose:
-        (a, b), gain = purpose["tells"]
-        return f"tells {names[a]} from {names[b]} (λ +{gain:.3g})"
-    if "platform" in purpose:
-        before, after = purpose["platform"]
-        if not math.isfinite(before):
-            return "shows what moves the platform and was not known"
-        return f"platform known to {after:.2g} {unit} instead of {before:.2g}"
-    return f"makes what is minimised {purpose['falls']:.3g} times as large"
 
 
 def _forecast(found: Mapping[str, Any]) -> Forecast:

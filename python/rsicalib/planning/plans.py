@@ -208,13 +208,19 @@ class Plan(Tabular, Record):
         for k, why in enumerate(self.why):
             reason = "" if self.forecast is None else f"  {why}"
             lines.append(f"{self.first + k:4d} {self._place(k)}{reason}".rstrip())
-        if self.merged:
-            lines += ["", *self.merged]
-        if self.bound is not None:
-            lines += ["", *_bound_lines(self.bound, self.before)]
-        if self.forecast is not None:
-            lines += ["", *_forecast_lines(self.forecast, self.length_unit)]
+        for heading, below in self.brings():
+            indent = "  " if heading else ""
+            lines += ["", *([f"{heading}:"] if heading else []), *(indent + line for line in below)]
         return "\n".join(lines) + "\n"
+
+    def brings(self) -> list[tuple[str, list[str]]]:
+        """What the poses bring: lines, and the heading that they stand below, if they have one."""
+        parts = [("", list(self.merged))] if self.merged else []
+        if self.bound is not None:
+            parts.append(_bound_lines(self.bound, self.before))
+        if self.forecast is not None:
+            parts.append(_forecast_lines(self.forecast, self.length_unit))
+        return parts
 
     def _head(self) -> str:
         if len(self.poses):
@@ -233,33 +239,34 @@ class Plan(Tabular, Record):
         return f"{keys}: {' '.join(f'{v:.5g}' for v in self.readings[k])}"
 
 
-def _bound_lines(bound: Bound, before: Bound | None) -> list[str]:
+def _bound_lines(bound: Bound, before: Bound | None) -> tuple[str, list[str]]:
     of = f"per {bound.noise:g} of noise in a reading, one reading of each pose"
-    lines = [f"least standard deviation {of}:"]
-    lines.append(f"  offsets {bound.offset_rms:.2g} rad")
-    lines.append(f"  gains {bound.gain_rms:.2g} rad/reading")
-    lines.append(f"  joint coordinates at these poses {bound.joint_rms:.2g} rad")
+    lines = [
+        f"offsets {bound.offset_rms:.2g} rad",
+        f"gains {bound.gain_rms:.2g} rad/reading",
+        f"joint coordinates at these poses {bound.joint_rms:.2g} rad",
+    ]
     if before is not None:
-        lines.append(f"  offsets without these poses {before.offset_rms:.2g} rad")
-    return lines
+        lines.append(f"offsets without these poses {before.offset_rms:.2g} rad")
+    return f"least standard deviation {of}", lines
 
 
-def _forecast_lines(forecast: Forecast, unit: str) -> list[str]:
-    lines = ["to be expected with these poses:"]
+def _forecast_lines(forecast: Forecast, unit: str) -> tuple[str, list[str]]:
+    lines = []
     if forecast.decides is not None:
-        lines.append(f"  the right explanation is decided for in {forecast.decides:.0%}")
-        lines.append(f"  least λ {forecast.least_lambda:.3g} (12 is a decision, 25 a safe one)")
+        lines.append(f"the right explanation is decided for in {forecast.decides:.0%}")
+        lines.append(f"least λ {forecast.least_lambda:.3g} (12 is a decision, 25 a safe one)")
     if forecast.platform_sd is not None:
         before, after = (_size(s, unit) for s in _ends(forecast.platform_sd))
-        lines.append(f"  standard deviation of the platform {before} → {after}")
+        lines.append(f"standard deviation of the platform {before} → {after}")
     hidden = forecast.worst_hidden
     if hidden.before is not None and hidden.after is not None:
         words = [
             f"{h.term} {h.target} ({_size(h.platform_rms, unit)})"
             for h in (hidden.before, hidden.after)
         ]
-        lines.append(f"  the worst that could hide: {words[0]} → {words[1]}")
-    return lines
+        lines.append(f"the worst that could hide: {words[0]} → {words[1]}")
+    return "to be expected with these poses", lines
 
 
 def _ends(spread: Spread) -> tuple[Rms, Rms]:

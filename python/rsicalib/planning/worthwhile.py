@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rsicalib.facts.shapes import Name
+from rsicalib.planning.purposes import Purpose, gain_of, share_of
 from rsicalib.report.words import listed_words
 
 __all__ = ["MOST", "how_many", "worthwhile"]
@@ -89,21 +90,12 @@ def how_many(needed: float, planned: int) -> str:
     return f": poses like these do not reach it. {OTHERS}"
 
 
-def _gains(purposes: Sequence[Mapping[str, Any]]) -> tuple[list[float], float]:
+def _gains(purposes: Sequence[Purpose]) -> tuple[list[float], float]:
     """What each pose brings, and the least that poses must bring together."""
-    if any("tells" in purpose for purpose in purposes):
-        return [max(0.0, purpose["tells"][1]) for purpose in purposes], SEEN
-    return [_falls(purpose) for purpose in purposes], BETTER
-
-
-def _falls(purpose: Mapping[str, Any]) -> float:
-    """By what share a pose makes small what it is for."""
-    if "platform" not in purpose:
-        return float(1.0 - purpose["falls"])
-    before, after = purpose["platform"]
-    if before is None or not math.isfinite(before):
-        return 1.0
-    return float(1.0 - after / before) if before > 0.0 else 0.0
+    told = [gain_of(purpose) for purpose in purposes]
+    if any(gain is not None for gain in told):
+        return [max(0.0, gain or 0.0) for gain in told], SEEN
+    return [share_of(purpose) for purpose in purposes], BETTER
 
 
 def _undecided(found: Mapping[str, Any], kept: int, decides: float) -> list[str]:

@@ -41,7 +41,7 @@ def result_html(result: ResultShape, parameters: Mapping[str, Sequence[Any]]) ->
         parts.append(f"<ul>{''.join(f'<li>{line}</li>' for line in found)}</ul>")
     heads, rows = comparison(result)
     if rows:
-        columns = zip(*rows, strict=True)
+        columns = zip(*(row.cells for row in rows), strict=True)
         parts.append(html_table(dict(zip(("", *heads), columns, strict=True))))
     following = advice(result)
     if following:

@@ -28,7 +28,6 @@ from rsicalib.report.words import (
     excluded_words,
     labelled,
     law_words,
-    listed_words,
     name_of,
     noise_words,
     not_applied,
@@ -293,16 +292,15 @@ def _headline(result: ResultShape, evidence: Evidence | None) -> str:
     chosen.
     """
     (_, rows), unit = comparison(result), result.length_unit
-    row = next((row for row in rows if row[0].startswith("position, ")), None)
+    row = next((row for row in rows if row.kind == "position"), None)
     if row is None:
         return ""
-    words = row[0].removeprefix("position, ").removesuffix(f" [{unit}]")
-    first, drawn = row[1], ""
-    if first == "–" and (error := _as_drawn(evidence)):
+    first, drawn = row.before, ""
+    if first is None and (error := _as_drawn(evidence)):
         first, drawn = error, " as drawn"
-    old = "" if first == "–" else f"<del>{escape(first)}</del>{drawn} → "
-    now = f"<strong data-now>{escape(row[2])}</strong> {escape(unit)}"
-    return f'<p class="headline">{old}{now} <span>off at {escape(words)} (rms)</span></p>'
+    old = "" if first is None else f"<del>{escape(first)}</del>{drawn} → "
+    now = f"<strong data-now>{escape(row.cells[2])}</strong> {escape(unit)}"
+    return f'<p class="headline">{old}{now} <span>off at {escape(row.at)} (rms)</span></p>'
 
 
 def _as_drawn(evidence: Evidence | None) -> str:
@@ -325,17 +323,7 @@ def is_garbage(result: ResultShape) -> bool:
 
 
 def _why_garbage(result: ResultShape) -> str:
-    """The reasons; those that differ in the channel alone are one."""
-    names = list(result.noise.sigma) if result.noise is not None else []
-    places: dict[str, list[str]] = {}
-    for text in result.implausible:
-        own = [n for n in names if re.search(rf"\b{re.escape(n)}\b", text)]
-        shape = re.sub(rf"\b{re.escape(own[0])}\b", "{}", text, count=1) if own else text
-        places.setdefault(shape, []).extend(own[:1])
-    reasons = [
-        shape.replace("{}", listed_words(at), 1) if at else shape for shape, at in places.items()
-    ]
-    return _heading("Why it cannot be used", listed(reasons))
+    return _heading("Why it cannot be used", listed(why.text for why in result.implausible))
 
 
 def _residuals(result: ResultShape, evidence: Evidence | None) -> str:
@@ -385,10 +373,10 @@ def _errors(result: ResultShape) -> tuple[str, str]:
     title = "Error before and after"
     if not rows:
         return title, ""
-    if all(old == "–" for _, old, _ in rows):
-        alone = [(name, new) for name, _, new in rows]
+    if all(row.before is None for row in rows):
+        alone = [row.cells[::2] for row in rows]
         return "Error", table(["", "calibrated"], alone, words="error")
-    return title, table(["", *heads], rows, words=title.lower())
+    return title, table(["", *heads], [row.cells for row in rows], words=title.lower())
 
 
 def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | None]:

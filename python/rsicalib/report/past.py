@@ -6,7 +6,7 @@ import datetime
 import re
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -28,6 +28,12 @@ if TYPE_CHECKING:
 __all__ = ["Forecast", "History", "Jump", "LeftOut", "Past", "Series"]
 
 FORMAT = "rsicalib.history/1"
+
+CourseKind: TypeAlias = Literal["still", "drift", "jump", "drift and jump"]
+"""What a parameter has done."""
+
+DRIFTING: frozenset[CourseKind | None] = frozenset(("drift", "drift and jump"))
+"""Kinds with a rate that is worth its price."""
 
 YEAR = 365.25
 """Days: rates are shown per year."""
@@ -101,7 +107,7 @@ class Series(Record):
     """Probability of such a rate by chance."""
     place: str | None = None
     """Where a searched term acts: another channel, an order."""
-    kind: str | None = None
+    kind: CourseKind | None = None
     """`still`, `drift`, `jump` or `drift and jump`: what is worth its price; None as `rate`."""
     jumps: tuple[Jump, ...] = ()
     """New levels, by date."""
@@ -272,7 +278,7 @@ def _cells(one: Series) -> list[str]:
 
 def _drifts(history: History) -> list[Series]:
     """Parameters with a rate that is worth its price, the number of parameters counted in."""
-    return [s for s in history.parameters if s.kind in ("drift", "drift and jump")]
+    return [s for s in history.parameters if s.kind in DRIFTING]
 
 
 def event_words(one: Series, jump: Jump) -> str:

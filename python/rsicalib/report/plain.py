@@ -10,9 +10,9 @@ from rsicalib.report.words import (
     listed_words,
     name_of,
     number,
-    size_words,
     subject,
     target_words,
+    value_words,
 )
 
 __all__ = ["plain_words"]
@@ -63,24 +63,27 @@ def plain_words(result: ResultShape, evidence: Evidence | None) -> str:
     if result.verdict == "unexplained":
         left = result.unexplained if isinstance(result, TraceShape) else None
         at = "" if left is None or left.target in (None, "all") else f" at {left.target}"
-        used = right.replace(" It is", " Used as it is, the calibration is")
+        used = f" Used as it is, the calibration is {right}." if right else ""
         return f"Something is wrong{at}, and no known effect explains it.{used}"
+    sure = f" It is {right}." if right else ""
     if result.verdict == "adequate":
-        return f"The mechanism is calibrated, and nothing is missing.{right}"
-    return f"The mechanism is calibrated.{right}"
+        return f"The mechanism is calibrated, and nothing is missing.{sure}"
+    return f"The mechanism is calibrated.{sure}"
 
 
 def _right(result: ResultShape, evidence: Evidence | None) -> str:
-    """How right it is over the workspace, or at the poses where no more is known."""
+    """How right it is over the workspace, or at the poses where no more is known; empty where
+    that is not known either.
+    """
     cells = [c[2] for one in evidence.workspace for c in one.cells] if evidence else []
     known = [sd for sd in cells if math.isfinite(sd)]
     if known:
         size = math.sqrt(sum(sd * sd for sd in known) / len(known))
-        return f" It is right to {number(size, 2)} {result.length_unit} over the workspace."
+        return f"right to {number(size, 2)} {result.length_unit} over the workspace"
     if result.predicted is None:
         return ""
     size = result.predicted.position_sd
-    return f" It is right to {number(size, 2)} {result.length_unit} at these poses."
+    return f"right to {number(size, 2)} {result.length_unit} at these poses"
 
 
 def _worst(result: TraceShape) -> list[Step]:
@@ -138,7 +141,7 @@ def _sure(result: TraceShape, step: Step) -> str:
 def _what(step: Step, terms: list[str]) -> str:
     """What the error is, by the terms that it may be: with its size where it is one number."""
     shapes = [SHAPES.get(term, name_of(term)) for term in terms]
-    size = size_words(step).split(" = ")[-1]
+    size = value_words(step.parameters[0]) if step.parameters else ""
     one = len(terms) == 1 and len(step.parameters) == 1
     if one and step.term not in SHAPES and step.klass in ("sensor", "geometry"):
         several = _kind(step) in ("sensors", "each sensor") or step.target.startswith("each")

@@ -17,7 +17,13 @@ from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
 __all__ = ["poses_figure", "poses_html"]
 
 
-def poses_html(mechanism: str, unit: str, rows: str, said: str, poses: FloatArray | None) -> str:
+def poses_html(
+    mechanism: str,
+    unit: str,
+    rows: str,
+    brings: Sequence[tuple[str, Sequence[str]]],
+    poses: FloatArray | None,
+) -> str:
     """Write a plan as one HTML file that needs no network.
 
     Parameters
@@ -26,8 +32,8 @@ def poses_html(mechanism: str, unit: str, rows: str, said: str, poses: FloatArra
         Name of the mechanism, and unit of x, y, z.
     rows : str
         The plan as CSV.
-    said : str
-        The plan for people: what follows the first empty line is what it brings.
+    brings : sequence of (str, sequence of str)
+        What the plan brings: headings, empty where there is none, and the lines below.
     poses : ndarray, shape (n, 6), or None
         The poses, in their order; None for a mechanism without a platform.
 
@@ -56,23 +62,19 @@ def poses_html(mechanism: str, unit: str, rows: str, said: str, poses: FloatArra
         [
             f"<h1>Plan for {escape(mechanism)}</h1>",
             f'<p class="verdict good">{len(lines)} poses to visit, in this order.</p>',
-            section("What they bring", _brought(said)),
+            section("What they bring", _brought(brings)),
             section("Where they are", figure.html() if figure else ""),
             section("The poses", why, found),
         ],
     )
 
 
-def _brought(said: str) -> str:
-    """What a plan brings: a line that ends with a colon stands above those that follow."""
-    lines = [line.strip() for line in said.partition("\n\n")[2].splitlines() if line.strip()]
-    parts: list[tuple[str, list[str]]] = [("", [])]
-    for line in lines:
-        if line.endswith(":"):
-            parts.append((line[:1].upper() + line[1:], []))
-        else:
-            parts[-1][1].append(line)
-    return "\n".join(f"<p>{escape(head)}</p>{listed(below)}" for head, below in parts if below)
+def _brought(brings: Sequence[tuple[str, Sequence[str]]]) -> str:
+    parts = []
+    for heading, below in (one for one in brings if one[1]):
+        words = f"{heading[:1].upper()}{heading[1:]}:" if heading else ""
+        parts.append(f"<p>{escape(words)}</p>{listed(below)}")
+    return "\n".join(parts)
 
 
 def poses_figure(poses: FloatArray, unit: str, labels: Sequence[str]) -> Figure:

@@ -151,14 +151,14 @@ def _advice(result: ResultShape, room: int | None, look: Look) -> list[str]:
 
 def _errors(result: ResultShape, look: Look) -> list[str]:
     heads, rows = comparison(result)
-    rows = [row for row in rows if row[0] != "p-value"]  # it stands in the first line
+    rows = [row for row in rows if row.kind != "p_value"]  # it stands in the first line
     # What has the least to say comes last, where lines are cut.
-    rows.sort(key=lambda row: row[0].startswith("held-out"))
+    rows.sort(key=lambda row: row.kind == "held_out")
     if not rows:
         return []
-    if all(old == "–" for _, old, _ in rows):
-        return _columns([(name, new) for name, _, new in rows], 14, look)
-    return _columns([("", *heads), *rows], 14, look)
+    if all(row.before is None for row in rows):
+        return _columns([row.cells[::2] for row in rows], 14, look)
+    return _columns([("", *heads), *(row.cells for row in rows)], 14, look)
 
 
 def _columns(rows: Sequence[Sequence[str]], least: int, look: Look) -> list[str]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 from rsicalib.facts.shapes import (
     CalibrationShape,
@@ -16,12 +17,14 @@ from rsicalib.facts.shapes import (
     Reason,
     ResultShape,
     Step,
+    StepParameter,
     TraceShape,
 )
 from rsicalib.units import in_thousandths, with_unit
 
 __all__ = [
     "UNKNOWN",
+    "ErrorRow",
     "advice",
     "between_words",
     "comparison",
@@ -43,6 +46,7 @@ __all__ = [
     "size_words",
     "subject",
     "target_words",
+    "value_words",
     "with_bounds",
 ]
 
@@ -230,7 +234,8 @@ def sentence(result: ResultShape) -> str:
         left = "" if fit.p_value is None else f" What is left: {judged}."
         return f"Undetermined: these readings cannot determine what was asked ({why}).{left}"
     if result.verdict == "implausible":
-        why = next(iter(result.implausible), "something is out of all proportion")
+        first = next(iter(result.implausible), None)
+        why = "something is out of all proportion" if first is None else first.text
         return f"Implausible{_found(result)}: {why} ({judged})."
     against = _elsewhere(result)
     if result.verdict == "unexplained" and against and against[0] == result.reasons[0]:
@@ -316,8 +321,25 @@ def _sizes(sigma: Mapping[str, float], unit: str) -> str:
     return f"{with_unit(number(usual), unit)}, but {listed_words(apart)},"
 
 
-def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, str, str]]]:
-    """The error before and after: two headings, and rows of name, before, after."""
+class ErrorRow(NamedTuple):
+    """One measure of the error, before and after, in words."""
+
+    kind: Literal["chi2", "p_value", "misclosure", "held_out", "position", "orientation", "touched"]
+    name: str
+    before: str | None
+    """None where it is not known."""
+    after: str | None
+    at: str = ""
+    """Where it was measured: `20 check poses`."""
+
+    @property
+    def cells(self) -> tuple[str, str, str]:
+        """What a table shows."""
+        return self.name, self.before or number(None), self.after or number(None)
+
+
+def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
+    """The error before and after: two headings, and rows."""
     nothing = FitQuality(None, None, None, None)
     if isinstance(result, TraceShape):
         changed = result.steps or result.excluded
@@ -337,27 +359,42 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[tuple[str, st
         )
     unit = result.length_unit
 
-    def ratio(fit: FitQuality) -> str:
-        return "–" if fit.chi2 is None else f"{number(fit.chi2)} / {number(fit.dof)}"
+    def both(of: Callable[[FitQuality], str | None]) -> tuple[str | None, str | None]:
+        return of(before), of(after)
 
+    def ratio(fit: FitQuality) -> str | None:
+        return None if fit.chi2 is None else f"{number(fit.chi2)} / {number(fit.dof)}"
+
+    def chance(fit: FitQuality) -> str | None:
+        return None if fit.p_value is None else probability(fit.p_value)
+
+    def held_out(fit: FitQuality) -> str | None:
+        return None if fit.held_out is None else _known(fit.held_out.chi2_per_dof)
+
+    misclosures = both(lambda fit: _known(fit.rms_misclosure))
     rows = [
-        ("χ² / degrees of freedom", ratio(before), ratio(after)),
-        ("p-value", probability(before.p_value), probability(after.p_value)),
-        (f"misclosure, rms [{unit}]", number(before.rms_misclosure), number(after.rms_misclosure)),
+        ErrorRow("chi2", "χ² / degrees of freedom", *both(ratio)),
+        ErrorRow("p_value", "p-value", *both(chance)),
+        ErrorRow("misclosure", f"misclosure, rms [{unit}]", *misclosures),
+        ErrorRow("held_out", "held-out χ² per degree of freedom", *both(held_out)),
     ]
-    held = [fit.held_out.chi2_per_dof if fit.held_out else None for fit in (before, after)]
-    rows.append(("held-out χ² per degree of freedom", number(held[0]), number(held[1])))
     for key, words in (("check", ""), ("aligned", ", aligned")):
         old, new = getattr(before, key), getattr(after, key)
         if new is None:
             continue
         poses = f"{new.poses} check poses{words}"
-        at = [number(c.position_rms) if c else "–" for c in (old, new)]
-        turn = [number(c.orientation_rms) if c else "–" for c in (old, new)]
-        rows.append((f"position, {poses} [{unit}]", at[0], at[1]))
-        rows.append((f"orientation, {poses} [rad]", turn[0], turn[1]))
+        off = [_known(c.position_rms) if c else None for c in (old, new)]
+        turned = [_known(c.orientation_rms) if c else None for c in (old, new)]
+        rows.append(ErrorRow("position", f"position, {poses} [{unit}]", off[0], off[1], poses))
+        rows.append(
+            ErrorRow("orientation", f"orientation, {poses} [rad]", turned[0], turned[1], poses)
+        )
     rows += _touched(result)
-    return heads, [row for row in rows if row[1:] != ("–", "–")]
+    return heads, [row for row in rows if row.before is not None or row.after is not None]
+
+
+def _known(value: float | None) -> str | None:
+    return number(value) if value is not None and math.isfinite(value) else None
 
 
 def not_applied(result: TraceShape) -> str:
@@ -406,7 +443,7 @@ def between_words(result: ResultShape) -> str:
     )
 
 
-def _touched(result: ResultShape) -> list[tuple[str, str, str]]:
+def _touched(result: ResultShape) -> list[ErrorRow]:
     """How far carried points are from where they touch, in groups that were fitted, and others."""
     groups = result.groups
     if groups is None or (
@@ -418,7 +455,7 @@ def _touched(result: ResultShape) -> list[tuple[str, str, str]]:
     old = old or (groups.nominal_fitted, groups.nominal_others)
     names = (f"at what it touches, {which} [{groups.unit}]" for which in ("fitted", "other groups"))
     return [
-        (name, number(before), number(after))
+        ErrorRow("touched", name, _known(before), _known(after))
         for name, before, after in zip(names, old, (groups.fitted, groups.others), strict=True)
     ]
 
@@ -429,11 +466,14 @@ def size_words(step: Step) -> str:
         times, unit = in_thousandths(step.curve_unit)
         largest = times * max(abs(row[1]) for row in step.curve)
         return f"a curve of up to {with_unit(number(largest, 2), unit)}"
-    parts = []
-    for p in step.parameters:
-        value, half = plus_minus(p.value, None if p.sd is None else 1.96 * p.sd)
-        parts.append(f"{p.name} = {with_unit(f'{value} ± {half}', p.unit)}")
-    return ", ".join(parts)
+    return ", ".join(f"{p.name} = {value_words(p)}" for p in step.parameters)
+
+
+def value_words(parameter: StepParameter) -> str:
+    """An estimate with its interval of 95 %, and its unit."""
+    sd = parameter.sd
+    value, half = plus_minus(parameter.value, None if sd is None else 1.96 * sd)
+    return with_unit(f"{value} ± {half}", parameter.unit)
 
 
 def law_words(law: CurveLaw) -> str:

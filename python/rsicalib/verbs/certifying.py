@@ -18,6 +18,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.shapes import FitQuality, TraceShape
+from rsicalib.io.builtin import DEFAULT
 from rsicalib.io.readings import Readings
 from rsicalib.io.tables import read_table
 from rsicalib.plain_text import quoted
@@ -175,8 +176,7 @@ def _places(
     posed = bool(mechanism.to_dict().get("platform"))
     device = Device(mechanism, *parameters_of(result, mechanism))
     if at is None:
-        declared = posed and mechanism.to_dict().get("workspace")
-        if posed and (declared or mechanism.name == "rsi"):
+        if posed and mechanism.to_dict().get("workspace"):
             _, exact = draw_poses(device, PLACES, np.random.default_rng(SEED))
             words = f"{PLACES} poses of the workspace"
         else:
@@ -434,7 +434,7 @@ def _decides(result: CalibrationArg, mechanism: MechanismArg, earlier: Result) -
     words = ["plan"]
     if not isinstance(model, str | os.PathLike):
         model = earlier.mechanism
-    if os.fspath(model) != "rsi":
+    if os.fspath(model) != DEFAULT:
         words += ["--mechanism", os.fspath(model)]
     words += ["--result", path, "--beside", *earlier.readings.files]
     return shlex.join([*words, "--poses", str(POSES), "--criterion", "platform"])

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
+from rsicalib.facts.records import Record
 from rsicalib.io.folders import MARK
 from rsicalib.io.mechanisms import mechanism_document
 from rsicalib.io.sources import read_text
@@ -27,7 +28,25 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 
-__all__ = ["Calibrated", "calibrated", "calibrated_files", "export_toml", "export_urdf"]
+__all__ = ["Calibrated", "Noted", "calibrated", "calibrated_files", "export_toml", "export_urdf"]
+
+
+NotedKind: TypeAlias = Literal["new_row", "column", "no_place", "of_its_session"]
+"""What a note is about; `apply/export.rs` of the core says what each of them means."""
+
+
+@dataclass(frozen=True)
+class Noted(Record):
+    """What a mechanism with the parameters in it does not tell by itself."""
+
+    kind: NotedKind
+    """What it is."""
+    term: str | None
+    """Id of the term that it is about; None where it is about none."""
+    target: str | None
+    """The chain, the closure, or what the term belongs to."""
+    text: str
+    """The same in words."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +59,18 @@ class Calibrated:
         The points of a chain moved in the frame at its end.
     tips : dict of str to dict
         The same motion of that frame instead, as a last row of the chain: for a URDF.
-    notes : tuple of str
+    notes : tuple of Noted
         What could not be put in.
     """
 
     mechanism: Mechanism
     tips: dict[str, dict[str, Any]]
-    notes: tuple[str, ...]
+    notes: tuple[Noted, ...]
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """What could not be put in, in words."""
+        return tuple(note.text for note in self.notes)
 
 
 def calibrated(mechanism: MechanismArg, calibration: CalibrationArg) -> Calibrated:
@@ -71,7 +95,7 @@ def calibrated(mechanism: MechanismArg, calibration: CalibrationArg) -> Calibrat
     """
     result, loaded = earlier_result(calibration, open_mechanism(mechanism))
     found, tips, notes = _core.exported(loaded, as_applied(result, loaded))
-    return Calibrated(found, tips, tuple(notes))
+    return Calibrated(found, tips, tuple(map(Noted.from_dict, notes)))
 
 
 def export_toml(mechanism: MechanismArg, calibration: CalibrationArg) -> str:
@@ -89,7 +113,7 @@ def export_toml(mechanism: MechanismArg, calibration: CalibrationArg) -> str:
     """
     found = calibrated(mechanism, calibration)
     head = [f"{found.mechanism.name}, calibrated: offsets, gains and geometry are in here."]
-    comments = [f"# {' '.join(line.split())}\n" for line in [*head, *found.notes]]
+    comments = [f"# {' '.join(line.split())}\n" for line in [*head, *found.said]]
     return "".join(comments) + found.mechanism.to_toml()
 
 
@@ -144,7 +168,7 @@ def export_urdf(mechanism: MechanismArg, calibration: CalibrationArg) -> dict[st
     out = {}
     for path, text in texts.items():
         name = "calibrated.urdf" if len(stems) == 1 else f"calibrated_{path.stem}.urdf"
-        lines = [" ".join(n.split()).replace("--", "- -") for n in [*notes[path], *found.notes]]
+        lines = [" ".join(n.split()).replace("--", "- -") for n in [*notes[path], *found.said]]
         foot = "".join(f"<!-- rsicalib: {line} -->\n" for line in lines)
         out[name] = text + ("" if text.endswith("\n") or not foot else "\n") + foot
     return out

@@ -117,7 +117,7 @@ def _read(
         try:
             result, extended = earlier_result(path, mechanism)
         except InputError as error:
-            left_out.append(LeftOut(name, error.message.removeprefix(f"{path}, ")))
+            left_out.append(LeftOut(name, error.said))
             continue
         if result.valid_from is None:
             left_out.append(LeftOut(name, "without a date (--date)"))

@@ -15,7 +15,7 @@ from rsicalib.facts.warned import Warned
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.log import Log
 from rsicalib.imports.opening import import_log
-from rsicalib.io.builtin import BUILTIN
+from rsicalib.io.builtin import BUILTIN, DEFAULT
 from rsicalib.io.frames import TableArg, as_table, in_memory
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.plain_text import meant
@@ -161,7 +161,7 @@ def with_logs(
 
 def _default(mechanism: MechanismArg) -> bool:
     """Whether a mechanism is the one that holds where none was chosen."""
-    return isinstance(mechanism, str) and mechanism == "rsi"
+    return isinstance(mechanism, str) and mechanism == DEFAULT
 
 
 def _log(readings: object, mechanism: MechanismArg, skip: bool) -> Log | None:

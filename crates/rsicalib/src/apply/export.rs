@@ -59,6 +59,38 @@ pub enum Note {
     OfItsSession(Spec),
 }
 
+impl Note {
+    /// What programs call it.
+    #[must_use]
+    pub fn id(&self) -> &'static str {
+        match self {
+            Self::NewRow { .. } => "new_row",
+            Self::Column { .. } => "column",
+            Self::NoPlace(_) => "no_place",
+            Self::OfItsSession(_) => "of_its_session",
+        }
+    }
+
+    /// The effect that it is about; none where it is about none.
+    #[must_use]
+    pub fn effect(&self) -> Option<&Spec> {
+        match self {
+            Self::NoPlace(spec) | Self::OfItsSession(spec) => Some(spec),
+            Self::NewRow { .. } | Self::Column { .. } => None,
+        }
+    }
+
+    /// The chain, the closure, or what the effect is of.
+    #[must_use]
+    pub fn target(&self) -> Option<&str> {
+        match self {
+            Self::NewRow { chain } => Some(chain),
+            Self::Column { closure, .. } => Some(closure),
+            Self::NoPlace(spec) | Self::OfItsSession(spec) => spec.target.as_deref(),
+        }
+    }
+}
+
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

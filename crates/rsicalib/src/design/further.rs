@@ -79,14 +79,27 @@ impl Default for FurtherOptions {
 /// What a pose is visited for.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "snake_case"))]
 pub enum Purpose {
-    /// It tells two explanations apart, by their numbers, and by how much `λ` grows.
-    Tells([usize; 2], f64),
-    /// Standard deviation of the platform before and after [length unit].
-    Platform([f64; 2]),
-    /// What is made small falls by this factor.
-    Falls(f64),
+    /// It tells two explanations apart.
+    Tells {
+        /// Their numbers.
+        apart: [usize; 2],
+        /// By how much `λ` grows.
+        gain: f64,
+    },
+    /// It shows where the platform is.
+    Platform {
+        /// Standard deviation of the platform before the pose [length unit].
+        before: f64,
+        /// The same after it.
+        after: f64,
+    },
+    /// What is made small falls.
+    Falls {
+        /// By this factor.
+        times: f64,
+    },
 }
 
 /// What is to be expected of a plan.
@@ -264,8 +277,8 @@ pub fn further(
             precision.visit(selected.of(k));
             known += gram_of(selected.of(k), best.columns.len());
             let purpose = match criterion {
-                Criterion::Platform => Purpose::Platform([before, sd(&known)]),
-                _ => Purpose::Falls((precision.measure() - measure).exp()),
+                Criterion::Platform => Purpose::Platform { before, after: sd(&known) },
+                _ => Purpose::Falls { times: (precision.measure() - measure).exp() },
             };
             steps.push(Step { candidate: k, wait: 0.0, purpose });
             let others = select(&rows, &sides);
@@ -414,7 +427,7 @@ fn tells(gains: &[f64], kept: &[usize], contest: &Contest) -> Purpose {
     };
     let pairs = (0..m * m).filter(|ab| ab / m != ab % m);
     let best = pairs.max_by(|x, y| weight(*x).total_cmp(&weight(*y))).unwrap_or_default();
-    Purpose::Tells([kept[best / m], kept[best % m]], gains[best])
+    Purpose::Tells { apart: [kept[best / m], kept[best % m]], gain: gains[best] }
 }
 
 /// The candidates with the least (96), each alone.

@@ -40,6 +40,9 @@ pub struct Observations {
 
 /// Source of an anchor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum AnchorKind {
     /// A reading of the rest pose.
     Rest,

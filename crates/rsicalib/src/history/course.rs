@@ -12,8 +12,8 @@ const LEVEL: f64 = 0.01;
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Course {
-    /// `still`, `drift`, `jump` or `drift and jump`.
-    pub kind: &'static str,
+    /// Its parts that are worth their price.
+    pub kind: CourseKind,
     /// Level at the last date and its standard deviation.
     pub level: (f64, f64),
     /// Rate per day, between the jumps; zero is not what it says where `kind` has no drift.
@@ -28,6 +28,22 @@ pub struct Course {
     pub scatter: f64,
     /// Half width of an interval of 95 % in standard deviations: Student's where there is scatter.
     pub wide: f64,
+}
+
+/// Parts of what a parameter has done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum CourseKind {
+    /// None.
+    Still,
+    /// A rate.
+    Drift,
+    /// Jumps.
+    Jump,
+    /// Both.
+    #[cfg_attr(feature = "serde", serde(rename = "drift and jump"))]
+    DriftAndJump,
 }
 
 /// A new level.
@@ -207,10 +223,10 @@ impl Life<'_> {
         };
         Course {
             kind: match (shape.line, shape.jumps.is_empty()) {
-                (false, true) => "still",
-                (true, true) => "drift",
-                (false, false) => "jump",
-                (true, false) => "drift and jump",
+                (false, true) => CourseKind::Still,
+                (true, true) => CourseKind::Drift,
+                (false, false) => CourseKind::Jump,
+                (true, false) => CourseKind::DriftAndJump,
             },
             level: (own.x[0], sd(0)),
             rate,
@@ -243,7 +259,7 @@ mod tests {
         (0..24).map(|i| Past { day: 30.0 * i as f64, value: value(i, random), sd: 1.0 }).collect()
     }
 
-    fn named(kind: &str, rate: f64, jump: f64, scatter: f64) -> usize {
+    fn named(kind: CourseKind, rate: f64, jump: f64, scatter: f64) -> usize {
         let of = |seed: u64| course(&life(seed, rate, jump, scatter), &[], 1);
         (0..60).filter(|&seed| of(seed).is_some_and(|c| c.kind == kind)).count()
     }
@@ -251,11 +267,11 @@ mod tests {
     #[test]
     fn lives_are_called_what_they_are() {
         // 95 of 100 are asked; of 60 lives fewer than 52 come by chance once in 500 runs then.
-        assert!(named("still", 0.0, 0.0, 0.0) >= 52);
-        assert!(named("still", 0.0, 0.0, 3.0) >= 52);
-        assert!(named("drift", 12.0, 0.0, 0.0) >= 52);
-        assert!(named("jump", 0.0, 12.0, 0.0) >= 52);
-        assert!(named("drift and jump", 12.0, 12.0, 0.0) >= 52);
+        assert!(named(CourseKind::Still, 0.0, 0.0, 0.0) >= 52);
+        assert!(named(CourseKind::Still, 0.0, 0.0, 3.0) >= 52);
+        assert!(named(CourseKind::Drift, 12.0, 0.0, 0.0) >= 52);
+        assert!(named(CourseKind::Jump, 0.0, 12.0, 0.0) >= 52);
+        assert!(named(CourseKind::DriftAndJump, 12.0, 12.0, 0.0) >= 52);
     }
 
     #[test]
@@ -267,8 +283,8 @@ mod tests {
         // The difference of two means of four has the standard deviation √(1/4 + 1/4): 2 are z = 2.83,
         // above 2.58 of one place and below 3.19 of seven. A line explains .76 of its square, 2.47².
         let found = course(&steps(2.0), &[4], 1).map(|c| (c.kind, c.jumps.len()));
-        assert_eq!(found, Some(("jump", 1)));
-        assert_eq!(course(&steps(2.0), &[], 1).map(|c| c.kind), Some("still"));
+        assert_eq!(found, Some((CourseKind::Jump, 1)));
+        assert_eq!(course(&steps(2.0), &[], 1).map(|c| c.kind), Some(CourseKind::Still));
         let told = course(&steps(9.0), &[4], 1).and_then(|c| c.jumps.first().copied());
         assert!(told.is_some_and(|jump| jump.told && (jump.value - 9.0).abs() < 1e-9));
     }

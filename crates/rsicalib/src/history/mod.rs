@@ -11,5 +11,5 @@ mod course;
 mod past;
 mod regression;
 
-pub use course::{Course, Jump, course};
+pub use course::{Course, CourseKind, Jump, course};
 pub use past::Past;

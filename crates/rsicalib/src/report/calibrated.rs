@@ -25,9 +25,9 @@ pub struct CalibrationReport {
     /// Why it is not better; the first says most.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub reasons: Vec<Reason>,
-    /// What is absurd beside the size of the mechanism, in words.
+    /// What is absurd beside the size of the mechanism.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
-    pub implausible: Vec<String>,
+    pub implausible: Vec<Warned>,
     /// Suspicious things.
     pub warnings: Vec<Warned>,
     /// Readings left out.
@@ -137,7 +137,7 @@ pub fn of(
     Ok(CalibrationReport {
         verdict,
         reasons,
-        implausible: result::implausible(used, &absurd),
+        implausible: warned::implausible(used, &absurd),
         warnings: warned::warnings(used, fit, fit)
             .into_iter()
             .chain(warned::known_poses(used, quality.aligned.or(quality.check)))

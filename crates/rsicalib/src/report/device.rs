@@ -58,7 +58,7 @@ pub fn report(observations: &Observations, options: &DeviceOptions) -> Result<De
     }
     let message = message(&[
         &found.estimates.unobservable,
-        &found.implausible,
+        &texts(&found.implausible),
         &texts(&found.warnings),
         &reasons(&found.excluded),
     ]);
@@ -80,7 +80,7 @@ fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceR
     };
     let message = message(&[
         &found.estimates.unobservable,
-        &found.implausible,
+        &texts(&found.implausible),
         &left,
         &texts(&found.warnings),
         &reasons(&found.excluded),

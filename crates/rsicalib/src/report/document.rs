@@ -19,6 +19,7 @@ use crate::estimate::between::Grouping;
 use crate::estimate::directions::ParameterReport;
 use crate::estimate::noise::source::Source;
 use crate::mechanism::Law;
+use crate::numerics::lm::Termination;
 use crate::report::beside::GroupsReport;
 use crate::report::result::{
     ExcludedReport, FitReport, MisclosureReport, StartReport, WithExcluded,
@@ -77,7 +78,7 @@ macro_rules! result {
             pub reasons: Vec<Reason>,
             /// What is absurd beside the size of the mechanism.
             #[serde(default, skip_serializing_if = "Vec::is_empty")]
-            pub implausible: Vec<String>,
+            pub implausible: Vec<Warned>,
             /// Estimates.
             pub parameters: Vec<ParameterReport>,
             /// Covariance of the parameters, in their order and units; null where unknown.
@@ -109,6 +110,13 @@ macro_rules! result {
             /// Why the solver stopped.
             #[serde(default)]
             pub termination: String,
+            /// The same for programs; null where no solver ran, and in results of earlier versions.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub termination_kind: Option<Termination>,
+            /// True where the solver ended at a minimum in which every joint moves; null as
+            /// `termination_kind`.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub converged: Option<bool>,
             /// The readings that the parameters refer to.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub reference: Option<Reference>,

@@ -4,9 +4,9 @@ use faer::{Mat, Side};
 use serde::Deserialize;
 
 use crate::estimate::directions::ParameterReport;
+use crate::estimate::noise::source::Source;
 use crate::numerics::bounds;
 use crate::report::document::{Calibration, FORMATS, Parts, Trace};
-use crate::report::words;
 use crate::text::quoted;
 
 /// Numbers of a result that are one agree to this: they are written with all their digits, and
@@ -103,10 +103,26 @@ fn plain(words: &str) -> String {
 fn checked<'de, T: Deserialize<'de> + Parts>(text: &'de str) -> Result<T, Refused> {
     let mut read: T = parse(text)?;
     if let Some(noise) = read.noise_mut().filter(|noise| noise.kind.is_none()) {
-        noise.kind = words::source_of(&noise.source);
+        noise.kind = source_of(&noise.source);
     }
     check(&read)?;
     Ok(read)
+}
+
+/// How results begin to say where their noise is from that have no `kind`.
+///
+/// They were written by versions that are no longer changed: these are no words of this one.
+const SOURCES: [(&str, Source); 5] = [
+    ("declared", Source::Declared),
+    ("misclosure of repeats", Source::Repeats),
+    ("misclosure of neighbouring rows", Source::Neighbours),
+    ("quantisation", Source::Quantisation),
+    ("the fit itself", Source::Fit),
+];
+
+/// Where the noise is from of a result that has the words alone.
+fn source_of(said: &str) -> Option<Source> {
+    SOURCES.into_iter().find(|(start, _)| said.starts_with(start)).map(|(_, source)| source)
 }
 
 /// Checks that the parts of a result agree, and that each is what it can be.

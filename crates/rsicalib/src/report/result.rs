@@ -6,19 +6,20 @@ use crate::apply::check::{Check, check};
 use crate::apply::earlier::{Applied, Reference, Reported};
 pub use crate::apply::known::Known;
 use crate::diagnosis::held_out::HeldOut;
-use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::verdict::Compared;
 use crate::estimate::directions::{
     Directions, ParameterReport, covariance_as_reported, parameter_names, reported,
 };
 use crate::estimate::noise::source::Source;
-use crate::estimate::{Fit, Observations, Part, intervals, times};
+use crate::estimate::tried::{Gains, Origin, Try};
+use crate::estimate::{AnchorKind, Fit, Observations, Part, intervals, times};
+use crate::numerics::lm::Termination;
 use crate::readings::Readings;
 use crate::report::between::{self, BetweenReport};
 use crate::report::named::Named;
 use crate::report::warned::{self, Warned};
 use crate::report::words;
-use crate::screening::excluded::Excluded;
+use crate::screening::excluded::{Cause, Excluded};
 
 /// Noise of one reading.
 #[derive(Debug, Clone, PartialEq)]
@@ -124,6 +125,45 @@ pub struct StartReport {
     /// True where a gain went to zero: the trivial solution.
     #[cfg_attr(feature = "serde", serde(default))]
     pub collapsed: Option<bool>,
+    /// The reading of each channel whose coordinate is known or presumed; null in results of earlier
+    /// versions, as `gains`.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub anchor: Option<AnchorKind>,
+    /// Gains from which it began.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub gains: Option<StartGains>,
+}
+
+/// Gains from which a start began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum StartGains {
+    /// As they are declared.
+    Declared,
+    /// All of them times one factor, with offsets tied to the anchor.
+    Scaled,
+    /// Each times a factor of its own, with offsets tied to the anchor.
+    Scattered,
+}
+
+impl StartReport {
+    fn of(tried: &Try) -> Self {
+        let (anchor, gains) = match tried.from {
+            Origin::Anchor(anchor) => (anchor, StartGains::Declared),
+            Origin::Tied(anchor, Gains::Times(_)) => (anchor, StartGains::Scaled),
+            Origin::Tied(anchor, Gains::Scattered(_)) => (anchor, StartGains::Scattered),
+        };
+        Self {
+            from: words::origin(tried.from),
+            cost: Some(tried.cost),
+            collapsed: Some(tried.collapsed),
+            anchor: Some(anchor),
+            gains: Some(gains),
+        }
+    }
 }
 
 /// Reference statistics of the misclosure: how the loops close under a result.
@@ -213,8 +253,10 @@ pub struct Estimates {
     pub condition_uncentred: f64,
     /// Starts tried.
     pub starts: Vec<StartReport>,
-    /// Why the search ended.
+    /// Why the search ended, in words.
     pub termination: String,
+    /// Why the search ended.
+    pub termination_kind: Termination,
     /// True where it ended at a minimum in which every joint moves.
     pub converged: bool,
     /// Linearisations made.
@@ -309,16 +351,9 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         weak: directions.weak.iter().map(words::direction).collect(),
         condition: fit.condition,
         condition_uncentred: crate::estimate::directions::uncentred_condition(fit),
-        starts: fit
-            .starts
-            .iter()
-            .map(|t| StartReport {
-                from: words::origin(t.from),
-                cost: Some(t.cost),
-                collapsed: Some(t.collapsed),
-            })
-            .collect(),
+        starts: fit.starts.iter().map(StartReport::of).collect(),
         termination: words::termination(fit.termination).into(),
+        termination_kind: fit.termination,
         converged: fit.termination.converged() && fit.plausible,
         iterations: fit.iterations,
     }
@@ -348,6 +383,59 @@ pub struct ExcludedReport {
     /// How many samples that are.
     #[cfg_attr(feature = "serde", serde(default))]
     pub samples: Option<u64>,
+    /// Why, for programs.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub kind: ExcludedKind,
+}
+
+/// Why readings are left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum ExcludedKind {
+    /// Bits of the converter are stuck: the readings stay, and count as noisier.
+    StuckBits,
+    /// The converter is clipped.
+    Clipped,
+    /// A sample stands off the other samples of its pose.
+    Outlier,
+    /// The pose moved while it was sampled.
+    Unsteady,
+    /// One reading of the pose is wrong.
+    Reading,
+    /// The pose is wrong, and no single channel explains it.
+    Pose,
+    /// The placement does not fit its siblings.
+    Placement,
+    /// The point that is touched moved half-way.
+    PointMoved,
+    /// The tool moved half-way.
+    ToolMoved,
+    /// A single sample of a run stands off.
+    Sample,
+    /// A kind of a later version, or of an earlier one that has the reason alone.
+    #[default]
+    #[cfg_attr(feature = "serde", serde(other))]
+    Other,
+}
+
+impl ExcludedKind {
+    fn of(cause: &Cause) -> Self {
+        match cause {
+            Cause::StuckBits { .. } => Self::StuckBits,
+            Cause::Clipped { .. } => Self::Clipped,
+            Cause::Outlier { .. } => Self::Outlier,
+            Cause::Unsteady { .. } => Self::Unsteady,
+            Cause::Reading(_) => Self::Reading,
+            Cause::Pose { .. } => Self::Pose,
+            Cause::Placement { .. } => Self::Placement,
+            Cause::Moved { tool: false, .. } => Self::PointMoved,
+            Cause::Moved { tool: true, .. } => Self::ToolMoved,
+            Cause::Sample { .. } => Self::Sample,
+        }
+    }
 }
 
 /// The calibration of all readings, where some were left out.
@@ -382,6 +470,7 @@ pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedRep
         chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
         samples: Some(excluded.samples as u64),
+        kind: ExcludedKind::of(&excluded.cause),
         reason: words::cause(mechanism, &excluded.cause, excluded.samples),
     }
 }
@@ -405,10 +494,4 @@ impl Known {
         }
         Ok(())
     }
-}
-
-/// Absurdities in words.
-#[must_use]
-pub fn implausible(observations: &Observations, absurd: &[Absurdity]) -> Vec<String> {
-    absurd.iter().map(|a| words::absurdity(observations, a)).collect()
 }

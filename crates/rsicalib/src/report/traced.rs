@@ -231,9 +231,9 @@ pub struct TraceReport {
     /// Why it is not better; the first says most.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub reasons: Vec<Reason>,
-    /// What is absurd beside the size of the mechanism, in words.
+    /// What is absurd beside the size of the mechanism.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
-    pub implausible: Vec<String>,
+    pub implausible: Vec<Warned>,
     /// Suspicious things.
     pub warnings: Vec<Warned>,
     /// Readings left out.
@@ -393,7 +393,7 @@ pub fn traced(
     let report = TraceReport {
         verdict,
         reasons,
-        implausible: result::implausible(&traced.observations, &absurd),
+        implausible: warned::implausible(&traced.observations, &absurd),
         warnings: warned::warnings(observations, &traced.before, &traced.after)
             .into_iter()
             .chain(warned::as_drawn(&traced))

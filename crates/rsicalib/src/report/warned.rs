@@ -1,6 +1,7 @@
 //! [`Warned`]: what is suspicious, for programs and for people.
 
 use crate::apply::check::Check;
+use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::directions::ParameterReport;
 use crate::estimate::suspicion::{InDegrees, Suspicion};
@@ -124,6 +125,12 @@ pub enum Kind {
     AsDrawn,
     /// Known poses look like another unit, or another order.
     KnownPoses,
+    /// Noise of channels that is absurd beside what they can read.
+    AbsurdNoise,
+    /// A misclosure that is absurd beside the lengths of the loop.
+    AbsurdMisclosure,
+    /// An effect that is absurd beside what occurs in practice.
+    AbsurdEffect,
     /// A kind of a later version.
     #[cfg_attr(feature = "serde", serde(other))]
     Other,
@@ -144,6 +151,39 @@ pub fn of_drawing(mechanism: &Mechanism) -> Vec<Warned> {
     let limits = Suspicion::Degrees { channels: channels.clone(), of: InDegrees::LimitsInDegrees };
     let found = (!channels.is_empty()).then_some(limits);
     found.iter().map(|suspicion| of_suspicion(mechanism, suspicion)).collect()
+}
+
+/// What is absurd; channels of which the same is to be said are one entry.
+#[must_use]
+pub fn implausible(observations: &Observations, absurd: &[Absurdity]) -> Vec<Warned> {
+    let mut entries: Vec<(&Absurdity, Vec<String>)> = Vec::new();
+    for one in absurd {
+        let target = absurd_at(observations, one);
+        match entries.iter_mut().find(|(other, _)| words::are_alike(observations, one, other)) {
+            Some((_, targets)) => targets.extend(target),
+            None => entries.push((one, target.into_iter().collect())),
+        }
+    }
+    let entry = |(one, targets): (&Absurdity, Vec<String>)| Warned {
+        kind: match one {
+            Absurdity::Noise { .. } => Kind::AbsurdNoise,
+            Absurdity::Misclosure { .. } => Kind::AbsurdMisclosure,
+            Absurdity::Effect { .. } => Kind::AbsurdEffect,
+        },
+        text: words::absurdity(observations, one, &targets),
+        target: (!targets.is_empty()).then(|| targets.join("+")),
+    };
+    entries.into_iter().map(entry).collect()
+}
+
+/// What an absurdity is of; none where it is of all loops.
+fn absurd_at(observations: &Observations, absurdity: &Absurdity) -> Option<String> {
+    let mechanism = &observations.mechanism;
+    match *absurdity {
+        Absurdity::Noise { channel, .. } => Some(mechanism.channels[channel].name.clone()),
+        Absurdity::Misclosure { .. } => None,
+        Absurdity::Effect { instance, .. } => Some(instance.target.name(mechanism)),
+    }
 }
 
 /// That offsets stay as drawn; none where they do not.

@@ -36,7 +36,7 @@ pub fn noise(estimate: &NoiseEstimate) -> String {
 }
 
 /// A source of the noise in words.
-pub(crate) fn source(source: Source) -> &'static str {
+fn source(source: Source) -> &'static str {
     match source {
         Source::Declared => "declared",
         Source::Repeats => "misclosure of repeats",
@@ -44,12 +44,6 @@ pub(crate) fn source(source: Source) -> &'static str {
         Source::Quantisation => "quantisation",
         Source::Fit => "the fit itself",
     }
-}
-
-/// The source that words begin with: results of earlier versions have the words alone.
-#[cfg(feature = "document")]
-pub(crate) fn source_of(words: &str) -> Option<Source> {
-    Source::ALL.into_iter().find(|one| words.starts_with(source(*one)))
 }
 
 /// Why a search of the solver ended, and what to do next.
@@ -738,21 +732,47 @@ pub fn nothing_left(parameters: usize, poses: usize) -> String {
     )
 }
 
+/// True where the same is to be said of two channels.
+pub(crate) fn are_alike(observations: &Observations, one: &Absurdity, other: &Absurdity) -> bool {
+    let unit = |channel: usize| &observations.mechanism.channels[channel].unit;
+    match (*one, *other) {
+        (
+            Absurdity::Noise { channel: a, sigma: sigma_a, span: span_a },
+            Absurdity::Noise { channel: b, sigma: sigma_b, span: span_b },
+        ) => {
+            unit(a) == unit(b) && noise_and_span(sigma_a, span_a) == noise_and_span(sigma_b, span_b)
+        }
+        _ => false,
+    }
+}
+
+/// Noise and span of a channel with the digits that are shown.
+fn noise_and_span(sigma: f64, span: f64) -> [String; 2] {
+    [significant(sigma, 3), significant(span, 4)]
+}
+
+/// Names with commas, and a word before the last.
+fn and_between(names: &[String]) -> String {
+    match names {
+        [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => names.concat(),
+    }
+}
+
 /// What is absurd beside the size of the mechanism.
 #[must_use]
-pub fn absurdity(observations: &Observations, absurdity: &Absurdity) -> String {
+pub fn absurdity(observations: &Observations, absurdity: &Absurdity, targets: &[String]) -> String {
     let mechanism = &observations.mechanism;
     let unit = &mechanism.length_unit;
     match *absurdity {
         Absurdity::Noise { channel, sigma, span } => {
-            let channel = &mechanism.channels[channel];
+            let [sigma, span] = noise_and_span(sigma, span);
             format!(
-                "noise of {} {unit} in {}, whose joint can move by {} {unit}: these readings are \
-                 not of this mechanism, or not in its units",
-                significant(sigma, 3),
-                channel.name,
-                significant(span, 4),
-                unit = channel.unit
+                "noise of {sigma} {unit} in {}, whose joint{} can move by {span} {unit}: these \
+                 readings are not of this mechanism, or not in its units",
+                and_between(targets),
+                if targets.len() > 1 { "s" } else { "" },
+                unit = mechanism.channels[channel].unit
             )
         }
         Absurdity::Misclosure { rms, length } => format!(
@@ -766,7 +786,7 @@ pub fn absurdity(observations: &Observations, absurdity: &Absurdity) -> String {
                 "{} of {}: {} = {value:.3} {}, {:.0} times what occurs in practice: the effect \
                  stands for something else",
                 info.id,
-                instance.target.name(mechanism),
+                and_between(targets),
                 of.name,
                 crate::estimate::directions::unit(observations, &instance, of.unit),
                 value.abs() / typical
