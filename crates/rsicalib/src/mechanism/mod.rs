@@ -36,4 +36,5 @@ pub(crate) use place_name::place_name;
 pub(crate) use places::around;
 pub use places::{Column, Frame, Line, Plane};
 pub(crate) use queries::list;
+#[doc(hidden)]
 pub use target::Target;
