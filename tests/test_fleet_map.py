@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 import rsicalib
-from rsicalib.fleets.map import MOST, map_figure
+from rsicalib.fleets.map import MOST_DEVICES, map_figure
 from rsicalib.fleets.page import page
 from rsicalib.fleets.standing_out import spreads
 from rsicalib.report.svg import NARROW, WIDE
@@ -43,7 +43,7 @@ def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
     middle = np.median(values, axis=1, keepdims=True)
     between = 1.4826 * np.median(np.abs(values - middle), axis=1, keepdims=True)
     far = ((values - middle) / between).T
-    order = np.argsort(-np.abs(far).max(axis=1))[:MOST]
+    order = np.argsort(-np.abs(far).max(axis=1))[:MOST_DEVICES]
     for width in (NARROW, WIDE):
         said = re.findall(r"<title>(no\. \d+), (\S+): (\S+) sd</title>", figure.draw(width))
         expected = [
@@ -51,7 +51,7 @@ def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
         ]
         assert said == expected
         assert figure.draw(width).count('class="above3"') == 1 + 1  # and in the scale
-    assert f"{COUNT - MOST} more are nearer" in figure.caption
+    assert f"{COUNT - MOST_DEVICES} more are nearer" in figure.caption
 
 
 def test_why_of_a_traced_device_is_what_was_found() -> None:

@@ -23,7 +23,7 @@ __all__ = ["first_rows", "open_loops", "warn_of_open_loops"]
 LEVEL = 1e-6
 """Probability that the loops of a sound device are called open: of a million uses one."""
 
-MOST = 200
+MOST_POSES = 200
 """Poses that are compared at the most: enough to tell, and soon done."""
 
 
@@ -101,8 +101,8 @@ def _of_poses(readings: Readings) -> FloatArray:
 
 def thinned(values: FloatArray) -> FloatArray:
     """Not more rows than are compared."""
-    if len(values) > MOST:
-        values = values[np.linspace(0, len(values) - 1, MOST).astype(np.intp)]
+    if len(values) > MOST_POSES:
+        values = values[np.linspace(0, len(values) - 1, MOST_POSES).astype(np.intp)]
     return np.ascontiguousarray(values)
 
 

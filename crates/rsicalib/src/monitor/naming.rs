@@ -14,7 +14,7 @@ use crate::numerics::credible_set::AS_WELL;
 
 /// Changes within this of the best, or within this share of it, are estimated beside it: more rows
 /// may tell, and a large change looks different where it is linearised elsewhere.
-const BESIDE: (f64, f64) = (20.0, 0.9);
+const ESTIMATED_BESIDE: (f64, f64) = (20.0, 0.9);
 
 /// Samples after which a name is taken for certain.
 const CERTAIN_AFTER: u64 = 1 << 15;
@@ -115,7 +115,7 @@ impl Monitor {
     }
 
     fn name(&mut self, tested: Tested, broken: Option<u64>) -> Vec<Alarm> {
-        self.settle();
+        self.take_for_certain();
         let mut onsets = self.onsets(tested.row, broken);
         if let Some(first) = broken {
             // What is far outside began with the first row that is.
@@ -129,7 +129,7 @@ impl Monitor {
         let begin = &onsets[best.onset];
         let since = begin.mark;
         let behind = |s: &Suspect| 2.0 * (s.log_p - best.log_p);
-        let limit = BESIDE.0.max(-2.0 * BESIDE.1 * best.log_p);
+        let limit = ESTIMATED_BESIDE.0.max(-2.0 * ESTIMATED_BESIDE.1 * best.log_p);
         let beside: Vec<Suspect> = suspects.into_iter().filter(|s| behind(s) < limit).collect();
         let Some(mut open) = self.take_over(&beside, begin) else { return Vec::new() };
         open.alarm = Alarm {
@@ -167,7 +167,7 @@ impl Monitor {
         }
         let named = open.named;
         let other = |n: &&Name| !n.kinds.has(named.first.candidate);
-        let excluded = |n: &Name| n.fit < now.fit - BESIDE.0;
+        let excluded = |n: &Name| n.fit < now.fit - ESTIMATED_BESIDE.0;
         let narrow = named.second.is_none()
             && best.kinds.first.candidate == named.first.candidate
             && best.kinds.second.is_none();
@@ -175,14 +175,14 @@ impl Monitor {
         let alone = narrow && names.iter().filter(other).all(excluded);
         self.open = Some(open);
         if self.age >= CERTAIN_AFTER {
-            self.settle();
+            self.take_for_certain();
         } else if alone {
             self.narrow(named.first.candidate);
         }
     }
 
     /// Takes the name of the last change for certain: nothing else has changed.
-    fn settle(&mut self) {
+    fn take_for_certain(&mut self) {
         if let Some(open) = self.open.take() {
             self.leave(&open, open.named);
         }

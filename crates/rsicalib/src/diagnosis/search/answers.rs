@@ -67,7 +67,7 @@ fn searched(averaged: &mut Averaged, start: &Fit) -> Result<(Searched, Option<Is
     let scores = scored::best_places(&last);
     let it = Searched { current, found, poses, left, scores, rivals };
     let lost = it.found.is_empty() && !absurdities(&averaged.small, start, &[]).is_empty();
-    if lost || it.settled(averaged) || !averaged.search.uses(Rule::Isolation) {
+    if lost || it.is_answer(averaged) || !averaged.search.uses(Rule::Isolation) {
         return Ok((it, None));
     }
     averaged.small.options.progress.enter(Stage::Isolation);

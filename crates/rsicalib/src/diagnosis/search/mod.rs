@@ -218,8 +218,8 @@ impl<'s, 'a> Beam<'s, 'a> {
         drop(session);
         let mut noise = noise;
         if let Some(own) = noise {
-            let (shown, settled) = self.settled(&items, own, fitted, true)?;
-            (noise, fitted) = (Some(shown), settled);
+            let (shown, last) = self.in_turn(&items, own, fitted, true)?;
+            (noise, fitted) = (Some(shown), last);
         }
         let base = &self.accounts[0].fit;
         let admitted = self.admits(&items, &fitted) && self.averaged.sensible(base, &fitted);

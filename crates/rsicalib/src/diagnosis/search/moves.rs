@@ -18,10 +18,10 @@ use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
 use crate::numerics::workers;
 
-/// After so many moves noise has settled, or never will.
+/// After so many moves noise and fit agree, or never will.
 const NOISE_MOVES: usize = 6;
 
-/// After so many moves an order has settled, or never will.
+/// After so many moves an order is the last, or there is none.
 const ORDER_MOVES: usize = 3;
 
 impl Beam<'_, '_> {
@@ -150,7 +150,7 @@ impl Beam<'_, '_> {
     }
 
     /// Noise and fit in turn, as long as the price falls; where it is `new`, larger noise as well.
-    pub(super) fn settled(
+    pub(super) fn in_turn(
         &self,
         items: &[Scored],
         noise: UnknownNoise,
@@ -268,8 +268,8 @@ impl Beam<'_, '_> {
             let (items, mut fitted) = refit(&session, before, items, account.items.len())?;
             let mut noise = noise;
             if let Some(own) = noise {
-                let (shown, settled) = self.settled(&items, own, fitted, !noisy)?;
-                (noise, fitted) = (Some(shown), settled);
+                let (shown, last) = self.in_turn(&items, own, fitted, !noisy)?;
+                (noise, fitted) = (Some(shown), last);
             }
             Ok((items, noise, fitted))
         });
