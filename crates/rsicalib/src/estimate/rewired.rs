@@ -84,7 +84,7 @@ impl Rewired {
     }
 
     /// Every channel that reads an angle in the other unit: degrees times 57.3, or radians by it.
-    fn scaled(
+    pub(crate) fn scaled(
         observations: &Observations,
         readings: &Readings,
         times: f64,
