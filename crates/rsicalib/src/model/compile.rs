@@ -18,7 +18,7 @@ use crate::model::specification::check_names;
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
 use crate::terms::targets::provided;
-use crate::terms::term::{Acts, Electronics, Needs, Placed, Scale, Sensor, Spot, Surface};
+use crate::terms::term::{Acts, Needs, Placed, Scale, Spot};
 
 impl Model {
     /// Compiles a mechanism with terms for these readings.

@@ -16,13 +16,13 @@
 use crate::model::Spec;
 use crate::monitor::alarm::{Action, Alarm, Change};
 use crate::monitor::estimating::TYPICAL;
-use crate::monitor::naming::Suspect;
 use crate::monitor::open::{Name, Open, Rest};
 use crate::monitor::recent::Linearised;
 use crate::monitor::state::State;
+use crate::monitor::suspects::Suspect;
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::unsteady::{Found, NOISE, STUCK, Unsteady};
-use crate::monitor::watch::{Monitor, Tested};
+use crate::monitor::watching::{Monitor, Tested};
 use crate::monitor::windows::Sums;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::poisson_tail;
