@@ -60,6 +60,20 @@ impl Mechanism {
         index(&self.lines, |l| &l.name, "line", name)
     }
 
+    /// Index of what an end of a closure names.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unknown`] where there is nothing of that name.
+    pub(crate) fn index_of(&self, part: Part, name: &str) -> Result<usize, Error> {
+        match part {
+            Part::Point => self.point_index(name),
+            Part::Plane => self.plane_index(name),
+            Part::Line => self.line_index(name),
+            Part::Channel => self.channel_index(name),
+        }
+    }
+
     /// Index of a frame.
     ///
     /// # Errors

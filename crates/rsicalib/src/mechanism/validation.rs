@@ -214,13 +214,7 @@ impl Mechanism {
             known(self.channel_index(channel), place)?;
         }
         for (part, name) in closure.kind.facts().between().into_iter().zip(&closure.between) {
-            let index = match part {
-                Part::Point => self.point_index(name),
-                Part::Plane => self.plane_index(name),
-                Part::Line => self.line_index(name),
-                Part::Channel => self.channel_index(name),
-            };
-            known(index, place)?;
+            known(self.index_of(part, name), place)?;
         }
         Ok(())
     }

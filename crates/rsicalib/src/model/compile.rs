@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use crate::Error;
 use crate::closures::kind::Part;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
-use crate::mechanism::{Closure, Mechanism, Target, Value, Variable, around};
+use crate::mechanism::{Closure, Mechanism, Target, Value, Variable};
 use crate::model::compiled::{
     Added, CompiledClosure, ElectronicsAt, Gate, LoadAt, Model, SensorAt, ShapeAt,
 };
@@ -237,7 +237,7 @@ impl Model {
             first,
             term_parameters,
             scales,
-            axes: unknowns.iter().map(|u| leaning_from(mechanism, u.thing)).collect(),
+            axes: unknowns.iter().map(|u| u.thing.leans_from(mechanism)).collect(),
             owned,
             columns,
             unknowns,
@@ -574,15 +574,6 @@ impl Model {
         let drawn = Self::with_null_equations(mechanism, readings, Vec::new())?;
         Ok(Some(drawn.drives_of_drawn(readings)))
     }
-}
-
-/// The axes from which the normal of an unknown plane leans, as drawn.
-fn leaning_from(mechanism: &Mechanism, thing: Thing) -> [[f64; 3]; 3] {
-    let drawn = match thing {
-        Thing::Plane(p) => mechanism.planes[p].normal,
-        _ => None,
-    };
-    around(drawn.unwrap_or([0.0, 0.0, 1.0]))
 }
 
 /// Refuses readings of another mechanism, and a `centre` without one reading per channel.

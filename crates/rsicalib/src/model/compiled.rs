@@ -9,7 +9,7 @@ use crate::model::drives::Drives;
 use crate::model::ends::{End, Measured, MovedEnd, Only, Posed};
 use crate::model::instance::Instance;
 use crate::model::law_at::LawAt;
-use crate::model::numbering::{Owned, Thing, Unknown};
+use crate::model::numbering::{Owned, Unknown};
 use crate::model::prior::Prior;
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Block, Readings};
@@ -468,23 +468,8 @@ impl Model {
     pub fn nominal(&self) -> Vec<f64> {
         let mut beta = vec![0.0; self.parameters];
         for unknown in &self.unknowns {
-            let own = &mut beta[self.term_parameters + unknown.first..];
-            match unknown.thing {
-                Thing::Point(p) => {
-                    let point = &self.mechanism.points[p];
-                    let at = point.at.unwrap_or_default().into_iter().zip(point.frees());
-                    let free = at.filter(|(_, free)| *free).map(|(at, _)| at);
-                    own.iter_mut().zip(free).for_each(|(own, at)| *own = at);
-                }
-                Thing::Plane(p) => {
-                    let known = self.mechanism.planes[p].known();
-                    own[2] = known.map_or(0.0, |(_, offset)| offset);
-                }
-                Thing::Frame(f) => {
-                    let pose = self.mechanism.frames[f].pose.unwrap_or_default();
-                    own[..6].copy_from_slice(&pose);
-                }
-            }
+            let own = &mut beta[self.term_parameters + unknown.first..][..unknown.width];
+            own.copy_from_slice(&unknown.thing.drawn(&self.mechanism));
         }
         beta
     }

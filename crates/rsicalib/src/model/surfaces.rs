@@ -14,10 +14,7 @@ impl Model {
     /// Lets the normals of unknown planes lean from that axis of the base that their points are most
     /// nearly across, where no normal is drawn.
     pub(crate) fn face_planes(&mut self, readings: &Readings) {
-        let undrawn = |thing: Thing| match thing {
-            Thing::Plane(p) => self.mechanism.planes[p].normal.is_none(),
-            _ => false,
-        };
+        let undrawn = |thing: Thing| thing.faces_anywhere(&self.mechanism);
         if !self.unknowns.iter().any(|unknown| undrawn(unknown.thing)) {
             return;
         }

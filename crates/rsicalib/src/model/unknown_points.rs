@@ -23,8 +23,8 @@ impl Model {
             u.thing.term() == spec.term && spec.target.as_deref() == Some(u.name.as_str())
         };
         let unknown = self.unknowns.iter().find(own)?;
-        if let Thing::Plane(p) = unknown.thing {
-            self.mechanism.planes[p].normal?;
+        if unknown.thing.faces_anywhere(&self.mechanism) {
+            return None;
         }
         let mut coordinates = unknown.thing.coordinates(&self.mechanism).into_iter();
         let k = coordinates.position(|(coordinate, _)| coordinate == name)?;
