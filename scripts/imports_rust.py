@@ -1,5 +1,10 @@
 """Imports within a crate: `use` and paths that begin with `crate`, `super` or `self`.
 
+A method is imported too, from the file whose `impl` it stands in: a type whose `impl`s are split
+over files hides circles else. In an `impl` of the type itself, `self.method(` and `Self::method(`
+say which it is; elsewhere a file that names the type and calls a method of a name that no other
+function has.
+
 Comments, texts and items under `#[cfg(test)]` are removed first. What is left is searched by
 regular expressions, which is enough for formatted source.
 """
@@ -7,6 +12,7 @@ regular expressions, which is enough for formatted source.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,6 +34,13 @@ USE = re.compile(r"\b(?:pub(?:\([^)]*\))?\s+)?\buse\s+([^;]+);")
 PUBLIC = re.compile(r"\bpub(?:\([^)]*\))?\s+use\b")
 PATH = re.compile(r"\b(?:crate|super|self)(?:\s*::\s*[A-Za-z_]\w*)+")
 CHILD = re.compile(r"\bmod\s+([A-Za-z_]\w*)\s*;")
+IMPL = re.compile(
+    r"^impl\b(?:<[^{}]*?>)? *(\w+)(?:<[^{}]*?>)? *(?:where\b[^{]*)?\{\n(.*?)^\}", re.M | re.S
+)
+METHOD = re.compile(r"^    (?:pub(?:\([^)]*\))? +)?(?:const +|unsafe +)*fn +(\w+)", re.M)
+OWN_CALL = re.compile(r"\b(?:self\s*\.|Self::)\s*(\w+)\s*\(")
+CALL = re.compile(r"(?:\.|::)\s*(\w+)\s*\(")
+FUNCTION = re.compile(r"\bfn +(\w+)")
 DEFINES = r"\b(?:fn|struct|enum|trait|type|const|static|union|mod|macro_rules!)\s+{}\b"
 
 
@@ -145,6 +158,8 @@ class _Crate:
                 del self.files[module], self.code[module]
         self.children = {module: set(CHILD.findall(code)) for module, code in self.code.items()}
         self.passed_on = {module: dict(self._uses(module)) for module in self.code}
+        self.functions = Counter(name for c in self.code.values() for name in FUNCTION.findall(c))
+        self.methods = self._methods()
 
     def imports(self, module: Module) -> Iterator[Import]:
         """What a file imports from the others, declarations of its own children left out."""
@@ -160,6 +175,43 @@ class _Crate:
             target = source if own_folder else self._defining(path)
             if self.files[target] != file:
                 yield Import(file, self.files[target], "::".join(path), own_folder)
+        for kind, name, target in self._calls(module):
+            yield Import(file, self.files[target], f"{kind}::{name}")
+
+    def _methods(self) -> dict[str, dict[str, Module]]:
+        """Methods with the file that they stand in, by types whose `impl`s are split over files.
+
+        A name that a type has in two files says nothing.
+        """
+        found: dict[str, dict[str, set[Module]]] = {}
+        for module, code in self.code.items():
+            for kind, block in IMPL.findall(code):
+                for name in METHOD.findall(block):
+                    found.setdefault(kind, {}).setdefault(name, set()).add(module)
+        once = {
+            kind: {name: min(modules) for name, modules in names.items() if len(modules) == 1}
+            for kind, names in found.items()
+        }
+        return {kind: names for kind, names in once.items() if len(set(names.values())) > 1}
+
+    def _calls(self, module: Module) -> Iterator[tuple[str, str, Module]]:
+        """Methods that a file has from another: type, name and file."""
+        code = self.code[module]
+        own = [
+            (kind, name) for kind, block in IMPL.findall(code) for name in OWN_CALL.findall(block)
+        ]
+        called = set(CALL.findall(code))
+        other = [
+            (kind, name)
+            for kind, names in self.methods.items()
+            if re.search(rf"\b{kind}\b", code)
+            for name in names
+            if name in called and self.functions[name] == 1
+        ]
+        for kind, name in dict.fromkeys(own + other):
+            target = self.methods.get(kind, {}).get(name, module)
+            if target != module:
+                yield kind, name, target
 
     def _paths(self, module: Module) -> Iterator[Module]:
         """Every path into the crate that a file names, from the root of the crate."""

@@ -57,6 +57,48 @@ BY_HAND = {
         "to": "For whom: `maslow`, `klipper`, …",
         "files": "SHA-256 of each file beside it, in `export.json`.",
     },
+    "rsicalib.fleet/1": {
+        "format": "`rsicalib.fleet/1`.",
+        "version": "Version of the program.",
+        "devices": "Number of devices.",
+        "verdicts": "Number of devices by verdict; `refused` where there is none.",
+        "summed": "The tests of fit of all devices together, null where they cannot be summed: "
+        "`devices`, `chi2`, `dof`, `p_value`.",
+        "shifts": "A list, how far each parameter is from the drawing on the average, in its unit: "
+        "`parameter` as `fleet.parquet` names it, `devices`, `value`, `half` (half width of the "
+        "interval of 95 %), `between` (standard deviation from device to device), `p_value`, "
+        "`common` (yes where it is no chance).",
+        "population": "With `--population`: what `population.json` holds.",
+        "files": "Files that were written.",
+    },
+    "rsicalib.population/1": {
+        "format": "`rsicalib.population/1`.",
+        "version": "Version of the program.",
+        "mechanism": "Name of the mechanism.",
+        "length_unit": "Unit of every length.",
+        "terms": "Terms with a tolerance, which were estimated.",
+        "centre": "Reading of each channel at which offsets are told apart from gains.",
+        "devices": "Number of devices that take part.",
+        "design": "A list, errors of the drawing that all devices share, the most significant "
+        "first: `term`, `target`, `name`, `value` (to be added to the drawing), `sd`, `unit`, "
+        "`p_value`, `also_fits`.",
+        "parameters": "A list: `term`, `target`, `name`, `unit`, `tolerance` (standard deviation "
+        "by the drawing), `shift` (common to all devices), `sd` of the shift, `between` (standard "
+        "deviation from device to device) and `between_interval`, of 95 %.",
+        "outliers": "Devices unlike the others, which tell nothing of them.",
+    },
+    "rsicalib.truth/1": {
+        "format": "`rsicalib.truth/1`.",
+        "version": "Version of the program.",
+        "files": "SHA-256 of each table beside it.",
+        "simulator": "The program that made the device.",
+        "mechanism": "Name of the mechanism.",
+        "seed": "Of all that was drawn.",
+        "noise": "Standard deviation of a sample, in units of the channel, before it is rounded.",
+        "effect": "What is wrong beside offsets and gains: null where nothing is.",
+        "off": "Offset by channel, in rad or `length_unit`.",
+        "gain": "Gain by channel, in rad or `length_unit` per unit of the reading.",
+    },
     "rsicalib.error/1": {
         "format": "`rsicalib.error/1`.",
         "message": "What was found, what was expected, and what to do.",

@@ -103,7 +103,7 @@ def test_the_names_of_the_crate_are_those_that_are_listed() -> None:
     found = public_names.PAGE.read_text(encoding="utf-8")
     assert found == public_names.page(), "run python -m scripts.public_names"
     names = public_names.names()
-    assert len(names) <= 60 and sum("::" not in name for name in names) <= 27
+    assert len(names) <= 60 and sum("::" not in name for name in names) <= 26
 
 
 def test_documents_have_the_keys_that_the_reference_lists(
@@ -120,9 +120,12 @@ def test_documents_have_the_keys_that_the_reference_lists(
     rest = str(rsicalib.DEMO / "rest.csv")
     result = str(tmp_path / "result.json")
     rsicalib.calibrate(rsicalib.DEMO / "readings.csv", rest=rest).save(result)
+    rsicalib.simulate(tmp_path / "made", poses=4)
+    truth = json.loads((tmp_path / "made" / "truth.json").read_text("utf-8"))
     belts = tmp_path / "serial.log"
     belts.write_text("CLBM:[{bl:1.0, br:2.0, tr:3.0, tl:4.0}]")
     seen = {
+        "rsicalib.truth/1": truth,
         "rsicalib.poses/1": keys("forward", rest),
         "rsicalib.terms/1": keys("terms"),
         "rsicalib.error/1": keys("calibrate", str(tmp_path / "nowhere.csv")),
@@ -134,7 +137,15 @@ def test_documents_have_the_keys_that_the_reference_lists(
         assert document["format"] == name
         listed = make_formats.documented(name)
         assert set(document) <= set(listed), name
-    assert set(make_formats.BY_HAND) < set(seen)
+    # Those of a fleet take devices: tests/test_population.py.
+    assert set(make_formats.BY_HAND) < {*seen, "rsicalib.fleet/1", "rsicalib.population/1"}
+
+
+def test_every_format_that_is_promised_has_a_heading() -> None:
+    promised = set(re.findall(r"`(rsicalib\.\w+/\d+)`", public_names.PAGE.read_text("utf-8")))
+    page = make_formats.PAGE.read_text("utf-8")
+    headings = set(re.findall(r"^### `(rsicalib\..+)`$", page, re.M))
+    assert promised == headings
 
 
 def test_the_reference_has_the_unit_of_every_parameter() -> None:

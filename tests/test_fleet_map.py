@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import rsicalib
-from rsicalib.fleets.map import MOST, map_figure
+from rsicalib.fleets.map import MOST_DEVICES, map_figure
 from rsicalib.fleets.page import page
 from rsicalib.fleets.standing_out import spreads
 from rsicalib.report.figure import STYLE
@@ -45,7 +45,7 @@ def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
     middle = np.median(values, axis=1, keepdims=True)
     between = 1.4826 * np.median(np.abs(values - middle), axis=1, keepdims=True)
     far = ((values - middle) / between).T
-    order = np.argsort(-np.abs(far).max(axis=1))[:MOST]
+    order = np.argsort(-np.abs(far).max(axis=1))[:MOST_DEVICES]
     for width in (NARROW, WIDE):
         said = re.findall(r"<title>(no\. \d+), (\S+): (\S+) sd</title>", figure.draw(width))
         expected = [
@@ -53,7 +53,7 @@ def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
         ]
         assert said == expected
         assert figure.draw(width).count('class="above3"') == 1 + 1  # and in the scale
-    assert f"{COUNT - MOST} more are nearer" in figure.caption
+    assert f"{COUNT - MOST_DEVICES} more are nearer" in figure.caption
 
 
 def test_what_is_not_known_is_no_dark_cell() -> None:
@@ -61,7 +61,7 @@ def test_what_is_not_known_is_no_dark_cell() -> None:
     rows = drawn()
     for name in NAMES:
         rows[name][8] = rows[f"{name}_sd"][8] = None
-    rows = {name: cells[:MOST] for name, cells in rows.items()}
+    rows = {name: cells[:MOST_DEVICES] for name, cells in rows.items()}
     figure = map_figure(spreads(rows), rows, "device")
     assert figure is not None
     (cell,) = set(re.findall(r'class="(\w+)"[^>]*><title>no\. 8,', figure.draw(WIDE)))

@@ -183,6 +183,23 @@ def test_wrong_imports_of_rust_are_named(tree, file: str, text: str, line: str) 
     assert line in problems(tree({**CRATE, file: text}), LAYERS)
 
 
+def test_methods_of_a_type_are_imports_of_the_files_that_its_impls_are_split_over(tree) -> None:
+    files = {
+        **CRATE,
+        "model/part.rs": "pub struct Part { kept: u8 }\n\nimpl Part {\n"
+        "    pub fn new() -> Self {\n        Self::drawn().kept()\n    }\n"
+        "    fn own(self) -> Self {\n        self\n    }\n}\n",
+        "model/own.rs": "use crate::model::part::Part;\n\nimpl Part {\n"
+        "    pub(super) fn drawn() -> Self {\n        Self { kept: 1 }\n    }\n"
+        "    fn two(self) -> usize {\n        self.own().len()\n    }\n}\n",
+    }
+    found = tree(files)
+    assert "model/part.rs -> model/own.rs: Part::drawn" in arrows(found)
+    assert "model/own.rs -> model/part.rs: Part::own" in arrows(found)
+    circle = [line for line in problems(found, LAYERS) if "circle" in line]
+    assert len(circle) == 2 and all("a circle of 2 files" in line for line in circle)
+
+
 def test_tests_comments_and_texts_of_rust_do_not_count(tree) -> None:
     text = """
 //! See [`crate::report::Report`].

@@ -12,6 +12,7 @@ from scipy import optimize, stats
 
 import rsicalib
 from rsicalib import InputError, _core
+from scripts import make_formats
 from tests.oracle import Array
 from tests.population.__main__ import mechanism
 from tests.population.production import Production, frame, readings
@@ -220,6 +221,8 @@ def test_the_forearm_of_a_fleet_is_named_on_page_and_in_json(
     assert "The drawing is wrong: link_length of each/4" in page
     assert found.to_dict()["summed"]["devices"] == 12
     assert found.to_dict()["population"]["design"] == saved["design"]
+    assert set(saved) == set(make_formats.documented("rsicalib.population/1"))
+    assert set(found.to_dict()) == set(make_formats.documented("rsicalib.fleet/1"))
     rows = parquet.read_table(out / "population.parquet").to_pydict()
     assert len(rows["device"]) == 12 and len(rows) == 1 + 2 * 30
 

@@ -16,7 +16,6 @@ use rsicalib::estimate::directions::directions;
 use rsicalib::estimate::progress::Progress;
 use rsicalib::estimate::{Expected, Fit, Observations};
 use rsicalib::mechanism::Mechanism;
-use rsicalib::monitor::compare::{Judged, compare};
 use rsicalib::report::beside::{Beside, Touched};
 use rsicalib::report::calibrated;
 use rsicalib::report::evidence::gather;
@@ -353,17 +352,9 @@ impl PyFit {
     ) -> PyResult<Bound<'py, PyAny>> {
         let covariance: Option<Vec<f64>> =
             covariance.map(|c| c.as_array().iter().copied().collect());
-        let (applied, noise): (Applied, _) = (applied.into(), &self.fit.noise);
-        let found = work(py, || {
-            let judged = Judged {
-                noise: self.fit.assumed(),
-                inflation: noise.inflation,
-                dof: noise.dof_of_pose(),
-            };
-            compare(&applied, covariance.as_deref(), &self.observations, &judged)
-        })?
-        .map_err(PyError::from)?;
-        let update = Update::of(&self.observations.mechanism, &applied, found, rms);
+        let applied: Applied = applied.into();
+        let later = (&*self.observations, &*self.fit);
+        let update = work(py, || Update::since(&applied, covariance.as_deref(), later, rms))?;
         Ok(pythonize(py, &update.map_err(PyError::from)?)?)
     }
 

@@ -24,16 +24,16 @@
 //! | `numerics` | residuals and derivatives | minimum by Levenberg-Marquardt, (31) to (33) |
 //! | `closures` | ends of a closure, its value | equations and their derivatives, kind by kind |
 //! | [`mechanism`] | Rust values or TOML | [`Mechanism`]: channels, chains, points, closures |
-//! | `readings` | [`Table`] | [`Readings`]: checked, in blocks of eight samples |
+//! | `readings` | [`Table`] | readings: checked, in blocks of eight samples |
 //! | `kinematics` | elements of a chain, joint coordinates | points and their derivatives, (21), (22) |
 //! | `terms` | readings, joint coordinates | corrections of one physical effect, (41) to (43) |
-//! | `model` | mechanism and terms | [`Model`]: misclosure `f` and its derivatives, (10), (44) |
-//! | `estimate` | [`Observations`]: readings, weights, options | [`Fit`]: estimates, covariance, χ², (50) to (65) |
+//! | `model` | mechanism and terms | a model: misclosure `f` and its derivatives, (10), (44) |
+//! | `estimate` | [`Observations`]: readings, weights, options | a fit: estimates, covariance, χ², (50) to (65) |
 //! | `apply` | a fit and other readings | platform poses, comparison with known poses |
 //! | `monitor` | a calibration and rows at work | alarms: what changed, since when, by how much, (101) to (104) |
 //! | `screening` | readings | faults of converters, outliers, damage, (81) to (84) |
 //! | `diagnosis` | a fit with a residual | score tests, search over explanations, fault isolation, verdict, (71) to (74) |
-//! | `history` | estimates and dates | what drifts, what jumped, (127), (128) |
+//! | `history` | estimates and dates | [`Course`]: what drifts, what jumped, (127), (128) |
 //! | `population` | what many devices tell | common errors of the drawing, spread, priors, (121) to (126) |
 //! | `design` | poses | Cramér-Rao bound and pose plans, (91), (92) |
 //! | [`report`] | observations | results of a calibration and of a trace, as plain structs |
@@ -71,8 +71,9 @@
 //! ```
 //!
 //! A result is applied to other readings as [`Applied`]: `Applied::from(&traced)` gives
-//! [`platform_poses`], a mechanism to export ([`exported`]) and a [`Monitor`] that watches the
-//! device at work.
+//! [`platform_poses`] and a mechanism to export ([`exported`]). [`Monitor::of`] watches the device at
+//! work under a result, [`update`] compares a later session with it, and [`course`] says what a
+//! parameter has done over results of years.
 //!
 //! The examples `calibrate` (a four-bar linkage that the example defines) and `trace` print
 //! estimates: `cargo run --example calibrate`.
@@ -144,12 +145,23 @@ pub use apply::export::{Exported, exported};
 pub use diagnosis::options::SearchOptions;
 pub use diagnosis::verdict::Verdict;
 pub use error::Error;
-pub use estimate::{Fit, FitOptions, Method, Observations, fit};
-pub use faer::Mat;
-pub use mechanism::{Mechanism, Target};
-pub use model::{Instance, Model};
+pub use estimate::{FitOptions, Method, Observations};
+pub use history::{Course, Jump, Past, course};
+pub use mechanism::Mechanism;
 pub use monitor::{Alarm, Monitor, MonitorOptions};
-pub use readings::{Readings, Table};
+pub use readings::Table;
 pub use report::calibrated::CalibrationReport as Calibration;
-pub use report::front::{calibrate, trace};
+pub use report::front::{calibrate, trace, update};
 pub use report::traced::TraceReport as Trace;
+pub use report::update::Update;
+
+#[doc(hidden)]
+pub use estimate::{Fit, fit};
+#[doc(hidden)]
+pub use faer::Mat;
+#[doc(hidden)]
+pub use mechanism::Target;
+#[doc(hidden)]
+pub use model::{Instance, Model};
+#[doc(hidden)]
+pub use readings::Readings;

@@ -13,9 +13,9 @@ from rsicalib.fleets.standing_out import Spread
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas
 
-__all__ = ["MOST", "map_figure"]
+__all__ = ["MOST_DEVICES", "map_figure"]
 
-MOST = 40
+MOST_DEVICES = 40
 """Devices that are drawn; those that are farthest from the others."""
 
 LEVELS = (2.0, 3.0, 5.0)
@@ -35,7 +35,7 @@ def map_figure(
     for one in spread:
         away = np.abs(one.distances(rows)[0])
         harm = np.maximum(harm, np.where(np.isfinite(away), away, 0.0))
-    order = np.argsort(-harm, kind="stable")[:MOST].tolist()
+    order = np.argsort(-harm, kind="stable")[:MOST_DEVICES].tolist()
     names = [str(labels[device]) for device in order]
     far: FloatArray = np.array([one.distances(rows)[0][order] for one in spread]).T
 
@@ -68,7 +68,8 @@ def map_figure(
         "standard deviations of the usual device (of its own estimate, where that is larger). "
         "Those first that are farthest"
     )
-    caption += f"; {len(labels) - MOST} more are nearer." if len(labels) > MOST else "."
+    nearer = len(labels) - MOST_DEVICES
+    caption += f"; {nearer} more are nearer." if nearer > 0 else "."
     return Figure("map", draw, caption)
 
 

@@ -15,7 +15,7 @@ from rsicalib.io.readings import Readings
 from rsicalib.planning.further import Choice, Sessions, plan_further, plan_until
 from rsicalib.planning.measures import counts_of, known_sd, parameters_of
 from rsicalib.planning.plans import Bound, Plan
-from rsicalib.planning.worthwhile import MOST
+from rsicalib.planning.worthwhile import MOST_POSES
 from rsicalib.poses.devices import Within, workspace
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -158,7 +158,7 @@ def plan(
         found = "no result" if result is None else f"criterion {criterion!r}"
         raise InputError(f"target: found {found}, expected a result, and the criterion 'platform'")
     if poses is None:
-        poses = USUAL if target is None else MOST
+        poses = USUAL if target is None else MOST_POSES
     if result is not None:
         if beside is None or calibration is not None:
             found = "no readings" if beside is None else "another calibration"

@@ -10,9 +10,9 @@ from rsicalib.facts.shapes import Name
 from rsicalib.planning.purposes import Purpose, gain_of, share_of
 from rsicalib.report.words import listed_words
 
-__all__ = ["MOST", "how_many", "worthwhile"]
+__all__ = ["MOST_POSES", "how_many", "worthwhile"]
 
-MOST = 64
+MOST_POSES = 64
 """Poses of a plan that is told a target and no number, at the most: more than that is no advice."""
 
 SEEN = 1.0
@@ -85,7 +85,7 @@ def how_many(needed: float, planned: int) -> str:
 
     What poses tell grows with their number, as long as they are few more than those planned.
     """
-    if needed <= max(MOST, planned):
+    if needed <= max(MOST_POSES, planned):
         return f"; it would take some {math.ceil(needed)}."
     return f": poses like these do not reach it. {OTHERS}"
 
@@ -107,7 +107,7 @@ def _undecided(found: Mapping[str, Any], kept: int, decides: float) -> list[str]
     if least < DECISION:
         needed = kept * DECISION / least
         few = f"; some {math.ceil(needed)} like them would be a decision"
-        text += few if needed <= max(MOST, kept) else ": more like them do not decide it"
+        text += few if needed <= max(MOST_POSES, kept) else ": more like them do not decide it"
     return [f"{text}."]
 
 

@@ -10,7 +10,7 @@ from rsicalib.report.svg import Axis, Canvas, bounds, ticks
 
 __all__ = ["recording_figure"]
 
-MOST = 800
+MOST_ROWS = 800
 """Rows that are drawn of a channel; a pixel shows no more."""
 
 ROW = 46.0
@@ -46,7 +46,7 @@ def recording_figure(log: Log) -> Figure | None:
     held = _stretches(session)
     span = (float(time.min()), float(max(time.max(), time.min() + 1e-9)))
 
-    shown = np.arange(0, len(order), max(1, len(order) // MOST))
+    shown = np.arange(0, len(order), max(1, len(order) // MOST_ROWS))
 
     def draw(width: float) -> str:
         bottom = 8.0 + ROW * len(values)

@@ -25,7 +25,7 @@ from rsicalib.report.workspace import Shades
 __all__ = ["data_of", "switchboard_html", "words_of"]
 
 
-MOST = 10.0
+WIDEST_SIGMA = 10.0
 """The panel has room for residuals of this size at most; what is beyond lies at its edge."""
 
 
@@ -109,7 +109,7 @@ def switchboard_html(
             dots,
             width,
             numbered=True,
-            at_least=min(1.1 * largest, MOST),
+            at_least=min(1.1 * largest, WIDEST_SIGMA),
         ),
         "The residual of what is chosen: choose another hypothesis, take out an effect or take "
         f"back a reading, and see where it grows (the largest of all is {number(largest)} σ).",

@@ -73,6 +73,7 @@ pub struct Applied {
     pub closures: Vec<(String, f64)>,
     /// True for the very sessions that the result was found with: all of it acts then, where
     /// and when it did.
+    #[doc(hidden)]
     pub own: bool,
 }
 

@@ -24,7 +24,7 @@ pub enum Misread {
 const DECISIVE: f64 = 10.0;
 
 /// Most poses whose order is looked at: the time grows with their square.
-const MOST: usize = 1000;
+const MOST_POSES: usize = 1000;
 
 /// How pairs of known and found poses were misread, where something makes them agree by far better;
 /// `errors` gives root mean square errors of positions and of orientations, and `moved` that of positions after the
@@ -80,7 +80,7 @@ fn in_other_order(pairs: &[Pair]) -> Option<Vec<Pair>> {
     let far = |known: &[f64; 6], found: &[f64; 6]| -> f64 {
         known.iter().zip(found).take(3).map(|(k, f)| (k - f).powi(2)).sum()
     };
-    let mut taken = vec![pairs.len() > MOST; pairs.len()];
+    let mut taken = vec![pairs.len() > MOST_POSES; pairs.len()];
     pairs
         .iter()
         .map(|(known, _)| {

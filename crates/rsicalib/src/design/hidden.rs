@@ -1,15 +1,14 @@
 //! How bad an effect could be there unseen, before and after poses that are planned.
 
-use faer::{Mat, Side};
+use faer::Mat;
 
 use crate::apply::change::PlatformRms;
 use crate::design::linearised::Whitened;
 use crate::design::moments::Moments;
-use crate::diagnosis::price::least_that_pays;
-use crate::diagnosis::score::scored::named_places;
+use crate::diagnosis::detectability::{Hardest, seen_at};
 use crate::mechanism::Mechanism;
 use crate::model::{Instance, Model};
-use crate::numerics::symmetric::{VISIBLE, invert};
+use crate::numerics::symmetric::invert;
 use crate::terms::targets::typical;
 
 /// The absent effect that could harm the platform most without being seen.
@@ -38,8 +37,7 @@ pub(crate) fn worst_hidden(
     let n = fitted.len();
     // What nothing determines stays where it is: an effect of no size goes any way there.
     let (inverse, ..) = invert(&Mat::from_fn(n, n, |i, j| gram[(fitted[i], fitted[j])]));
-    // Noncentrality that pays in four sessions of five.
-    let seen = least_that_pays(1.0, named_places(named.len() as f64)).sqrt() + 0.84;
+    let seen = seen_at(named.len());
     let one = |instance: &Instance| {
         let at = model.instances.iter().position(|i| i == instance)?;
         let own: Vec<usize> = (model.first[at]..model.first[at] + instance.width()).collect();
@@ -49,13 +47,9 @@ pub(crate) fn worst_hidden(
         let absorbed = &inverse * &cross;
         let raw = Mat::from_fn(d, d, |i, j| gram[(own[i], own[j])] * sizes[i] * sizes[j]);
         let square = &raw - cross.transpose() * &absorbed;
-        let eigen = square.self_adjoint_eigen(Side::Lower).ok()?;
-        let value = eigen.S().column_vector()[0];
         let whole: f64 = (0..d).map(|i| raw[(i, i)]).sum();
-        if value <= VISIBLE * whole {
-            return None;
-        }
-        let direction = Mat::from_fn(d, 1, |i, _| eigen.U()[(i, 0)] * seen / value.sqrt());
+        let hardest = Hardest::of(&square, whole, seen)?;
+        let direction = Mat::from_fn(d, 1, |i, _| hardest.direction[i] * hardest.size);
         // What it does, less what the fitted parameters absorb.
         let taken = &absorbed * &direction;
         let mut effect = Mat::<f64>::zeros(model.parameters, 1);

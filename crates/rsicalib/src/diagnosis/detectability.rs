@@ -1,7 +1,7 @@
 //! What could be there unseen: how large each absent effect would have to be to be seen,
 //! and what it would do to the platform meanwhile.
 
-use faer::Mat;
+use faer::{Mat, Side};
 
 use crate::Error;
 use crate::apply::change::{Movable, PlatformRms};
@@ -54,6 +54,38 @@ pub struct Detectability {
 /// typical sizes to be seen, or it is rounding, as where chains are moved all together.
 const NOTHING: f64 = 1e-11;
 
+/// Standard deviations by which an effect is beyond what pays that pays in four sessions of five.
+const FOUR_OF_FIVE: f64 = 0.84;
+
+/// Standard deviations of an effect that pays in four sessions of five, one of so many candidates.
+pub(crate) fn seen_at(candidates: usize) -> f64 {
+    least_that_pays(1.0, named_places(candidates as f64)).sqrt() + FOUR_OF_FIVE
+}
+
+/// The direction of an effect that is hardest to see among those that can be, and how large the effect
+/// must be along it to be seen.
+pub(crate) struct Hardest {
+    /// Of length 1, in typical sizes.
+    pub direction: Vec<f64>,
+    /// In typical sizes.
+    pub size: f64,
+}
+
+impl Hardest {
+    /// Of an effect with this information, in typical sizes, of which there was `whole` before the fitted
+    /// parameters absorbed their part, seen at so many standard deviations; none where nothing of
+    /// it can be.
+    pub(crate) fn of(square: &Mat<f64>, whole: f64, seen: f64) -> Option<Self> {
+        let eigen = square.self_adjoint_eigen(Side::Lower).ok()?;
+        let value = eigen.S().column_vector()[0];
+        let visible = value > (VISIBLE * whole).max(NOTHING);
+        visible.then(|| Self {
+            direction: (0..square.nrows()).map(|i| eigen.U()[(i, 0)]).collect(),
+            size: (seen.powi(2) / value).sqrt(),
+        })
+    }
+}
+
 /// How large each absent effect would have to be to be seen, and what it would do.
 ///
 /// # Errors
@@ -74,23 +106,19 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let beta = carry_over(last, &model);
     let to_reported = reported_map(last);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
-    let least = least_that_pays(1.0, named_places(named.len() as f64)).sqrt();
+    let seen = seen_at(named.len());
     let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {
         let info = instance.term.info();
         let d = info.parameters.len();
-        // Noncentrality that pays in four sessions of five.
-        let wanted = (least + 0.84).powi(2);
-        // The direction, in typical sizes, that is hardest to see among those that can be.
         let typical =
             crate::terms::targets::typical(&observations.mechanism, instance.term, instance.target);
         let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
-        let eigen = square.self_adjoint_eigen(faer::Side::Lower).ok()?;
         let raw: f64 = (0..d).map(|i| candidate.raw[i] * typical[i] * typical[i]).sum();
-        let value = eigen.S().column_vector()[0];
-        let visible = value > (VISIBLE * raw).max(NOTHING);
-        let size = if visible { (wanted / value).sqrt() } else { f64::NAN };
-        let direction: Vec<f64> = (0..d).map(|i| eigen.U()[(i, 0)] * typical[i] * size).collect();
-        let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let hardest = Hardest::of(&square, raw, seen);
+        let direction = hardest.map(|it| -> Vec<f64> {
+            (0..d).map(|i| it.direction[i] * typical[i] * it.size).collect()
+        });
+        let largest = |all: &Vec<f64>| all.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let moves = |direction: &[f64]| {
             // What the fitted parameters absorb of it, they move the platform by as well.
             let absorbed = (0..last.beta.len()).map(|i| {
@@ -101,7 +129,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
             let change: Vec<_> = own.chain(absorbed).collect();
             platform.as_ref().map(|platform| platform.by(&change))
         };
-        let platform_rms = if visible { moves(&direction) } else { None };
+        let platform_rms = direction.as_deref().and_then(&moves);
         let open = Open::of(&candidate, &typical)?;
         let size = open.size(|direction| moves(direction).map(|rms| rms.position));
         let unseen = open.unseen(&to_reported, &candidate.absorbed, base);
@@ -110,7 +138,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
             term: info.id.into(),
             target: instance.target.name(&observations.mechanism),
             place: place(observations, instance),
-            detectable: visible.then_some(largest),
+            detectable: direction.as_ref().map(largest),
             unit: unit(observations, instance, info.parameters[0].unit),
             platform_rms,
             label: instance.target.label(&observations.mechanism),

@@ -12,6 +12,7 @@ pub struct SearchOptions {
     /// Apply every effect that is found, whether or not it helps elsewhere.
     pub apply_all: bool,
     /// Rules that are switched off, to see what each is worth.
+    #[doc(hidden)]
     pub off: Vec<Rule>,
 }
 

@@ -14,6 +14,7 @@ pub struct Observations {
     /// The mechanism.
     pub mechanism: Mechanism,
     /// The readings, shared by the copies that differ in weights or options.
+    #[doc(hidden)]
     pub readings: Arc<Readings>,
     /// A reading of the rest pose, averaged, one per channel.
     pub rest: Option<Vec<f64>>,
@@ -35,6 +36,7 @@ pub struct Observations {
     pub judged: bool,
     /// The mechanism held at rest and its reading. `None` unless the rest pose was read and is
     /// declared with a standard deviation, which makes the rest pose an observation.
+    #[doc(hidden)]
     pub held: Option<(Mechanism, Readings)>,
 }
 

@@ -27,22 +27,28 @@ pub struct FitOptions {
     /// Standard deviation of one reading of each channel, where it is known.
     pub noise: Option<Vec<f64>>,
     /// Multiplies the variance of the play that the mechanism declares.
+    #[doc(hidden)]
     pub play: f64,
     /// Variance of the seating of each closure of a sample that declares none, as an earlier fit has
     /// found it, length units squared; empty where these are exact.
+    #[doc(hidden)]
     pub seating: Vec<f64>,
     /// Closures whose noise is drawn for each sample, as `Observations::measured` finds them; `None`:
     /// as the readings show it.
+    #[doc(hidden)]
     pub measured: Option<Vec<f64>>,
     /// What is expected of parameters before any reading, in place of the drawing's `sd`.
+    #[doc(hidden)]
     pub expected: Option<Expected>,
     /// Starts to try at the most.
     pub starts: usize,
     /// A start whose χ² per degree of freedom is below this ends the search.
     pub good_start: f64,
     /// The solver.
+    #[doc(hidden)]
     pub lm: lm::SolverOptions,
     /// Who is told how far the job is.
+    #[doc(hidden)]
     pub progress: Progress,
 }
 

@@ -23,6 +23,7 @@ use std::sync::{Arc, Mutex};
 use faer::Mat;
 
 use crate::Error;
+use crate::closures::kind::{At, Given};
 use crate::kinematics::elements::{Element, Source, Way, push_rigid};
 use crate::kinematics::posture::Posture;
 use crate::mechanism::{Channel, ClosureKind, Mechanism, Motion, Value};
@@ -78,8 +79,8 @@ struct End {
 struct Pair {
     kind: ClosureKind,
     ends: [usize; 2],
-    /// `d²`
-    square: f64,
+    /// `d`; zero where there is none.
+    value: f64,
     equation: usize,
 }
 
@@ -180,15 +181,15 @@ impl Layout {
                     self.ends.len() - 1
                 });
             }
-            let square = match (closure.kind, &closure.value) {
-                (ClosureKind::Distance, Some(Value::Known(d))) => d * d,
-                (kind, _) if kind.facts().is_vector() => 0.0,
+            let value = match (closure.kind.facts().given(), &closure.value) {
+                (Given::Value, Some(Value::Known(d))) => *d,
+                (Given::Nothing, _) => 0.0,
                 _ => {
                     let why = "the paper's problem has no measured distances";
                     return Err(missing("constant value for every distance", why));
                 }
             };
-            self.closures.push(Pair { kind: closure.kind, ends, square, equation });
+            self.closures.push(Pair { kind: closure.kind, ends, value, equation });
             equation += closure.kind.equations();
         }
         let mut takes_part = vec![false; self.closures.len() * self.channels];
@@ -427,23 +428,14 @@ impl Paper {
             let apart = minus(from, to);
             let sides = [(ahead, 1.0), (behind, -1.0)];
             let row = pair.equation * self.layout.channels;
-            match pair.kind {
-                ClosureKind::Distance => {
-                    room.f[pair.equation] = dot(&apart, &apart) - Lanes::splat(pair.square); // (10)
-                    for (moves, sign) in sides {
-                        for (c, moved) in moves {
-                            room.g[row + c] += dot(&apart, moved) * (2.0 * sign);
-                        }
-                    }
-                }
-                _ => {
-                    for axis in 0..3 {
-                        room.f[pair.equation + axis] = apart[axis];
-                        for (moves, sign) in sides {
-                            for (c, moved) in moves {
-                                room.g[row + axis * self.layout.channels + c] += moved[axis] * sign;
-                            }
-                        }
+            let value = Lanes::splat(pair.value);
+            let at = At { apart, value, shape: None, measured: false, along: None };
+            for e in 0..pair.kind.equations() {
+                room.f[pair.equation + e] = pair.kind.misclosure(&at, e); // (10)
+                for (moves, sign) in sides {
+                    for (c, moved) in moves {
+                        room.g[row + e * self.layout.channels + c] +=
+                            pair.kind.by_end(&at, e, moved, sign);
                     }
                 }
             }

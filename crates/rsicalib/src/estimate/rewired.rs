@@ -46,6 +46,27 @@ impl Rewired {
         Ok(Self { readings, observations })
     }
 
+    /// Every two columns exchanged, but those of which a reading is beyond the range of the other channel.
+    pub(crate) fn every_exchange(
+        observations: &Observations,
+        readings: &Readings,
+    ) -> impl Iterator<Item = (Self, [usize; 2])> {
+        let channels = readings.channels;
+        let pairs = (0..channels).flat_map(move |a| (a + 1..channels).map(move |b| [a, b]));
+        pairs.filter_map(|pair| Some((Self::exchanged(observations, readings, pair)?, pair)))
+    }
+
+    /// Readings in every other unit, with the channels that it changes.
+    pub(crate) fn every_unit(
+        observations: &Observations,
+        readings: &Readings,
+    ) -> impl Iterator<Item = (Self, Vec<usize>, f64)> {
+        OTHER_UNIT.into_iter().filter_map(|times| {
+            let (rewired, channels) = Self::scaled(observations, readings, times)?;
+            Some((rewired, channels, times))
+        })
+    }
+
     /// Two columns exchanged; none where a reading is beyond the range of the other channel.
     pub(crate) fn exchanged(
         observations: &Observations,
@@ -190,26 +211,24 @@ impl<'a> Poses<'a> {
     /// first.
     fn mistakes(&self, declared: f64) -> Vec<(f64, Suspicion, Rewired)> {
         let (observations, readings) = (self.search.observations, &self.readings);
-        let channels = readings.channels;
-        let pairs = (0..channels).flat_map(|a| (a + 1..channels).map(move |b| [a, b]));
-        let exchanged = pairs.filter_map(|channels| {
-            let rewired = Rewired::exchanged(observations, readings, channels)?;
-            let with = self.without(&rewired);
-            let closes = Closes { with, declared };
-            Some((with, Suspicion::Exchanged { channels, closes }, rewired))
-        });
-        let reversed = (0..channels).filter_map(|c| {
+        let exchanged =
+            Rewired::every_exchange(observations, readings).map(|(rewired, channels)| {
+                let with = self.without(&rewired);
+                let closes = Closes { with, declared };
+                (with, Suspicion::Exchanged { channels, closes }, rewired)
+            });
+        let reversed = (0..readings.channels).filter_map(|c| {
             let rewired = Rewired::mirrored(observations, readings, c)?;
             let with = self.without(&rewired);
             let closes = Closes { with, declared };
             Some((with, Suspicion::Reversed { channels: vec![c], closes }, rewired))
         });
-        let scaled = OTHER_UNIT.into_iter().filter_map(|times| {
-            let (rewired, channels) = Rewired::scaled(observations, readings, times)?;
+        let units = Rewired::every_unit(observations, readings);
+        let scaled = units.map(|(rewired, channels, times)| {
             let with = self.without(&rewired);
             let closes = Closes { with, declared };
             let of = InDegrees::Loop { what: Scaled::Readings, times, closes };
-            Some((with, Suspicion::Degrees { channels, of }, rewired))
+            (with, Suspicion::Degrees { channels, of }, rewired)
         });
         let mut found: Vec<_> = exchanged.chain(reversed).chain(scaled).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -48,16 +48,12 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
         let wrong: Vec<usize> = ratios.filter(|(_, ratio)| *ratio < 0.0).map(|(c, _)| c).collect();
         consider(end, true, &|closes| Suspicion::Reversed { channels: wrong.clone(), closes });
     }
-    for (a, b) in (0..channels).flat_map(|a| (a + 1..channels).map(move |b| (a, b))) {
-        if let Some(end) = exchanged(search, a, b) {
-            consider(end, false, &|closes| Suspicion::Exchanged { channels: [a, b], closes });
+    for (other, channels) in Rewired::every_exchange(search.observations, &search.readings) {
+        if let Some(end) = rewired(search, &other) {
+            consider(end, false, &|closes| Suspicion::Exchanged { channels, closes });
         }
     }
-    for times in OTHER_UNIT {
-        let Some((other, channels)) = Rewired::scaled(search.observations, &search.readings, times)
-        else {
-            continue;
-        };
+    for (other, channels, times) in Rewired::every_unit(search.observations, &search.readings) {
         let by_chance = other.of_other_poses().ok().and_then(|other| rewired(search, &other));
         let by_chance = by_chance.map_or(f64::INFINITY, |end| end.score);
         if let Some(end) = rewired(search, &other).filter(|e| e.score * DECISIVE < by_chance) {
@@ -114,10 +110,6 @@ fn reversed(search: &StartSearch<'_>, at: impl Fn(usize) -> bool) -> End {
 
 /// The fit with two columns of the readings exchanged; none where a reading is beyond the range of
 /// the other channel.
-fn exchanged(search: &StartSearch<'_>, a: usize, b: usize) -> Option<End> {
-    rewired(search, &Rewired::exchanged(search.observations, &search.readings, [a, b])?)
-}
-
 /// The fit with the readings as they would be without a mistake.
 fn rewired(search: &StartSearch<'_>, without: &Rewired) -> Option<End> {
     let Rewired { readings, observations } = without;

@@ -4,10 +4,7 @@ use crate::mechanism::drawing::{Chain, Mechanism, Row};
 use crate::mechanism::target::{Target, bits};
 
 /// Numbers of drawings that differ by less than this, in parts of the larger, are the same.
-const SAME: f64 = 1e-6;
-
-/// Sensors whose nominal gains differ by less than this, in parts, may be of one make.
-const MAKE: f64 = 0.1;
+pub(super) const SAME: f64 = 1e-6;
 
 impl Mechanism {
     /// Chains that are drawn alike, but for where they stand: groups of two or more.
@@ -35,6 +32,7 @@ impl Mechanism {
     }
 
     /// The targets that a target stands for: one of each chain for a shared one, else itself.
+    #[doc(hidden)]
     #[must_use]
     pub fn parts(&self, target: Target) -> Vec<Target> {
         match target {
@@ -72,6 +70,7 @@ impl Mechanism {
     ///
     /// A row before the first joint is one where it differs in nothing but the angle at which
     /// its chain stands.
+    #[doc(hidden)]
     #[must_use]
     pub fn shared_targets(&self) -> Vec<Target> {
         let mut targets = Vec::new();
@@ -110,23 +109,6 @@ impl Mechanism {
         sets.dedup();
         sets
     }
-
-    /// True where the sensors of all parts of a target may be of one make: the same unit and
-    /// range, and nearly the same nominal gain.
-    #[must_use]
-    pub fn one_make(&self, target: Target) -> bool {
-        let channels = self.channels_at(target);
-        let Some((first, others)) = channels.split_first() else { return false };
-        let first = &self.channels[*first];
-        others.iter().map(|&c| &self.channels[c]).all(|other| {
-            let width = [first.half_range(), other.half_range()];
-            let gains = (first.gain, other.gain);
-            first.unit == other.unit
-                && first.range.is_some() == other.range.is_some()
-                && close(width[0], width[1], SAME)
-                && close(gains.0, gains.1, MAKE)
-        })
-    }
 }
 
 /// True for chains with the same rows from the first sensed joint on.
@@ -150,7 +132,7 @@ fn same_row(a: &Row, b: &Row, turned: bool) -> bool {
         && numbers(a).zip(numbers(b)).all(|(a, b)| close(a, b, SAME))
 }
 
-fn close(a: f64, b: f64, share: f64) -> bool {
+pub(super) fn close(a: f64, b: f64, share: f64) -> bool {
     (a - b).abs() <= share * a.abs().max(b.abs()).max(SAME * share)
 }
 

@@ -1,8 +1,8 @@
 //! Checks of where points, planes, lines and frames are.
 
 use crate::Error;
+use crate::mechanism::checks::{angles, finite, known, refuse};
 use crate::mechanism::drawing::{Mechanism, Point};
-use crate::mechanism::validation::{angles, finite, known, refuse};
 use crate::text::{listed, quoted};
 
 impl Mechanism {

@@ -1,7 +1,9 @@
 //! Mechanisms as data: channels, chains, points, planes, closures, platform, rest.
 
 mod alike;
+mod at_target;
 mod checked_places;
+mod checks;
 mod degrees;
 mod drawing;
 pub mod hand_controller;
@@ -10,6 +12,7 @@ mod place_name;
 mod places;
 mod queries;
 mod target;
+mod target_names;
 #[cfg(feature = "toml")]
 mod toml;
 mod touched;
@@ -36,4 +39,5 @@ pub(crate) use place_name::place_name;
 pub(crate) use places::around;
 pub use places::{Column, Frame, Line, Plane};
 pub(crate) use queries::list;
+#[doc(hidden)]
 pub use target::Target;

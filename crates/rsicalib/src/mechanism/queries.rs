@@ -4,7 +4,6 @@ use crate::Error;
 use crate::closures::kind::{Given, Part};
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
 use crate::mechanism::places::{Frame, Plane};
-use crate::mechanism::target::Target;
 
 impl Mechanism {
     /// Index of a channel.
@@ -59,6 +58,20 @@ impl Mechanism {
     /// As [`Mechanism::channel_index`].
     pub fn line_index(&self, name: &str) -> Result<usize, Error> {
         index(&self.lines, |l| &l.name, "line", name)
+    }
+
+    /// Index of what an end of a closure names.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unknown`] where there is nothing of that name.
+    pub(crate) fn index_of(&self, part: Part, name: &str) -> Result<usize, Error> {
+        match part {
+            Part::Point => self.point_index(name),
+            Part::Plane => self.plane_index(name),
+            Part::Line => self.line_index(name),
+            Part::Channel => self.channel_index(name),
+        }
     }
 
     /// Index of a frame.
@@ -243,21 +256,6 @@ impl Mechanism {
         channels
     }
 
-    /// The channels that a target is of, or has: all of a chain; none of a row or a closure. Of a
-    /// target that chains share, those of all of them.
-    #[must_use]
-    pub fn channels_at(&self, target: Target) -> Vec<usize> {
-        match target {
-            Target::All => (0..self.channels.len()).collect(),
-            Target::Channel(c) => vec![c],
-            Target::Chain(chain) => self.channels_of(chain),
-            Target::Row(..) | Target::Closure(_) | Target::Place(_) | Target::EachRow(..) => {
-                Vec::new()
-            }
-            shared => self.parts(shared).into_iter().flat_map(|t| self.channels_at(t)).collect(),
-        }
-    }
-
     /// True for a single chain that touches unknown points alone. Nothing ties such a mechanism
     /// to its base: a rotation of chain and points together changes no reading.
     #[must_use]
@@ -279,37 +277,6 @@ impl Mechanism {
         let Some(Channel { name, .. }) = self.channels.get(channel) else { return false };
         let mut rows = self.chains.iter().flat_map(|c| &c.rows);
         rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
-    }
-
-    /// True for a target whose joint, or each of whose joints, slides.
-    #[must_use]
-    pub fn slides_at(&self, target: Target) -> bool {
-        matches!(target, Target::Channel(_) | Target::EachJoint(..) | Target::Together(_))
-            && self.channels_at(target).into_iter().all(|c| self.slides(c))
-    }
-
-    /// The unit of the coordinates of a target's joints: the unit of length where they slide.
-    #[must_use]
-    pub fn coordinate_unit(&self, target: Target) -> &str {
-        match target {
-            Target::Channel(c) if c < self.channels.len() && !self.moves_joint(c) => {
-                if self.measures(c) { &self.length_unit } else { &self.channels[c].unit }
-            }
-            _ if self.slides_at(target) => &self.length_unit,
-            _ => "rad",
-        }
-    }
-
-    /// The unit of a parameter at a target: `unit` with that of the coordinate in place of `rad`, of
-    /// the channel in place of `reading`, and of lengths in place of `length`.
-    #[must_use]
-    pub fn unit_at(&self, target: Target, unit: &str) -> String {
-        let reading = match target {
-            Target::Channel(c) => self.channels[c].unit.as_str(),
-            _ => "reading",
-        };
-        let unit = unit.replace("rad", self.coordinate_unit(target));
-        unit.replace("reading", reading).replace("length", &self.length_unit)
     }
 
     /// The chain that a channel belongs to; `None` for an index beyond the last channel.

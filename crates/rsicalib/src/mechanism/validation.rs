@@ -1,15 +1,14 @@
 //! Checks of a mechanism: names that are known and unique, numbers that can be used.
 
-use std::f64::consts::TAU;
-
 use crate::Error;
 use crate::closures::kind::{Given, Part};
+use crate::mechanism::checks::{angles, finite, known, refuse};
 use crate::mechanism::degrees::unit_meant;
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
-use crate::text::{number, quoted, significant};
+use crate::text::{number, quoted};
 
 impl Mechanism {
     /// Checks that every name is known and unique, and that every number can be used.
@@ -215,13 +214,7 @@ impl Mechanism {
             known(self.channel_index(channel), place)?;
         }
         for (part, name) in closure.kind.facts().between().into_iter().zip(&closure.between) {
-            let index = match part {
-                Part::Point => self.point_index(name),
-                Part::Plane => self.plane_index(name),
-                Part::Line => self.line_index(name),
-                Part::Channel => self.channel_index(name),
-            };
-            known(index, place)?;
+            known(self.index_of(part, name), place)?;
         }
         Ok(())
     }
@@ -265,20 +258,6 @@ impl Mechanism {
     }
 }
 
-pub(super) fn refuse(place: String, found: String, expected: String) -> Error {
-    Error::Mechanism { place, found, expected }
-}
-
-/// The error of an unknown name, with the entry in which the name stands.
-pub(crate) fn known(found: Result<usize, Error>, place: impl Fn() -> String) -> Result<(), Error> {
-    match found {
-        Err(Error::Unknown { kind, found, known }) => {
-            Err(refuse(place(), format!("{kind} {}", quoted(&found)), known))
-        }
-        other => other.map(|_| ()),
-    }
-}
-
 fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Result<(), Error> {
     let mut seen = Vec::new();
     for name in names {
@@ -306,35 +285,6 @@ fn on_one_line(text: &str, place: impl Fn() -> String) -> Result<(), Error> {
         () => return Ok(()),
     };
     Err(refuse(place(), found, format!("1 to {LINE} characters on one line")))
-}
-
-pub(super) fn finite<'a>(
-    mut numbers: impl Iterator<Item = &'a f64>,
-    place: impl Fn() -> String,
-) -> Result<(), Error> {
-    match numbers.find(|n| !bounds::usable(**n)) {
-        Some(n) => Err(refuse(place(), number(*n), bounds::expected(*n))),
-        None => Ok(()),
-    }
-}
-
-/// Beyond this an angle of a drawing is none in radians: programs that write drawings add angles of
-/// half a turn up, to more than one turn and to less than two.
-const TWO_TURNS: f64 = 2.0 * TAU;
-
-/// Refuses angles of more than two turns, which a drawing has none of: they are in degrees.
-pub(super) fn angles<'a>(
-    mut numbers: impl Iterator<Item = &'a f64>,
-    place: impl Fn() -> String,
-) -> Result<(), Error> {
-    match numbers.find(|n| n.abs() > TWO_TURNS) {
-        Some(n) => {
-            let [found, radians] = [*n, n.to_radians()].map(|angle| significant(angle, 6));
-            let expected = format!("radians within two turns: {found} degrees are {radians}");
-            Err(refuse(place(), format!("an angle of {found}"), expected))
-        }
-        None => Ok(()),
-    }
 }
 
 fn check_row(row: &Row, place: impl Fn() -> String) -> Result<(), Error> {

@@ -5,7 +5,7 @@ use nalgebra::{Rotation3, Vector3};
 use crate::Error;
 use crate::mechanism::{Closure, Mechanism, Point};
 use crate::model::compiled::Model;
-use crate::model::evaluation::{Want, Workspace};
+use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::{dense, lm};
 use crate::readings::{Readings, Table};

@@ -1,25 +1,19 @@
 //! A mechanism with terms, compiled for its readings.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-
 use std::ops::Range;
 
-use crate::Error;
-use crate::closures::kind::Part;
-use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
+use crate::kinematics::elements::{Element, Source, Way, Weight};
 use crate::kinematics::posture::Lever;
-use crate::mechanism::{Closure, ClosureKind, Mechanism, Target, Value, Variable, around};
+use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::drives::Drives;
-use crate::model::ends::{self, End, Measured, MovedEnd, Only, Posed};
-use crate::model::instance::{Instance, bound_to_session};
+use crate::model::ends::{End, Measured, MovedEnd, Only, Posed};
+use crate::model::instance::Instance;
 use crate::model::law_at::LawAt;
-use crate::model::numbering::{Owned, Thing, Unknown, number_unknowns};
+use crate::model::numbering::{Owned, Unknown};
 use crate::model::prior::Prior;
-use crate::model::specification::check_names;
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Block, Readings};
-use crate::terms::targets::provided;
-use crate::terms::term::{Acts, Electronics, Needs, Placed, Role, Scale, Sensor, Spot, Surface};
+use crate::terms::term::{Electronics, Role, Scale, Sensor, Surface};
 
 /// A parameter that is added to the value of a distance.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +49,7 @@ pub(crate) struct CompiledClosure {
     /// Its number among the closures of the mechanism.
     pub(crate) number: usize,
     /// Scalar equations where none is left out.
-    all: usize,
+    pub(super) all: usize,
     pub(crate) ends: [End; 2],
     /// Known value; for a measured distance the mean of its column.
     pub(crate) value: f64,
@@ -146,10 +140,10 @@ pub(crate) struct ElectronicsAt {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Gate {
     /// Number of the instance that moves.
-    instance: usize,
-    place: usize,
+    pub(super) instance: usize,
+    pub(super) place: usize,
     /// The session in which it acts, where there are several.
-    session: Option<usize>,
+    pub(super) session: Option<usize>,
 }
 
 impl Gate {
@@ -167,7 +161,7 @@ pub(crate) struct LoadAt {
     pub(crate) whose: Weight,
     pub(crate) chain: usize,
     /// The joint that gives; `None`: every joint of the chain.
-    channel: Option<usize>,
+    pub(super) channel: Option<usize>,
     pub(crate) parameter: usize,
 }
 
@@ -212,7 +206,7 @@ pub struct Model {
     /// Unknown points, planes and frames among the columns of `X`.
     pub(crate) owned: Vec<Owned>,
     /// For each combination of keys, the parameters of its samples.
-    columns: Vec<Vec<usize>>,
+    pub(super) columns: Vec<Vec<usize>>,
     /// What is unknown and no term, one per combination of keys.
     pub unknowns: Vec<Unknown>,
     /// For each of them, the axes from which the normal of a plane leans.
@@ -239,7 +233,7 @@ pub struct Model {
     pub(crate) torques: Vec<f64>,
     pub(crate) gravity: Vec3,
     /// True where a term asks for directions or velocities.
-    moving: bool,
+    pub(super) moving: bool,
 }
 
 impl std::fmt::Debug for Model {
@@ -249,194 +243,6 @@ impl std::fmt::Debug for Model {
 }
 
 impl Model {
-    /// Compiles a mechanism with terms for these readings.
-    ///
-    /// Offsets are defined at the mean reading of each channel, which reduces the condition number
-    /// of the hand controller from 126 to 27. [`Model::uncentred`] gives the paper's
-    /// parametrisation, with offsets at reading zero.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Context`] for a term that needs data which the readings do not have,
-    /// [`Error::Unknown`] for a target or a place that the mechanism does not have or that is not
-    /// of the term's kind, [`Error::Shape`] for readings of another mechanism, and the errors of
-    /// [`Mechanism::validate`].
-    pub fn new(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-    ) -> Result<Self, Error> {
-        let centre = readings.mean.clone();
-        Self::about(mechanism, readings, instances, &centre)
-    }
-
-    /// As [`Model::new`], with offsets at reading zero, as in the paper.
-    ///
-    /// # Errors
-    ///
-    /// As [`Model::new`].
-    pub fn uncentred(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-    ) -> Result<Self, Error> {
-        for instance in &instances {
-            provided(instance.term, mechanism, readings)?;
-        }
-        Self::compile(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
-    }
-
-    /// As [`Model::new`], with offsets at the readings `centre`, one per channel.
-    ///
-    /// # Errors
-    ///
-    /// As [`Model::new`], and [`Error::Shape`] unless `centre` has one reading per channel.
-    pub fn about(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        Self::about_as(None, mechanism, readings, instances, centre)
-    }
-
-    /// As [`Model::about`], with the redundant equations of an earlier model of the mechanism left
-    /// out: the same in all models of a search.
-    ///
-    /// # Errors
-    ///
-    /// As [`Model::about`].
-    pub(crate) fn about_as(
-        earlier: Option<&Self>,
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        for instance in &instances {
-            instance.check(mechanism)?;
-        }
-        for instance in instances.iter().filter(|i| !i.is_past()) {
-            provided(instance.term, mechanism, readings)?;
-        }
-        let mut model = Self::compile(mechanism, readings, instances, centre)?;
-        model.leave_out_equations(earlier, readings);
-        Ok(model)
-    }
-
-    /// As [`Model::about_as`], with instances that were made for the mechanism: they are not checked
-    /// again.
-    pub(crate) fn with_candidates(
-        earlier: &Self,
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        let mut model = Self::compile_checked(mechanism, readings, instances, centre)?;
-        model.leave_out_equations(Some(earlier), readings);
-        Ok(model)
-    }
-
-    /// As [`Model::new`], with the equations that nothing can violate.
-    ///
-    /// # Errors
-    ///
-    /// As [`Model::new`].
-    pub(crate) fn with_null_equations(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-    ) -> Result<Self, Error> {
-        Self::compile(mechanism, readings, instances, &readings.mean)
-    }
-
-    fn compile(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        mechanism.validate()?;
-        check_names(mechanism)?;
-        fits(mechanism, readings, centre)?;
-        Self::compile_checked(mechanism, readings, instances, centre)
-    }
-
-    fn compile_checked(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        let mut first = Vec::with_capacity(instances.len());
-        let mut term_parameters = 0;
-        for instance in &instances {
-            first.push(term_parameters);
-            term_parameters += instance.width();
-        }
-        let scales = (0..mechanism.channels.len())
-            .map(|c| {
-                let centre = mechanism.centre(c, centre[c]);
-                Scale::of(mechanism, c, centre, readings.span[c])
-            })
-            .collect();
-        let (owned, unknowns) = number_unknowns(mechanism, readings);
-        let columns = (0..readings.groups.len())
-            .map(|group| {
-                let things = owned.iter().map(|thing: &Owned| &unknowns[thing.numbers[group]]);
-                let own = things.flat_map(|u| u.first..u.first + u.width);
-                (0..term_parameters).chain(own.map(|k| term_parameters + k)).collect()
-            })
-            .collect();
-        let (posed, pose_unknowns) = ends::posed_points(mechanism);
-        let gravity = mechanism
-            .gravity
-            .map_or(Vector3::zeros(), |g| Vector3::from(g).try_normalize(0.0).unwrap_or_default());
-        let mut needs = instances.iter().flat_map(|i| i.term.needs());
-        let moving = needs.any(|n| matches!(n, Needs::Approach | Needs::Motion));
-        let mut model = Self {
-            steps: Vec::new(),
-            closures: Vec::new(),
-            held: Vec::new(),
-            sensors: Vec::new(),
-            electronics: Vec::new(),
-            gates: Vec::new(),
-            loads: Vec::new(),
-            drives: None,
-            laws: Vec::new(),
-            amounts: 0,
-            torques: Vec::new(),
-            moving,
-            parameters: term_parameters + unknowns.iter().map(|u| u.width).sum::<usize>(),
-            mechanism: mechanism.clone(),
-            equations: mechanism.equations(),
-            gravity: std::array::from_fn(|i| Lanes::splat(gravity[i])),
-            instances,
-            first,
-            term_parameters,
-            scales,
-            axes: unknowns.iter().map(|u| leaning_from(mechanism, u.thing)).collect(),
-            owned,
-            columns,
-            unknowns,
-            posed,
-            pose_unknowns,
-        };
-        model.compile_terms(readings);
-        model.compile_chains()?;
-        model.compile_closures(readings)?;
-        model.face_planes(readings);
-        model.leave_out_loose_coordinates(readings);
-        model.find_patches(readings);
-        let hangs = |law: &LawAt| law.term.has(Variable::Torque);
-        if !model.loads.is_empty() || model.laws.iter().any(hangs) {
-            model.drives = Self::drives(mechanism, readings)?;
-        }
-        model.torques = model.largest_torques(readings);
-        Ok(model)
-    }
-
     /// Directions of approach and velocities in a block; empty where no term asks for them.
     #[inline(always)]
     pub(crate) fn motion<'a>(&self, readings: &'a Readings, block: usize) -> [&'a [Lanes]; 2] {
@@ -446,291 +252,10 @@ impl Model {
         }
     }
 
-    fn compile_terms(&mut self, readings: &Readings) {
-        for (number, (instance, &first)) in self.instances.iter().zip(&self.first).enumerate() {
-            let (place, width) = (instance.place, instance.width());
-            let session = match instance.term.placed() {
-                _ if readings.sessions < 2 => None,
-                _ if bound_to_session(instance.term) => Some(place),
-                _ if instance.is_past() => None,
-                Placed::AtPose => readings.session_of_pose.get(place).copied(),
-                _ => None,
-            };
-            match instance.term.acts() {
-                Acts::Sensor(term) => {
-                    let affected = self.mechanism.channels_at(instance.target).into_iter();
-                    let suited = affected.filter(|&c| instance.term.suits(&self.mechanism, c));
-                    self.sensors.extend(suited.map(|channel| SensorAt {
-                        term,
-                        channel,
-                        place,
-                        session,
-                        first,
-                        width,
-                    }));
-                }
-                Acts::Coupled(term) => {
-                    let at = LawAt::each(&self.mechanism, instance, term, first, session);
-                    self.laws.extend(at);
-                }
-                Acts::Electronics(term) => {
-                    let affected = self.mechanism.channels_at(instance.target).into_iter();
-                    let suited = affected.filter(|&c| instance.term.suits(&self.mechanism, c));
-                    self.electronics.extend(suited.map(|channel| ElectronicsAt {
-                        term,
-                        channel,
-                        place,
-                        session,
-                        first,
-                        width,
-                    }));
-                }
-                Acts::Load(whose) => {
-                    let chains = |c: &usize| self.mechanism.chain_of(*c);
-                    let places: Vec<(usize, Option<usize>)> = match instance.target {
-                        Target::All => {
-                            (0..self.mechanism.chains.len()).map(|chain| (chain, None)).collect()
-                        }
-                        Target::Chain(chain) => vec![(chain, None)],
-                        joints => {
-                            let joints = self.mechanism.channels_at(joints);
-                            joints.iter().filter_map(|c| Some((chains(c)?, Some(*c)))).collect()
-                        }
-                    };
-                    for (chain, channel) in places {
-                        self.loads.push(LoadAt { whose, chain, channel, parameter: first });
-                    }
-                }
-                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End
-                    if instance.term.placed() == Placed::AtPose =>
-                {
-                    self.gates.push(Gate { instance: number, place, session });
-                }
-                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End => {}
-            }
-        }
-        let channels = self.mechanism.channels.len();
-        for law in &mut self.laws {
-            self.amounts += law.number(channels + self.amounts);
-        }
-    }
-
-    fn compile_chains(&mut self) -> Result<(), Error> {
-        for (c, chain) in self.mechanism.chains.iter().enumerate() {
-            let mut steps = Vec::new();
-            self.free(&mut steps, Spot::Base, c, None);
-            let root = chain.rows.iter().position(|r| r.channel.is_some());
-            for (r, row) in chain.rows.iter().enumerate() {
-                if Some(r) == root {
-                    self.free(&mut steps, Spot::Root, c, None);
-                }
-                push_rigid(&mut steps, &Isometry3::rotation(Vector3::z() * row.theta));
-                if let Some(name) = &row.channel {
-                    let way = match row.joint {
-                        crate::mechanism::Motion::Revolute => Way::Turn,
-                        crate::mechanism::Motion::Prismatic => Way::Slide,
-                    };
-                    let channel = self.mechanism.channel_index(name)?;
-                    steps.push(Element::joint(way, channel, row.ratio));
-                }
-                if let Some(mass) = row.mass {
-                    steps.push(Element::Mass(Weight::Links, row.com, mass));
-                }
-                self.free(&mut steps, Spot::Joint, c, Some(r));
-                let mut of_link = Vec::new();
-                self.free(&mut of_link, Spot::Link, c, Some(r));
-                if !of_link.is_empty() {
-                    let axes = Isometry3::from_parts(Vector3::zeros().into(), row.link());
-                    push_rigid(&mut steps, &axes);
-                    steps.append(&mut of_link);
-                    push_rigid(&mut steps, &axes.inverse());
-                }
-                let body = row.body();
-                push_rigid(
-                    &mut steps,
-                    &Isometry3::from_parts(body.translation, UnitQuaternion::identity()),
-                );
-                self.free(&mut steps, Spot::End, c, Some(r));
-                push_rigid(
-                    &mut steps,
-                    &Isometry3::from_parts(Vector3::zeros().into(), body.rotation),
-                );
-            }
-            self.free(&mut steps, Spot::Tip, c, None);
-            let carried: Vec<[f64; 3]> = self
-                .mechanism
-                .points
-                .iter()
-                .filter(|p| p.chain.as_ref() == Some(&chain.name))
-                .filter_map(|p| p.at)
-                .collect();
-            for at in &carried {
-                steps.push(Element::Mass(Weight::Tip, *at, 1.0 / carried.len() as f64));
-            }
-            self.steps.push(steps);
-        }
-        Ok(())
-    }
-
-    /// Appends the motions that geometry terms add at one spot of a chain.
-    fn free(&self, steps: &mut Vec<Element>, spot: Spot, chain: usize, row: Option<usize>) {
-        let here = row.map_or(Target::Chain(chain), |row| Target::Row(chain, row));
-        let is_here = |target: Target| self.mechanism.has_part(target, here);
-        for law in &self.laws {
-            if let Some((axis, way)) = law.moves(spot, here) {
-                steps.push(Element::Move(axis, way, Source::Law(law.to)));
-            }
-        }
-        for (number, (instance, first)) in self.instances.iter().zip(&self.first).enumerate() {
-            let Acts::Geometry(freedoms) = instance.term.acts() else { continue };
-            if !is_here(instance.target) {
-                continue;
-            }
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
-            for (k, (at, axis, way)) in freedoms.iter().enumerate() {
-                if *at == spot {
-                    let source = match gate {
-                        Some(gate) => Source::Gated(first + k, gate),
-                        None => Source::Parameter(first + k),
-                    };
-                    steps.push(Element::Move(*axis, *way, source));
-                }
-            }
-        }
-    }
-
-    fn compile_closures(&mut self, readings: &Readings) -> Result<(), Error> {
-        let value_columns = self.mechanism.value_columns();
-        // Of the rows in which it was measured.
-        let mean = |column: usize| {
-            let column = &readings.table.columns[column];
-            let known = || column.iter().filter(|v| !v.is_nan());
-            known().sum::<f64>() / known().count().max(1) as f64
-        };
-        let mut equation = 0;
-        for (k, closure) in self.mechanism.closures.iter().enumerate() {
-            if self.mechanism.is_link(closure) {
-                continue; // no sample takes part: see `links`
-            }
-            let ends = ends::ends(&self.mechanism, closure, &self.owned)?;
-            let (plane, along, offset) = self.surface(closure);
-            let (value, column) = match &closure.value {
-                Some(Value::Known(value)) => (*value, None),
-                Some(Value::Column(name)) => {
-                    let column = value_columns.iter().position(|column| column == name);
-                    (column.map_or(0.0, mean), column)
-                }
-                None => (offset, None),
-            };
-            let channel = match &closure.channel {
-                Some(name) => Some(self.mechanism.channel_index(name)?),
-                None => None,
-            };
-            let added = self.added_to(k);
-            let noise = closure.noise.unwrap_or(0.0);
-            let kind = closure.kind;
-            self.closures.push(CompiledClosure {
-                kind,
-                number: k,
-                all: kind.equations(),
-                ends,
-                value,
-                column,
-                from: offset,
-                added,
-                moved: self.moved_ends(k),
-                shapes: self.shapes_of(k),
-                laws: self.laws.iter().filter(|law| law.of_closure(k)).map(|l| l.to).collect(),
-                equation,
-                along,
-                channel,
-                plane,
-                noise,
-                patches: Vec::new(),
-            });
-            equation += kind.equations();
-        }
-        Ok(())
-    }
-
-    /// What terms move the standing end of a closure of the mechanism by.
-    fn moved_ends(&self, closure: usize) -> Vec<MovedEnd> {
-        let Some(end) = self.mechanism.standing_end(closure) else { return Vec::new() };
-        let instances = self.instances.iter().zip(&self.first).enumerate();
-        let moved = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
-            let only = self.at_closure(instance.target, closure)?;
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
-            let acts = matches!(instance.term.acts(), Acts::End);
-            acts.then_some(MovedEnd { end, first, gate, only })
-        };
-        instances.filter_map(moved).collect()
-    }
-
-    /// Whether a target is of a closure, and of which of its places.
-    fn at_closure(&self, target: Target, closure: usize) -> Option<Option<Only>> {
-        match target {
-            Target::Closure(own) => (own == closure).then_some(None),
-            Target::Place(name) => {
-                if !self.mechanism.closures_at(name).any(|touching| touching == closure) {
-                    return None;
-                }
-                let called = |u: &Unknown| u.name == name.text();
-                let place = self.unknowns.iter().position(called);
-                let place = place.unwrap_or(self.unknowns.len());
-                let own = |o: &Owned| o.numbers.contains(&place);
-                let thing = self.owned.iter().position(own).unwrap_or_default();
-                Some(Some(Only { thing, place }))
-            }
-            _ => None,
-        }
-    }
-
     /// True where the samples of a group touch a place.
     #[inline(always)]
     pub(crate) fn touches(&self, only: Option<Only>, group: usize) -> bool {
         only.is_none_or(|only| self.owned[only.thing].numbers[group] == only.place)
-    }
-
-    /// Shapes that terms give the plane of a closure of the mechanism.
-    fn shapes_of(&self, closure: usize) -> Vec<ShapeAt> {
-        let instances = self.instances.iter().zip(&self.first).enumerate();
-        let shape = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
-            let Acts::Surface(term) = instance.term.acts() else { return None };
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
-            let width = instance.width();
-            let only = self.at_closure(instance.target, closure)?;
-            Some(ShapeAt { term, first, width, gate, only })
-        };
-        instances.filter_map(shape).collect()
-    }
-
-    /// What terms add to the distance of a closure of the mechanism.
-    fn added_to(&self, closure: usize) -> Vec<Added> {
-        let own = |i: &Instance| {
-            matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(closure)
-        };
-        let instances = self.instances.iter().zip(&self.first).enumerate();
-        let added = instances.filter(|(_, (i, _))| own(i)).map(|(number, (_, &parameter))| Added {
-            parameter,
-            gate: self.gates.iter().position(|g| g.instance == number),
-        });
-        added.collect()
-    }
-
-    /// Leaves out the equations that say nothing. What follows from what, (56), is of the mechanism:
-    /// it is taken from an earlier model where there is one.
-    fn leave_out_equations(&mut self, earlier: Option<&Self>, readings: &Readings) {
-        self.leave_out_null_equations(readings);
-        let Some(earlier) = earlier.filter(|earlier| earlier.mechanism == self.mechanism) else {
-            self.leave_out_equations_that_follow(readings);
-            return;
-        };
-        for (own, earlier) in self.closures.iter_mut().zip(&earlier.closures) {
-            if earlier.equations() < own.equations() {
-                own.along.clone_from(&earlier.along);
-            }
-        }
-        self.number_equations();
     }
 
     /// Numbers the equations, of which each closure has as many as it has directions.
@@ -752,29 +277,6 @@ impl Model {
         compiled
             .filter(|_| !mechanism.is_link(&mechanism.closures[closure]))
             .map_or(0, |c| c.equations())
-    }
-
-    /// The unknown plane of a closure, or the directions across what its point is on, and the offset
-    /// of a known plane.
-    fn surface(&self, closure: &Closure) -> (Option<usize>, Option<Vec<[f64; 3]>>, f64) {
-        let mechanism = &self.mechanism;
-        let name = &closure.between[1];
-        match closure.kind.facts().between()[1] {
-            Part::Plane => {
-                let index = mechanism.planes.iter().position(|p| p.name == *name);
-                let unknown = |o: &Owned| index.is_some_and(|i| o.thing == Thing::Plane(i));
-                if let Some(number) = self.owned.iter().position(unknown) {
-                    return (Some(number), None, 0.0);
-                }
-                let known = index.and_then(|i| mechanism.planes[i].known());
-                known.map_or((None, None, 0.0), |(n, offset)| (None, Some(vec![n]), offset))
-            }
-            Part::Line => {
-                let line = mechanism.lines.iter().find(|l| l.name == *name);
-                (None, line.map(|line| line.across().to_vec()), 0.0)
-            }
-            Part::Point | Part::Channel => (None, None, 0.0),
-        }
     }
 
     /// Number of scalar equations of one sample that say something of the parameters: what is unknown
@@ -878,39 +380,6 @@ impl Model {
         self.term_parameters + self.owned.iter().map(|o| o.width).sum::<usize>()
     }
 
-    /// The same terms and parameters with other closures and readings.
-    ///
-    /// The readings may lack data that a term needs: a rest pose has no velocity, so a term that
-    /// acts in motion changes nothing there.
-    ///
-    /// # Errors
-    ///
-    /// As [`Model::new`].
-    pub fn like(other: &Self, mechanism: &Mechanism, readings: &Readings) -> Result<Self, Error> {
-        let mut model = other.with_closures_of(mechanism, readings)?;
-        model.leave_out_equations(Some(other), readings);
-        Ok(model)
-    }
-
-    /// As [`Model::like`], with the equations that nothing can violate.
-    pub(crate) fn with_closures_of(
-        &self,
-        mechanism: &Mechanism,
-        readings: &Readings,
-    ) -> Result<Self, Error> {
-        let centre: Vec<f64> = self.scales.iter().map(|s| s.centre).collect();
-        let mut model = Self::compile(mechanism, readings, self.instances.clone(), &centre)?;
-        model.scales.clone_from(&self.scales);
-        // Tilts count from the same axes.
-        for (number, unknown) in model.unknowns.iter().enumerate() {
-            let same = |u: &Unknown| u.thing == unknown.thing && u.keys == unknown.keys;
-            if let Some(there) = self.unknowns.iter().position(same) {
-                model.axes[number] = self.axes[there];
-            }
-        }
-        Ok(model)
-    }
-
     /// The first parameter of the term `id` at a channel; `None` without such an instance.
     #[must_use]
     pub fn column(&self, role: Role, channel: usize) -> Option<usize> {
@@ -999,23 +468,8 @@ impl Model {
     pub fn nominal(&self) -> Vec<f64> {
         let mut beta = vec![0.0; self.parameters];
         for unknown in &self.unknowns {
-            let own = &mut beta[self.term_parameters + unknown.first..];
-            match unknown.thing {
-                Thing::Point(p) => {
-                    let point = &self.mechanism.points[p];
-                    let at = point.at.unwrap_or_default().into_iter().zip(point.frees());
-                    let free = at.filter(|(_, free)| *free).map(|(at, _)| at);
-                    own.iter_mut().zip(free).for_each(|(own, at)| *own = at);
-                }
-                Thing::Plane(p) => {
-                    let known = self.mechanism.planes[p].known();
-                    own[2] = known.map_or(0.0, |(_, offset)| offset);
-                }
-                Thing::Frame(f) => {
-                    let pose = self.mechanism.frames[f].pose.unwrap_or_default();
-                    own[..6].copy_from_slice(&pose);
-                }
-            }
+            let own = &mut beta[self.term_parameters + unknown.first..][..unknown.width];
+            own.copy_from_slice(&unknown.thing.drawn(&self.mechanism));
         }
         beta
     }
@@ -1118,26 +572,4 @@ impl Model {
         }
         play
     }
-}
-
-/// The axes from which the normal of an unknown plane leans, as drawn.
-fn leaning_from(mechanism: &Mechanism, thing: Thing) -> [[f64; 3]; 3] {
-    let drawn = match thing {
-        Thing::Plane(p) => mechanism.planes[p].normal,
-        _ => None,
-    };
-    around(drawn.unwrap_or([0.0, 0.0, 1.0]))
-}
-
-/// Refuses readings of another mechanism, and a `centre` without one reading per channel.
-fn fits(mechanism: &Mechanism, readings: &Readings, centre: &[f64]) -> Result<(), Error> {
-    let same = |what: &str, found: usize, expected: usize| {
-        let what = what.into();
-        if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
-    };
-    let channels = mechanism.channels.len();
-    same("a row", readings.channels, channels)?;
-    same("centre", centre.len(), channels)?;
-    same("keys", readings.table.keys.len(), mechanism.key_columns().len())?;
-    same("columns", readings.table.columns.len(), mechanism.value_columns().len())
 }

@@ -20,60 +20,22 @@
 //! their order does not matter. Eight samples are computed at a time.
 
 use crate::closures::kind::At;
-use crate::kinematics::elements::{Element, Source, Way};
-use crate::kinematics::posture::{Carried, Lever, Posture};
+use crate::kinematics::elements::{Element, Source};
+use crate::kinematics::posture::Posture;
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
 use crate::model::ends::{End, Measured, leaning, rotate, seen_from, turn_axes, turned};
-use crate::model::law_at::LawRoom;
+use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
 use crate::terms::term::Site;
-
-/// Room for one block of samples.
-#[derive(Debug, Clone, Default)]
-pub struct Workspace {
-    /// Misclosure, one per equation.
-    pub f: Vec<Lanes>,
-    /// `A`: equation by equation, one entry per channel.
-    pub a: Vec<Lanes>,
-    /// `X`: equation by equation, one entry per column of [`Model::columns`].
-    pub x: Vec<Lanes>,
-    /// `B = ∂f/∂ξ` by what is unknown in one pose alone: equation by equation.
-    pub b: Vec<Lanes>,
-    /// `ξ`, where the misclosure is of.
-    pub xi: Vec<Lanes>,
-    /// Joint coordinates after all corrections, one per channel.
-    pub angles: Vec<Lanes>,
-    pub(crate) corrected: Vec<Lanes>,
-    slopes: Vec<Lanes>,
-    mix: Vec<Lanes>,
-    partials: Vec<(usize, usize, Lanes)>,
-    electric: Vec<(usize, usize, Lanes)>,
-    pub(crate) g: Vec<Lanes>,
-    turned: Vec<Lanes>,
-    pub(crate) gates: Vec<Lanes>,
-    pub(crate) postures: Vec<Posture>,
-    pub(crate) unloaded: Vec<Posture>,
-    pub(crate) carried: Vec<Vec<Carried>>,
-    pub(crate) laws: LawRoom,
-}
 
 /// True for the parameters of a term that changes nothing: a law that every term keeps. Most terms
 /// of a model that looks for what is missing are so, and cost their derivatives only.
 #[inline(always)]
 fn absent(parameters: &[f64]) -> bool {
     parameters.iter().all(|p| *p == 0.0)
-}
-
-/// The derivatives to compute.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Want {
-    /// `X = ∂f/∂β`.
-    pub x: bool,
-    /// `A = ∂f/∂a`.
-    pub a: bool,
 }
 
 /// The unit vector of an axis of the base.
@@ -121,18 +83,12 @@ impl Patch {
 }
 
 impl Model {
-    /// Misclosure and derivatives of one block at readings `a` and parameters `beta`, written to
-    /// `ws`. `a` holds one [`Lanes`] per channel, and after them what is unknown in one pose alone;
-    /// without it, that is where the closures are nearest to closed. `beta` holds one number per
-    /// parameter.
+    /// Misclosure and derivatives of one block at readings `a`, what is unknown in one pose alone
+    /// included: see [`Model::evaluate`].
     ///
     /// This is the only place where the kernel is dispatched, so that there is one copy of the
     /// kernel for each vector width.
-    ///
-    /// # Panics
-    ///
-    /// Where `block` is beyond the last block, or `a` or `beta` is too short.
-    pub fn evaluate(
+    pub(super) fn evaluate_at(
         &self,
         readings: &Readings,
         block: usize,
@@ -141,10 +97,6 @@ impl Model {
         want: Want,
         ws: &mut Workspace,
     ) {
-        if a.len() < self.stride() {
-            let a = self.placed(readings, block, a, beta, ws);
-            return self.evaluate(readings, block, &a, beta, want, ws);
-        }
         dispatch(
             #[inline(always)]
             || self.evaluate_as_compiled(readings, block, a, beta, want, ws),
@@ -374,26 +326,6 @@ impl Model {
             }
         }
         largest
-    }
-
-    /// Derivative of the torque of gravity about lever `j` by lever `s`.
-    #[inline(always)]
-    pub(crate) fn torque_slope(
-        &self,
-        levers: &[Lever],
-        carried: &[Carried],
-        j: usize,
-        s: usize,
-    ) -> Lanes {
-        // All bodies after the later lever move rigidly with the earlier lever.
-        let (turning, moved) = match s <= j {
-            true => (&levers[s], carried[j].moved_by(&levers[j])),
-            false => (&levers[j], carried[s].moved_by(&levers[s])),
-        };
-        match turning.way {
-            Way::Turn => dot(&cross(&turning.axis, &moved), &self.gravity),
-            Way::Slide => Lanes::ZERO,
-        }
     }
 
     /// Eq. (10), `G` and the columns of geometry, closures and unknown points.

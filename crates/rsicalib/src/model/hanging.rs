@@ -13,14 +13,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::Error;
 use crate::kinematics::elements::{Source, Weight};
 use crate::kinematics::posture::Posture;
-use crate::mechanism::Mechanism;
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::drives::Drives;
 use crate::model::ends::End;
-use crate::model::evaluation::{Want, Workspace};
+use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, dot};
 use crate::readings::Readings;
 
@@ -28,54 +26,37 @@ use crate::readings::Readings;
 const SINGULAR: f64 = 1e-9;
 
 impl Model {
-    /// The torques, where the mechanism has joints without a drive.
-    ///
-    /// # Errors
-    ///
-    /// Those of compiling the mechanism without any term.
-    pub(crate) fn drives(
-        mechanism: &Mechanism,
-        readings: &Readings,
-    ) -> Result<Option<Drives>, Error> {
-        if !mechanism.channels.iter().any(|channel| channel.passive) {
-            return Ok(None);
-        }
-        let drawn = Self::with_null_equations(mechanism, readings, Vec::new())?;
-        let (beta, mut ws) = (drawn.nominal(), Workspace::default());
+    /// The torques of a model as it is drawn, where the mechanism has joints without a drive.
+    pub(super) fn drives_of_drawn(&self, readings: &Readings) -> Drives {
+        let (beta, mut ws) = (self.nominal(), Workspace::default());
         let want = Want { x: false, a: true };
         let blocks = readings.blocks().iter().enumerate().map(|(block, meta)| {
-            drawn.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
-            [Weight::Tip, Weight::Links].map(|whose| drawn.felt(&ws, whose, meta.live))
+            self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
+            [Weight::Tip, Weight::Links].map(|whose| self.felt(&ws, whose, meta.live))
         });
         let torques = blocks.collect();
-        let chains = (0..mechanism.channels.len()).map(|c| mechanism.chain_of(c)).collect();
-        Ok(Some(Drives::new(torques, chains)))
+        let chains = (0..self.scales.len()).map(|c| self.mechanism.chain_of(c)).collect();
+        Drives::new(torques, chains)
     }
 
-    /// The torque of the weights about every joint, block by block, at some `settled` readings of each:
-    /// of the masses, or of the tips where there are none; zero without gravity. Joints without a drive
-    /// are taken as if they had one.
-    ///
-    /// # Errors
-    ///
-    /// Those of compiling the mechanism without any term.
-    pub(crate) fn torques<'a>(
-        mechanism: &Mechanism,
+    /// The torque of the weights about every joint of a model as it is drawn, block by block, at some
+    /// `settled` readings of each: see [`Model::torques`].
+    pub(super) fn torques_at<'a>(
+        &self,
         readings: &Readings,
         settled: impl Fn(usize) -> &'a [Lanes],
-    ) -> Result<Vec<Vec<Lanes>>, Error> {
-        let drawn = Self::with_null_equations(mechanism, readings, Vec::new())?;
-        let (beta, mut ws) = (drawn.nominal(), Workspace::default());
+    ) -> Vec<Vec<Lanes>> {
+        let (beta, mut ws) = (self.nominal(), Workspace::default());
         let want = Want { x: false, a: true };
         let blocks = readings.blocks().iter().enumerate().map(|(block, _)| {
-            drawn.evaluate(readings, block, settled(block), &beta, want, &mut ws);
-            let links = drawn.pulls(&ws.postures, Weight::Links);
+            self.evaluate(readings, block, settled(block), &beta, want, &mut ws);
+            let links = self.pulls(&ws.postures, Weight::Links);
             match links.iter().any(|pull| pull.0.iter().any(|v| *v != 0.0)) {
                 true => links,
-                false => drawn.pulls(&ws.postures, Weight::Tip),
+                false => self.pulls(&ws.postures, Weight::Tip),
             }
         });
-        Ok(blocks.collect())
+        blocks.collect()
     }
 
     /// Eq. (46) in the samples that were evaluated.

@@ -2,6 +2,7 @@
 
 pub mod assembly;
 mod between;
+mod compile;
 mod compiled;
 pub(crate) mod configurations;
 mod drives;
@@ -14,20 +15,22 @@ mod law_at;
 mod laws;
 mod null;
 mod numbering;
-mod places;
+mod placed;
 mod prior;
 mod redundant;
 mod scattered;
 mod specification;
 mod spheres;
+mod surfaces;
 mod unknown_points;
+mod workspace;
 
 pub use crate::mechanism::MOST_PARAMETERS;
 pub use compiled::Model;
-pub use evaluation::{Want, Workspace};
 pub use instance::Instance;
 pub(crate) use instance::{bound_to_session, place_name, places};
 pub use numbering::{Thing, UNKNOWN_THINGS, Unknown, is_unknown_thing};
-pub(crate) use places::RANK;
+pub(crate) use placed::RANK;
 pub use prior::Prior;
 pub use specification::{Spec, check_names, instances_of, parse};
+pub use workspace::{Want, Workspace};

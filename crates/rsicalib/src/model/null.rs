@@ -20,8 +20,8 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::model::compiled::Model;
 use crate::model::ends::{End, Measured};
-use crate::model::evaluation::{Want, Workspace};
 use crate::model::prior::Prior;
+use crate::model::workspace::{Want, Workspace};
 use crate::readings::Readings;
 
 /// Part of the largest singular value below which one counts as zero. Sines are rounded to

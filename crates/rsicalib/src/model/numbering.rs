@@ -1,7 +1,7 @@
 //! What is unknown and no term: points, planes and frames, one for each distinct combination of key
 //! values. Their coordinates come after the parameters of the terms.
 
-use crate::mechanism::{Mechanism, place_name};
+use crate::mechanism::{Mechanism, around, place_name};
 use crate::readings::Readings;
 
 /// What results call unknown things, in the place of a term.
@@ -51,6 +51,36 @@ impl Thing {
                 place.into_iter().chain(turn).collect()
             }
         }
+    }
+
+    /// Its unknown coordinates where it is drawn; zeros where it is not.
+    pub(crate) fn drawn(self, mechanism: &Mechanism) -> Vec<f64> {
+        match self {
+            Self::Point(p) => {
+                let point = &mechanism.points[p];
+                let at = point.at.unwrap_or_default().into_iter().zip(point.frees());
+                at.filter(|(_, free)| *free).map(|(at, _)| at).collect()
+            }
+            Self::Plane(p) => {
+                let known = mechanism.planes[p].known();
+                vec![0.0, 0.0, known.map_or(0.0, |(_, offset)| offset)]
+            }
+            Self::Frame(f) => mechanism.frames[f].pose.unwrap_or_default().to_vec(),
+        }
+    }
+
+    /// The axes from which the normal of a plane leans, as drawn.
+    pub(crate) fn leans_from(self, mechanism: &Mechanism) -> [[f64; 3]; 3] {
+        let drawn = match self {
+            Self::Plane(p) => mechanism.planes[p].normal,
+            Self::Point(_) | Self::Frame(_) => None,
+        };
+        around(drawn.unwrap_or([0.0, 0.0, 1.0]))
+    }
+
+    /// True for a plane whose normal nobody has drawn.
+    pub(crate) fn faces_anywhere(self, mechanism: &Mechanism) -> bool {
+        matches!(self, Self::Plane(p) if mechanism.planes[p].normal.is_none())
     }
 
     /// Its name, and the columns that tell its places apart.

@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::End;
-use crate::model::evaluation::{Want, Workspace};
+use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
 

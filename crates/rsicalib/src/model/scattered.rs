@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 use crate::model::compiled::Model;
 use crate::model::ends::{End, leaning};
-use crate::model::evaluation::{Want, Workspace};
 use crate::model::numbering::Thing;
+use crate::model::workspace::{Want, Workspace};
 use crate::numerics::random::Random;
 use crate::readings::Readings;
 

@@ -1,18 +1,17 @@
 //! What is unknown: placements, known distances between unknown points, and starting positions.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::closures::kind::Given;
 use crate::kinematics::rigid::rigid_fit;
 use crate::mechanism::Value;
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::{End, Measured};
-use crate::model::evaluation::{Want, Workspace};
 use crate::model::numbering::{Owned, Thing, Unknown};
-use crate::model::places::plane_through;
 use crate::model::prior::Prior;
 use crate::model::specification::Spec;
 use crate::model::spheres::{Sphere, amid};
+use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::Readings;
 
@@ -24,8 +23,8 @@ impl Model {
             u.thing.term() == spec.term && spec.target.as_deref() == Some(u.name.as_str())
         };
         let unknown = self.unknowns.iter().find(own)?;
-        if let Thing::Plane(p) = unknown.thing {
-            self.mechanism.planes[p].normal?;
+        if unknown.thing.faces_anywhere(&self.mechanism) {
+            return None;
         }
         let mut coordinates = unknown.thing.coordinates(&self.mechanism).into_iter();
         let k = coordinates.position(|(coordinate, _)| coordinate == name)?;
@@ -176,6 +175,32 @@ impl Model {
         }
     }
 
+    /// For each unknown, the points that chains carry onto it, where it is a plane.
+    pub(crate) fn points_on_planes(
+        &self,
+        readings: &Readings,
+        beta: &[f64],
+    ) -> Vec<Vec<Vector3<f64>>> {
+        let mut points = vec![Vec::new(); self.unknowns.len()];
+        let mut ws = Workspace::default();
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let want = Want { x: false, a: false };
+            self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
+            for closure in &self.closures {
+                let Some(plane) = closure.plane else { continue };
+                if matches!(closure.ends[0], End::Posed(_)) {
+                    continue;
+                }
+                let seen = readings.columns(block);
+                let at = self.end_point(&closure.ends[0], meta.group, seen, beta, &ws);
+                let own = &mut points[self.owned[plane].numbers[meta.group]];
+                let lanes = readings.lanes(block, closure.number);
+                own.extend(lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
+            }
+        }
+        points
+    }
+
     /// Spheres on which unknown points are, by their known distances from known points.
     fn spheres_of(
         &self,
@@ -244,4 +269,21 @@ impl Model {
 /// True for an end whose place is told by readings and terms alone.
 fn is_known(end: &End) -> bool {
     !matches!(end, End::Unknown(..) | End::Posed(_) | End::Seen(_, Measured::Unknown(_)))
+}
+
+/// The plane nearest to points: its unit normal, towards the positive side of the axis that it is
+/// nearest to, and its offset; none for fewer than three points.
+pub(super) fn plane_through(points: &[Vector3<f64>]) -> Option<(Vector3<f64>, f64)> {
+    if points.len() < 3 {
+        return None;
+    }
+    let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let square = |p: &Vector3<f64>| (p - mean) * (p - mean).transpose();
+    let squares: Matrix3<f64> = points.iter().map(square).sum();
+    let eigen = squares.symmetric_eigen();
+    let mut normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+    if normal[normal.iamax()] < 0.0 {
+        normal = -normal;
+    }
+    normal.iter().all(|v| v.is_finite()).then(|| (normal, normal.dot(&mean)))
 }

@@ -4,13 +4,13 @@ use nalgebra::DMatrix;
 
 use crate::monitor::alarm::Alarm;
 use crate::monitor::drift::{Drift, sums_since};
-use crate::monitor::naming::Suspect;
 use crate::monitor::open::{Kind, Kinds, Open, Rest, Suspected};
 use crate::monitor::recent::{Kept, numbered};
 use crate::monitor::score::MOST_COLUMNS;
+use crate::monitor::suspects::Suspect;
 use crate::monitor::unsteady::Unsteady;
-use crate::monitor::watch::Monitor;
 use crate::monitor::watched::Watched;
+use crate::monitor::watching::Monitor;
 use crate::monitor::windows::{Mark, Sums};
 
 /// Standard deviation of a change beforehand, in typical sizes.

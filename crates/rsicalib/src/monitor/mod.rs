@@ -37,10 +37,11 @@
 //! | D, d | `windows` | sums since an onset |
 //! | x, n, s | `tails` | how far out the tests of this device are by chance |
 //! | M, u, T | `score` | score test of one candidate in one window |
-//! | θ | `open`, `naming`, `estimating` | the change that is named, and corrected when later rows tell |
+//! | θ | `open`, `suspects`, `estimating`, `names`, `naming` | the change that is named, and corrected when later rows tell |
 //! | ρ | `drift` | its rate, (106) |
 //! | φ | `factor` | a gain, or the reference of all, (133) |
 //! | τ, S | `unsteady` | what has another size in every row, (134), (135) |
+//! | | `watching`, `watch` | what a watch holds, and what it does with a row |
 //! | | `weighing` | two changes in one row, what is stuck, what has no name |
 
 pub mod alarm;
@@ -50,6 +51,7 @@ mod drift;
 mod estimating;
 mod factor;
 mod kept;
+mod names;
 mod naming;
 mod onsets;
 mod open;
@@ -63,12 +65,14 @@ mod runs;
 mod saved;
 mod score;
 mod state;
+mod suspects;
 mod tails;
 mod telling;
 mod thresholds;
 mod unsteady;
 mod watch;
 mod watched;
+mod watching;
 mod weighing;
 mod whitening;
 mod windows;
@@ -76,4 +80,4 @@ mod windows;
 pub use alarm::{Action, Alarm, Change};
 pub use options::{MonitorOptions, Quiet};
 pub use order::Counts;
-pub use watch::Monitor;
+pub use watching::Monitor;

@@ -6,38 +6,18 @@
 //! distance has a rate beside its step ([`super::drift`]), so what drifts is named once.
 
 use crate::monitor::alarm::Alarm;
-use crate::monitor::open::{Kind, Kinds, Name, Open, Rest};
-use crate::monitor::thresholds::log_tail;
-use crate::monitor::watch::{Monitor, Tested};
+use crate::monitor::open::{Kind, Kinds, Name, Open};
+use crate::monitor::suspects::Suspect;
+use crate::monitor::watching::{Monitor, Tested};
 use crate::monitor::windows::Sums;
 use crate::numerics::credible_set::AS_WELL;
 
 /// Changes within this of the best, or within this share of it, are estimated beside it: more rows
 /// may tell, and a large change looks different where it is linearised elsewhere.
-const BESIDE: (f64, f64) = (20.0, 0.9);
+const ESTIMATED_BESIDE: (f64, f64) = (20.0, 0.9);
 
 /// Samples after which a name is taken for certain.
 const CERTAIN_AFTER: u64 = 1 << 15;
-
-/// Names that are tried for the linearisation.
-const TRIED: usize = 3;
-
-/// The best onset of a candidate.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Suspect {
-    pub(super) candidate: usize,
-    onset: usize,
-    statistic: f64,
-    rank: usize,
-    log_p: f64,
-}
-
-impl Suspect {
-    /// A candidate of which nothing else is known.
-    pub(super) fn of(candidate: usize) -> Self {
-        Self { candidate, onset: 0, statistic: 0.0, rank: 0, log_p: 0.0 }
-    }
-}
 
 impl Monitor {
     /// Names a change, or corrects the name of the last one, and goes on with it.
@@ -108,14 +88,8 @@ impl Monitor {
         }
     }
 
-    /// Begins with new windows.
-    pub(super) fn restart(&mut self) {
-        self.windows.restart(self.watched.tested());
-        self.whitening.interrupt();
-    }
-
     fn name(&mut self, tested: Tested, broken: Option<u64>) -> Vec<Alarm> {
-        self.settle();
+        self.take_for_certain();
         let mut onsets = self.onsets(tested.row, broken);
         if let Some(first) = broken {
             // What is far outside began with the first row that is.
@@ -129,7 +103,7 @@ impl Monitor {
         let begin = &onsets[best.onset];
         let since = begin.mark;
         let behind = |s: &Suspect| 2.0 * (s.log_p - best.log_p);
-        let limit = BESIDE.0.max(-2.0 * BESIDE.1 * best.log_p);
+        let limit = ESTIMATED_BESIDE.0.max(-2.0 * ESTIMATED_BESIDE.1 * best.log_p);
         let beside: Vec<Suspect> = suspects.into_iter().filter(|s| behind(s) < limit).collect();
         let Some(mut open) = self.take_over(&beside, begin) else { return Vec::new() };
         open.alarm = Alarm {
@@ -167,7 +141,7 @@ impl Monitor {
         }
         let named = open.named;
         let other = |n: &&Name| !n.kinds.has(named.first.candidate);
-        let excluded = |n: &Name| n.fit < now.fit - BESIDE.0;
+        let excluded = |n: &Name| n.fit < now.fit - ESTIMATED_BESIDE.0;
         let narrow = named.second.is_none()
             && best.kinds.first.candidate == named.first.candidate
             && best.kinds.second.is_none();
@@ -175,14 +149,14 @@ impl Monitor {
         let alone = narrow && names.iter().filter(other).all(excluded);
         self.open = Some(open);
         if self.age >= CERTAIN_AFTER {
-            self.settle();
+            self.take_for_certain();
         } else if alone {
             self.narrow(named.first.candidate);
         }
     }
 
     /// Takes the name of the last change for certain: nothing else has changed.
-    fn settle(&mut self) {
+    fn take_for_certain(&mut self) {
         if let Some(open) = self.open.take() {
             self.leave(&open, open.named);
         }
@@ -213,52 +187,5 @@ impl Monitor {
                 mean.iter().enumerate().map(|(k, m)| m - open.moved(&self.watched, k)).collect();
             self.state.set(&mean, &covariance);
         }
-    }
-
-    /// Names by their evidence, the best first, linearised about the estimate of the best as long
-    /// as the rows since the onset are there; and what the best leaves of these.
-    pub(super) fn compare(&mut self, open: &Open, last: u64) -> (Vec<Name>, Option<Rest>) {
-        let mut names = self.names(open);
-        let mut rest = None;
-        for _ in 0..TRIED {
-            let Some(best) = names.first().map(|n| n.kinds) else { break };
-            rest = self.refit(open, best, last);
-            if rest.is_none() {
-                break;
-            }
-            names = self.names(open);
-            if names.first().is_some_and(|n| n.kinds == best) {
-                break;
-            }
-        }
-        (names, rest)
-    }
-
-    fn names(&self, open: &Open) -> Vec<Name> {
-        let told = open.told(&self.watched, &self.state, self.scale);
-        told.map_or(Vec::new(), |told| open.names(&told, &self.watched))
-    }
-
-    /// Every candidate at its best onset, the least probable by chance first.
-    fn suspects(&mut self, onsets: &[Sums]) -> Vec<Suspect> {
-        let mut all: Vec<Suspect> = Vec::new();
-        for (number, candidate) in self.watched.candidates.iter().enumerate() {
-            let mut best: Option<Suspect> = None;
-            for (onset, begin) in onsets.iter().enumerate() {
-                let (statistic, rank) =
-                    self.score.test(&candidate.columns, &self.state, &self.windows.now, begin);
-                if rank == 0 {
-                    continue;
-                }
-                let statistic = statistic / self.scale;
-                let log_p = log_tail(statistic, rank as f64);
-                if best.is_none_or(|b| log_p < b.log_p) {
-                    best = Some(Suspect { candidate: number, onset, statistic, rank, log_p });
-                }
-            }
-            all.extend(best);
-        }
-        all.sort_by(|a, b| a.log_p.total_cmp(&b.log_p));
-        all
     }
 }

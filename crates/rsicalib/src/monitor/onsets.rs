@@ -1,7 +1,7 @@
 //! Onsets of a change: row by row among the last, on the grid of the windows before.
 
 use crate::monitor::recent::{Linearised, numbered};
-use crate::monitor::watch::Monitor;
+use crate::monitor::watching::Monitor;
 use crate::monitor::windows::{Mark, Sums};
 
 /// Number of the last rows of which each may be the first of the change.

@@ -7,7 +7,7 @@ use crate::monitor::alarm::Alarm;
 use crate::monitor::drift::Drift;
 use crate::monitor::kept::{Bytes, Keep, fields};
 use crate::monitor::open::{Kind, Kinds, Open, Suspected};
-use crate::monitor::watch::Monitor;
+use crate::monitor::watching::Monitor;
 
 impl Monitor {
     /// All that the watch knows, beside what [`Monitor::new`] was given.

@@ -6,7 +6,7 @@ use crate::apply::change::PlatformRms;
 use crate::model::Spec;
 use crate::monitor::alarm::{Action, Alarm, Change};
 use crate::monitor::open::{Kind, Name, Open};
-use crate::monitor::watch::{Monitor, Tested};
+use crate::monitor::watching::{Monitor, Tested};
 
 impl Monitor {
     /// The alarms that say what is named in a row, and what the rows cannot tell from it: of two changes

@@ -16,20 +16,20 @@
 use crate::model::Spec;
 use crate::monitor::alarm::{Action, Alarm, Change};
 use crate::monitor::estimating::TYPICAL;
-use crate::monitor::naming::Suspect;
 use crate::monitor::open::{Name, Open, Rest};
 use crate::monitor::recent::Linearised;
 use crate::monitor::state::State;
+use crate::monitor::suspects::Suspect;
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::unsteady::{Found, NOISE, STUCK, Unsteady};
-use crate::monitor::watch::{Monitor, Tested};
+use crate::monitor::watching::{Monitor, Tested};
 use crate::monitor::windows::Sums;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::poisson_tail;
 
 /// Candidates and pairs within this of the best are estimated together: where a change is large, it
 /// looks different about its estimate.
-const BESIDE: f64 = 40.0;
+const ESTIMATED_TOGETHER: f64 = 40.0;
 
 /// Term of a change that has no name, and place of what is nowhere in particular.
 const UNNAMED: &str = "unnamed";
@@ -86,7 +86,7 @@ impl Monitor {
         }
         let ranked = self.singles_and_pairs(&open, &rows);
         let best = ranked.first().map_or(0.0, |best| best.1);
-        let near = ranked.iter().filter(|(_, evidence, _)| *evidence > best - BESIDE);
+        let near = ranked.iter().filter(|(_, evidence, _)| *evidence > best - ESTIMATED_TOGETHER);
         let near = near.flat_map(|(candidates, ..)| candidates.iter().copied());
         let named = open.named.each().map(|kind| kind.candidate);
         let before = open.suspects.iter().map(|one| one.candidate);
@@ -201,7 +201,8 @@ impl Monitor {
             return Some(Better::Unsteady(place, found));
         }
         let mut chosen: Vec<usize> = Vec::new();
-        let near = pairs.iter().filter(|(_, evidence, _)| Some(evidence + BESIDE) > pair);
+        let near =
+            pairs.iter().filter(|(_, evidence, _)| Some(evidence + ESTIMATED_TOGETHER) > pair);
         for candidate in near.flat_map(|(candidates, ..)| candidates) {
             if !chosen.contains(candidate) {
                 chosen.push(*candidate);

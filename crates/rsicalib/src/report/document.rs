@@ -15,14 +15,13 @@ use crate::apply::earlier::Reference;
 use crate::diagnosis::detectability::Detectability;
 use crate::diagnosis::elsewhere::Elsewhere;
 use crate::diagnosis::verdict::{Reason, Verdict};
-use crate::estimate::between::Grouping;
 use crate::estimate::directions::ParameterReport;
-use crate::estimate::noise::source::Source;
 use crate::mechanism::Law;
 use crate::numerics::lm::Termination;
 use crate::report::beside::GroupsReport;
+use crate::report::between::BetweenReport;
 use crate::report::result::{
-    ExcludedReport, FitReport, MisclosureReport, StartReport, WithExcluded,
+    ExcludedReport, FitReport, MisclosureReport, NoiseReport, StartReport, WithExcluded,
 };
 use crate::report::traced::{RivalReport, StepReport, Unexplained};
 use crate::report::update::Update;
@@ -61,7 +60,7 @@ macro_rules! result {
             #[serde(default = "implicit_loop")]
             pub method: String,
             /// Noise of one sample.
-            pub noise: Option<Noise>,
+            pub noise: Option<NoiseReport>,
             /// Suspicious things.
             #[serde(default)]
             pub warnings: Vec<Warned>,
@@ -86,7 +85,7 @@ macro_rules! result {
             /// What changes from group to group, placements or sessions; null where the session has
             /// none, or where they tell nothing.
             #[serde(default, skip_serializing_if = "Option::is_none")]
-            pub between: Option<Between>,
+            pub between: Option<BetweenReport>,
             /// Predicted error at the poses of the session, what changes between groups included;
             /// null where the data determine none.
             #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -157,13 +156,13 @@ macro_rules! result {
             fn covariance(&self) -> &[Vec<Option<f64>>] {
                 &self.covariance
             }
-            fn between(&self) -> Option<&Between> {
+            fn between(&self) -> Option<&BetweenReport> {
                 self.between.as_ref()
             }
-            fn noise(&self) -> Option<&Noise> {
+            fn noise(&self) -> Option<&NoiseReport> {
                 self.noise.as_ref()
             }
-            fn noise_mut(&mut self) -> Option<&mut Noise> {
+            fn noise_mut(&mut self) -> Option<&mut NoiseReport> {
                 self.noise.as_mut()
             }
             fn reference(&self) -> Option<&Reference> {
@@ -186,11 +185,11 @@ pub(crate) trait Parts {
     /// Their covariance, row by row.
     fn covariance(&self) -> &[Vec<Option<f64>>];
     /// What changes from group to group.
-    fn between(&self) -> Option<&Between>;
+    fn between(&self) -> Option<&BetweenReport>;
     /// Noise of one sample.
-    fn noise(&self) -> Option<&Noise>;
+    fn noise(&self) -> Option<&NoiseReport>;
     /// The same, to complete what an earlier version did not write.
-    fn noise_mut(&mut self) -> Option<&mut Noise>;
+    fn noise_mut(&mut self) -> Option<&mut NoiseReport>;
     /// The readings that the parameters refer to.
     fn reference(&self) -> Option<&Reference>;
     /// How well the models fit, by their keys.
@@ -289,95 +288,6 @@ pub struct Skipped {
     pub column: Option<String>,
     /// What was found and what was expected.
     pub reason: String,
-}
-
-/// Noise of one sample, by channel, and where it is known from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Noise {
-    /// Where the noise is known from, in words.
-    pub source: String,
-    /// Standard deviation by channel, in each channel's unit, quantisation included.
-    pub sigma: IndexMap<String, f64>,
-    /// Degrees of freedom; null where the noise was declared.
-    pub dof: Option<f64>,
-    /// Correlation of neighbouring samples.
-    pub correlation: Option<f64>,
-    /// Unit of the readings, by channel.
-    #[serde(default)]
-    pub unit: IndexMap<String, String>,
-    /// Where the noise is known from; null in results of earlier versions.
-    #[serde(default)]
-    pub kind: Option<Source>,
-    /// How well what is touched holds its place, where only the fit tells it, in `length_unit`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seating: Option<f64>,
-    /// How well each closure holds, one draw for each seating: the standard deviation as it is
-    /// declared, or as only the fit tells it, in `length_unit` or as equal coordinates count.
-    /// Closures that hold exactly are not listed.
-    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
-    pub closures: IndexMap<String, f64>,
-}
-
-/// What changes from group to group: placements, or sessions.
-///
-/// `covariance` holds within the groups of the session. Parameters as means over groups, as another
-/// session has them, have the covariance of this table; in one other group each of `parameters`
-/// differs from that mean by its `sd` beside.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Between {
-    /// What tells groups apart.
-    pub kind: Grouping,
-    /// Names of the groups.
-    pub groups: Vec<String>,
-    /// Most likely standard deviation of the changes, in typical sizes of their parameters.
-    pub sd: f64,
-    /// Standard deviations between which it lies with 95 % probability.
-    pub interval: [f64; 2],
-    /// Probability by chance of groups that differ so much, were nothing to change.
-    pub p_value: f64,
-    /// Parameters that may change, and by how much they are expected to.
-    pub parameters: Vec<Changing>,
-    /// Covariance of the parameters between groups, in their order and units; null where unknown.
-    pub covariance: Vec<Vec<Option<f64>>>,
-    /// One half of the groups against the other.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub halves: Option<Halves>,
-}
-
-/// A parameter that may change from group to group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Changing {
-    /// Id of the term.
-    pub term: String,
-    /// What the term belongs to.
-    pub target: String,
-    /// Name of the parameter.
-    pub name: String,
-    /// Standard deviation from group to group that is counted with: more than the most likely one
-    /// where few groups tell of it.
-    pub sd: f64,
-    /// Its unit.
-    pub unit: String,
-}
-
-/// Estimates of every other group against those of the rest: what cross-validation says.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Halves {
-    /// Names of the groups of each half.
-    pub groups: [Vec<String>; 2],
-    /// Root mean square difference of a coordinate of predicted positions, in `length_unit`.
-    pub difference: f64,
-    /// The same as the intervals within groups predict it.
-    pub within: f64,
-    /// The same with what changes from group to group.
-    pub between: f64,
-    /// χ² of the difference of the parameters per parameter, by what is within groups.
-    pub chi2_within: f64,
-    /// The same with what changes from group to group.
-    pub chi2_between: f64,
-    /// True where each half has told on its own how much changes; else all groups have, the
-    /// difference among them.
-    pub own: bool,
 }
 
 /// A parameter that is not what an earlier result says, beyond both uncertainties.

@@ -1,11 +1,17 @@
-//! The two verbs, as users call them.
+//! The verbs, as users call them.
 
 use crate::Error;
 use crate::apply::earlier::Applied;
 use crate::diagnosis::options::SearchOptions;
 use crate::estimate::Observations;
+use crate::estimate::directions::ParameterReport;
+use crate::history::Past;
+use crate::mechanism::Mechanism;
+use crate::monitor::{Monitor, MonitorOptions, Quiet};
 use crate::report::calibrated::{self, CalibrationReport};
+use crate::report::result::Estimates;
 use crate::report::traced::{self, TraceReport};
+use crate::report::update::Update;
 
 /// Estimates the parameters of the terms that are asked for, and judges what is left.
 ///
@@ -23,6 +29,73 @@ pub fn calibrate(observations: &Observations) -> Result<CalibrationReport, Error
 /// As [`calibrate`], and [`Error::Option`] for options that cannot be used.
 pub fn trace(observations: &Observations, options: &SearchOptions) -> Result<TraceReport, Error> {
     traced::report(observations, options, None)
+}
+
+/// Calibrates a later session of a device, and compares it with an earlier result: what has changed
+/// between them, and whether the later result is worth to take its place.
+///
+/// # Errors
+///
+/// As [`calibrate`], and as [`Monitor::of`] for an earlier result that is compared with.
+pub fn update(
+    observations: &Observations,
+    earlier: &impl AsRef<Estimates>,
+) -> Result<(CalibrationReport, Update), Error> {
+    let (report, calibrated) = calibrated::report(observations, None)?;
+    let (applied, covariance) = with_covariance(earlier.as_ref());
+    let rms = report.fit.held_out.map(|held_out| held_out.rms_misclosure);
+    let later = (&calibrated.observations, &calibrated.fit);
+    let update = Update::since(&applied, Some(&covariance), later, rms)?;
+    Ok((report, update))
+}
+
+impl Monitor {
+    /// A watch over a mechanism under a result of [`calibrate`] or [`trace`]: what its session says of
+    /// its noise takes the place of `options.quiet`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Monitor::new`].
+    pub fn of(
+        mechanism: &Mechanism,
+        found: &impl AsRef<Estimates>,
+        options: &MonitorOptions,
+    ) -> Result<Self, Error> {
+        let found = found.as_ref();
+        let (applied, covariance) = with_covariance(found);
+        let quiet = Quiet {
+            dof: found.misclosure.dof,
+            correlation: found.misclosure.correlation,
+            interval: found.misclosure.interval_s,
+        };
+        let options = MonitorOptions { quiet, ..options.clone() };
+        Self::new(mechanism, &applied, &covariance, &options)
+    }
+}
+
+impl Past {
+    /// A parameter in a result that holds from this day on; none where the result does not know it.
+    #[must_use]
+    pub fn of(day: f64, parameter: &ParameterReport) -> Option<Self> {
+        let sd = parameter.sd.filter(|_| parameter.value.is_finite())?;
+        Some(Self { day, value: parameter.value, sd })
+    }
+}
+
+fn with_covariance(found: &Estimates) -> (Applied, Vec<f64>) {
+    (Applied::from(found), found.covariance.concat())
+}
+
+impl AsRef<Estimates> for CalibrationReport {
+    fn as_ref(&self) -> &Estimates {
+        &self.estimates
+    }
+}
+
+impl AsRef<Estimates> for TraceReport {
+    fn as_ref(&self) -> &Estimates {
+        &self.estimates
+    }
 }
 
 impl From<&CalibrationReport> for Applied {

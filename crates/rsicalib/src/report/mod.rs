@@ -41,4 +41,5 @@ pub use crate::estimate::directions::ParameterReport;
 pub use named::Named;
 pub use result::{Estimates, ExcludedReport, FitReport, NoiseReport};
 pub use traced::{Left, Place, RivalReport, StepReport, Unexplained};
+pub use update::Changed;
 pub use warned::{Kind, Warned};

@@ -4,6 +4,14 @@
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Named<T = f64>(pub Vec<(String, T)>);
 
+impl<T> Named<T> {
+    /// True where nothing is named.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
 #[cfg(feature = "serde")]
 impl<T: serde::Serialize> serde::Serialize for Named<T> {
     fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {

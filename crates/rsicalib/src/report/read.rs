@@ -135,7 +135,7 @@ fn check(result: &impl Parts) -> Result<(), Refused> {
     let (Some(noise), Some(reference)) = (result.noise(), result.reference()) else {
         return Ok(());
     };
-    let channels = noise.sigma.len();
+    let channels = noise.sigma.0.len();
     for (place, found) in
         [("reference.centre", reference.centre.len()), ("reference.span", reference.span.len())]
     {
@@ -152,7 +152,7 @@ fn check(result: &impl Parts) -> Result<(), Refused> {
         }
     }
     for (key, held) in [("sigma", &noise.sigma), ("closures", &noise.closures)] {
-        if let Some((name, sd)) = held.iter().find(|(_, sd)| !bounds::positive(**sd)) {
+        if let Some((name, sd)) = held.0.iter().find(|(_, sd)| !bounds::positive(*sd)) {
             return refuse(&format!("noise.{key}.{name}"), sd.to_string(), "a number above 0");
         }
     }

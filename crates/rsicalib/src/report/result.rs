@@ -21,27 +21,36 @@ use crate::report::warned::{self, Warned};
 use crate::report::words;
 use crate::screening::excluded::{Cause, Excluded};
 
-/// Noise of one reading.
+/// Noise of one sample, by channel, and where it is known from.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Noise")
+)]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct NoiseReport {
-    /// Where it is from.
-    pub kind: Source,
-    /// The same in words.
+    /// Where the noise is known from, in words.
     pub source: String,
-    /// Standard deviation per sample, quantisation included.
+    /// Standard deviation by channel, in each channel's unit, quantisation included.
     pub sigma: Named,
-    /// Degrees of freedom; none where it was declared.
+    /// Degrees of freedom; null where the noise was declared.
     pub dof: Option<f64>,
-    /// Between neighbouring samples.
-    pub correlation: f64,
-    /// Units of the readings.
+    /// Correlation of neighbouring samples.
+    pub correlation: Option<f64>,
+    /// Unit of the readings, by channel.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub unit: Named<String>,
-    /// How well what is touched holds its place, where only the fit tells it, length units.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    /// Where the noise is known from; null in results of earlier versions.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub kind: Option<Source>,
+    /// How well what is touched holds its place, where only the fit tells it, in `length_unit`.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub seating: Option<f64>,
-    /// How well each closure holds that is not exact, as it is declared or as the fit tells it,
-    /// length units or as coordinates count.
+    /// How well each closure holds, one draw for each seating: the standard deviation as it is
+    /// declared, or as only the fit tells it, in `length_unit` or as equal coordinates count.
+    /// Closures that hold exactly are not listed.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Named::is_empty"))]
     pub closures: Named,
 }
 
@@ -281,7 +290,7 @@ impl From<&Estimates> for Applied {
             reference: found.reference.clone(),
             sigma: found.noise.sigma.0.iter().map(|(_, sigma)| *sigma).collect(),
             closures: found.noise.closures.0.clone(),
-            declared: found.noise.kind == Source::Declared,
+            declared: found.noise.kind == Some(Source::Declared),
             own: false,
         }
     }
@@ -326,11 +335,11 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
     }
     Estimates {
         noise: NoiseReport {
-            kind: fit.noise.source,
+            kind: Some(fit.noise.source),
             source: words::noise(&fit.noise),
             sigma: Named(sigma.collect()),
             dof: fit.noise.dof.is_finite().then_some(fit.noise.dof),
-            correlation: fit.noise.correlation,
+            correlation: Some(fit.noise.correlation),
             unit: Named(unit.collect()),
             seating: fit.noise.largest_seating(),
             closures: Named(fit.noise.of_closures(&fit.model)),

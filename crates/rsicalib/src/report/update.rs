@@ -4,8 +4,9 @@ use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::apply::earlier::{Applied, lasting};
 use crate::diagnosis::verdict::worth_an_update;
+use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
-use crate::monitor::compare::{Comparison, Found};
+use crate::monitor::compare::{Comparison, Found, Judged, compare};
 use crate::text::significant;
 
 /// A later session against an earlier result.
@@ -57,6 +58,27 @@ pub struct Changed {
 }
 
 impl Update {
+    /// Of a later session and its fit, under an earlier result with the covariance of its
+    /// parameters, row by row; `rms_after` as [`Self::of`] has it.
+    ///
+    /// # Errors
+    ///
+    /// As [`compare`] and [`Self::of`].
+    pub fn since(
+        earlier: &Applied,
+        covariance: Option<&[f64]>,
+        (observations, fit): (&Observations, &Fit),
+        rms_after: Option<f64>,
+    ) -> Result<Self, Error> {
+        let judged = Judged {
+            noise: fit.assumed(),
+            inflation: fit.noise.inflation,
+            dof: fit.noise.dof_of_pose(),
+        };
+        let found = compare(earlier, covariance, observations, &judged)?;
+        Self::of(&observations.mechanism, earlier, found, rms_after)
+    }
+
     /// Of what has changed since `earlier`, where the loops close to `rms_after` under the new
     /// result, poses left out in turn.
     ///

@@ -13,7 +13,7 @@ use crate::terms::targets::searchable;
 
 /// Poses on either side of a slip that must see it: more than two, and so at least three. Two that
 /// are off alike are two wrong readings.
-pub const SIDE: f64 = 2.5;
+pub const POSES_EACH_SIDE: f64 = 2.5;
 
 /// A pose sees a slip that changes its χ² by this much, two standard deviations; one that changes it
 /// by less counts in part.
@@ -24,7 +24,7 @@ fn seen(each: &[f64], by: f64) -> bool {
     let mut poses = 0.0;
     each.iter().any(|own| {
         poses += (own * by / SEES).min(1.0);
-        poses >= SIDE
+        poses >= POSES_EACH_SIDE
     })
 }
 
@@ -206,7 +206,7 @@ impl<'a> Poses<'a> {
             }
         }
         // No three poses see a slip so near an end.
-        times.retain(|time| time.order.min(self.live.len() - time.order) as f64 > SIDE);
+        times.retain(|time| time.order.min(self.live.len() - time.order) as f64 > POSES_EACH_SIDE);
         let score = |time: &Time| {
             let score = time.column.score(&self.at.pull, SEEN)?;
             let (before, after) = each.split_at(time.order);

@@ -2,7 +2,7 @@
 
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::Rule;
-use crate::diagnosis::score::places::SIDE;
+use crate::diagnosis::score::places::POSES_EACH_SIDE;
 use crate::diagnosis::score::scored::{Scored, is_data};
 use crate::estimate::Fit;
 use crate::estimate::search::ratios;
@@ -59,7 +59,7 @@ impl Averaged<'_> {
         sound.dedup();
         let once = items.iter().filter(|item| item.family.happened_once());
         once.map(|item| sound.iter().filter(|pose| **pose < item.instance.place).count())
-            .all(|before| before.min(sound.len() - before) as f64 > SIDE)
+            .all(|before| before.min(sound.len() - before) as f64 > POSES_EACH_SIDE)
     }
 
     /// True for a fit with more effects than another, in which every joint still moves, and about

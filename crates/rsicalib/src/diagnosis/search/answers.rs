@@ -7,8 +7,8 @@ use crate::diagnosis::isolation::{Isolated, belongs, isolate, isolated_at};
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored::{self, Scored, excluded_pose, is_data};
-use crate::diagnosis::search::Beam;
 use crate::diagnosis::search::account::Account;
+use crate::diagnosis::search::beam::Beam;
 use crate::diagnosis::search::orders::one_order;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::diagnosis::search::rivals::{Explanation, nearest};
@@ -67,7 +67,7 @@ fn searched(averaged: &mut Averaged, start: &Fit) -> Result<(Searched, Option<Is
     let scores = scored::best_places(&last);
     let it = Searched { current, found, poses, left, scores, rivals };
     let lost = it.found.is_empty() && !absurdities(&averaged.small, start, &[]).is_empty();
-    if lost || it.settled(averaged) || !averaged.search.uses(Rule::Isolation) {
+    if lost || it.is_answer(averaged) || !averaged.search.uses(Rule::Isolation) {
         return Ok((it, None));
     }
     averaged.small.options.progress.enter(Stage::Isolation);

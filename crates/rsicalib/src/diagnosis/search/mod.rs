@@ -9,6 +9,7 @@
 mod account;
 mod admissible;
 pub mod answers;
+mod beam;
 pub(crate) mod known;
 mod moves;
 mod noise;
@@ -18,35 +19,22 @@ pub mod rivals;
 mod tolerances;
 mod yielding;
 
-use std::borrow::Cow;
-
 use crate::Error;
 use crate::diagnosis::averaged::{Averaged, cost};
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
-use crate::diagnosis::price::{Family, Said, charge, room};
-use crate::diagnosis::score::scan;
-use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
+use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::search::account::Account;
-use crate::diagnosis::search::noise::UnknownNoise;
-use crate::estimate::{Fit, Observations, fit};
+use crate::diagnosis::search::beam::{Beam, MOST_REFITS};
+use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
-
-/// Neighbours of one explanation that are refitted at the most.
-const MOST_REFITS: usize = 8;
 
 /// Explanations whose neighbours are looked for at the most.
 const WIDTH: usize = 2;
 
 /// Of explanations of more items, two are not taken away.
 const FEW: usize = 3;
-
-/// The search on its way.
-pub struct Beam<'s, 'a> {
-    averaged: &'s Averaged<'a>,
-    accounts: Vec<Account>,
-}
 
 /// What is done next: neighbours of one explanation, once some items are taken away.
 enum Next {
@@ -138,12 +126,6 @@ impl<'s, 'a> Beam<'s, 'a> {
         self.next_of(&self.ranked())
     }
 
-    /// Prices of explanations that are listed are below this.
-    fn limit(&self) -> f64 {
-        let admitted = self.accounts.iter().filter(|account| account.admitted);
-        admitted.map(|account| account.price).fold(f64::INFINITY, f64::min) + RIVAL
-    }
-
     /// True where an explanation would be listed if something were added that costs nothing and leaves noise.
     fn is_hopeful(&self, account: &Account, limit: f64) -> bool {
         let left = (cost(&account.fit) - account.fit.dof).max(0.0);
@@ -197,110 +179,5 @@ impl<'s, 'a> Beam<'s, 'a> {
         account.items.len() < self.averaged.search.most
             && account.tried < scored.len().min(MOST_REFITS)
             && self.at_best(account, &scored[account.tried]) < limit
-    }
-
-    /// The explanation without some of its items, by their numbers.
-    fn without(&mut self, of: usize, gone: &[usize]) -> Result<usize, Error> {
-        if gone.is_empty() {
-            return Ok(of);
-        }
-        let Account { items, noise, fit: from, .. } = &self.accounts[of];
-        let kept = items.iter().enumerate().filter(|(k, _)| !gone.contains(k));
-        let (items, noise): (Vec<Scored>, _) = (kept.map(|(_, item)| *item).collect(), *noise);
-        if let Some(known) = self.known(&items, noise.as_ref()) {
-            return Ok(known);
-        }
-        let gone: Vec<Instance> =
-            gone.iter().map(|k| self.accounts[of].items[*k].instance).collect();
-        let kept = from.model.instances.iter().copied().filter(|i| !gone.contains(i)).collect();
-        let session = self.session(&items, noise.as_ref());
-        let mut fitted = fit(&session, kept, Some(from))?;
-        drop(session);
-        let mut noise = noise;
-        if let Some(own) = noise {
-            let (shown, settled) = self.settled(&items, own, fitted, true)?;
-            (noise, fitted) = (Some(shown), settled);
-        }
-        let base = &self.accounts[0].fit;
-        let admitted = self.admits(&items, &fitted) && self.averaged.sensible(base, &fitted);
-        let price = self.price(&fitted, &items, noise.as_ref());
-        self.accounts.push(Account { admitted, ..Account::of(items, noise, fitted, price) });
-        Ok(self.accounts.len() - 1)
-    }
-
-    fn known(&self, items: &[Scored], noise: Option<&UnknownNoise>) -> Option<usize> {
-        self.accounts.iter().position(|account| account.says(items, noise))
-    }
-
-    fn price(&self, fit: &Fit, items: &[Scored], noise: Option<&UnknownNoise>) -> f64 {
-        self.averaged.said_of(fit)
-            + paid(items)
-            + noise.map_or(0.0, |noise| noise.paid_beside(items))
-    }
-
-    /// The session in which these poses say nothing, with this noise.
-    fn session(&self, items: &[Scored], noise: Option<&UnknownNoise>) -> Cow<'_, Observations> {
-        let small = &self.averaged.small;
-        let poses: Vec<usize> = items.iter().filter_map(|i| excluded_pose(&i.instance)).collect();
-        if poses.is_empty() && noise.is_none() {
-            return Cow::Borrowed(small);
-        }
-        let mut session = small.clone();
-        poses.into_iter().for_each(|pose| session.weights[pose] = 0.0);
-        if let Some(noise) = noise {
-            noise.in_session(&mut session, &self.accounts[0].fit);
-        }
-        Cow::Owned(session)
-    }
-
-    /// The least price that an explanation with one more item may have: scores are first order.
-    fn at_best(&self, account: &Account, item: &Scored) -> f64 {
-        self.with_score(account, item.score + room(item.score)) + account.paid_with(item)
-    }
-
-    /// The price of an explanation of which χ² falls by a score.
-    fn with_score(&self, account: &Account, score: f64) -> f64 {
-        account.price - self.averaged.said(&account.fit).fall(score)
-    }
-
-    /// Scores everything beside an explanation, likeliest first.
-    fn scan(&mut self, of: usize) -> Result<(), Error> {
-        if self.accounts[of].scored.is_some() {
-            return Ok(());
-        }
-        let account = &self.accounts[of];
-        let scored = self.scores(account)?;
-        let limit = account.price + RIVAL;
-        let priced = |s: &Scored| self.with_score(account, s.score) + account.paid_with(s);
-        let near = scored.into_iter().filter(|s| self.at_best(account, s) < limit);
-        let mut order: Vec<(f64, Scored)> = near.map(|s| (priced(&s), s)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut scored: Vec<Scored> = order.into_iter().map(|(_, s)| s).collect();
-        // Neighbouring orders, and times, are one candidate.
-        one_place_each(&mut scored, |i| !is_data(i));
-        self.accounts[of].scored = Some(scored);
-        Ok(())
-    }
-
-    /// Scores of everything beside an explanation, with what it costs there.
-    fn scores(&self, account: &Account) -> Result<Vec<Scored>, Error> {
-        let mut scored = match self.session(&account.items, account.noise.as_ref()) {
-            Cow::Borrowed(_) => self.averaged.scan(&account.fit)?,
-            Cow::Owned(session) => {
-                let judge = self.averaged.judge(&account.fit);
-                scan::scan(&session, &account.fit, &judge, self.averaged.search)?
-            }
-        };
-        let said = self.averaged.said(&account.fit);
-        scored.iter_mut().for_each(|s| s.charge = charge_of(s, &said));
-        Ok(scored)
-    }
-}
-
-/// What parameters cost beside a fit; those of a free shape over its own amplitudes, (117).
-fn charge_of(scored: &Scored, beside: &Said) -> f64 {
-    match scored.family {
-        Family::Free => scored.charge,
-        _ => charge(scored.width, beside.fall(scored.score)),
     }
 }

@@ -10,21 +10,50 @@ use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, paid};
 use crate::diagnosis::score::{candidates, pairs};
 use crate::diagnosis::search::account::{Account, More};
 use crate::diagnosis::search::admissible::physical;
+use crate::diagnosis::search::beam::{Beam, MOST_REFITS, charge_of};
 use crate::diagnosis::search::noise::{Shown, UnknownNoise, unknown_noises};
 use crate::diagnosis::search::orders::nearest_place;
-use crate::diagnosis::search::{Beam, MOST_REFITS, charge_of};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
 use crate::numerics::workers;
 
-/// After so many moves noise has settled, or never will.
+/// After so many moves noise and fit agree, or never will.
 const NOISE_MOVES: usize = 6;
 
-/// After so many moves an order has settled, or never will.
+/// After so many moves an order is the last, or there is none.
 const ORDER_MOVES: usize = 3;
 
 impl Beam<'_, '_> {
+    /// The explanation without some of its items, by their numbers.
+    pub(super) fn without(&mut self, of: usize, gone: &[usize]) -> Result<usize, Error> {
+        if gone.is_empty() {
+            return Ok(of);
+        }
+        let Account { items, noise, fit: from, .. } = &self.accounts[of];
+        let kept = items.iter().enumerate().filter(|(k, _)| !gone.contains(k));
+        let (items, noise): (Vec<Scored>, _) = (kept.map(|(_, item)| *item).collect(), *noise);
+        if let Some(known) = self.known(&items, noise.as_ref()) {
+            return Ok(known);
+        }
+        let gone: Vec<Instance> =
+            gone.iter().map(|k| self.accounts[of].items[*k].instance).collect();
+        let kept = from.model.instances.iter().copied().filter(|i| !gone.contains(i)).collect();
+        let session = self.session(&items, noise.as_ref());
+        let mut fitted = fit(&session, kept, Some(from))?;
+        drop(session);
+        let mut noise = noise;
+        if let Some(own) = noise {
+            let (shown, last) = self.in_turn(&items, own, fitted, true)?;
+            (noise, fitted) = (Some(shown), last);
+        }
+        let base = &self.accounts[0].fit;
+        let admitted = self.admits(&items, &fitted) && self.averaged.sensible(base, &fitted);
+        let price = self.price(&fitted, &items, noise.as_ref());
+        self.accounts.push(Account { admitted, ..Account::of(items, noise, fitted, price) });
+        Ok(self.accounts.len() - 1)
+    }
+
     /// Adds one item to an explanation, those first that may be within the limit.
     pub(super) fn grow(&mut self, of: usize, limit: f64) -> Result<(), Error> {
         self.scan(of)?;
@@ -150,7 +179,7 @@ impl Beam<'_, '_> {
     }
 
     /// Noise and fit in turn, as long as the price falls; where it is `new`, larger noise as well.
-    pub(super) fn settled(
+    pub(super) fn in_turn(
         &self,
         items: &[Scored],
         noise: UnknownNoise,
@@ -268,8 +297,8 @@ impl Beam<'_, '_> {
             let (items, mut fitted) = refit(&session, before, items, account.items.len())?;
             let mut noise = noise;
             if let Some(own) = noise {
-                let (shown, settled) = self.settled(&items, own, fitted, !noisy)?;
-                (noise, fitted) = (Some(shown), settled);
+                let (shown, last) = self.in_turn(&items, own, fitted, !noisy)?;
+                (noise, fitted) = (Some(shown), last);
             }
             Ok((items, noise, fitted))
         });

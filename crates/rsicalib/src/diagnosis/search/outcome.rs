@@ -65,7 +65,7 @@ impl Searched {
     }
 
     /// True where nothing is left, and nothing that was found is in doubt.
-    pub(crate) fn settled(&self, averaged: &Averaged) -> bool {
+    pub(crate) fn is_answer(&self, averaged: &Averaged) -> bool {
         let (found, rises): (Vec<_>, Vec<_>) = self
             .effects()
             .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))

@@ -127,7 +127,7 @@ pub fn by_channel(
     let count = (0..seen.units.len()).filter(|&c| open(&variances, c)).count();
     let limit = distributions::two_sided_limit(ALPHA, count.max(1));
     loop {
-        variances.settle(&seen)?;
+        variances.maximise(&seen)?;
         if !(0..seen.units.len()).any(|c| open(&variances, c)) {
             break;
         }
@@ -186,7 +186,7 @@ impl Variances {
     }
 
     /// Maximum likelihood by scoring, no variance below its rounding.
-    fn settle(&mut self, seen: &Seen) -> Option<()> {
+    fn maximise(&mut self, seen: &Seen) -> Option<()> {
         for _ in 0..60 {
             let sums = seen.sums(self)?;
             let columns = self.columns();
@@ -544,7 +544,7 @@ mod tests {
     }
 
     #[test]
-    fn variances_settle_where_the_gradient_vanishes() {
+    fn variances_end_where_the_gradient_vanishes() {
         let seen = seen();
         let mut at = Variances {
             common: 1.0,
@@ -552,7 +552,7 @@ mod tests {
             own: vec![None, Some(1.0), None],
             declared: vec![false; 3],
         };
-        assert!(at.settle(&seen).is_some());
+        assert!(at.maximise(&seen).is_some());
         let sums = seen.sums(&at).map(|s| s.gradient).unwrap_or_default();
         assert!(sums[0].abs() < 1e-2 && sums[2].abs() < 1e-2, "{sums:?}");
     }

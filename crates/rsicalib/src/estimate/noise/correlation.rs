@@ -82,7 +82,7 @@ struct Group {
 impl Group {
     fn new(n: usize, order: usize, rho: f64, q: f64) -> Self {
         let projection = residual_maker(n, order);
-        // `q` is a share of s², which is D times the variance: settled in a few turns.
+        // `q` is a share of s², which is D times the variance: found in a few turns.
         let mut share = q;
         let mut group = Self::with_share(n, order, rho, share, &projection);
         for _ in 0..3 {

@@ -29,9 +29,9 @@ use crate::numerics::symmetric::inverse_root;
 /// drawing is wrong.
 const ROUNDS: usize = 10;
 
-/// A variance has settled where it is nearer to its maximum than this many of its own standard
+/// A variance stands still where it is nearer to its maximum than this many of its own standard
 /// deviations, of the information of (68): the two together are then 0.5 % larger than one.
-const SETTLED: f64 = 0.1;
+const STILL: f64 = 0.1;
 
 /// Closures are exact unless what they leave is above chance at this level.
 const EXACT: f64 = 0.01;
@@ -100,7 +100,7 @@ pub(crate) fn fit_with_seatings(
         let Improved { seating, moved } = improved(&seated, &fit);
         seated.options.seating = seating;
         fit = solve(&seated, Start { beta: fit.beta.clone(), ..start.clone() })?;
-        if moved < SETTLED {
+        if moved < STILL {
             break;
         }
     }

@@ -1,4 +1,4 @@
-//! Where things are that are unknown in one pose alone, and how unknown planes face.
+//! Where things are that are unknown in one pose alone.
 //!
 //! In each sample, at readings `a` and parameters `β`, `ξ` is where the closures are nearest to
 //! closed, all lengths alike:
@@ -10,13 +10,11 @@
 //! This is where a fit starts; it then settles `ξ` with the weights of the noise, (59). Of mirror
 //! solutions the one is taken that the search finds from where the mechanism's file looks for it.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 
-use crate::mechanism::around;
-use crate::model::compiled::{Model, Patch};
+use crate::model::compiled::Model;
 use crate::model::ends::End;
-use crate::model::evaluation::{Want, Workspace};
-use crate::model::numbering::Thing;
+use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::Readings;
 
@@ -33,9 +31,6 @@ const STILL: f64 = 1e-13;
 /// The other of two solutions is taken where it leaves less than this part of the squares.
 const CLEARLY: f64 = 0.25;
 
-/// A surface: the closure that a known one is of, or the number of an unknown one.
-type Surface = (Option<usize>, usize);
-
 /// Squares of the equations of eight samples at a place, with `f` and `B`.
 struct Near {
     xi: Vec<Lanes>,
@@ -45,6 +40,30 @@ struct Near {
 }
 
 impl Model {
+    /// Misclosure and derivatives of one block at readings `a` and parameters `beta`, written to
+    /// `ws`. `a` holds one [`Lanes`] per channel, and after them what is unknown in one pose alone;
+    /// without it, that is where the closures are nearest to closed. `beta` holds one number per
+    /// parameter.
+    ///
+    /// # Panics
+    ///
+    /// Where `block` is beyond the last block, or `a` or `beta` is too short.
+    pub fn evaluate(
+        &self,
+        readings: &Readings,
+        block: usize,
+        a: &[Lanes],
+        beta: &[f64],
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        if a.len() < self.stride() {
+            let a = self.placed(readings, block, a, beta, ws);
+            return self.evaluate_at(readings, block, &a, beta, want, ws);
+        }
+        self.evaluate_at(readings, block, a, beta, want, ws);
+    }
+
     /// The readings of a block, and after them what is unknown in each of its poses, (58).
     pub(crate) fn placed(
         &self,
@@ -114,7 +133,7 @@ impl Model {
         let lengths = self.lengths();
         let mut look = |xi: &[Lanes]| {
             let at: Vec<Lanes> = a[..self.scales.len()].iter().chain(xi).copied().collect();
-            self.evaluate(readings, block, &at, beta, Want { x: false, a: true }, ws);
+            self.evaluate_at(readings, block, &at, beta, Want { x: false, a: true }, ws);
             let mut cost = [0.0; WIDTH];
             for (f, length) in ws.f.iter().zip(&lengths) {
                 cost.iter_mut().zip(f.0).for_each(|(cost, f)| *cost += (f * length).powi(2));
@@ -175,116 +194,6 @@ impl Model {
         }
         self.pose_unknowns = kept.len();
     }
-
-    /// Lets the normals of unknown planes lean from that axis of the base that their points are most
-    /// nearly across, where no normal is drawn.
-    pub(crate) fn face_planes(&mut self, readings: &Readings) {
-        let undrawn = |thing: Thing| match thing {
-            Thing::Plane(p) => self.mechanism.planes[p].normal.is_none(),
-            _ => false,
-        };
-        if !self.unknowns.iter().any(|unknown| undrawn(unknown.thing)) {
-            return;
-        }
-        let beta = self.nominal();
-        for (number, points) in self.points_on_planes(readings, &beta).into_iter().enumerate() {
-            if let Some((normal, _)) = plane_through(&points)
-                && undrawn(self.unknowns[number].thing)
-            {
-                let axis = normal.iamax();
-                self.axes[number] = around(std::array::from_fn(|i| f64::from(u8::from(i == axis))));
-            }
-        }
-    }
-
-    /// Finds where each plane with a shape is touched, as drawn.
-    pub(crate) fn find_patches(&mut self, readings: &Readings) {
-        if self.closures.iter().all(|closure| closure.shapes.is_empty()) {
-            return;
-        }
-        let mut beta = self.nominal();
-        self.place_unknowns(readings, &mut beta);
-        let mut ws = Workspace::default();
-        // An unknown plane is one surface for all that touch it; a known one is that of its closure.
-        let surface = |k: usize, group: usize| match self.closures[k].plane {
-            Some(plane) => (None, self.owned[plane].numbers[group]),
-            None => (Some(k), 0),
-        };
-        let axes = |k: usize, group: usize| {
-            let closure = &self.closures[k];
-            let known = closure.along.as_ref().and_then(|along| along.first().copied());
-            let [_, u, v] = match closure.plane {
-                Some(plane) => self.axes[self.owned[plane].numbers[group]],
-                None => around(known.unwrap_or([0.0, 0.0, 1.0])),
-            };
-            [u, v]
-        };
-        let mut ends: Vec<(Surface, [[f64; 2]; 2])> = Vec::new();
-        for (block, meta) in readings.blocks().iter().enumerate() {
-            let want = Want { x: false, a: false };
-            self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
-            for (k, closure) in self.closures.iter().enumerate() {
-                if closure.shapes.is_empty() {
-                    continue;
-                }
-                let seen = readings.columns(block);
-                let at = self.end_point(&closure.ends[0], meta.group, seen, &beta, &ws);
-                let (own, axes) = (surface(k, meta.group), axes(k, meta.group));
-                let known = ends.iter().position(|(of, _)| *of == own);
-                let known = known.unwrap_or_else(|| {
-                    ends.push((own, [[f64::INFINITY, f64::NEG_INFINITY]; 2]));
-                    ends.len() - 1
-                });
-                for (range, axis) in ends[known].1.iter_mut().zip(axes) {
-                    for lane in readings.lanes(block, closure.number) {
-                        let along: f64 = (0..3).map(|i| axis[i] * at[i].0[lane]).sum();
-                        *range = [range[0].min(along), range[1].max(along)];
-                    }
-                }
-            }
-        }
-        let patch = |k: usize, group: usize| {
-            let own = ends.iter().find(|(of, _)| *of == surface(k, group));
-            let ranges = own.map_or([[-1.0, 1.0]; 2], |(_, ranges)| *ranges);
-            let half = ranges.map(|[low, high]| (0.5 * (high - low)).max(f64::MIN_POSITIVE));
-            Patch { axes: axes(k, group), middle: ranges.map(|[l, h]| 0.5 * (l + h)), half }
-        };
-        let patches: Vec<Vec<Patch>> = (0..self.closures.len())
-            .map(|k| match self.closures[k].shapes.is_empty() {
-                true => Vec::new(),
-                false => (0..readings.groups.len()).map(|group| patch(k, group)).collect(),
-            })
-            .collect();
-        for (closure, patches) in self.closures.iter_mut().zip(patches) {
-            closure.patches = patches;
-        }
-    }
-
-    /// For each unknown, the points that chains carry onto it, where it is a plane.
-    pub(crate) fn points_on_planes(
-        &self,
-        readings: &Readings,
-        beta: &[f64],
-    ) -> Vec<Vec<Vector3<f64>>> {
-        let mut points = vec![Vec::new(); self.unknowns.len()];
-        let mut ws = Workspace::default();
-        for (block, meta) in readings.blocks().iter().enumerate() {
-            let want = Want { x: false, a: false };
-            self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-            for closure in &self.closures {
-                let Some(plane) = closure.plane else { continue };
-                if matches!(closure.ends[0], End::Posed(_)) {
-                    continue;
-                }
-                let seen = readings.columns(block);
-                let at = self.end_point(&closure.ends[0], meta.group, seen, beta, &ws);
-                let own = &mut points[self.owned[plane].numbers[meta.group]];
-                let lanes = readings.lanes(block, closure.number);
-                own.extend(lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
-            }
-        }
-        points
-    }
 }
 
 impl Near {
@@ -335,21 +244,4 @@ fn independent(columns: &DMatrix<f64>) -> Vec<usize> {
         }
     }
     kept
-}
-
-/// The plane nearest to points: its unit normal, towards the positive side of the axis that it is
-/// nearest to, and its offset; none for fewer than three points.
-pub(crate) fn plane_through(points: &[Vector3<f64>]) -> Option<(Vector3<f64>, f64)> {
-    if points.len() < 3 {
-        return None;
-    }
-    let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-    let square = |p: &Vector3<f64>| (p - mean) * (p - mean).transpose();
-    let squares: Matrix3<f64> = points.iter().map(square).sum();
-    let eigen = squares.symmetric_eigen();
-    let mut normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-    if normal[normal.iamax()] < 0.0 {
-        normal = -normal;
-    }
-    normal.iter().all(|v| v.is_finite()).then(|| (normal, normal.dot(&mean)))
 }

@@ -1,0 +1,94 @@
+//! How unknown planes face, and where surfaces are touched, as drawn.
+
+use crate::mechanism::around;
+use crate::model::compiled::{Model, Patch};
+use crate::model::numbering::Thing;
+use crate::model::unknown_points::plane_through;
+use crate::model::workspace::{Want, Workspace};
+use crate::readings::Readings;
+
+/// A surface: the closure that a known one is of, or the number of an unknown one.
+type Surface = (Option<usize>, usize);
+
+impl Model {
+    /// Lets the normals of unknown planes lean from that axis of the base that their points are most
+    /// nearly across, where no normal is drawn.
+    pub(crate) fn face_planes(&mut self, readings: &Readings) {
+        let undrawn = |thing: Thing| thing.faces_anywhere(&self.mechanism);
+        if !self.unknowns.iter().any(|unknown| undrawn(unknown.thing)) {
+            return;
+        }
+        let beta = self.nominal();
+        for (number, points) in self.points_on_planes(readings, &beta).into_iter().enumerate() {
+            if let Some((normal, _)) = plane_through(&points)
+                && undrawn(self.unknowns[number].thing)
+            {
+                let axis = normal.iamax();
+                self.axes[number] = around(std::array::from_fn(|i| f64::from(u8::from(i == axis))));
+            }
+        }
+    }
+
+    /// Finds where each plane with a shape is touched, as drawn.
+    pub(crate) fn find_patches(&mut self, readings: &Readings) {
+        if self.closures.iter().all(|closure| closure.shapes.is_empty()) {
+            return;
+        }
+        let mut beta = self.nominal();
+        self.place_unknowns(readings, &mut beta);
+        let mut ws = Workspace::default();
+        // An unknown plane is one surface for all that touch it; a known one is that of its closure.
+        let surface = |k: usize, group: usize| match self.closures[k].plane {
+            Some(plane) => (None, self.owned[plane].numbers[group]),
+            None => (Some(k), 0),
+        };
+        let axes = |k: usize, group: usize| {
+            let closure = &self.closures[k];
+            let known = closure.along.as_ref().and_then(|along| along.first().copied());
+            let [_, u, v] = match closure.plane {
+                Some(plane) => self.axes[self.owned[plane].numbers[group]],
+                None => around(known.unwrap_or([0.0, 0.0, 1.0])),
+            };
+            [u, v]
+        };
+        let mut ends: Vec<(Surface, [[f64; 2]; 2])> = Vec::new();
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let want = Want { x: false, a: false };
+            self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
+            for (k, closure) in self.closures.iter().enumerate() {
+                if closure.shapes.is_empty() {
+                    continue;
+                }
+                let seen = readings.columns(block);
+                let at = self.end_point(&closure.ends[0], meta.group, seen, &beta, &ws);
+                let (own, axes) = (surface(k, meta.group), axes(k, meta.group));
+                let known = ends.iter().position(|(of, _)| *of == own);
+                let known = known.unwrap_or_else(|| {
+                    ends.push((own, [[f64::INFINITY, f64::NEG_INFINITY]; 2]));
+                    ends.len() - 1
+                });
+                for (range, axis) in ends[known].1.iter_mut().zip(axes) {
+                    for lane in readings.lanes(block, closure.number) {
+                        let along: f64 = (0..3).map(|i| axis[i] * at[i].0[lane]).sum();
+                        *range = [range[0].min(along), range[1].max(along)];
+                    }
+                }
+            }
+        }
+        let patch = |k: usize, group: usize| {
+            let own = ends.iter().find(|(of, _)| *of == surface(k, group));
+            let ranges = own.map_or([[-1.0, 1.0]; 2], |(_, ranges)| *ranges);
+            let half = ranges.map(|[low, high]| (0.5 * (high - low)).max(f64::MIN_POSITIVE));
+            Patch { axes: axes(k, group), middle: ranges.map(|[l, h]| 0.5 * (l + h)), half }
+        };
+        let patches: Vec<Vec<Patch>> = (0..self.closures.len())
+            .map(|k| match self.closures[k].shapes.is_empty() {
+                true => Vec::new(),
+                false => (0..readings.groups.len()).map(|group| patch(k, group)).collect(),
+            })
+            .collect();
+        for (closure, patches) in self.closures.iter_mut().zip(patches) {
+            closure.patches = patches;
+        }
+    }
+}
