@@ -59,8 +59,10 @@ fn derivatives_by_an_end_match_differences() {
         compare((kind, row), by_end, |step| at(step, 0.0, measured, along));
         let behind = kind.by_end(&here, row, &vector(MOVED), -1.0);
         assert_eq!(
-            behind.0[0], -by_end.0[0],
-            "{kind:?}: the second end counts the other way round"
+            behind.0[0],
+            -by_end.0[0],
+            "{}: the second end counts the other way round",
+            kind.facts().words()
         );
     });
 }
@@ -73,7 +75,8 @@ fn derivatives_by_the_value_match_differences() {
         assert_eq!(
             kind.has_value(),
             by_value.0[0] != 0.0,
-            "{kind:?}: what is given, and the equations"
+            "{}: what is given, and the equations",
+            kind.facts().words()
         );
     });
 }
@@ -96,7 +99,8 @@ fn kinds_say_what_they_are() {
         assert!((1..=3).contains(&kind.equations()), "{kind:?}");
         assert!(
             !kind.facts().is_vector() || kind.equations() == 3,
-            "{kind:?}: components of a vector"
+            "{}: components of a vector",
+            kind.facts().words()
         );
         // The first end is what a chain carries, or reads: nothing else moves.
         let [first, second] = kind.facts().between();
