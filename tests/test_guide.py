@@ -75,7 +75,7 @@ def test_poses_beyond_what_a_trace_needs_are_kept_out_and_check_the_closure(
     assert result.readings.poses == len(set(fitted.pose))
     state = taken.state()
     # By plain products of matrices: closures of what is read, under offsets and gains alone, are
-    # off by more than those of the result, which has the curve. A single pose may be where it is flat.
+    # off by more than those of the result, which has the curve; one pose may be where it is flat.
     off = np.array([result["offset", n].value for n in CHANNELS])
     gain = np.array([result["gain", n].value for n in CHANNELS])
     values = np.concatenate([kept.values, fitted.values])
