@@ -69,6 +69,22 @@ def test_claims_of_the_search_are_among_them() -> None:
     assert len(CLAIMS) > 10
 
 
+def test_the_constants_of_the_search_are_those_of_the_code() -> None:
+    source = "".join(path.read_text("utf-8") for path in ROOT.glob("crates/rsicalib/src/**/*.rs"))
+    code = re.findall(r"^ *(?:pub(?:\(\w+\))? )?const ([A-Z_]+): [^=]+= ([^;]+);", source, re.M)
+    page = (ROOT / "docs/search.md").read_text("utf-8")
+    rows = re.findall(r"^\| ([^|]*) \| ([^|]*) \|", section(page, "constants-that-decide"), re.M)
+    compared = 0
+    for cell, value in rows:
+        names = re.findall(r"`([A-Z_]+)`", cell)
+        assert set(names) <= {name for name, _ in code}, cell
+        if len(names) == 1 and re.fullmatch(r"[\d.]+", value):
+            compared += 1
+            said = {v for name, v in code if name == names[0]}
+            assert float(value) in {float(v) for v in said if NUMBER.fullmatch(v)}, cell
+    assert compared > 10
+
+
 def test_a_number_is_found_as_a_whole_and_a_section_ends_at_the_next_of_its_level() -> None:
     page = (
         "# A\n## B c?\n17.9 of 203, 7.91 and 5\n### D\n-1.5\n```\n# no heading\n```\n8\n## E\n7.9\n"
