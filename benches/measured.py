@@ -228,7 +228,7 @@ COLUMNS = {
 def page(rows: list[Row]) -> str:
     """The Markdown page."""
     heads = ["robot", "fitted on", "authors", *COLUMNS.values()]
-    lines = [HEAD, f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    lines = [HEAD, "## Every robot", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for row in rows:
         case = row.case
         robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")

@@ -65,8 +65,12 @@ def read(folder: Path) -> tuple[tuple[str, ...], tuple[Import, ...]]:
 
 
 def code_of(source: str) -> str:
-    """Remove comments and texts from the source of a file."""
-    code = NOT_CODE.sub(lambda match: "" if match[0].startswith("//") else '""', _unblocked(source))
+    """Remove comments from the source of a file; of its texts only the quotes of each line stay."""
+
+    def short(match: re.Match[str]) -> str:
+        return "" if match[0].startswith("//") else "\n".join(['""'] * len(match[0].split("\n")))
+
+    code = NOT_CODE.sub(short, _unblocked(source))
     return re.sub(r"\bpub\(in [^)]*\)", "pub", code.replace("$crate", "crate"))
 
 

@@ -6,6 +6,7 @@ readings may have, and of the classes of the other documents; a test compares.
 
 from __future__ import annotations
 
+import html
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -108,13 +109,50 @@ BY_HAND = {
 }
 """Documents that a command writes as they come; a test compares the keys with the command's."""
 
+ABOUT = {
+    "rsicalib.poses/1": "Poses of the platform.",
+    "rsicalib.terms/1": "What can be identified.",
+    "rsicalib.import/1": "What a log was made into.",
+    "rsicalib.export/1": "Files for a controller.",
+    "rsicalib.fleet/1": "Many devices together.",
+    "rsicalib.population/1": "What the devices of a fleet have in common.",
+    "rsicalib.truth/1": "What is wrong with a simulated device.",
+    "rsicalib.error/1": "Why there is no answer.",
+}
+"""What documents without a type are."""
+
+WRITTEN_BY = {
+    "rsicalib.calibration/1": "`calibrate`, `fixture`",
+    "rsicalib.trace/1": "`trace`",
+    "rsicalib.poses/1": "`forward`",
+    "rsicalib.terms/1": "`terms`",
+    "rsicalib.import/1": "`import`",
+    "rsicalib.export/1": "`export`",
+    "rsicalib.fleet/1": "`fleet`",
+    "rsicalib.population/1": "`fleet --population`",
+    "rsicalib.truth/1": "`simulate`",
+    "rsicalib.error/1": "each, with `--json`",
+    "rsicalib.plan/1": "`plan`",
+    "rsicalib.supposition/1": "`suppose`",
+    "rsicalib.certificate/1": "`certify`",
+    "rsicalib.alarm/1": "`watch`",
+    "rsicalib.watch/1": "`watch`",
+    "rsicalib.history/1": "`history`",
+    "rsicalib.paper/1": "`paper`",
+}
+"""The commands that write each document."""
+
 HEAD = """\
 # File formats
 
 Every key, column and unit. Written by `python -m scripts.make_formats` from the types that read
 the files; a test compares. Lengths are in the mechanism's `length_unit`, angles in radians,
-readings in the unit of their channel; [conventions](conventions.md) has frames and signs.
+readings in the unit of their channel; [conventions](conventions.md) has frames and signs. Tables
+of keys open with a click.
 
+"""
+
+MECHANISM = """\
 ## Mechanism: TOML
 
 A key that is not listed here is refused. `rsicalib mechanism FILE` checks a file. The JSON Schema
@@ -179,15 +217,39 @@ stays](stability.md)). The JSON Schemas are in the package, `rsicalib/schema/`.
 
 def text() -> str:
     """The whole page."""
-    parts = [HEAD, *mechanism(), URDF, keys_table(URDF_KEYS), "\n"]
+    parts = [HEAD, listed(), MECHANISM, *mechanism(), URDF, folded("Keys", keys_table(URDF_KEYS))]
     parts += [READINGS, *(f"| `{name}` | {words} |\n" for name, words in COLUMNS.items()), "\n"]
     parts += ["## Units of parameters\n\n", keys_table(UNITS).replace("| key |", "| unit |"), "\n"]
     parts += ["The parameters of each term, with their units: [terms](terms.md).\n\n"]
     parts += [RESULTS, *results()]
     for name, keys in BY_HAND.items():
-        parts += [f"### `{name}`\n\n", keys_table(keys), "\n"]
+        parts += [f"### `{name}`\n\n{ABOUT[name]}\n\n", folded("Keys", keys_table(keys))]
     parts += documents()
     return "".join(parts).rstrip() + "\n"
+
+
+def listed() -> str:
+    """A table of all formats."""
+    rows = [
+        ("[mechanism](#mechanism-toml)", "Chains, closures and sensors of a machine.", "by hand"),
+        ("[readings](#readings-csv-or-parquet)", "What the sensors read.", "by hand, `import`"),
+    ]
+    about = {name: _prose(schema["description"]) for name, schema in _schemas().items()} | ABOUT
+    about |= {name: declared.schema(name)["description"] for name in declared.DOCUMENTS}
+    for name, words in about.items():
+        anchor = re.sub(r"[^\w-]", "", name)
+        rows.append((f"[`{name}`](#{anchor})", words, WRITTEN_BY[name]))
+    lines = ["| format | what it holds | written by |", "|---|---|---|"]
+    lines += [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join(lines) + "\n\n"
+
+
+def folded(summary: str, inner: str) -> str:
+    """What a click on its summary opens."""
+    said = re.sub(r"`([^`]*)`", r"<code>\1</code>", html.escape(summary, quote=False))
+    return (
+        f'<details markdown="1">\n<summary>{said}</summary>\n\n{inner.rstrip()}\n\n</details>\n\n'
+    )
 
 
 def mechanism() -> Iterator[str]:
@@ -198,7 +260,8 @@ def mechanism() -> Iterator[str]:
 
 def _tables(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> Iterator[str]:
     """A table of one type, and those of the types of its keys."""
-    yield f"### {title}\n\n{_prose(kind['description'])}\n\n{schema_table(kind, types)}\n"
+    yield f"### {title}\n\n{_prose(kind['description'])}\n\n"
+    yield folded("Keys", schema_table(kind, types))
     whole = kind.get("$defs") is types
     for key, value in kind["properties"].items():
         rows = value.get("type") == "array"
@@ -211,27 +274,33 @@ def _tables(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> It
 
 def results() -> Iterator[str]:
     """Tables of the keys of results."""
-    schemas = {name: json.loads(schema) for name, schema in _core.schemas()}
     done: set[str] = set()
-    for name, schema in schemas.items():
-        yield f"### `{name}`\n\n{_prose(schema['description'])}\n\n"
-        yield schema_table(schema, schema["$defs"]) + "\n"
-        for kind, definition in schema["$defs"].items():
-            if "properties" in definition and kind not in done:
-                done.add(kind)
-                yield f"#### {kind}\n\n{_prose(definition['description'])}\n\n"
-                yield schema_table(definition, schema["$defs"]) + "\n"
+    for name, schema in _schemas().items():
+        yield from _document(name, schema, done)
+        done |= set(schema["$defs"])
 
 
 def documents() -> Iterator[str]:
     """Tables of the keys of the documents that classes hold."""
     for name in declared.DOCUMENTS:
-        schema = declared.schema(name)
-        yield f"### `{name}`\n\n{schema['description']}\n\n"
-        yield schema_table(schema, schema["$defs"]) + "\n"
-        for kind, definition in schema["$defs"].items():
-            yield f"#### {kind} of `{name}`\n\n{definition['description']}\n\n"
-            yield schema_table(definition, schema["$defs"]) + "\n"
+        yield from _document(name, declared.schema(name), set())
+
+
+def _document(name: str, schema: Mapping[str, Any], done: set[str]) -> Iterator[str]:
+    """The keys of a document, and of each type in it that is not done."""
+    types = schema["$defs"]
+    yield f"### `{name}`\n\n{_prose(schema['description'])}\n\n"
+    yield folded("Keys", schema_table(schema, types))
+    for kind, definition in types.items():
+        if "properties" in definition and kind not in done:
+            first, _, rest = _prose(definition["description"]).partition("\n\n")
+            inner = f"{rest}\n\n" if rest else ""
+            yield folded(f"`{kind}`: {first}", inner + schema_table(definition, types))
+
+
+def _schemas() -> dict[str, dict[str, Any]]:
+    """Schemas of the core's results by format."""
+    return {name: json.loads(schema) for name, schema in _core.schemas()}
 
 
 def schema_table(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:
