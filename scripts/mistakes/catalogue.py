@@ -334,6 +334,13 @@ MISTAKES = [
         edit("rsi.toml", (r"alpha = 1\.57\d*", "alpha = 90.0"), count=1),
     ),
     Mistake(
+        "limits in degrees",
+        "mechanism rsi.toml",
+        0,
+        "limits are in radians, unless a channel has unit",
+        edit("rsi.toml", (r"^limits = .*", "limits = [-180.0, 180.0]"), count=1),
+    ),
+    Mistake(
         "a workspace in degrees",
         "mechanism rsi.toml",
         2,
