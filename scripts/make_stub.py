@@ -26,7 +26,7 @@ PARAMETERS = {
     "confidence": "float",
     "expanded": "float",
     "known": "float",
-    "known_poses": "tuple[Mapping[str, Any], Array, str | None]",
+    "known_poses": "tuple[Mapping[str, Any], Array, str | None, bool]",
     "limit": "float",
     "seen": "tuple[float, float, int, float] | None",
     "draws": "int",

@@ -65,9 +65,14 @@ def test_check_readings_whose_loops_are_open_are_told(tmp_path: Path) -> None:
         cells[column] = str(int(float(cells[column])) + 60)
     path = tmp_path / "check.csv"
     path.write_text("\n".join([lines[0], *map(",".join, moved)]), encoding="utf-8")
-    for check, kinds in ((DEMO / "check.csv", set()), (path, {"open_loops"})):
-        found = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv", check=check)
-        assert {w.kind for w in found.warnings} & {"open_loops"} == kinds
+    readings, rest, sound = (DEMO / f"{name}.csv" for name in ("readings", "rest", "check"))
+    for check, kinds in ((sound, set()), (path, {"open_loops"})):
+        traced = rsicalib.trace(readings, rest=rest, check=check)
+        assert traced.verdict == ("partly_explained" if kinds else "explained")
+        calibrated = rsicalib.calibrate(readings, rest=rest, check=check)
+        for found in (traced, calibrated, rsicalib.fixture(sound, check=check)):
+            told = ({of.kind for of in all_of} for all_of in (found.warnings, found.reasons))
+            assert [kinds_told & {"open_loops"} for kinds_told in told] == [kinds, kinds]
 
 
 def test_nothing_is_edited_in_a_result_as_it_was_made(tmp_path: Path) -> None:

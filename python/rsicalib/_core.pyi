@@ -93,7 +93,7 @@ class Fit:
         """
 
     def check(
-        self, known_poses: tuple[Mapping[str, Any], Array, str | None], align: bool = False
+        self, known_poses: tuple[Mapping[str, Any], Array, str | None, bool], align: bool = False
     ) -> dict[str, Any]:
         """Error on known poses: `(poses, position rms, orientation rms)`."""
 
@@ -382,24 +382,10 @@ def centre_of_population(mechanism: Mechanism) -> list[float]:
 def check(
     mechanism: Mechanism,
     applied: Mapping[str, Any],
-    known_poses: tuple[Mapping[str, Any], Array, str | None],
+    known_poses: tuple[Mapping[str, Any], Array, str | None, bool],
     align: bool = False,
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
-
-def closing(
-    mechanism: Mechanism,
-    applied: Mapping[str, Any],
-    table: Mapping[str, Any],
-    covariance: Array | None = None,
-    *,
-    scale: Any = 1.0,
-    dof: Any = None,
-) -> Any:
-    """How the loops close under a result in a table of readings: misclosure, root mean square in units of
-    length, what the noise makes of it, and the probability of more by chance. None where no row of
-    the table tells that.
-    """
 
 def common_shift(devices: Sequence[tuple[float, float]]) -> dict[str, Any] | None:
     """Common shift of a parameter, from (distance from the drawing, sd) of each device:
@@ -436,6 +422,18 @@ def decide(
 
 def evidence_schema() -> str:
     """JSON Schema of the evidence that a report is drawn from, as text."""
+
+def expects_more(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    table: Mapping[str, Any],
+    covariance: Array | None = None,
+    *,
+    own: Any,
+) -> Any:
+    """What a result expects of the misclosure of a table of readings, where that is more than `own`, that of
+    its own session, explains; none where it is not.
+    """
 
 def exported(
     mechanism: Mechanism, applied: Mapping[str, Any]
@@ -498,10 +496,14 @@ def jacobian(
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
 
 def judged_open_loop(
-    poses: int = 0, check: Mapping[str, Any] | None = None, nominal: Any = None
+    poses: int = 0,
+    check: Mapping[str, Any] | None = None,
+    nominal: Any = None,
+    open_loops: Any = None,
 ) -> Any:
     """The verdict on lines through so many known poses, and its reasons, by the error of the calibration
-    and of the mechanism as declared on check poses; of no poses: nothing could begin.
+    and of the mechanism as declared on check poses, and by their loops that are open: misclosure, that of the
+    session, probability by chance. Of no poses: nothing could begin.
     """
 
 def lasting(mechanism: Mechanism, specs: Sequence[Spec]) -> list[str]:
@@ -554,6 +556,25 @@ def observability(
     closures: Sequence[str] | None = None,
 ) -> dict[str, Any]:
     """What poses can tell of offsets and gains, under a named scaling of the columns."""
+
+def open_loops(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    table: Mapping[str, Any],
+    covariance: Array | None = None,
+    *,
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    own: Any = None,
+    edited: Any = None,
+    scale: Any = 1.0,
+    dof: Any = None,
+) -> Any:
+    """Whether the loops of a table of readings are open under a result, beside the misclosure `own` of its own
+    session: misclosure, that of the session, the probability of more by chance, and the same in words; none
+    where they close, or where no row of the table tells that.
+
+    `edited`: whether the result's numbers were edited, where that is known.
+    """
 
 def places(
     mechanism: Mechanism,

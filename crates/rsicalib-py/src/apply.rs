@@ -13,6 +13,7 @@ use rsicalib::apply::moved::{Compared, Estimate};
 use rsicalib::apply::placer::Placer;
 use rsicalib::diagnosis::verdict;
 use rsicalib::model::Spec;
+use rsicalib::monitor::closing::OpenLoops;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
@@ -235,20 +236,24 @@ pub fn check<'py>(
 }
 
 /// The verdict on lines through so many known poses, and its reasons, by the error of the calibration
-/// and of the mechanism as declared on check poses; of no poses: nothing could begin.
+/// and of the mechanism as declared on check poses, and by their loops that are open: misclosure, that of the
+/// session, probability by chance. Of no poses: nothing could begin.
 #[pyfunction]
-#[pyo3(signature = (poses=0, check=None, nominal=None))]
+#[pyo3(signature = (poses=0, check=None, nominal=None, open_loops=None))]
 pub fn judged_open_loop<'py>(
     py: Python<'py>,
     poses: usize,
     check: Option<Bound<'py, PyAny>>,
     nominal: Option<Bound<'py, PyAny>>,
+    open_loops: Option<(f64, Option<f64>, f64)>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let read = |check: Option<Bound<'py, PyAny>>| -> PyResult<Option<Check>> {
         Ok(check.map(|check| depythonize(&check)).transpose()?)
     };
     let (check, nominal) = (read(check)?, read(nominal)?);
-    Ok(pythonize(py, &verdict::open_loop(poses, check, nominal))?)
+    let open =
+        open_loops.map(|(rms_misclosure, own, p_value)| OpenLoops { rms_misclosure, own, p_value });
+    Ok(pythonize(py, &verdict::open_loop(poses, check, nominal, open))?)
 }
 
 /// Offset and gain of every channel from known poses, eq. (13): `(lines, poses)`.

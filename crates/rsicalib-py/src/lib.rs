@@ -88,7 +88,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::budget, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
     module.add_function(wrap_pyfunction!(apply::decide, module)?)?;
-    module.add_function(wrap_pyfunction!(monitor::closing, module)?)?;
+    module.add_function(wrap_pyfunction!(monitor::open_loops, module)?)?;
+    module.add_function(wrap_pyfunction!(monitor::expects_more, module)?)?;
     module.add_function(wrap_pyfunction!(history::course, module)?)?;
     module.add_function(wrap_pyfunction!(population::centre_of_population, module)?)?;
     module.add_function(wrap_pyfunction!(population::shares, module)?)?;

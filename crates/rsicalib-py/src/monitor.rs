@@ -5,8 +5,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyBytes, PyDict};
 use pythonize::pythonize;
 use rsicalib::Error;
-use rsicalib::monitor::closing::closing as closes;
+use rsicalib::monitor::closing::{Closing, closing};
 use rsicalib::monitor::{Alarm, Monitor, MonitorOptions, Quiet};
+use rsicalib::report::words;
 
 use crate::apply::PyApplied;
 use crate::error::PyError;
@@ -118,26 +119,62 @@ impl PyMonitor {
     }
 }
 
-/// How the loops close under a result in a table of readings: misclosure, root mean square in units of
-/// length, what the noise makes of it, and the probability of more by chance. None where no row of
-/// the table tells that.
+/// Whether the loops of a table of readings are open under a result, beside the misclosure `own` of its own
+/// session: misclosure, that of the session, the probability of more by chance, and the same in words; none
+/// where they close, or where no row of the table tells that.
+///
+/// `edited`: whether the result's numbers were edited, where that is known.
 #[pyfunction]
-#[pyo3(signature = (mechanism, applied, table, covariance=None, *, scale=1.0, dof=None))]
-pub fn closing(
+#[pyo3(signature = (mechanism, applied, table, covariance=None, *, source, own=None, edited=None,
+                    scale=1.0, dof=None))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+pub fn open_loops(
     py: Python<'_>,
     mechanism: &PyMechanism,
     applied: PyApplied,
     table: PyTable<'_>,
     covariance: Option<PyReadonlyArray2<'_, f64>>,
+    source: &str,
+    own: Option<f64>,
+    edited: Option<bool>,
     scale: f64,
     dof: Option<f64>,
-) -> PyResult<Option<(f64, f64, f64)>> {
+) -> PyResult<Option<(f64, Option<f64>, f64, String)>> {
+    let found = closed(py, mechanism, applied, table, covariance, (scale, dof))?;
+    Ok(found.and_then(|found| found.open(own)).map(|open| {
+        let text = words::open_loops(&mechanism.0, source, &open, edited);
+        (open.rms_misclosure, open.own, open.p_value, text)
+    }))
+}
+
+/// What a result expects of the misclosure of a table of readings, where that is more than `own`, that of
+/// its own session, explains; none where it is not.
+#[pyfunction]
+#[pyo3(signature = (mechanism, applied, table, covariance=None, *, own))]
+pub fn expects_more(
+    py: Python<'_>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+    table: PyTable<'_>,
+    covariance: Option<PyReadonlyArray2<'_, f64>>,
+    own: f64,
+) -> PyResult<Option<f64>> {
+    let found = closed(py, mechanism, applied, table, covariance, (1.0, None))?;
+    Ok(found.filter(|found| found.expects_more_than(own)).map(|found| found.expected_rms))
+}
+
+fn closed(
+    py: Python<'_>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+    table: PyTable<'_>,
+    covariance: Option<PyReadonlyArray2<'_, f64>>,
+    (scale, dof): (f64, Option<f64>),
+) -> PyResult<Option<Closing>> {
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
     let (applied, table) = (applied.into(), table.table());
-    let found =
-        work(py, || closes(&mechanism.0, &applied, covariance.as_deref(), table, scale, dof))?
-            .map_err(PyError::from)?;
-    Ok(found.map(|found| (found.rms_misclosure, found.expected_rms, found.p_value)))
+    work(py, || closing(&mechanism.0, &applied, covariance.as_deref(), table, scale, dof))?
+        .map_err(|error| PyError::from(error).into())
 }
 
 fn shape(found: usize, expected: usize) -> Error {

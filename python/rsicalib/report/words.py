@@ -541,6 +541,8 @@ def advice(result: ResultShape) -> list[str]:
 
 
 ADVICE = {
+    "open_loops": "The mechanism is not what it was in the session, or the check readings are of "
+    "another one: rsicalib calibrate CHECK --calibration result.json says what has changed.",
     "check": "Check poses are off by more than predicted: trace the residual, record poses like "
     "them, and see whether the known poses are as good as they are taken for.",
     "check_orientation": "Check poses are turned by more than predicted: trace the residual, and "
@@ -600,6 +602,7 @@ def reason_words(result: ResultShape, reason: Reason) -> str:
 
 
 REASONS = {
+    "open_loops": ("loops of the check readings have a misclosure of", "in the session"),
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
     "check_pose": ("a check pose is off by", "is predicted"),

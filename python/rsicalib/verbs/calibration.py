@@ -149,4 +149,4 @@ def calibrate(
     except UndeterminedError as error:
         return Calibration.made(job.too_few(Calibration, error, session) | {"fit": NOTHING})
     found = {**report, "method": method or Calibration.method, "update": job.update(report, fit)}
-    return finished(job.told(Calibration.made(job.result(Calibration, found, session))))
+    return finished(Calibration.made(job.result(Calibration, found, session)))

@@ -9,9 +9,11 @@ import numpy as np
 from rsicalib import _core, options
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.shapes import Parameter
+from rsicalib.facts.warned import Warned
 from rsicalib.results.result import Calibration
 from rsicalib.work.applying import posed
 from rsicalib.work.arguments import MechanismArg, ReadingsArg
+from rsicalib.work.closing import open_loops
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import NOTHING, DateArg, about
 
@@ -58,7 +60,7 @@ def fixture(
     """
     job = Work(mechanism, skip_bad_rows, None, about(device, note, date))
     job.take(readings, None, None, known_poses=True)
-    table, poses, _ = posed(job.readings[0], job.mechanism)
+    table, poses, *_ = posed(job.readings[0], job.mechanism)
     if not np.isfinite(poses).all(axis=1).any():
         raise InputError.at(
             job.readings[0].source,
@@ -100,7 +102,11 @@ def fixture(
     if align:
         fit["aligned"] = job.error(known, result, True)
         nominal["aligned"] = job.nominal_error(known, align=True)
-    checked = [e["aligned" if align else "check"] for e in (fit, nominal)]
-    again = result.to_dict() | _core.judged_open_loop(count, *checked)
-    again |= {"fit": NOTHING | fit, "nominal": NOTHING | nominal}
-    return job.told(Calibration.made(again))
+    checked, declared = (e["aligned" if align else "check"] for e in (fit, nominal))
+    opened = None if job.checked is None else open_loops(job.checked, job.mechanism, result)
+    judged = _core.judged_open_loop(count, checked, declared, opened and opened[:3])
+    again = result.to_dict() | judged | {"fit": NOTHING | fit, "nominal": NOTHING | nominal}
+    if opened is not None:
+        told = Warned("open_loops", None, opened.text)
+        again["warnings"] = [*again["warnings"], told.to_dict()]
+    return Calibration.made(again)

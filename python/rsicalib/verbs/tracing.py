@@ -113,4 +113,4 @@ def trace(
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.made(job.too_few(Trace, error, session) | nothing)
     lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
-    return finished(job.told(Trace.made(job.result(Trace, report, session) | lacking)))
+    return finished(Trace.made(job.result(Trace, report, session) | lacking))

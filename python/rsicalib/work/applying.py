@@ -16,9 +16,9 @@ from rsicalib.units import is_count
 
 __all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed", "tell_closures"]
 
-Known: TypeAlias = tuple[dict[str, Any], FloatArray, str | None]
-"""Table of readings, the poses they were taken in, shape (n, 6), and the point whose places they
-are; a place has no orientation."""
+Known: TypeAlias = tuple[dict[str, Any], FloatArray, str | None, bool]
+"""Table of readings, the poses they were taken in, shape (n, 6), the point whose places they are (a
+place has no orientation), and whether the table says what closures touch and measure."""
 
 
 def as_table(
@@ -75,7 +75,7 @@ def posed(readings: Readings, mechanism: Mechanism, point: str | None = None) ->
         raise InputError.at(readings.source, found=found, expected=expected)
     whole = tell_closures(readings, mechanism)
     table = as_table([readings], mechanism) if whole else _of_open_chains(readings, mechanism)
-    return table, np.ascontiguousarray(readings.poses), point
+    return table, np.ascontiguousarray(readings.poses), point, whole
 
 
 def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False) -> dict[str, Any]:

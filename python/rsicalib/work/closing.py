@@ -6,6 +6,8 @@ under it as they did in its own session, which is told. `edited` has what a resu
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,16 +17,26 @@ from rsicalib.errors import tell
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of, tell_closures
-from rsicalib.work.edited import TIMES, own_misclosure
+from rsicalib.work.edited import own_misclosure
 
-__all__ = ["first_rows", "open_loops", "warn_of_open_loops"]
-
-LEVEL = 1e-6
-"""Probability that the loops of a sound device are called open: of a million uses one."""
+__all__ = ["OpenLoops", "first_rows", "open_loops", "warn_of_open_loops"]
 
 
-def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str | None:
-    """Say that the loops do not close as in the result's own session.
+class OpenLoops(NamedTuple):
+    """Loops that do not close under a result as those of its own session do."""
+
+    misclosure: float
+    """Root mean square, length units."""
+    own: float | None
+    """The same in the session of the result."""
+    p_value: float
+    """Probability of more by chance."""
+    text: str
+    """The same in words, with what to do."""
+
+
+def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> OpenLoops | None:
+    """Whether the loops of readings are open under a result.
 
     Parameters
     ----------
@@ -37,8 +49,8 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
 
     Returns
     -------
-    str or None
-        None where they do, or where these readings cannot tell it: of chains in the air, and of
+    OpenLoops or None
+        None where they close, or where these readings cannot tell it: of chains in the air, and of
         chains that touch only places which the result does not know.
     """
     noise, covariance = result.noise, covariance_of(result)
@@ -48,37 +60,25 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> str 
         return None
     fit = result.quality
     judged = fit.chi2 is not None and fit.dof
-    scale = fit.chi2 / fit.dof if judged and fit.chi2 and fit.dof else 1.0
-    found = _core.closing(
+    found = _core.open_loops(
         mechanism,
         as_applied(result, mechanism),
         as_table([readings], mechanism),
         covariance,
-        scale=max(1.0, scale),
+        source=readings.source,
+        own=own_misclosure(result),
+        edited=result.edited,
+        scale=fit.chi2 / fit.dof if judged and fit.chi2 and fit.dof else 1.0,
         dof=noise.dof,
     )
-    if found is None:
-        return None
-    rms, _, p_value = found
-    unit, own = mechanism.length_unit, own_misclosure(result)
-    # What is not finite is not below anything.
-    if p_value >= LEVEL and (own is None or rms < TIMES * own):
-        return None
-    as_own = "" if own is None else f", in the session of the result it was {own:.2g} {unit}"
-    causes = ["Something has changed since", "the result is of another device"]
-    causes += [] if result.edited is False else ["its numbers were edited"]
-    return (
-        f"the loops of {readings.source} do not close under this result: misclosure {rms:.2g} "
-        f"{unit}{as_own}. {', '.join(causes[:-1])}, or {causes[-1]}: identify again with "
-        "--calibration, which says what has changed"
-    )
+    return None if found is None else OpenLoops(*found)
 
 
 def warn_of_open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> None:
-    """Warn where they do not, before a result is applied to readings that may not be its own."""
-    said = open_loops(readings, mechanism, result)
-    if said is not None:
-        tell(said)
+    """Warn where they are, before a result is applied to readings that may not be its own."""
+    found = open_loops(readings, mechanism, result)
+    if found is not None:
+        tell(found.text)
 
 
 def first_rows(pose: npt.NDArray[np.integer] | None, n: int) -> npt.NDArray[np.intp]:

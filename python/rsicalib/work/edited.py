@@ -16,15 +16,11 @@ from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 
-__all__ = ["TIMES", "edits", "own_misclosure", "refuse_other_units"]
-
-TIMES = 5.0
-"""By so many times misclosure does not differ between poses of a session and others: the arms by
-which a joint moves a closure differ by less."""
+__all__ = ["edits", "own_misclosure", "refuse_other_units"]
 
 ROWS = 64
 """Readings within the span of the session at which the misclosure that is expected is taken: it is
-a mean over them, and theirs differ by less than `TIMES`."""
+a mean over them, and theirs differ by less than what the core calls more."""
 
 
 def edits(result: Result, mechanism: Mechanism) -> str | None:
@@ -58,8 +54,8 @@ def edits(result: Result, mechanism: Mechanism) -> str | None:
                 "tells whether its numbers are as they were written; identify again"
             )
         return None
-    expected = _expected(result, mechanism)
-    if expected is None or expected < TIMES * own:
+    expected = _expected_more(result, mechanism, own)
+    if expected is None:
         return None
     unit = mechanism.length_unit
     return (
@@ -75,10 +71,11 @@ def own_misclosure(result: Result) -> float | None:
     return float(np.sqrt(np.mean(np.square(list(result.misclosure.rms.values())))))
 
 
-def _expected(result: Result, mechanism: Mechanism) -> float | None:
+def _expected_more(result: Result, mechanism: Mechanism, own: float) -> float | None:
     """What the noise makes of the misclosure under a result, over the span of its session.
 
-    None where that depends on what is touched or measured: only readings say that.
+    None where its session explains that, and where that depends on what is touched or measured:
+    only readings say that.
     """
     if mechanism.key_columns or mechanism.value_columns:
         return None
@@ -91,9 +88,10 @@ def _expected(result: Result, mechanism: Mechanism) -> float | None:
     except InputError:  # no session has readings beyond the range of a channel
         return np.inf
     table = as_table([readings], mechanism)
-    found = _core.closing(mechanism, applied, table, covariance_of(result))
-    # What is not finite is above anything.
-    return None if found is None else float(np.nan_to_num(found[1], nan=np.inf))
+    found: float | None = _core.expects_more(
+        mechanism, applied, table, covariance_of(result), own=own
+    )
+    return found
 
 
 def refuse_other_units(result: Result, mechanism: Mechanism, where: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from rsicalib import _core, options
@@ -28,8 +27,6 @@ from rsicalib.work.arguments import (
     noise_of_channels,
     open_mechanism,
 )
-from rsicalib.work.closing import open_loops
-from rsicalib.work.listening import AnyResult
 from rsicalib.work.outcome import (
     beside_earlier,
     described,
@@ -242,15 +239,6 @@ class Work:
         except InputError:
             return None  # the loops are not the same: unknown points, measured distances
         return update
-
-    def told(self, result: AnyResult) -> AnyResult:
-        """A result with what the loops of its check readings say."""
-        if self.checked is None or result.verdict == "undetermined":
-            return result
-        said = open_loops(self.checked, self.mechanism, result)
-        if said is None:
-            return result
-        return replace(result, warnings=(*result.warnings, Warned("open_loops", None, said)))
 
     def too_few(
         self, kind: type[Result], error: UndeterminedError, session: _core.Session | None

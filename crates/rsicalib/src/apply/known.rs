@@ -19,6 +19,8 @@ pub struct Known {
     pub point: Option<String>,
     /// True where they are known up to a rigid motion of the instrument.
     pub align: bool,
+    /// True where the readings say what closures touch and measure, so that their loops can be looked at.
+    pub closes: bool,
 }
 
 impl Known {

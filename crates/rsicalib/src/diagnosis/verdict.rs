@@ -7,6 +7,7 @@ use crate::diagnosis::options::LEVEL;
 use crate::estimate::Fit;
 use crate::estimate::directions::Directions;
 use crate::estimate::suspicion::Suspicion;
+use crate::monitor::closing::OpenLoops;
 
 /// What is said of a calibration, in one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -163,6 +164,8 @@ pub struct Evidence {
     /// Predicted error at the poses of the session, beside that of the parameters as they are known
     /// without readings.
     pub predicted: Option<[f64; 2]>,
+    /// Loops of the known poses that do not close as those of the session do.
+    pub open_loops: Option<OpenLoops>,
     /// Error on known poses.
     pub check: Option<Check>,
     /// The same, beside the mechanism as it is declared.
@@ -199,6 +202,8 @@ pub enum Why {
     Residual,
     /// The effects found may stand for another that no term has.
     Doubtful,
+    /// Loops of the known poses do not close as those of the session do.
+    OpenLoops,
     /// Known poses are off by more than the calibration predicts.
     Check,
     /// Known orientations are off by more than the calibration predicts, and positions are not.
@@ -317,9 +322,14 @@ pub fn judge(evidence: &Evidence) -> Judgement {
 }
 
 /// The verdict on lines through so many known poses, eq. (13), by the error of known ones that were
-/// not used, and that of the mechanism as it is declared.
+/// not used, that of the mechanism as it is declared, and how their loops close.
 #[must_use]
-pub fn open_loop(poses: usize, check: Option<Check>, nominal: Option<Check>) -> Judgement {
+pub fn open_loop(
+    poses: usize,
+    check: Option<Check>,
+    nominal: Option<Check>,
+    open_loops: Option<OpenLoops>,
+) -> Judgement {
     judge(&Evidence {
         determined: match poses {
             0 => Determined::Nothing,
@@ -328,6 +338,7 @@ pub fn open_loop(poses: usize, check: Option<Check>, nominal: Option<Check>) -> 
             _ => Determined::Yes,
         },
         check,
+        open_loops,
         check_declared: check.zip(nominal).map(|(check, nominal)| Compared::of(&check, &nominal)),
         ..Evidence::default()
     })
@@ -369,7 +380,14 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     let residual = residual.map(|p| Reason { p_value: Some(p), ..Reason::of(Why::Residual) });
     let doubtful = evidence.found && evidence.doubtful;
     let declared = Reason::worse(Why::CheckDeclared, evidence.check_declared);
+    let open_loops = evidence.open_loops.map(|OpenLoops { rms_misclosure, own, p_value }| Reason {
+        found: Some(rms_misclosure),
+        expected: own,
+        p_value: Some(p_value),
+        ..Reason::of(Why::OpenLoops)
+    });
     [
+        open_loops,
         declared.or(predicted_declared),
         check.or(alone),
         Reason::worse(Why::CheckBefore, check_before),

@@ -30,6 +30,13 @@ const TOLD: f64 = 1e-3;
 /// Samples that are compared at the most, evenly spread: enough to tell, and soon done.
 const MOST: usize = 200;
 
+/// Probability that the loops of a sound device are called open: of a million uses one.
+const LEVEL: f64 = 1e-6;
+
+/// By so many times misclosure does not differ between poses of a session and others: the arms by
+/// which a joint moves a closure differ by less.
+const TIMES: f64 = 5.0;
+
 /// How the loops close under a result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -41,6 +48,35 @@ pub struct Closing {
     pub expected_rms: f64,
     /// Probability of more by chance, if the result holds.
     pub p_value: f64,
+}
+
+/// Loops that do not close under a result as in its own session.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OpenLoops {
+    /// Misclosure, root mean square in units of length.
+    pub rms_misclosure: f64,
+    /// The same in the session of the result, where it is known.
+    pub own: Option<f64>,
+    /// Probability of more by chance, if the result holds.
+    pub p_value: f64,
+}
+
+impl Closing {
+    /// Loops that are open, beside the misclosure of the result's own session where it is known.
+    #[must_use]
+    pub fn open(&self, own: Option<f64>) -> Option<OpenLoops> {
+        let Self { rms_misclosure, p_value, .. } = *self;
+        // What is not finite is not below anything.
+        let closed = p_value >= LEVEL && own.is_none_or(|own| rms_misclosure < TIMES * own);
+        (!closed).then_some(OpenLoops { rms_misclosure, own, p_value })
+    }
+
+    /// True where the noise of a result makes more of the loops than its own session had.
+    #[must_use]
+    pub fn expects_more_than(&self, own: f64) -> bool {
+        let within = self.expected_rms < TIMES * own;
+        !within
+    }
 }
 
 /// Compares readings with a result whose parameters have this covariance, row by row. Samples that touch

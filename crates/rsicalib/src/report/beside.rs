@@ -8,9 +8,10 @@ use crate::diagnosis::verdict::Compared;
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
+use crate::monitor::closing::{OpenLoops, closing};
 use crate::readings::{Table, runs_of_poses};
 use crate::report::named::Named;
-use crate::report::result::{FitReport, Known, parameters};
+use crate::report::result::{Estimates, FitReport, Known, parameters};
 
 /// What is known beside the readings that are fitted, to judge a calibration by.
 #[derive(Debug, Clone)]
@@ -90,6 +91,29 @@ impl Beside {
         let of = |align| earlier::check(&self.mechanism, &self.declared, known, align);
         let aligned = known.align.then(|| of(true)).transpose()?;
         Ok(Some(FitReport { check: Some(of(false)?), aligned, ..FitReport::default() }))
+    }
+
+    /// Loops of the known poses that do not close under a calibration as those of its session do; none where
+    /// they do, or where they cannot be looked at.
+    ///
+    /// # Errors
+    ///
+    /// As [`closing`].
+    pub(crate) fn open_loops(
+        &self,
+        mechanism: &Mechanism,
+        estimates: &Estimates,
+        fit: &FitReport,
+    ) -> Result<Option<OpenLoops>, Error> {
+        let covariance = estimates.covariance.concat();
+        // Where no parameter was determined nothing could have changed.
+        let told = covariance.iter().any(|v| *v != 0.0);
+        let known = self.known.as_ref().filter(|known| known.closes && told);
+        let Some(Known { table, .. }) = known else { return Ok(None) };
+        let (applied, scale) = (Applied::from(estimates), fit.chi2_per_dof().unwrap_or(1.0));
+        let dof = estimates.noise.dof;
+        let found = closing(mechanism, &applied, Some(&covariance), table.clone(), scale, dof)?;
+        Ok(found.and_then(|found| found.open(estimates.misclosure.whole())))
     }
 
     /// How well groups are repeated under a fit, and under the one before effects were traced; none

@@ -116,13 +116,20 @@ pub fn of(
     let nominal = beside.map(Beside::nominal).transpose()?.flatten();
     let groups = beside.map(|beside| beside.groups((used, fit), None)).transpose()?.flatten();
     let mut estimates = estimates(used, fit, &directions);
+    let determined = Determined::of(fit, &directions);
+    let open_loops = beside
+        .filter(|_| determined == Determined::Yes)
+        .map(|beside| beside.open_loops(&used.mechanism, &estimates, &quality))
+        .transpose()?
+        .flatten();
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {
-        determined: Determined::of(fit, &directions),
+        determined,
         absurd: !absurd.is_empty(),
         open: absurd.iter().any(Absurdity::is_of_readings),
         p_value: quality.p_value,
         chi2_per_dof: quality.chi2_per_dof(),
         held_out,
+        open_loops,
         check: quality.checked(),
         check_declared: nominal.as_ref().and_then(|nominal| quality.beside(nominal)),
         groups: groups.as_ref().and_then(GroupsReport::expected),
@@ -141,6 +148,7 @@ pub fn of(
         warnings: warned::warnings(used, fit, fit)
             .into_iter()
             .chain(warned::known_poses(used, quality.aligned.or(quality.check)))
+            .chain(open_loops.map(|open| warned::open_loops(&used.mechanism, &open)))
             .collect(),
         excluded: out.iter().map(|e| excluded(used, e)).collect(),
         with_excluded,

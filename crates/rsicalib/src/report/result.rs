@@ -484,6 +484,15 @@ pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedRep
     }
 }
 
+impl MisclosureReport {
+    /// Root mean square over all closures; none where there are none.
+    pub(crate) fn whole(&self) -> Option<f64> {
+        let rms = &self.rms.0;
+        let squares: f64 = rms.iter().map(|(_, rms)| rms * rms).sum();
+        (squares > 0.0).then(|| (squares / rms.len() as f64).sqrt())
+    }
+}
+
 impl Known {
     /// Error of a fit on these poses: as measured, and after the best rigid motion of the
     /// instrument where that is asked for.

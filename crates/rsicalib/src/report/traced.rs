@@ -348,10 +348,16 @@ pub fn traced(
     let sd = estimates.predicted.as_ref().map(|predicted| predicted.position_sd);
     let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
     let determined = directions.beside(&traced.observations, &found);
+    let determined = Determined::of(&traced.after, &determined);
+    let open_loops = beside
+        .filter(|_| determined == Determined::Yes)
+        .map(|beside| beside.open_loops(&traced.observations.mechanism, &estimates, &after))
+        .transpose()?
+        .flatten();
     let [groups_declared, groups_before] =
         groups.as_ref().map(GroupsReport::compared).unwrap_or_default();
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {
-        determined: Determined::of(&traced.after, &determined),
+        determined,
         absurd: !absurd.is_empty(),
         open: absurd.iter().any(Absurdity::is_of_readings),
         p_value,
@@ -361,6 +367,7 @@ pub fn traced(
         held_out: after.held_out,
         held_out_before: held_out_before(&traced, &before, &after),
         predicted: estimates.beforehand(),
+        open_loops,
         check: after.checked(),
         check_declared: nominal.as_ref().and_then(|nominal| after.beside(nominal)),
         check_before: after.beside(&before),
@@ -398,6 +405,7 @@ pub fn traced(
             .into_iter()
             .chain(warned::as_drawn(&traced))
             .chain(warned::known_poses(observations, after.aligned.or(after.check)))
+            .chain(open_loops.map(|open| warned::open_loops(&observations.mechanism, &open)))
             .collect(),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
         with_excluded,

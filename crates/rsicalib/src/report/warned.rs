@@ -7,6 +7,7 @@ use crate::estimate::directions::ParameterReport;
 use crate::estimate::suspicion::{InDegrees, Suspicion};
 use crate::estimate::{Fit, Note, Observations};
 use crate::mechanism::Mechanism;
+use crate::monitor::closing::OpenLoops;
 use crate::report::words;
 
 /// Something suspicious about the readings, or about what is declared of them.
@@ -203,6 +204,13 @@ pub fn known_poses(observations: &Observations, check: Option<Check>) -> Option<
     let misread = check?.misread?;
     let text = words::misread(misread, &observations.mechanism.length_unit);
     Some(Warned { kind: Kind::KnownPoses, target: None, text })
+}
+
+/// That the loops of the known poses do not close as those of the session do.
+#[must_use]
+pub fn open_loops(mechanism: &Mechanism, found: &OpenLoops) -> Warned {
+    let text = words::open_loops(mechanism, "the check readings", found, Some(false));
+    Warned { kind: Kind::OpenLoops, target: None, text }
 }
 
 /// Which wires are exchanged; none where nothing says so.

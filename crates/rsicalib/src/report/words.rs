@@ -17,6 +17,7 @@ use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
+use crate::monitor::closing::OpenLoops;
 use crate::numerics::lm::Termination;
 use crate::readings::Readings;
 use crate::screening::blame::Blame;
@@ -91,6 +92,30 @@ pub fn as_drawn(names: &[String], fits: [&Fit; 2]) -> String {
          ({drawn}) as they do ({free}), and offsets that take up an error of a surface put the arm \
          elsewhere. Known points decide (--check), or a surface that is known to be flat",
         names.join(", "),
+    )
+}
+
+/// That the loops of some readings do not close under a result as in its own session. `edited`: whether its
+/// numbers were edited, where that is known.
+#[must_use]
+pub fn open_loops(
+    mechanism: &Mechanism,
+    source: &str,
+    found: &OpenLoops,
+    edited: Option<bool>,
+) -> String {
+    let OpenLoops { rms_misclosure, own, .. } = found;
+    let length = |v: f64| format!("{} {}", significant(v, 2), mechanism.length_unit);
+    let as_own = own.map(|own| format!(", in the session of the result it was {}", length(own)));
+    let others = match edited {
+        Some(false) => " or the result is of another device",
+        _ => ", the result is of another device, or its numbers were edited",
+    };
+    format!(
+        "the loops of {source} do not close under this result: misclosure {}{}. Something has changed \
+         since{others}: identify again with --calibration, which says what has changed",
+        length(*rms_misclosure),
+        as_own.unwrap_or_default(),
     )
 }
 
