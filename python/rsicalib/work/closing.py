@@ -15,6 +15,7 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import tell
 from rsicalib.io.readings import Readings
+from rsicalib.plain_text import printable
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of, tell_closures
 from rsicalib.work.edited import own_misclosure
@@ -65,7 +66,7 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> Open
         as_applied(result, mechanism),
         as_table([readings], mechanism),
         covariance,
-        source=readings.source,
+        source=printable(readings.source),
         own=own_misclosure(result),
         edited=result.edited,
         scale=fit.chi2 / fit.dof if judged and fit.chi2 and fit.dof else 1.0,

@@ -93,25 +93,26 @@ impl Beside {
         Ok(Some(FitReport { check: Some(of(false)?), aligned, ..FitReport::default() }))
     }
 
-    /// Loops of the known poses that do not close under a calibration as those of its session do; none where
-    /// they do, or where they cannot be looked at.
+    /// Loops of the known poses that do not close under a fit, reported as `estimates`, as those of its session
+    /// do; none where they do, or where they cannot be looked at. What depends on the way or the time
+    /// may be otherwise at known poses that were read before or after.
     ///
     /// # Errors
     ///
     /// As [`closing`].
     pub(crate) fn open_loops(
         &self,
-        mechanism: &Mechanism,
+        (observations, fit): (&Observations, &Fit),
         estimates: &Estimates,
-        fit: &FitReport,
     ) -> Result<Option<OpenLoops>, Error> {
         let covariance = estimates.covariance.concat();
         // Where no parameter was determined nothing could have changed.
         let told = covariance.iter().any(|v| *v != 0.0);
-        let known = self.known.as_ref().filter(|known| known.closes && told);
+        let lasts = fit.model.instances.iter().all(|i| i.term.info().needs.of_pose());
+        let known = self.known.as_ref().filter(|known| known.closes && told && lasts);
         let Some(Known { table, .. }) = known else { return Ok(None) };
-        let (applied, scale) = (Applied::from(estimates), fit.chi2_per_dof().unwrap_or(1.0));
-        let dof = estimates.noise.dof;
+        let (mechanism, applied) = (&observations.mechanism, Applied::from(estimates));
+        let (scale, dof) = (fit.chi2 / fit.dof.max(1.0), estimates.noise.dof);
         let found = closing(mechanism, &applied, Some(&covariance), table.clone(), scale, dof)?;
         Ok(found.and_then(|found| found.open(estimates.misclosure.whole())))
     }

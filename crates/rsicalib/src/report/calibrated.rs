@@ -119,7 +119,7 @@ pub fn of(
     let determined = Determined::of(fit, &directions);
     let open_loops = beside
         .filter(|_| determined == Determined::Yes)
-        .map(|beside| beside.open_loops(&used.mechanism, &estimates, &quality))
+        .map(|beside| beside.open_loops((used, fit), &estimates))
         .transpose()?
         .flatten();
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {

@@ -351,7 +351,7 @@ pub fn traced(
     let determined = Determined::of(&traced.after, &determined);
     let open_loops = beside
         .filter(|_| determined == Determined::Yes)
-        .map(|beside| beside.open_loops(&traced.observations.mechanism, &estimates, &after))
+        .map(|beside| beside.open_loops((&traced.observations, &applied), &estimates))
         .transpose()?
         .flatten();
     let [groups_declared, groups_before] =
