@@ -21,7 +21,12 @@ from tests.machines.arm import Job
 from tests.machines.kit import Linear, Machine, Rng
 from tests.oracle import Array
 
-ARMS = {"plane": arm.draw_plane, "bar": arm.draw_bar, "tracker": arm.draw_tracker}
+ARMS = {
+    "plane": arm.draw_plane,
+    "line": arm.draw_line,
+    "bar": arm.draw_bar,
+    "tracker": arm.draw_tracker,
+}
 """An arm whose offsets are all free, at what is unknown."""
 
 named = pytest.mark.parametrize("name", ARMS)

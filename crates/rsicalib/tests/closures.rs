@@ -36,7 +36,10 @@ plane = [
   {name = "table", unknown = ["surface"], normal = [0.1, 0.2, 1.0]},
 ]
 column = [{name = "x", unit = "m"}]
-line = [{name = "edge", at = [0.5, 0.1, -0.3], direction = [1.0, 2.0, -2.0]}]
+line = [
+  {name = "edge", at = [0.5, 0.1, -0.3], direction = [1.0, 2.0, -2.0]},
+  {name = "rail", unknown = ["surface"], direction = [0.3, 1.0, 0.2]},
+]
 frame = [
   {name = "tracker", unknown = []},
   {name = "scanner", pose = [0.1, -0.2, 0.3, 0.4, -0.5, 0.6]},
@@ -50,6 +53,7 @@ closure = [
   {name = "tip tracked", kind = "touch", between = ["tip", "tracked"]},
   {name = "tip scanned", kind = "touch", between = ["scanned", "tip"]},
   {name = "same", kind = "equal", between = ["q1", "copy"]},
+  {name = "on rail", kind = "line", between = ["tip", "rail"], noise = 1e-3},
 ]
 [[term]]
 id = "stretch"
@@ -64,6 +68,9 @@ dh = [{channel = "q1", a = 1.0}, {channel = "q2", a = 0.7}, {channel = "q3", joi
 
 const SURFACES: [&str; 2] = ["floor", "wall"];
 
+/// Of the rail at each of them: two tilts, two offsets.
+const RAILS: [[f64; 4]; 2] = [[0.2, -0.4, 0.3, -0.1], [-0.6, 0.1, -0.2, 0.5]];
+
 /// Readings of the arm anywhere: nothing closes.
 fn anywhere(mechanism: &Mechanism, rows: usize) -> Readings {
     let mut rng = Rng::new(5);
@@ -74,14 +81,17 @@ fn anywhere(mechanism: &Mechanism, rows: usize) -> Readings {
     Readings::new(mechanism, table).expect("readings")
 }
 
-/// What is unknown of the arm: the post, two tables, and the tracker.
+/// What is unknown of the arm: the post, two tables, two rails, and the tracker.
 fn unknowns(model: &Model) -> Vec<f64> {
     let names: Vec<_> = model.unknowns.iter().map(|u| u.name.as_str()).collect();
-    assert_eq!(names, ["post", "table[surface=floor]", "table[surface=wall]", "tracker"]);
+    let keyed = |name: &str| SURFACES.map(|surface| format!("{name}[surface={surface}]"));
+    let [tables, rails] = [keyed("table"), keyed("rail")];
+    assert_eq!(names, ["post", &tables[0], &tables[1], &rails[0], &rails[1], "tracker"]);
     let mut beta = model.nominal();
-    let own = [0.4, 0.8, 0.2, -0.1, 0.3, -0.3, 0.15, -0.2, 0.3, 0.1, -0.4, 0.5, -0.7, 1.1];
+    let own = [0.4, 0.8, 0.2, -0.1, 0.3, -0.3, 0.15, -0.2];
+    let tracker = [0.3, 0.1, -0.4, 0.5, -0.7, 1.1];
     let first = model.term_parameters;
-    beta[first..].copy_from_slice(&own);
+    beta[first..].copy_from_slice(&[&own[..], &RAILS[0], &RAILS[1], &tracker].concat());
     beta
 }
 
@@ -118,6 +128,16 @@ fn plain(readings: &Readings, row: usize) -> Vec<f64> {
     let scanned = turned([0.4, -0.5, 0.6]) * seen + Vector3::new(0.1, -0.2, 0.3);
     f.extend((scanned - tip).iter());
     f.push(q[0] - (a[4] - 0.2));
+    // The rail leans from its direction as the table from its normal; its foot is two offsets from the
+    // origin, along what is left of the first of the axes across it, and across both.
+    let [t1, t2, offset1, offset2] = RAILS[row % 3 % 2];
+    let n = Vector3::new(0.3, 1.0, 0.2).normalize();
+    let one = (Vector3::z() - n * n.z).normalize();
+    let along = (n + one * t1 + n.cross(&one) * t2).normalize();
+    let u = (one - along * along.dot(&one)).normalize();
+    let v = along.cross(&u);
+    let off = tip - (u * offset1 + v * offset2) - along * 7.0;
+    f.extend([off.dot(&u), off.dot(&v)]);
     f
 }
 

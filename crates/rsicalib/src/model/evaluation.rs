@@ -25,7 +25,8 @@ use crate::kinematics::posture::Posture;
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, leaning, rotate, seen_from, turn_axes, turned};
+use crate::model::ends::{End, Measured, rotate, seen_from, turn_axes, turned};
+use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
@@ -379,14 +380,15 @@ impl Model {
             }
             closure.laws.iter().for_each(|&to| distance += ws.angles[to]);
             closure.channel.iter().for_each(|&channel| distance += ws.angles[channel]);
-            let mut normal = [[0.0; 3]; 3];
+            let mut lean = Lean::default();
             let mut along = closure.along.as_deref();
-            if let Some(plane) = closure.plane {
-                let (number, first) =
-                    (self.owned[plane].numbers[group], self.unknown_first(plane, group));
-                normal = leaning(&self.axes[number], [beta[first], beta[first + 1]]);
-                distance += Lanes::splat(beta[first + 2]);
-                along = Some(&normal[..1]);
+            let mut offsets = &beta[..0];
+            if let Some(on) = closure.on {
+                let (thing, first) = (&self.owned[on], self.unknown_first(on, group));
+                let axes = &self.axes[thing.numbers[group]];
+                lean = thing.thing.leans(axes, [beta[first], beta[first + 1]]);
+                offsets = &beta[first + 2..first + thing.width];
+                along = Some(&lean.along[..lean.rows]);
             }
             let mut shape = None;
             let mut place = [Lanes::ZERO; 2];
@@ -408,6 +410,9 @@ impl Model {
             for row in 0..closure.equations() {
                 ws.f[closure.equation + row] = closure.kind.misclosure(&at, row);
             }
+            for (row, offset) in offsets.iter().enumerate() {
+                ws.f[closure.equation + row] -= Lanes::splat(*offset);
+            }
             let holds = readings.holding.of_block(block, closure.number);
             if let Some(holds) = holds {
                 let own = closure.equation..closure.equation + closure.equations();
@@ -417,7 +422,7 @@ impl Model {
                 continue;
             }
             let bare = closure.added.is_empty() && closure.laws.is_empty();
-            if !(bare && closure.channel.is_none() && closure.plane.is_none()) {
+            if !(bare && closure.channel.is_none()) {
                 self.add_value_columns(closure, &at, want, ws);
             }
             let here = |only| want.x && self.touches(only, group);
@@ -430,11 +435,15 @@ impl Model {
                     ws.x[closure.equation * width + term.first + k] += *partial * slope;
                 }
             }
-            if let Some(plane) = closure.plane.filter(|_| want.x) {
-                for (tilt, lean) in normal[1..].iter().enumerate() {
-                    let leaned = At { along: Some(std::slice::from_ref(lean)), ..at };
-                    let column = self.unknown_column(plane) + tilt;
-                    ws.x[closure.equation * width + column] += leaned.along(0, &apart);
+            if let Some(on) = closure.on.filter(|_| want.x) {
+                let column = self.unknown_column(on);
+                for row in 0..lean.rows {
+                    let first = (closure.equation + row) * width + column;
+                    for (tilt, by) in lean.by_tilt.iter().enumerate() {
+                        let leaned = At { along: Some(by), ..at };
+                        ws.x[first + tilt] += leaned.along(row, &apart);
+                    }
+                    ws.x[first + 2 + row] -= Lanes::ONE;
                 }
             }
             for moved in closure.moved.iter().filter(|m| here(m.only)) {
@@ -567,10 +576,6 @@ impl Model {
             }
             if let Some(channel) = closure.channel {
                 self.add_entry(closure.equation + row, Source::Channel(channel), slope, want, ws);
-            }
-            if let Some(plane) = closure.plane {
-                let offset = Source::Parameter(self.unknown_column(plane) + 2);
-                self.add_entry(closure.equation + row, offset, slope, want, ws);
             }
         }
     }

@@ -1,9 +1,8 @@
-//! How unknown planes face, and where surfaces are touched, as drawn.
+//! How unknown planes and lines face, and where surfaces are touched, as drawn.
 
 use crate::mechanism::around;
 use crate::model::compiled::{Model, Patch};
-use crate::model::numbering::Thing;
-use crate::model::unknown_points::plane_through;
+use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
 use crate::readings::Readings;
 
@@ -11,19 +10,20 @@ use crate::readings::Readings;
 type Surface = (Option<usize>, usize);
 
 impl Model {
-    /// Lets the normals of unknown planes lean from that axis of the base that their points are most
-    /// nearly across, where no normal is drawn.
-    pub(crate) fn face_planes(&mut self, readings: &Readings) {
+    /// Lets unknown planes and lines lean from that axis of the base which is nearest to the normal or
+    /// the direction of their points, where none is drawn.
+    pub(crate) fn face_undrawn(&mut self, readings: &Readings) {
         let undrawn = |thing: Thing| thing.faces_anywhere(&self.mechanism);
         if !self.unknowns.iter().any(|unknown| undrawn(unknown.thing)) {
             return;
         }
         let beta = self.nominal();
-        for (number, points) in self.points_on_planes(readings, &beta).into_iter().enumerate() {
-            if let Some((normal, _)) = plane_through(&points)
-                && undrawn(self.unknowns[number].thing)
+        for (number, points) in self.points_on(readings, &beta).into_iter().enumerate() {
+            let thing = self.unknowns[number].thing;
+            if let Some([faces, _]) = thing.nearest(&points)
+                && undrawn(thing)
             {
-                let axis = normal.iamax();
+                let axis = faces.iamax();
                 self.axes[number] = around(std::array::from_fn(|i| f64::from(u8::from(i == axis))));
             }
         }
@@ -38,14 +38,14 @@ impl Model {
         self.place_unknowns(readings, &mut beta);
         let mut ws = Workspace::default();
         // An unknown plane is one surface for all that touch it; a known one is that of its closure.
-        let surface = |k: usize, group: usize| match self.closures[k].plane {
+        let surface = |k: usize, group: usize| match self.closures[k].on {
             Some(plane) => (None, self.owned[plane].numbers[group]),
             None => (Some(k), 0),
         };
         let axes = |k: usize, group: usize| {
             let closure = &self.closures[k];
             let known = closure.along.as_ref().and_then(|along| along.first().copied());
-            let [_, u, v] = match closure.plane {
+            let [_, u, v] = match closure.on {
                 Some(plane) => self.axes[self.owned[plane].numbers[group]],
                 None => around(known.unwrap_or([0.0, 0.0, 1.0])),
             };
