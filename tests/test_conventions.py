@@ -107,6 +107,8 @@ SHAPED: dict[str, tuple[Callable[[Job], None], dict[str, float], str]] = {
     "bent": (lambda job: job.plane("table"), {"bend@table": 0.5}, "plane_bend@tool on surface"),
     "shared": (two_planes, {"bend@table": 0.5}, "plane_bend@tool on surface"),
     "pushed": (lambda job: job.plane("table"), {"step@table": 0.5}, "plane_slip@tool on surface:"),
+    "sagging": (Job.line, {"bend@guide": 0.5}, "line_bend@tool on guide"),
+    "loosened": (Job.line, {"step@guide": 0.5}, "line_slip@tool on guide:"),
     "slipped": (Job.bar, {"moved@post": 0.5}, "point_slip@bar:"),
     "socket": (at_sockets, {"moved@socket[at=s0]": 0.5}, "point_slip@tool in socket:"),
     "knocked": (Job.tracker, {"step@tracker": 0.5}, "point_slip@tool at marker:"),

@@ -101,12 +101,19 @@ fn turned(rpy: [f64; 3]) -> Rotation3<f64> {
         * Rotation3::from_axis_angle(&Vector3::x_axis(), rpy[0])
 }
 
-/// The misclosure of one row, equation by equation.
-fn plain(readings: &Readings, row: usize) -> Vec<f64> {
+/// Coordinates of the joints of one row, and the place of the tip.
+fn tip_of(readings: &Readings, row: usize) -> ([f64; 3], Vector3<f64>) {
     let a = readings.row(row);
     let q = [a[0] + 0.1, 0.9 * a[1], 1.1 * a[2] + 0.2];
     let both = q[0] + q[1];
     let tip = Vector3::new(q[0].cos() + 0.7 * both.cos(), q[0].sin() + 0.7 * both.sin(), q[2]);
+    (q, tip)
+}
+
+/// The misclosure of one row, equation by equation.
+fn plain(readings: &Readings, row: usize) -> Vec<f64> {
+    let a = readings.row(row);
+    let (q, tip) = tip_of(readings, row);
     let mut f = vec![(3.0 * tip.y + 4.0 * tip.z - 2.0) / 5.0];
     // The table leans from its normal towards the next axes of the base, made orthogonal.
     let n = Vector3::new(0.1, 0.2, 1.0).normalize();
@@ -167,10 +174,19 @@ fn every_kind_agrees_with_plain_products() {
 fn derivatives_of_every_kind_agree_with_differences() {
     let mechanism = Mechanism::from_toml(ARM).expect("the arm");
     let readings = anywhere(&mechanism, 21);
-    let terms = ["offset", "gain", "curvature", "link_length", "distance", "plane_bend", "stretch"];
+    let terms = [
+        "offset",
+        "gain",
+        "curvature",
+        "link_length",
+        "distance",
+        "plane_bend",
+        "line_bend",
+        "stretch",
+    ];
     let specs = terms.map(String::from);
     let mut all = parse(&mechanism, &readings, &specs).expect("terms");
-    for once in ["distance_slip", "plane_slip", "point_slip"] {
+    for once in ["distance_slip", "plane_slip", "line_slip", "point_slip"] {
         all.extend(instances(find(once).expect("a term"), &mechanism, &readings));
     }
     let model = Model::new(&mechanism, &readings, all).expect("a model");
@@ -224,6 +240,41 @@ fn a_point_that_moved_once_is_elsewhere_from_its_pose_on() {
 }
 
 #[test]
+fn a_rail_that_sags_or_was_pushed_is_elsewhere_along_itself() {
+    let mechanism = Mechanism::from_toml(ARM).expect("the arm");
+    let readings = anywhere(&mechanism, 21);
+    let closure = mechanism.closures.iter().position(|c| c.name == "on rail").expect("a closure");
+    let along = Vector3::new(0.3, 1.0, 0.2).normalize();
+    let reached: Vec<f64> =
+        (0..readings.samples).map(|row| tip_of(&readings, row).1.dot(&along)).collect();
+    // From the middle of all places of a rail to half their extent.
+    let place = |row: usize| {
+        let own = (0..readings.samples).filter(|other| other % 3 % 2 == row % 3 % 2);
+        let (low, high) = own.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), other| {
+            (low.min(reached[other]), high.max(reached[other]))
+        });
+        (2.0 * reached[row] - low - high) / (high - low)
+    };
+    let changed = |id: &str, values: &[f64]| {
+        let term = find(id).expect("the term");
+        change(Instance { term, target: Target::Closure(closure), place: 9 }, &mechanism, values)
+    };
+    let (bent, pushed) =
+        (changed("line_bend", &[0.1, -0.2]), changed("line_slip", &[0.1, -0.2, 0.3, 0.4]));
+    for row in 0..readings.samples {
+        let u = place(row);
+        let sag = [-0.1 * u * u, 0.2 * u * u];
+        let push = [-0.1 - 0.3 * u, 0.2 - 0.4 * u].map(|by| if row < 9 { 0.0 } else { by });
+        for (all, expected) in [(&bent[row], sag), (&pushed[row], push)] {
+            let (others, own) = all.split_at(all.len() - 2);
+            assert!(others.iter().all(|by| *by == 0.0), "{row}: {others:?}");
+            let near = own.iter().zip(expected).all(|(own, by)| (own - by).abs() < 1e-13);
+            assert!(near, "{row}: {own:?} for {expected:?}");
+        }
+    }
+}
+
+#[test]
 fn a_law_of_a_length_a_column_and_a_channel_is_what_its_formula_says() {
     let mechanism = Mechanism::from_toml(ARM).expect("the arm");
     let readings = anywhere(&mechanism, 21);
@@ -253,10 +304,11 @@ fn a_name_that_is_no_column_and_no_channel_is_refused_with_its_place() {
 }
 
 #[test]
-fn terms_of_a_known_plane_agree_with_differences() {
+fn terms_of_a_known_plane_and_line_agree_with_differences() {
     let device = on_plane(How::Held, 6);
     let readings = device.readings();
-    let (all, values) = device.terms(&readings, &["offset", "plane_bend", "plane_slip"], 4);
+    let terms = ["offset", "plane_bend", "plane_slip", "line_bend", "line_slip"];
+    let (all, values) = device.terms(&readings, &terms, 4);
     let (model, beta) = device.model(&readings, &all, &values);
     check_parameters(&model, &readings, &beta, 0..model.parameters);
 }

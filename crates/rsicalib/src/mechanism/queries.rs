@@ -216,6 +216,16 @@ impl Mechanism {
         self.closures[closure].kind.facts().between()[1] == Part::Plane
     }
 
+    /// True for a point on a line.
+    pub(crate) fn is_on_line(&self, closure: usize) -> bool {
+        self.closures[closure].kind.facts().between()[1] == Part::Line
+    }
+
+    /// True where a point is on a plane or a line.
+    pub(crate) fn touches_surfaces(&self) -> bool {
+        (0..self.closures.len()).any(|k| self.is_on_plane(k) || self.is_on_line(k))
+    }
+
     /// True for a channel of a joint.
     pub(crate) fn moves_joint(&self, channel: usize) -> bool {
         let name = self.channels.get(channel).map(|c| &c.name);

@@ -497,7 +497,7 @@ impl Model {
         }
     }
 
-    /// Shapes that terms give the plane of a closure of the mechanism.
+    /// Shapes that terms give the plane or the line of a closure of the mechanism.
     fn shapes_of(&self, closure: usize) -> Vec<ShapeAt> {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let shape = |(number, (instance, &first)): (usize, (&Instance, &usize))| {

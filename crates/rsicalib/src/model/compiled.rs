@@ -23,7 +23,7 @@ pub(crate) struct Added {
     pub(crate) gate: Option<usize>,
 }
 
-/// The shape of a plane, by one term.
+/// The shape of a plane or a line, by one term.
 #[derive(Clone, Copy)]
 pub(crate) struct ShapeAt {
     pub(crate) term: &'static dyn Surface,
@@ -35,7 +35,7 @@ pub(crate) struct ShapeAt {
     pub(crate) only: Option<Only>,
 }
 
-/// Where a plane is touched: its axes, and middle and half extent along each of them.
+/// Where a plane or a line is touched: axes along it, and middle and half extent along each of them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Patch {
     pub(crate) axes: [[f64; 3]; 2],
@@ -64,7 +64,7 @@ pub(crate) struct CompiledClosure {
     pub(crate) added: Vec<Added>,
     /// Ends that terms move.
     pub(crate) moved: Vec<MovedEnd>,
-    /// Shapes of its plane.
+    /// Shapes of its plane or line.
     pub(crate) shapes: Vec<ShapeAt>,
     /// Coordinates of the laws of this closure.
     pub(crate) laws: Vec<usize>,
@@ -76,7 +76,7 @@ pub(crate) struct CompiledClosure {
     pub(crate) along: Option<Vec<[f64; 3]>>,
     /// Play, in length units.
     pub(crate) noise: f64,
-    /// Where its plane is touched in the samples of each group; empty where no term asks for it.
+    /// Where its plane or line is touched in the samples of each group; empty where no term asks for it.
     pub(crate) patches: Vec<Patch>,
 }
 

@@ -382,36 +382,43 @@ impl Model {
             closure.channel.iter().for_each(|&channel| distance += ws.angles[channel]);
             let mut lean = Lean::default();
             let mut along = closure.along.as_deref();
-            let mut offsets = &beta[..0];
+            // What the equations of a surface count from, beside the value.
+            let mut from = [Lanes::ZERO; 2];
             if let Some(on) = closure.on {
                 let (thing, first) = (&self.owned[on], self.unknown_first(on, group));
                 let axes = &self.axes[thing.numbers[group]];
                 lean = thing.thing.leans(axes, [beta[first], beta[first + 1]]);
-                offsets = &beta[first + 2..first + thing.width];
+                for (row, from) in from.iter_mut().enumerate().take(lean.rows) {
+                    *from = Lanes::splat(beta[first + 2 + row]);
+                }
                 along = Some(&lean.along[..lean.rows]);
             }
             let mut shape = None;
             let mut place = [Lanes::ZERO; 2];
             if let Some(patch) = closure.patches.get(group) {
                 place = patch.place(&apart);
-                let mut slopes = [Lanes::ZERO; 2];
-                for term in closure.shapes.iter().filter(|s| self.touches(s.only, group)) {
-                    let p = &beta[term.first..term.first + term.width];
-                    let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
-                    distance += term.term.correction(p, place) * acts;
-                    let by = term.term.slopes(p, place);
-                    slopes[0] += by[0] * acts;
-                    slopes[1] += by[1] * acts;
+                let mut steep = [[Lanes::ZERO; 3]; 2];
+                for row in 0..closure.equations() {
+                    let mut slopes = [Lanes::ZERO; 2];
+                    for term in closure.shapes.iter().filter(|s| self.touches(s.only, group)) {
+                        let p = &beta[term.first..term.first + term.width];
+                        let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
+                        from[row] += term.term.correction(p, place, row) * acts;
+                        let by = term.term.slopes(p, place, row);
+                        slopes[0] += by[0] * acts;
+                        slopes[1] += by[1] * acts;
+                    }
+                    steep[row] = patch.slope(slopes);
                 }
-                shape = Some(patch.slope(slopes));
+                shape = Some(steep);
             }
             let measured = closure.is_measured();
             let at = At { apart, value: distance, shape, measured, along };
             for row in 0..closure.equations() {
                 ws.f[closure.equation + row] = closure.kind.misclosure(&at, row);
             }
-            for (row, offset) in offsets.iter().enumerate() {
-                ws.f[closure.equation + row] -= Lanes::splat(*offset);
+            for (row, from) in from.iter().enumerate().take(closure.equations()) {
+                ws.f[closure.equation + row] -= *from;
             }
             let holds = readings.holding.of_block(block, closure.number);
             if let Some(holds) = holds {
@@ -427,12 +434,14 @@ impl Model {
             }
             let here = |only| want.x && self.touches(only, group);
             for term in closure.shapes.iter().filter(|s| here(s.only)) {
-                let mut out = [Lanes::ZERO; MOST_PARAMETERS];
-                term.term.partials(place, &mut out[..term.width]);
                 let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
-                let slope = closure.kind.by_value(&at, 0) * acts;
-                for (k, partial) in out[..term.width].iter().enumerate() {
-                    ws.x[closure.equation * width + term.first + k] += *partial * slope;
+                for row in 0..closure.equations() {
+                    let mut out = [Lanes::ZERO; MOST_PARAMETERS];
+                    term.term.partials(place, row, &mut out[..term.width]);
+                    let first = (closure.equation + row) * width + term.first;
+                    for (k, partial) in out[..term.width].iter().enumerate() {
+                        ws.x[first + k] -= *partial * acts;
+                    }
                 }
             }
             if let Some(on) = closure.on.filter(|_| want.x) {

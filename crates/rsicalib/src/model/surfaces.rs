@@ -2,9 +2,14 @@
 
 use crate::mechanism::around;
 use crate::model::compiled::{Model, Patch};
+use crate::model::lean::cross;
 use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
+use crate::numerics::lanes::minus;
 use crate::readings::Readings;
+
+/// The normal of a plane that has none.
+const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// A surface: the closure that a known one is of, or the number of an unknown one.
 type Surface = (Option<usize>, usize);
@@ -29,7 +34,7 @@ impl Model {
         }
     }
 
-    /// Finds where each plane with a shape is touched, as drawn.
+    /// Finds where each plane or line with a shape is touched, as drawn.
     pub(crate) fn find_patches(&mut self, readings: &Readings) {
         if self.closures.iter().all(|closure| closure.shapes.is_empty()) {
             return;
@@ -37,19 +42,19 @@ impl Model {
         let mut beta = self.nominal();
         self.place_unknowns(readings, &mut beta);
         let mut ws = Workspace::default();
-        // An unknown plane is one surface for all that touch it; a known one is that of its closure.
+        // What is unknown is one surface for all that touch it; a known one is that of its closure.
         let surface = |k: usize, group: usize| match self.closures[k].on {
-            Some(plane) => (None, self.owned[plane].numbers[group]),
+            Some(on) => (None, self.owned[on].numbers[group]),
             None => (Some(k), 0),
         };
         let axes = |k: usize, group: usize| {
             let closure = &self.closures[k];
-            let known = closure.along.as_ref().and_then(|along| along.first().copied());
-            let [_, u, v] = match closure.on {
-                Some(plane) => self.axes[self.owned[plane].numbers[group]],
-                None => around(known.unwrap_or([0.0, 0.0, 1.0])),
+            let [n, u, v] = match (closure.on, closure.along.as_deref()) {
+                (Some(on), _) => self.axes[self.owned[on].numbers[group]],
+                (None, Some([u, v])) => [cross(u, v), *u, *v],
+                (None, known) => around(known.and_then(|k| k.first().copied()).unwrap_or(UP)),
             };
-            [u, v]
+            if self.mechanism.is_on_line(closure.number) { [n, u] } else { [u, v] }
         };
         let mut ends: Vec<(Surface, [[f64; 2]; 2])> = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
@@ -60,7 +65,9 @@ impl Model {
                     continue;
                 }
                 let seen = readings.columns(block);
-                let at = self.end_point(&closure.ends[0], meta.group, seen, &beta, &ws);
+                let [one, other] =
+                    closure.ends.map(|end| self.end_point(&end, meta.group, seen, &beta, &ws));
+                let at = minus(&one, &other);
                 let (own, axes) = (surface(k, meta.group), axes(k, meta.group));
                 let known = ends.iter().position(|(of, _)| *of == own);
                 let known = known.unwrap_or_else(|| {

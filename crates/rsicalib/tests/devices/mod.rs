@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 use rsicalib::mechanism::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, Motion, Plane, Point, Row, Target, Value,
-    hand_controller,
+    Chain, Channel, Closure, ClosureKind, Line, Mechanism, Motion, Plane, Point, Row, Target,
+    Value, hand_controller,
 };
 use rsicalib::model::{Instance, Model, Want, Workspace};
 use rsicalib::numerics::lanes::{Lanes, WIDTH};
@@ -294,7 +294,8 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
     device.closes(&[], &[]).then_some(device)
 }
 
-/// An arm of six joints whose tip is on a plane that is known, and a bar's length from a post.
+/// An arm of six joints whose tip is on a plane and another point of it on a line, both known, and a
+/// third a bar's length from a post.
 pub fn on_plane(how: How, seed: u64) -> Device {
     first_of(seed, |seed| drawn_on_plane(how, seed))
 }
@@ -311,6 +312,9 @@ fn drawn_on_plane(how: How, seed: u64) -> Option<Device> {
     let normal: [f64; 3] = std::array::from_fn(|_| rng.uniform(-1.0, 1.0));
     let plane = Plane { name: "table".into(), normal: Some(normal), ..Plane::default() };
     mechanism.planes.push(Plane { offset: Some(0.0), ..plane });
+    mechanism.points.push(point(&mut rng, "edge tip", Some(0)));
+    let direction = Some(std::array::from_fn(|_| rng.uniform(-1.0, 1.0)));
+    mechanism.lines.push(Line { name: "edge".into(), direction, ..Line::default() });
     mechanism.closures = vec![
         Closure {
             name: "on table".into(),
@@ -327,10 +331,18 @@ fn drawn_on_plane(how: How, seed: u64) -> Option<Device> {
             noise: Some(2e-3),
             ..Closure::default()
         },
+        Closure {
+            name: "on edge".into(),
+            kind: ClosureKind::Line,
+            between: ["edge tip".into(), "edge".into()],
+            noise: Some(2e-3),
+            ..Closure::default()
+        },
     ];
-    // The plane and the bar as they are in the middle of the readings.
+    // The plane, the line and the bar as they are in the middle of the readings.
     let middle = places(&mechanism, &centre);
-    let [tip, side, post] = [middle[0], middle[1], middle[2]];
+    let [tip, side, post, edge] = [middle[0], middle[1], middle[2], middle[3]];
+    mechanism.lines[0].at = Some(edge);
     let long = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
     mechanism.planes[0].offset = Some((0..3).map(|i| normal[i] * tip[i]).sum::<f64>() / long);
     let bar = (0..3).map(|i| (side[i] - post[i]).powi(2)).sum::<f64>().sqrt();
