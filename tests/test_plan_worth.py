@@ -136,10 +136,8 @@ def test_a_target_out_of_reach_says_what_it_would_take(calibration: Any) -> None
 
 
 @pytest.mark.parametrize("name", ["plane", "line", "seen"])
-def test_beside_a_result_with_something_unknown_is_a_plan(
-    name: str, tmp_path: Path
-) -> None:
-    """A table or a guide whose place is not known, or a table beside a tracker that stands anywhere."""
+def test_beside_a_result_with_something_unknown_is_a_plan(name: str, tmp_path: Path) -> None:
+    """A table or a guide that stands anywhere, or a table beside a tracker that does."""
     rng = np.random.default_rng(4)
     machine = MACHINES[name](rng)
     readings, mechanism = files.write(machine, machine.observe(rng), tmp_path)

@@ -314,7 +314,8 @@ fn drawn_on_plane(how: How, seed: u64) -> Option<Device> {
     mechanism.planes.push(Plane { offset: Some(0.0), ..plane });
     mechanism.points.push(point(&mut rng, "edge tip", Some(0)));
     let direction = Some(std::array::from_fn(|_| rng.uniform(-1.0, 1.0)));
-    mechanism.lines.push(Line { name: "edge".into(), direction, ..Line::default() });
+    let line = Line { name: "edge".into(), direction, ..Line::default() };
+    mechanism.lines.push(Line { at: Some([0.0; 3]), ..line });
     mechanism.closures = vec![
         Closure {
             name: "on table".into(),
