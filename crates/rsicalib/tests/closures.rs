@@ -3,13 +3,13 @@
 
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 use rsicalib::estimate::{FitOptions, Implicit, Noise, Observations, Part, fit};
-use rsicalib::mechanism::{Mechanism, Target};
+use rsicalib::mechanism::{ClosureKind, Mechanism, Target};
 use rsicalib::model::{Instance, Model, Want, Workspace, parse};
 use rsicalib::numerics::linearization::Problem;
 use rsicalib::readings::{Readings, Table};
 use rsicalib::terms::{self, find};
 
-use crate::devices::{How, Rng, derivative, instances, on_plane};
+use crate::devices::{How, Rng, derivative, instances, on_surface};
 use crate::differences::{check_parameters, check_readings, evaluated};
 
 /// An arm of two joints that turn about z, at height `d`, and of one that slides along it: the tip is
@@ -305,12 +305,15 @@ fn a_name_that_is_no_column_and_no_channel_is_refused_with_its_place() {
 
 #[test]
 fn terms_of_a_known_plane_and_line_agree_with_differences() {
-    let device = on_plane(How::Held, 6);
-    let readings = device.readings();
-    let terms = ["offset", "plane_bend", "plane_slip", "line_bend", "line_slip"];
-    let (all, values) = device.terms(&readings, &terms, 4);
-    let (model, beta) = device.model(&readings, &all, &values);
-    check_parameters(&model, &readings, &beta, 0..model.parameters);
+    for kind in [ClosureKind::Plane, ClosureKind::Line] {
+        let device = on_surface(kind, How::Held, 6);
+        let readings = device.readings();
+        let word = if kind == ClosureKind::Plane { "plane" } else { "line" };
+        let terms = [format!("{word}_bend"), format!("{word}_slip")];
+        let (all, values) = device.terms(&readings, &["offset", &terms[0], &terms[1]], 4);
+        let (model, beta) = device.model(&readings, &all, &values);
+        check_parameters(&model, &readings, &beta, 0..model.parameters);
+    }
 }
 
 // --- what is unknown in one pose alone -------------------------------------

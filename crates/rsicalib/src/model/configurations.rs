@@ -129,6 +129,10 @@ impl Configurations {
         for channel in &mut free.channels {
             (channel.range, channel.limits) = (None, None);
         }
+        // Leans of lines count from one axis, wherever these configurations are.
+        for line in &mut free.lines {
+            line.direction.get_or_insert([0.0, 0.0, 1.0]);
+        }
         let limits: Vec<[f64; 2]> =
             (0..free.channels.len()).map(|c| limits(mechanism, c, longest, reach)).collect();
         let spread = |c: usize| match (mechanism.moves_joint(c), mechanism.slides(c)) {
